@@ -28,7 +28,7 @@ NAMES = {
     "enliven_synthesis": "Synthesis",
 }
 INDENT = "&nbsp;" * 4
-"""Indentation of a package's name relative to its parent's."""
+"""Indentation in a table of a package's name, relative to the name of its parent."""
 
 
 def purpose(tree: SourceTree, package: str) -> str:
@@ -38,8 +38,10 @@ def purpose(tree: SourceTree, package: str) -> str:
 
 
 def table(tree: SourceTree, package: str) -> str:
-    """Returns a table of a package's subpackages, the lowest level first, with the purpose and the number of
-    modules of each."""
+    """Returns a table of a package's subpackages, the lowest level first.
+
+    It has the purpose and the number of modules of each.
+    """
     counts = Counter(tree.package_of(module) for module in tree.modules.keys() - tree.packages)
     levels = import_levels()
     inner = sorted(
@@ -55,7 +57,10 @@ def table(tree: SourceTree, package: str) -> str:
 
 
 def position(levels: dict[str, list[list[str]]], package: str) -> tuple[tuple[int, str], ...]:
-    """Returns the sort key of a package: for each folder on its path the level, and its name."""
+    """Returns the sort key of a package.
+
+    It consists of the level and the name of each folder on the package's path.
+    """
     parts = package.split(".")
     sort_key = []
     for depth in range(1, len(parts)):
@@ -66,8 +71,10 @@ def position(levels: dict[str, list[list[str]]], package: str) -> tuple[tuple[in
 
 
 def drawing(graph: grimp.ImportGraph, tree: SourceTree, package: str) -> str:
-    """Returns the subpackages as a Mermaid diagram. Arrows are imports; imports implied by others are left
-    out (transitive reduction)."""
+    """Returns the subpackages as a Mermaid diagram.
+
+    Arrows are imports. Imports that are implied by others are left out (transitive reduction).
+    """
     inside = {name for name in graph.find_children(package) if name in tree.packages}
     owner = {module: name for name in inside for module in (name, *graph.find_descendants(name))}
     after: dict[str, set[str]] = {name: set() for name in inside}

@@ -4,8 +4,8 @@
     make audit ARGS=--offline
 
 pip-audit and pip-licenses are installed in a separate environment, out/audit. Vulnerabilities come from the
-package index. A release that could not be looked up counts as failed: its name is printed, and the exit code
-is 1. With --offline nothing is looked up, and the output says so.
+package index. If a release could not be looked up, the check fails: its name is printed, and the exit code is
+1. With --offline nothing is looked up, and this is printed.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ ROOT = Path(__file__).parents[1]
 TOOLS = ROOT / "out" / "audit"
 AUDIT_TOOLS = ("pip-audit==2.10.1", "pip-licenses==5.5.5")
 COPYLEFT = re.compile(r"\bA?GPL|(?<!Lesser )General Public License", re.IGNORECASE)
-"""Matches copyleft licence names, but not the Lesser GPL."""
+"""Pattern of copyleft licence names. It does not match the Lesser GPL."""
 CHOSEN_LICENCES = {
     "hidapi": "BSD, of three that it offers",
     "atheris": "Apache-2.0, by its repository; its wheel names none",
 }
-"""Packages that offer several licences, one of them copyleft, with the licence chosen here."""
+"""Packages that offer several licences, one of them copyleft, and the licence that is used here."""
 
 
 TELEMETRY_HOSTS = (
@@ -53,14 +53,14 @@ TELEMETRY_HOSTS = (
 )
 """Hosts that well-known telemetry libraries report to, as they appear in binaries and in source text."""
 TELEMETRY_OFF = {("onnxruntime", "events.data.microsoft.com"): "off by enliven_edge.onnx_runtime"}
-"""By top folder of a package and host named in it: what disables its telemetry."""
+"""How the telemetry is disabled, by the top folder of a package and the host named in it."""
 
 
 def main() -> None:
-    """Prints the checks and the problems found. Exits with 1 if there is any problem."""
+    """Prints the checks and the problems found. The exit code is 1 if there is any problem."""
     parser = argparse.ArgumentParser(description="Check the installed packages.")
     parser.add_argument(
-        "--offline", action="store_true", help="look up no vulnerabilities: there is no network here"
+        "--offline", action="store_true", help="do not look up vulnerabilities; use it without a network"
     )
     arguments = parser.parse_args()
     problems = [] if arguments.offline else vulnerabilities()
@@ -90,7 +90,9 @@ def read_pins() -> list[str]:
 
 
 def rounds(lines: list[str]) -> list[list[str]]:
-    """Returns the requirements in groups: pip-audit takes one release of a package at a time."""
+    """Returns the requirements in groups, because pip-audit accepts only one release of a package at a
+    time.
+    """
     groups: list[dict[str, str]] = []
     for line in lines:
         name = line.partition("==")[0]
@@ -102,8 +104,10 @@ def rounds(lines: list[str]) -> list[list[str]]:
 
 
 def vulnerabilities() -> list[str]:
-    """Returns one sentence for each known vulnerability of a pinned release, and for each release that was
-    not looked up."""
+    """Returns one sentence for each known vulnerability of a pinned release.
+
+    Adds one sentence for each release that was not looked up.
+    """
     releases: list[dict] = []
     not_asked: list[str] = []
     reason = "the package index has no such data"
@@ -135,10 +139,12 @@ def flaws(releases: list[dict]) -> list[str]:
 
 
 def unchecked(releases: list[dict], not_asked: list[str], reason: str) -> list[str]:
-    """Returns a sentence that names the releases that were not looked up. Returns nothing if all were.
+    """Returns one sentence that names the releases that were not looked up, in a list.
+
+    The list is empty if all were looked up.
 
     Args:
-        releases: pip-audit's answers; a skipped release has a ``skip_reason``.
+        releases: pip-audit's answers. A skipped release has a ``skip_reason``.
         not_asked: requirements for which pip-audit gave no answer.
         reason: the reason, if the answers do not give one.
     """
@@ -155,8 +161,10 @@ def unchecked(releases: list[dict], not_asked: list[str], reason: str) -> list[s
 
 
 def telemetry(packages: Path) -> list[str]:
-    """Returns one sentence for each telemetry host in an installed package that is not known to be
-    disabled."""
+    """Returns one sentence for each telemetry host in an installed package.
+
+    Hosts with disabled telemetry are left out.
+    """
     hosts = sorted(set(telemetry_hosts(packages)))
     for package, host in hosts:
         if (package, host) in TELEMETRY_OFF:
@@ -169,8 +177,10 @@ def telemetry(packages: Path) -> list[str]:
 
 
 def telemetry_hosts(packages: Path) -> Iterator[tuple[str, str]]:
-    """Yields the top folder of a package and a telemetry host, for each file that contains the host's
-    name."""
+    """Yields the top folder of a package and a telemetry host.
+
+    It yields one pair for each file that contains the host's name.
+    """
     for path in packages.rglob("*"):
         if path.suffix == ".pyc" or not path.is_file() or not path.stat().st_size:
             continue

@@ -1,11 +1,12 @@
-"""Write locks/run.txt and locks/dev.txt: constraints.txt with the SHA-256 of each wheel.
+"""Writes locks/run.txt and locks/dev.txt: constraints.txt with the SHA-256 of each wheel.
 
     .venv/bin/python scripts/lock.py                          # after constraints.txt has changed
     .venv/bin/python scripts/lock.py lines dev aarch64 3.11 # prints a lock for another machine
 
-pip's own client queries the package index, with this machine's pip configuration. The files contain names,
-versions and hashes, but no addresses. `pip lock` supports one platform at a time, so the files of a release
-are listed by pip's internal modules. constraints.txt pins pip's version, so these do not change.
+pip's own client queries the package index, with this machine's pip configuration. The lock files contain
+names, versions and hashes, but no addresses. `pip lock` supports only one platform at a time. So pip's
+internal modules list the files of a release. constraints.txt pins pip's version, so these modules do not
+change.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from packaging.tags import Tag
 from packaging.utils import InvalidWheelFilename, canonicalize_name, parse_wheel_filename
 
 Wheels = dict[tuple[str, str], dict[str, frozenset[Tag]]]
-"""For each (name, version): the tags of each wheel, by the wheel's SHA-256."""
+"""The tags of each wheel by the wheel's SHA-256, for each (name, version)."""
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("shared", "edge", "viewer", "synthesis")
 RUN_EXTRAS = {"shared": ("compressed",), "edge": ("bags", "outputs")}
@@ -78,7 +79,7 @@ def pins() -> dict[str, list[Requirement]]:
 def parse_pin(
     requirements: dict[str, list[Requirement]], name: str, environment: dict[str, str]
 ) -> Requirement | None:
-    """Returns the requirement that applies in this environment; None if there is none."""
+    """Returns the requirement that applies in this environment, or None."""
     for pin in requirements.get(name, ()):
         if pin.marker is None or pin.marker.evaluate(environment):
             return pin
@@ -86,8 +87,10 @@ def parse_pin(
 
 
 def requested_packages(kind: str) -> list[str]:
-    """Returns the packages requested by name. ``kind`` is run, dev, or peers (the packages that only
-    benchmarks and fuzzing use)."""
+    """Returns the packages requested by name.
+
+    ``kind`` is run, dev, or peers (the packages that only benchmarks and fuzzing use).
+    """
     if kind == "peers":
         texts = (line for path in PEERS for line in path.read_text().splitlines())
         lines = (line.partition("#")[0].strip() for line in texts)
@@ -105,8 +108,10 @@ def requested_packages(kind: str) -> list[str]:
 
 
 def required_packages(requested: Iterable[str], environment: dict[str, str]) -> set[str]:
-    """Returns the canonical names of all packages required in an environment, from the metadata of the
-    packages installed here."""
+    """Returns the canonical names of all packages that an environment requires.
+
+    They come from the metadata of the packages installed here.
+    """
     packages: set[tuple[str, str]] = set()
     queue = [(Requirement(line), "") for line in requested]
     while queue:
@@ -199,8 +204,10 @@ def lock_lines(kind: str, requirements: dict[str, list[Requirement]], offered: W
 
 
 def lines_for(kind: str, machine: str, python: str) -> Iterator[str]:
-    """Yields a lock file's lines for another machine, without the markers, which pip would evaluate for this
-    one."""
+    """Yields a lock file's lines for another machine.
+
+    They have no markers, because pip would evaluate the markers for this machine.
+    """
     (where,) = (
         at for at in environments() if (at["platform_machine"], at["python_version"]) == (machine, python)
     )

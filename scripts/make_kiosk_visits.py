@@ -1,8 +1,11 @@
-"""Make the visits that a kiosk without own recordings plays: synthetic people that walk to the spot and move.
+"""Creates the visits that a kiosk without own recordings plays.
+
+Synthetic people walk to the spot and move.
 
 .venv/bin/python scripts/make_kiosk_visits.py
 
-A visit contains bodies only. The kiosk lets its own characters be possessed by them, so they suit any mesh.
+A visit contains bodies only. In the kiosk, these bodies possess its own characters. So a visit can be used
+with any mesh.
 """
 
 from __future__ import annotations
@@ -22,11 +25,12 @@ from enliven_synthesis.motion.motion import DanceMotion, MotionSegment, MotionSe
 
 FOLDER = Path(__file__).parents[1] / "viewer" / "enliven_viewer" / "kiosk" / "visits"
 RATE_HZ = 15
-"""Bodies per second. The kiosk interpolates between them, and slow dances need no more."""
+"""Bodies per second. It is enough, because the kiosk interpolates between them, and the dances are slow."""
 DECIMALS = 3
-"""Decimals of a coordinate in metres: a millimetre is far below the width of a line on the screen."""
+"""Number of decimals of a coordinate in metres. A millimetre is far below the width of a line on the
+screen."""
 STAND_S = 1.8
-"""Seconds for which each visitor stands still: longer than the ring takes to fill."""
+"""Seconds for which each visitor stands still. It is longer than the progress ring takes to fill."""
 BLEND_S = 0.5
 """Seconds of the blend from one motion to the next."""
 VISITS = {
@@ -34,8 +38,10 @@ VISITS = {
     "signals": (("signals", "overhead"), 1.62, 3, -50.0),
     "turn": (("turn", "wave"), 1.80, 5, 35.0),
 }
-"""By name: the motions after the walk, the performer's height in metres, the seed of the variations, and the
-direction of the walk in degrees about +Y. 0 comes towards the screen."""
+"""For each visit: the motions after the walk, the performer's height in metres, the seed of the variations,
+and the direction of the walk in degrees about +Y.
+
+Direction 0 is towards the screen."""
 
 
 def make_visit(motions: tuple[str, ...], height: float, seed: int, direction: float) -> list[Body]:

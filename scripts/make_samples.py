@@ -1,7 +1,7 @@
-"""Writes the sample characters and motions that ship: .venv/bin/python scripts/make_samples.py
+"""Writes the sample characters and motions that are shipped: .venv/bin/python scripts/make_samples.py
 
-Coordinates are rounded to whole steps, and neighbouring values differ by little. The files store the
-differences (delta encoding), which makes them small.
+Coordinates are rounded to whole steps, and neighbouring values differ little. The files store the differences
+(delta encoding), so they are small.
 """
 
 from __future__ import annotations
@@ -46,13 +46,15 @@ def write_motions(path: Path) -> None:
 
 
 def differences(rows: np.ndarray) -> np.ndarray:
-    """Returns (3, N) int16: each of the rows (N, 3) minus the row before it."""
+    """Returns (3, N) int16 differences: each of the rows (N, 3) minus the previous row."""
     return np.ascontiguousarray(np.diff(rows, axis=0, prepend=0).astype(np.int16).T)
 
 
 def quantized_mesh(mesh: Mesh) -> Mesh:
-    """Returns the mesh with coordinates in whole steps, and with its faces in an order that compresses
-    well."""
+    """Returns the mesh with coordinates in whole steps.
+
+    The order of its faces is chosen for good compression.
+    """
     order = np.lexsort(mesh.faces.T[::-1])
     return replace(
         mesh, vertices=np.rint(mesh.vertices / COORDINATE_STEP_M) * COORDINATE_STEP_M, faces=mesh.faces[order]

@@ -1,4 +1,4 @@
-"""Build the release of this commit, and test it in environments without the checkout: `make release`.
+"""Builds the release of this commit, and tests it in environments without the checkout: `make release`.
 
     .venv/bin/python scripts/release.py            # out/release: sdists, wheels, notes.md, trial.txt
     .venv/bin/python scripts/release.py --only oak # tests one of the environments only
@@ -31,25 +31,27 @@ PACKAGES = {
 }  # fmt: skip
 """The importable package of each distribution folder. Distributions that others depend on come first."""
 EXTRA_SDIST_FILES = ("pyproject.toml", "README.md", "LICENSE", "hatch_build.py")
-"""Files that an sdist has in addition to the package, if the distribution's folder has them."""
+"""Files in addition to the package that an sdist has if they exist in the distribution's folder."""
 FIRMWARE = "firmware_configs"
 """The folder next to the packages that belongs to enliven-edge."""
 INSTALLS = {"edge": "enliven-edge", "oak": "enliven-edge[oak]", "studio": "enliven[studio]"}
-"""Requirements to install into an empty environment each, by the name of the environment."""
+"""Requirements that are installed, each into an empty environment, by the name of the environment."""
 MAX_ENVIRONMENT_MB = {"edge": 690, "oak": 915, "studio": 925}
-"""Maximum size of an environment in megabytes (10^6 bytes), with byte code, without Python and pip.
+"""Maximum size of an environment in megabytes (10^6 bytes).
 
-These limits are 5 % above the sizes of November 2026, which docs/releasing.md explains.
-"""
+It includes byte code, but not Python and pip.
+
+These limits are 5 % above the sizes of November 2026, which docs/releasing.md explains."""
 LISTED_PACKAGES = 7
 """Number of packages that are listed with their sizes for each environment."""
 EDGE = (
     *("edge", "--possess-at", "1", "--seconds", "3", "--speed", "0"),
     *("--port", "0", "--record", "performance.mcap"),
 )
-"""The edge's part of the main job: the shipped recording moves the chair, and the performance is recorded."""
+"""Arguments of the edge in the main job. The shipped recording moves the chair, and the performance is
+recorded."""
 FILM = ("run", "--film", "--size", "320x180", "--out", "film")
-"""A small version of the main job: an edge, and a viewer that films its output."""
+"""Arguments of a small version of the main job: an edge, and a viewer that films its output."""
 
 EXAMPLES = (
     *("possess_chair", "legs_only", "made_mesh", "scan_and_possess", "canon", "cut_and_merge"),
@@ -58,7 +60,7 @@ EXAMPLES = (
 """Scripts of ``examples/`` that need no user files. They compile the kernels that the main job does not
 use."""
 MAX_COMPILED_KERNELS = 0
-"""Maximum number of kernels that an installed edge may compile in the main job. A release that ships its
+"""Maximum number of kernels that an installed edge may compile in the main job. A release with shipped
 kernels compiles none."""
 
 OWN_FILES = """
@@ -70,8 +72,9 @@ sys.path += [str(documents.parent / "helpers"), sys.argv[1] + "/scripts"]
 import own_files
 own_files.make_own_files(Path.cwd())
 """
-"""Program that creates the files in capitals of docs/library.md in the working folder. Argument: the
-checkout."""
+"""Program that creates the files with names in capitals in docs/library.md, in the working folder.
+
+Argument: the checkout."""
 LIBRARY_PAGE = """
 import sys
 from pathlib import Path
@@ -84,8 +87,9 @@ names = {}
 for block in blocks.blocks_of(page):
     exec(compile("\\n" * (block.line - 1) + block.text, str(page), "exec"), names)
 """
-"""Program that runs the code of docs/library.md in the working folder. Arguments: the checkout, the
-environment."""
+"""Program that runs the code of docs/library.md in the working folder.
+
+Arguments: the checkout, the environment."""
 
 
 class ReleaseError(Exception):
@@ -103,8 +107,9 @@ def is_development(of: str) -> bool:
 
 
 def section(changelog: str, of: str) -> str:
-    """Returns the changelog's lines for a version without their heading; for a development version the
-    unreleased ones.
+    """Returns the changelog's lines for a version without their heading.
+
+    For a development version, returns the unreleased lines.
 
     Raises:
         ReleaseError: if the section is missing or empty.
@@ -121,7 +126,7 @@ def section(changelog: str, of: str) -> str:
 
 
 def check_commit(of: str) -> None:
-    """Raises unless the working files are exactly those of a tagged commit.
+    """Checks that the working files are exactly those of a tagged commit.
 
     Raises:
         ReleaseError: if files are changed or new, or the tag is missing or on another commit.
@@ -135,8 +140,10 @@ def check_commit(of: str) -> None:
 
 
 def build(folder: str, into: Path) -> None:
-    """Builds a package's sdist, and builds its wheel from that sdist, which shows that the sdist is
-    complete."""
+    """Builds a package's sdist, and builds its wheel from that sdist.
+
+    This shows that the sdist is complete.
+    """
     command = [sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", str(into)]
     _require(command, f"{folder}: the sdist cannot be built", ROOT / folder)
     pip = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "--no-index"]
@@ -157,7 +164,7 @@ def check_sdist_wheel(folder: str, built: Path) -> None:
     """Compares the files of the wheel built from the sdist with those of a wheel built from the checkout.
 
     Raises:
-        ReleaseError: if they differ; the message names the files that only one of them has.
+        ReleaseError: if they differ. The message names the files that only one of them has.
     """
     with tempfile.TemporaryDirectory() as place:
         build_wheel(folder, Path(place))
@@ -169,8 +176,10 @@ def check_sdist_wheel(folder: str, built: Path) -> None:
 
 
 def wanted_files(folder: str) -> set[str]:
-    """Returns the paths that a package's wheel should have: all files that git does not ignore, and the
-    firmware for the edge."""
+    """Returns the paths that a package's wheel should have.
+
+    They are all files that git does not ignore, and for the edge the firmware.
+    """
     package = PACKAGES[folder]
     paths = {path.removeprefix(f"{folder}/") for path in _known_to_git(f"{folder}/{package}")}
     if folder == "edge":
@@ -194,7 +203,7 @@ def check_files(folder: str, built: Path) -> None:
     """Compares the files of a wheel and an sdist with those that git tracks.
 
     Raises:
-        ReleaseError: if they differ; the message names missing and superfluous files.
+        ReleaseError: if they differ. The message names missing and superfluous files.
     """
     package, inside = PACKAGES[folder], wanted_files(folder)
     wheel, sdist = _one(folder, built, "*.whl"), _one(folder, built, "*.tar.gz")
@@ -218,15 +227,17 @@ def check_files(folder: str, built: Path) -> None:
 
 
 def check_metadata(built: Path) -> None:
-    """Has twine check that an index would accept the archives and render their descriptions."""
+    """Runs twine's checks that an index would accept the archives and render their descriptions."""
     files = sorted(map(str, built.iterdir()))
     command = [sys.executable, "-m", "twine", "--no-color", "check", "--strict", *files]
     _require(command, "twine refuses an archive", built)
 
 
 def try_out(built: Path, of: str, names: list[str]) -> Iterator[str]:
-    """Installs the wheels into empty environments and runs jobs with them. Yields one line per finished
-    job."""
+    """Installs the wheels into empty environments and runs jobs with them.
+
+    Yields one line per finished job.
+    """
     with tempfile.TemporaryDirectory() as empty:
         for name in names:
             began = time.monotonic()
@@ -250,7 +261,7 @@ def build_kernels(built: Path, of: str) -> Iterator[str]:
     """Compiles the kernels of all jobs for each processor level, and builds the wheel that contains them.
 
     It runs the jobs of the trial and the examples in an environment with the release's wheels. The levels are
-    those that this processor supports; code for a lower level runs on it, too.
+    those that this processor supports. Code for a lower level also runs on it.
     """
     with tempfile.TemporaryDirectory() as empty:
         environment = Environment(Path(empty, "kernels"), built, INSTALLS["studio"], of)
@@ -289,14 +300,14 @@ class Environment:
         subprocess.run([sys.executable, "-m", "venv", str(self.place / "venv")], check=True)
         self._bare = self._bytes()
         self._bare_code = self._bytes("*.pyc")
-        # Other packages come from the index in pip's own settings, so this step gets the unchanged process
+        # Other packages come from the index in pip's own settings. So this step gets the unchanged process
         # environment.
         pip = [str(self._bin / "python"), "-m", "pip", "install", "-q", "--disable-pip-version-check"]
         choice = ["-c", str(ROOT / "constraints.txt"), "--find-links", str(built), f"{requirement}=={of}"]
         subprocess.run([*pip, *choice], check=True)
 
     def processor_levels(self) -> list[str]:
-        """Returns the processor levels that this machine can compile for and run, best first."""
+        """Returns the processor levels for which this machine can compile and run, the best first."""
         ask = "from enliven.kernel_cache.target import processor_levels; print(*processor_levels())"
         return self._run(str(self._bin / "python"), "-c", ask).split()
 
@@ -347,7 +358,7 @@ class Environment:
     def basics(self) -> Iterator[str]:
         """Prints the version, and runs the machine check."""
         if self._enliven("--version") != self._of:
-            raise ReleaseError(f"enliven --version says {self._enliven('--version')}, not {self._of}")
+            raise ReleaseError(f"enliven --version prints {self._enliven('--version')}, not {self._of}")
         yield self._report_step("enliven --version")
         self._enliven("doctor", codes=(0, 4))
         yield self._report_step("enliven doctor")
@@ -421,7 +432,7 @@ def _known_to_git(folder: str) -> list[str]:
 
 
 def _require(command: list[str], failure: str, folder: Path, **environment: str) -> str:
-    """Runs a command in a folder and returns its output. Raises ReleaseError if it fails."""
+    """Runs a command in a folder and returns its output. Raises ReleaseError if the command fails."""
     words = {**os.environ, **environment}
     done = subprocess.run(command, cwd=folder, env=words, capture_output=True, text=True)
     if done.returncode:

@@ -1,12 +1,13 @@
-"""Runs the tests in parallel, and runs the few that fail once more, alone.
+"""Runs the tests in parallel, and runs the few failed tests again, one by one.
 
 Usage: run_tests.py [pytest arguments ...]
 
-Many tests drive real programs, sockets and windows, and wait for them with deadlines. On a busy machine,
-such a deadline can pass although nothing is wrong. A fault fails alone as well. A test that passes only alone
-is listed as unsteady: this is a fault of the test, which should be fixed.
+Many tests drive real programs, sockets and windows, and wait for them with deadlines. On a busy machine, such
+a deadline can pass although nothing is wrong. A real fault also makes the test fail when it runs alone. A
+test that passes only when it runs alone is listed as unsteady. This is a fault of the test and should be
+fixed.
 
-If a test process ends, the tests that it left run in a second round, the one that ended it included.
+If a test process ends, its unfinished tests run in a second round, including the test that ended it.
 """
 
 from __future__ import annotations
@@ -21,11 +22,13 @@ from pathlib import Path
 from unfinished_tests import CACHE_KEY
 
 PARALLEL = ("-n", "3", "--dist", "loadfile", "--no-loadscope-reorder", "--durations=50")
-"""Three processes for two cores, since tests of cameras and of processes wait much of their time."""
+"""Options for three processes on two cores. Tests of cameras and of processes mostly wait, so more processes
+than cores are useful."""
 HANG_S = 720
-"""Seconds after which a test counts as endless. The stacks of all threads are printed and it fails, even if a
-library blocks the interpreter. Otherwise it would occupy CI until its time limit, and its name would remain
-unknown."""
+"""Seconds after which a test counts as endless.
+
+The stacks of all threads are printed and the test fails, even if a library blocks the interpreter. Otherwise
+it would occupy CI until its time limit, and its name would remain unknown."""
 ENDED_PROCESSES = (
     f"-ofaulthandler_timeout={HANG_S}",
     "-ofaulthandler_exit_on_timeout=true",
@@ -34,11 +37,11 @@ ENDED_PROCESSES = (
     "-punfinished_tests",
 )
 MAX_REPEATED = 5
-"""Failed tests that are run again. If more fail, the reason is not a busy machine."""
+"""Maximum number of failed tests that are run again. If more tests fail, the reason is not a busy machine."""
 
 
 def run_pytest(cache: Path, *arguments: str) -> int:
-    """Runs pytest in a process of its own.
+    """Runs pytest in a separate process.
 
     Args:
         cache: folder for the lists of the failed and of the unfinished tests.
@@ -73,7 +76,7 @@ def main(arguments: list[str]) -> int:
         arguments: pytest arguments.
 
     Returns:
-        pytest's exit status: 0 if each test passed, in one of the rounds that it may have.
+        pytest's exit status: 0 if each test passed in one of its rounds.
     """
     with tempfile.TemporaryDirectory() as folder:
         cache, names = Path(folder) / "cache", Path(folder) / "names"

@@ -1,5 +1,7 @@
-"""The motions shipped with the studio, computed by formulas on chains of a few joints, for
-make_samples.py."""
+"""The motions shipped with the studio.
+
+They are computed by formulas on chains of a few joints, for make_samples.py.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,7 @@ from enliven.document import Clip, Skeleton
 from enliven.rotation import IDENTITY, from_rotation_vector, multiply
 
 STEP = 1 / 30
-"""Time between two frames of a motion, seconds. The usual rate of cameras."""
+"""Seconds between two frames of a motion. It is the usual frame interval of cameras."""
 _SIDE = np.array([0.0, 0.0, 1.0])
 _FORTH = np.array([1.0, 0.0, 0.0])
 
@@ -80,8 +82,10 @@ def sway() -> Clip:
 
 
 def quarter_turn() -> Clip:
-    """Returns one bone that rotates by 90 degrees counter-clockwise and stays there: the motion of AniMesh's
-    Figure 6."""
+    """Returns one bone that rotates by 90 degrees counter-clockwise and stays there.
+
+    This is the motion of AniMesh's Figure 6.
+    """
 
     def bends(phase: float) -> list[Float]:
         eased = phase * phase * (3 - 2 * phase)
@@ -94,8 +98,10 @@ _MAKERS = (wave, curl, reach, walk, sway, quarter_turn)
 
 
 def _chain(bones: int, length: float) -> Skeleton:
-    """Returns a vertical chain of joints. ``length`` is metres per bone; if it is negative the chain hangs
-    down."""
+    """Returns a vertical chain of joints.
+
+    ``length`` is metres per bone. If it is negative, the chain hangs down.
+    """
     heights = length * np.arange(bones + 1) + (0.2 if length > 0 else 0.2 - bones * length)
     places = np.zeros((bones + 1, 3))
     places[:, 1] = heights

@@ -22,11 +22,14 @@ from enliven_viewer.studio.settings import StudioSettings
 PAGE = Path(__file__).parents[1] / "docs" / "settings.md"
 KINDS = {kind.__name__: kind for kind in (EdgeSettings, ViewerSettings, StudioSettings, Plan)}
 _NAMES = {"chains": "chain"}
-"""Keys with a different name in a file than in the class that is built from them."""
+"""Keys with a name in a file that differs from the name in the class."""
 
 
 def tables(kind: type, path: str = "") -> Iterator[str]:
-    """Yields one TOML table for each group of settings: its own keys first, then the nested groups."""
+    """Yields one TOML table for each group of settings.
+
+    The group's own keys come first, then the nested groups.
+    """
     hints, rows, groups = typing.get_type_hints(kind), list[str](), list[tuple[str, type]]()
     for field in dataclasses.fields(kind):
         if field.metadata.get("hidden"):
@@ -49,7 +52,7 @@ def tables(kind: type, path: str = "") -> Iterator[str]:
 
 
 def _group(hint: Any) -> type | None:
-    """Returns the class of a group, or of the groups in a table of groups; None for a single value."""
+    """Returns the class of a group, or of the groups in a table of groups, or None for a single value."""
     for kind in (hint, *typing.get_args(hint)):
         if dataclasses.is_dataclass(kind) and isinstance(kind, type):
             return kind
@@ -78,7 +81,7 @@ def _default(field: dataclasses.Field[Any]) -> str:
 
 
 def _range(field: dataclasses.Field[Any], hint: Any) -> str:
-    """Returns the unit, the range, or the allowed words of a value."""
+    """Returns the unit, the range, or the allowed words of a setting."""
     words = [f'`"{word}"`' for word in _words(hint)]
     low, high = field.metadata.get("low", -math.inf), field.metadata.get("high", math.inf)
     unit = field.metadata.get("unit", "")

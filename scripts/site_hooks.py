@@ -1,8 +1,8 @@
 """Hooks of the documentation site: pages from outside ``docs/``, links into the code, and the API page.
 
-MkDocs knows one folder of pages. The start page, the changelog and the pages of the packages lie elsewhere in
-the checkout, where code hosts show them. They are added to the site here, and links are rewritten to the
-site's paths. A link to a file outside the site, such as a module, becomes plain text.
+MkDocs reads only one folder of pages. The start page, the changelog and the pages of the packages are in
+other folders of the checkout, where code hosts show them. This module adds them to the site, and rewrites
+links to the site's paths. A link to a file outside the site, such as a module, becomes plain text.
 """
 
 from __future__ import annotations
@@ -31,11 +31,14 @@ ADDED = {
     "synthesis/README.md": "package-synthesis.md",
     "kernels/README.md": "package-kernels.md",
 }
-"""Pages outside ``docs/``, from the top of the checkout, and their names in the site."""
+"""Pages outside ``docs/``, as paths relative to the checkout, with their names in the site."""
 PICTURES = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "examples").rglob("*.png"))
-"""Pictures outside ``docs/``, from the top of the checkout. They have the same paths in the site."""
+"""Pictures outside ``docs/``, as paths relative to the checkout. They have the same paths in the site."""
 LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^()\s#]+)(#[^()\s]*)?\)")
-"""A Markdown link or picture: mark, text, target without anchor, anchor. Anchors alone do not match."""
+"""Pattern of a Markdown link or picture.
+
+The groups are mark, text, target without anchor, and anchor. Links that consist only of an anchor do not
+match."""
 API = "api.md"
 """The page of the public API of the library."""
 
@@ -76,10 +79,10 @@ def rewritten(match: re.Match[str], source: str, uri: str, files: Any) -> str:
     """Returns a link of a page rewritten for the site, or the link's text if its target is not in the site.
 
     Args:
-        match: of :data:`LINK`.
+        match: a match of :data:`LINK`.
         source: the page's path in the checkout.
         uri: the page's path in the site.
-        files: the site's files, by ``get_file_from_path``.
+        files: the site's files, which have the method ``get_file_from_path``.
     """
     mark, text, target, anchor = match.groups()
     if re.match(r"[a-z]+:", target):
@@ -114,8 +117,10 @@ def exported(package: str) -> dict[str, str]:
 
 
 def defining_module(module: str, name: str) -> str:
-    """Returns the module that defines a name. The name is imported from ``module``, a module or a package
-    with a stub."""
+    """Returns the module that defines a name.
+
+    The name is imported from ``module``, which is a module or a package with a stub.
+    """
     folder = ROOT / "shared" / Path(*module.split("."))
     if not (folder / "__init__.pyi").exists():
         return module

@@ -1,7 +1,8 @@
-"""Runs the tests once per row: with other processor instructions, in other orders, on a loaded machine.
+"""Runs the tests in several configurations: with other processor instructions, in other orders, and on a
+loaded machine.
 
 Usage: test_matrix.py [--only ROW ROW ...] [--load N] [pytest arguments ...] Prints a table with the passed
-tests, the failed tests and the seconds of each row. Exits with 1 if a test failed.
+tests, the failed tests and the seconds of each configuration (row). The exit code is 1 if a test failed.
 """
 
 import argparse
@@ -36,7 +37,7 @@ class Row:
         environment: environment variables to set.
         options: pytest options.
         busy: number of processes that keep the processor busy during the run.
-        apart: True to cache Numba's kernels separately, since they are compiled for another processor.
+        apart: True to cache Numba's kernels separately, because they are compiled for another processor.
     """
 
     name: str
@@ -80,7 +81,7 @@ def command_of(row: Row, rest: list[str]) -> str:
 
 
 def count_results(output: str) -> tuple[int, int]:
-    """Returns (passed, failed) from pytest's last line. Errors count as failed."""
+    """Returns the numbers (passed, failed) from pytest's last line. Errors count as failed."""
     lines = [line for line in output.splitlines() if re.search(r"\d+ (passed|failed|error)", line)]
     matches = re.findall(r"(\d+) (passed|failed|error)", lines[-1] if lines else "")
     counts = {word: int(count) for count, word in matches}
@@ -107,8 +108,8 @@ def run(row: Row, rest: list[str]) -> tuple[bool, str]:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--only", nargs="*", default=[], metavar="ROW", help="these rows alone")
-    parser.add_argument("--load", type=int, default=8, help="busy processes of the row 'load'")
+    parser.add_argument("--only", nargs="*", default=[], metavar="ROW", help="run only these rows")
+    parser.add_argument("--load", type=int, default=8, help="number of busy processes of the row 'load'")
     options, rest = parser.parse_known_args()
     rest = [word for word in rest if word != "--"]
     rows_by_name = {row.name: row for row in rows(options.load)}

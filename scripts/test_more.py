@@ -1,4 +1,5 @@
-"""Repeats the property-based tests with new random examples until the time is up. Exits with 1 if one fails.
+"""Repeats the property-based tests with new random examples until the time is up. The exit code is 1 if a
+test fails.
 
 Usage: test_more.py [--minutes N] [pytest arguments ...]
 """
@@ -14,13 +15,15 @@ DEFAULT_FOLDERS = ["tests"]
 
 
 MAX_EXAMPLE_FACTOR = 64
-"""Maximum factor on a test's number of examples. Every round tries twice the examples of the round before, up
-to this factor."""
+"""Maximum factor on a test's number of examples. Every round uses twice the examples of the previous round,
+up to this factor."""
 
 
 def round_of_laws(seed: int, times: int, until: float, rest: list[str]) -> bool:
-    """Runs one round of property-based tests in random order until the time is up. Returns True if all
-    passed."""
+    """Runs one round of property-based tests in random order until the time is up.
+
+    Returns True if all passed.
+    """
     laws = ["-m", "hypothesis", "--hypothesis-profile", "more", "--hypothesis-seed", str(seed)]
     laws += ["--examples", str(times)]
     order = ["--shuffle", str(seed), "--until", str(until)]
@@ -41,7 +44,7 @@ def main() -> int:
         if not round_of_laws(seed, min(2**rounds, MAX_EXAMPLE_FACTOR), until, rest):
             fell.append(seed)
         rounds += 1
-    print(f"{rounds} rounds in {options.minutes:g} min; seeds with a law that fell: {fell or 'none'}")
+    print(f"{rounds} rounds in {options.minutes:g} min; seeds with a failed test: {fell or 'none'}")
     return 1 if fell else 0
 
 

@@ -1,5 +1,6 @@
-"""Update the translation catalogues of the window, viewer/enliven_viewer/locale/*.po, after texts have
-changed.
+"""Updates the translation catalogues of the window after texts have changed.
+
+The catalogues are viewer/enliven_viewer/locale/*.po.
 
 .venv/bin/python scripts/texts.py          # adds new texts without a translation, removes obsolete ones
 .venv/bin/python scripts/texts.py fr       # starts a catalogue for another language
@@ -49,14 +50,15 @@ TRANSLATING_FUNCTIONS |= {
 TRANSLATING_FUNCTIONS |= {"_store_ends": (1, 2), "change": (0,), "_edit_selection": (0,)}
 """Functions that translate the texts they show, with the argument positions of these texts."""
 TEXT_TABLES = {"_TITLES", "_TAB_TIPS", "_MOUSE_ACTIONS", "_SIDE_TITLES"}
-"""Tables of texts that are passed to a translating function."""
+"""Names of tables of texts that are passed to a translating function."""
 SETTINGS = {"surface": ArapSettings(), "examples": ExampleSettings(), "locomotion": LocomotionSettings()}
-"""Settings of a puppet: numbers with tooltips."""
+"""Settings of a puppet, which are numbers with tooltips."""
 LINE_LENGTH = 78
-"""Characters of a line of a catalogue, as gettext's own programs write it."""
+"""Maximum number of characters of a line in a catalogue. It is the same as in gettext's programs."""
 TEXT_FUNCTION_PREFIXES = ("hint", "lacks", "why_not", "at_end")
-"""Name prefixes of functions that return texts which are translated when they are shown: hints of tools, and
-reasons."""
+"""Name prefixes of functions that return texts to be translated when they are shown.
+
+The texts are hints of tools, or reasons."""
 
 
 def constants(node: ast.AST) -> Iterator[ast.Constant]:
@@ -102,7 +104,7 @@ def modules() -> list[Path]:
 
 
 def texts() -> dict[str, str]:
-    """Returns every text that the window translates, with its file and line, or its action."""
+    """Returns every text that the window translates, with its file and line, or with its action."""
     places: dict[str, str] = {}
     with tempfile.TemporaryDirectory() as folder:
         workspace = Workspace.new(Editor(), Path(folder))
@@ -135,7 +137,7 @@ def plurals() -> dict[str, str]:
 
 
 def is_translated(entry: polib.POEntry) -> bool:
-    """Returns True if an entry of a catalogue has a translation, or one for each of its plural forms."""
+    """Returns True if an entry of a catalogue has a translation for each of its forms."""
     return all(entry.msgstr_plural.values()) if entry.msgid_plural else bool(entry.msgstr)
 
 

@@ -1,4 +1,4 @@
-"""The traces of docs/architecture.md: a value followed through the code, from function to function."""
+"""The traces of docs/architecture.md: the way of a value through the code, from function to function."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Trace:
     """One trace.
 
     Attributes:
-        title: its start and end.
+        title: the start and the end of the trace.
         most: maximum number of files.
         steps: the functions, see ``traces.toml``.
     """
@@ -36,8 +36,9 @@ class Trace:
 
 
 def table(tree: SourceTree, trace: Trace) -> str:
-    """Returns a table of a trace's files in order, with the function that receives the value and the first
-    sentence of its docstring.
+    """Returns a table of a trace's files in order.
+
+    It contains the function that receives the value, and the first sentence of its docstring.
 
     Raises:
         ValueError: if a function does not exist, is not mentioned by an earlier function of the trace, or has

@@ -1,4 +1,4 @@
-"""pytest plug-in: if a test process ends, remembers which tests did not finish, so that they can run again.
+"""pytest plug-in that records the unfinished tests if a test process ends, so that they can run again.
 
 A process ends if a library crashes it, or if a test exceeds the time limit. Load this plug-in with
 ``-p unfinished_tests``.
@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 CACHE_KEY = "enliven/unfinished"
-"""Entry of pytest's cache with the tests, as pytest names them. Empty if no process ended."""
+"""Entry of pytest's cache with the tests, as pytest names them. The list is empty if no process ended."""
 
 _ended: list[str] = []
 _collected: set[str] = set()
@@ -20,19 +20,19 @@ _finished: set[str] = set()
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_testnodedown(node: Any, error: object | None) -> None:
-    """Notes a test process that ended before it was told to."""
+    """Records a test process that ended unexpectedly."""
     if error:
         _ended.append(node.gateway.id)
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_node_collection_finished(node: Any, ids: list[str]) -> None:
-    """Notes all tests of the run."""
+    """Records all tests of the run."""
     _collected.update(ids)
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """Notes a test that ran to its end."""
+    """Records a test that ran to its end."""
     if report.when == "teardown":
         _finished.add(report.nodeid)
 

@@ -1,8 +1,9 @@
-"""Writes integrations/web/test/vectors.json: messages of the wire, and the numbers that a reader must get.
+"""Writes integrations/web/test/vectors.json: messages of the wire, and the numbers that a reader must decode.
 
     .venv/bin/python scripts/web_vectors.py     # after a change of the wire
 
-Readers in other languages can use the same file. Each case has the bytes in base64, and the decoded content.
+Readers in other languages can use the same file. Each case contains the bytes in base64 and the decoded
+content.
 """
 
 from __future__ import annotations
@@ -124,7 +125,7 @@ def bodies_case(rng: np.random.Generator) -> dict[str, Any]:
 
 
 def props_case(rng: np.random.Generator) -> dict[str, Any]:
-    """Returns a message of a box and a ball, and their places and rotations."""
+    """Returns a message of a box and a ball, and their positions and rotations."""
     turns = rng.normal(0, 1, (2, 4))
     props = Props(
         *(

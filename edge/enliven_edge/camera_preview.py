@@ -16,11 +16,11 @@ PRIVACY_NOTE = (
     "viewers get a small depth image five times a second, in which a person can be recognised; "
     "picture = false under [wire] in the settings turns it off"
 )
-"""The information for operators about the preview, if it is on."""
+"""The notice to operators that viewers receive a preview, if the preview is on."""
 _NEAR_MM = 400.0
 """Depth that is drawn brightest, in millimetres. Depth cameras do not measure nearer surfaces."""
 _FAR_MM = 6000.0
-"""Depth that is drawn darkest, in millimetres. Performers stand nearer."""
+"""Depth that is drawn darkest, in millimetres. Performers are usually nearer."""
 _DEFAULT_INTRINSICS = [0.9, 0.9, 0.6, 0.5]
 """Assumed intrinsics of a sensor that tracks people itself: 58 degrees vertical field of view."""
 
@@ -34,10 +34,11 @@ class CameraPreview:
     def create_message(
         self, frame: Frame, place: Float | None, *, mirrored: bool = False
     ) -> CameraMessage | None:
-        """Returns the preview message of a frame. None if the last preview is recent or the pose is unknown.
+        """Returns the preview message of a frame, or None if the last preview is recent or the pose is
+        unknown.
 
         Args:
-            place: (4, 4) world_from_camera. None if it is not known.
+            place: (4, 4) world_from_camera, or None if it is unknown.
             mirrored: True if performers are mirrored. The preview is then mirrored, too.
         """
         if place is None:
@@ -61,7 +62,7 @@ class CameraPreview:
 
 
 def encode_nearness(depth: UInt16) -> np.ndarray:
-    """Returns an (h, w) uint8 image of a subsampled depth image: 255 near, 1 far, 0 unknown."""
+    """Returns an (h, w) uint8 image of a subsampled depth image: 255 is near, 1 is far, and 0 is unknown."""
     step = max(-(-depth.shape[0] // _MAX_HEIGHT_PX), -(-depth.shape[1] // (2 * _MAX_HEIGHT_PX - 16)))
     subsampled = depth[::step, ::step]
     brightness = np.clip((_FAR_MM - subsampled) / (_FAR_MM - _NEAR_MM), 0.0, 1.0)

@@ -34,8 +34,9 @@ _MAX_UPLOADS_PER_VIEWER = 4
 _MAX_UPLOADS = 12
 """Maximum number of simultaneous uploads of all viewers."""
 _MAX_BYTES = 2 * MAX_UPLOAD_BYTES
-"""Maximum bytes of all characters that are being received or wait for preparation. It is twice the limit of
-one viewer, so that one viewer cannot use it up."""
+"""Maximum total bytes of all characters that are being received or prepared. It is twice the limit of one
+viewer, so that one viewer cannot use up the whole limit.
+"""
 _TIMEOUT_S = 10.0
 """Seconds without a new part after which an upload is dropped."""
 _MIN_BYTES_PER_SECOND = 32 * 1024
@@ -68,14 +69,14 @@ class _Upload:
         return now - self.last_part_at >= _TIMEOUT_S or self.received < expected_bytes
 
     def eviction_key(self, now: float) -> tuple[float, float]:
-        """Returns a sort key: the slowest first, and the oldest first among equally slow ones."""
+        """Returns a sort key: the slowest uploads first, and the oldest first among equally slow ones."""
         return self.received / max(now - self.started_at, 0.1), self.last_part_at
 
 
 class _Preparation(threading.Thread):
     """A thread that creates the actor of a character.
 
-    The solvers' kernels release the interpreter lock, so frames continue meanwhile.
+    Frames continue in the meantime, because the solvers' kernels release the interpreter lock.
     """
 
     def __init__(self, upload: _Upload, stage: Stage, settings: EdgeSettings) -> None:
@@ -87,7 +88,7 @@ class _Preparation(threading.Thread):
         self.carried: HoldStarts | None = None
 
     def run(self) -> None:
-        # Import it here, because an edge without uploads never needs it.
+        # Import it here, because an edge without uploads does not need it.
         from enliven_edge.uploaded_actor import create_uploaded_actor
 
         where, remedy = f"character {self.order.id!r}", "Send it again."
@@ -108,17 +109,17 @@ class _Preparation(threading.Thread):
 class CharacterUploads:
     """Receives and prepares the characters that clients send, and puts them on the stage.
 
-    A replaced character stays until its successor is ready. If a viewer announces characters and does not
-    send them, other viewers may take their places.
+    A replaced character stays until its successor is ready. If a viewer announces characters but does not
+    send them, they are dropped when other viewers need the room.
 
     Args:
         settings: the edge's settings, for the actors.
 
     Attributes:
-        last_revision: returns the newest revision of a character that viewers have; for a character that is
-            not on the stage, the highest revision of the removed ones.
-        on_shown: called with the request and the data of each character that was put on the stage. None: the
-            data is dropped.
+        last_revision: returns the newest revision of a character that viewers have. For a character that is
+            not on the stage, returns the highest revision of the removed characters.
+        on_shown: called with the request and the data of each character that was put on the stage. If None,
+            the data is dropped.
     """
 
     def __init__(self, stage: Stage, settings: EdgeSettings | None = None) -> None:
@@ -152,7 +153,7 @@ class CharacterUploads:
         """Handles the announcement of a character, or a question about its progress.
 
         Args:
-            peer: the viewer that asks. None: the edge itself.
+            peer: the viewer that asks, or None for the edge itself.
 
         Raises:
             InputError: if the character was refused, if its revision is not newer, or if the stage is full.
@@ -216,21 +217,22 @@ class CharacterUploads:
         newest = self.last_revision(order.id) or (0 if current is None else current.revision)
         remedy = f"Send revision {newest + 1}."
         if current is not None and order.revision <= newest:
-            raise InputError(f"revision {newest} of it stands on the stage", where=where, remedy=remedy)
+            raise InputError(f"revision {newest} of it is already on the stage", where=where, remedy=remedy)
         if order.revision > min(newest + MAX_REVISION_JUMP, MAX_REVISION):
             problem = f"revision {order.revision} is too far above the newest one, {newest}"
             raise InputError(problem, where=where, remedy=remedy)
 
     def _take_next(self) -> _Upload:
-        """Returns the next character to prepare. Viewers take turns, so that one with many cannot block
-        others."""
+        """Returns the next character to prepare. Viewers take turns, so that one viewer with many characters
+        cannot block others.
+        """
         others = (candidate for candidate in self._complete if candidate.peer is not self._last_served)
         upload = next(others, self._complete[0])
         self._complete = deque(candidate for candidate in self._complete if candidate is not upload)
         return upload
 
     def _pending(self) -> Iterator[tuple[str, Peer | None]]:
-        """Yields the characters that are being uploaded: id, and the viewer that sends it."""
+        """Yields the id of each character that is being uploaded, and the viewer that sends it."""
         for upload in [*self._waiting.values(), *self._complete]:
             yield upload.order.id, upload.peer
         if self._preparing is not None:
@@ -252,7 +254,7 @@ class CharacterUploads:
             self._on_stage[order.id] = order
             if self.on_shown is not None:
                 self.on_shown(order, preparation.data)
-            log.info("%s stands on the stage, revision %d", order.id, order.revision)
+            log.info("%s is on the stage, revision %d", order.id, order.revision)
 
     def _find_or_add(self, order: PutCharacter, peer: Peer | None, where: str) -> _Upload:
         """Returns the upload of a character. A new upload replaces an earlier one of the same viewer and

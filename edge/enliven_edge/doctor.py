@@ -11,8 +11,9 @@ from enliven_edge.sensors import crash_reports, list_attached, profile_names, se
 
 
 def checks() -> list[Check]:
-    """Returns the checks of known sensors, sensor profiles, shipped recording, and depth cameras on USB, and
-    a note on privacy."""
+    """Returns the checks of sensors, sensor profiles, the shipped recording and depth cameras on USB, and a
+    privacy note.
+    """
     return [
         Check("sensors", True, ", ".join(sensor_names())),
         Check(
@@ -43,7 +44,7 @@ def _list_crash_reports() -> Check:
 
 
 def shipped_recording() -> Path:
-    """Returns the path of the recording that comes with the package."""
+    """Returns the path of the recording that is shipped with the package."""
     return Path(str(resources.files("enliven_edge") / "assets" / "chair.mcap"))
 
 

@@ -1,4 +1,4 @@
-"""The live outputs of an edge: fed with the result of every frame, and watched for lost packets."""
+"""The live outputs of an edge. They get the result of every frame, and are monitored for lost packets."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from enliven_edge.tracking.health.alarm import HEALTH_MESSAGES
 
 
 class LiveOutputs(Closeable):
-    """Hands every frame of the edge to its outputs. It never waits.
+    """Passes every frame of the edge to its outputs. Never blocks.
 
     Args:
-        outputs: the open outputs. It closes them. None: there are none.
+        outputs: the open outputs, which this object closes; None if there are none.
     """
 
     def __init__(self, outputs: OutputSet | None = None) -> None:
@@ -33,7 +33,7 @@ class LiveOutputs(Closeable):
         """Checks that the outputs can send the characters that their addresses name.
 
         Raises:
-            InputError: if one cannot.
+            InputError: if an output cannot send its character.
         """
         if self.outputs.statuses:
             self.outputs.check(self._analyse(stage))
@@ -41,7 +41,7 @@ class LiveOutputs(Closeable):
     def publish(
         self, tick: Tick, stage: Stage, world_from_camera: Float | None = None, *, mirrored: bool = False
     ) -> None:
-        """Hands the result of a frame to every output. It returns at once.
+        """Passes the result of a frame to every output. Does not block.
 
         Args:
             world_from_camera: (4, 4) pose of the sensor, or None if it is not known.
@@ -63,12 +63,12 @@ class LiveOutputs(Closeable):
         self.outputs.put(frame)
 
     def report_health(self, states: Sequence[HealthState]) -> None:
-        """Hands the edge's health states to every output. It returns at once."""
+        """Passes the edge's health states to every output. Does not block."""
         self.outputs.put_health(states)
 
     @property
     def health_states(self) -> list[HealthState]:
-        """The outputs that lose packets now."""
+        """Returns the health states of the outputs that are losing packets."""
         troubles = self.outputs.troubles
         self._since_ns = {name: self._since_ns.get(name, self._time_ns) for name in troubles}
         message = HEALTH_MESSAGES[HealthKind.OUTPUT_FAILS]
@@ -81,7 +81,7 @@ class LiveOutputs(Closeable):
         ]
 
     def close(self) -> None:
-        """Sends the last frame, and ends the process that sends."""
+        """Sends the last frame, and ends the sending process."""
         self.outputs.close()
 
     def _analyse(self, stage: Stage) -> dict[str, CharacterInfo]:

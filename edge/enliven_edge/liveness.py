@@ -24,9 +24,10 @@ MAX_OPENING_S = 60.0
 MAX_PREPARATION_S = 900.0
 """Maximum seconds for preparing the characters. A small computer needs ten minutes to compile the kernels."""
 _EXTENSION_INTERVAL_S = 5.0
-"""Seconds between two requests to the supervisor for more time."""
+"""Seconds between two requests to the supervisor for more time during the start."""
 _EXTENSION_S = 15.0
-"""Seconds that each request asks for: three intervals, because a busy computer may delay a request."""
+"""Seconds of additional time per request. It is three intervals, because a busy computer may delay a
+request."""
 _REPORT_INTERVAL_S = 0.5
 """Seconds between two reports of progress. The supervisor's watchdog waits for several seconds."""
 _RECORD_INTERVAL_S = 1.0
@@ -59,19 +60,19 @@ def extend_start_timeout(notifier: Notifier, max_s: float) -> Iterator[None]:
 class ProgressReporter(Closeable):
     """Reports the main loop's progress to the supervisor, and writes the edge's state once per second.
 
-    Both happen on its own thread, because a call of the operating system may delay a frame. The thread only
-    passes on progress that the loop has made since the last report.
+    Both happen on a separate thread, because a system call may delay a frame. The thread reports progress
+    only if the loop has made progress since the last report.
 
-    Progress is a frame that was received and published. A sensor that is known to wait also counts: see
-    :attr:`enliven_edge.sensors.base.Sensor.is_waiting`. Nothing else does, so that the supervisor restarts an
+    Progress means that a frame was received and published, or that the sensor is waiting
+    (:attr:`enliven_edge.sensors.base.Sensor.is_waiting`). Nothing else counts. So the supervisor restarts an
     edge if its loop, driver or network hangs.
 
     Args:
-        notifier: the supervisor. None: there is none.
+        notifier: the supervisor, or None.
         name: the edge's name.
         status: returns the edge's heartbeat. It is called on the separate thread.
-        folder: the runtime folder. None: the usual one, and only if a supervisor or
-            :data:`~enliven.supervision.records.RUNTIME_VARIABLE` is present.
+        folder: the runtime folder. If None, uses the default folder, and only if there is a supervisor or
+            :data:`~enliven.supervision.records.RUNTIME_VARIABLE` is set.
     """
 
     def __init__(
@@ -110,11 +111,11 @@ class ProgressReporter(Closeable):
         self._report_progress("frames are published")
 
     def wait(self, sensor: str) -> None:
-        """Reports as progress that no frames arrive because the sensor waits."""
+        """Reports progress while no frames arrive because the sensor is waiting."""
         self._report_progress(f"waiting for {sensor}")
 
     def end_iteration(self) -> None:
-        """Reports after the first iteration of the main loop that the edge has started. Call it every
+        """Reports after the first iteration of the main loop that the edge has started. Call it in every
         iteration."""
         if not self._is_ready:
             self._is_ready = True
@@ -135,7 +136,7 @@ class ProgressReporter(Closeable):
         is_first = self._progress_at is None
         self._sentence, self._progress_at = sentence, time.monotonic()
         if is_first:
-            self._wakes.set()  # The health page shows at once that the edge is back.
+            self._wakes.set()  # The health page shows immediately that the edge is back.
 
     def _run(self) -> None:
         """Reports progress and writes the state until the edge ends."""
@@ -196,7 +197,7 @@ def _describe_status(status: StatusMessage) -> str:
 
 
 def resident_mb() -> float | None:
-    """Returns this process's resident memory in megabytes. None if the system does not report it."""
+    """Returns this process's resident memory in megabytes, or None if the system does not report it."""
     try:
         pages = int(Path("/proc/self/statm").read_text().split()[1])
     except (OSError, ValueError, IndexError):

@@ -75,7 +75,7 @@ def load_onnxruntime(module: str = "onnxruntime") -> Any:
 def remove_telemetry_files() -> list[Path]:
     """Removes the device id, the queued events and the session file of ONNX Runtime. Returns their paths.
 
-    A file is removed only if its place, name, owner and content match the telemetry. Symbolic links are not
+    A file is removed only if its folder, name, owner and content match the telemetry. Symbolic links are not
     followed. Nothing is removed while another process has the queue open.
     """
     if sys.platform == "win32":
@@ -90,7 +90,7 @@ def remove_telemetry_files() -> list[Path]:
             for emptied in (folder, *folder.parents[: len(_FOLDER) - 1]):
                 emptied.rmdir()
     session = Path(tempfile.gettempdir()) / ".ses"
-    # Other libraries of the same maker write this session file too. So it is removed only together with the
+    # Other libraries of the same vendor write this session file, too. So it is removed only together with the
     # telemetry folder.
     if removed and _SESSION.fullmatch(_first_bytes(session)):
         with contextlib.suppress(OSError):
@@ -114,7 +114,8 @@ def _telemetry_folders() -> Iterator[Path]:
 
 @contextlib.contextmanager
 def _open_folder(folder: Path) -> Iterator[int]:
-    """Opens ``folder`` for functions with ``dir_fd``. Its last parts must not be symbolic links.
+    """Opens ``folder`` for functions with ``dir_fd``. The last components of its path must not be symbolic
+    links.
 
     Raises:
         OSError: if it is missing, or a part of it is a link.
@@ -132,7 +133,9 @@ def _open_folder(folder: Path) -> Iterator[int]:
 
 
 def _remove_own_files(folder: int) -> list[str]:
-    """Removes the telemetry's files from an opened folder and returns their names. Empty if one is in use."""
+    """Removes the telemetry's files from an opened folder and returns their names. Removes nothing if one is
+    in use.
+    """
     names = [name for name in os.listdir(folder) if _FILES.fullmatch(name)]
     if "onnxruntime.db-shm" in names and _is_in_use("onnxruntime.db-shm", folder):
         return []
@@ -153,7 +156,7 @@ def _is_own_file(status: os.stat_result) -> bool:
 
 
 def _first_bytes(path: Path | str, folder: int | None = None) -> bytes:
-    """Returns the first bytes of this user's regular file. Empty if it does not exist."""
+    """Returns the first bytes of this user's regular file, or no bytes if it does not exist."""
     flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
     try:
         descriptor = os.open(path, flags, dir_fd=folder)
@@ -164,8 +167,10 @@ def _first_bytes(path: Path | str, folder: int | None = None) -> bytes:
 
 
 def _is_in_use(name: str, folder: int) -> bool:
-    """Returns True if a process has the database of this ``-shm`` file open, judged by SQLite's lock on
-    it."""
+    """Returns True if a process has the database of this ``-shm`` file open.
+
+    This is judged by SQLite's lock on the file.
+    """
     try:
         descriptor = os.open(name, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, dir_fd=folder)
     except OSError:

@@ -42,7 +42,7 @@ _SINGLE_SUBJECT = 0
 
 
 class OrderTarget(Protocol):
-    """The parts of the edge that orders act on."""
+    """The parts of the edge that orders change."""
 
     sensor: Sensor
     stage: Stage
@@ -82,7 +82,7 @@ def create_handlers(edge: OrderTarget) -> dict[type[Order], Handler]:
 
 
 def _possess(stage: Stage, request: Possess) -> None:
-    """Lets a performer possess a character, or previews the parts that the performer would hold."""
+    """Lets a performer possess a character, or previews the parts that the performer would possess."""
     if request.mode == "preview":
         stage.preview(request.character, request.body, request.parts)
     else:
@@ -90,7 +90,7 @@ def _possess(stage: Stage, request: Possess) -> None:
 
 
 def _subject_of_possession(request: Possess) -> tuple[str, str | None] | None:
-    """Returns the subject of a request. A newer request of the same subject replaces a waiting one.
+    """Returns the subject of a request. A newer request with the same subject replaces a waiting one.
 
     Requests with "join" and "extend" have no subject, because each of them adds a hold.
     """
@@ -98,7 +98,7 @@ def _subject_of_possession(request: Possess) -> tuple[str, str | None] | None:
 
 
 def _screen_view(request: Look) -> ScreenView:
-    """Returns the direction of view of a viewer from its request."""
+    """Returns the view direction of a viewer from its request."""
     eye = None if request.eye is None else np.array(request.eye)
     return ScreenView(np.array(request.direction), np.array(request.up), eye)
 
@@ -113,7 +113,8 @@ def _lock(tracker: Tracker, on: bool) -> None:
 
 def _learn_room(edge: OrderTarget) -> Done:
     """Learns the background and the floor of each sensor again."""
-    # Several sensors have a tracker each. The edge's own one only smooths their fused bodies.
+    # If there are several sensors, each has its own tracker. The edge's tracker only smooths their fused
+    # bodies.
     learn_room = getattr(edge.sensor, "learn_room", edge.tracker.learn_room)
     learn_room()
     return Done("the room is learnt again")

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from enliven_edge.scanning.person import ScannedPerson
 
 _CHARACTER_GAP_M = 0.4
-"""Gap on the floor between a scanned character and the characters on the stage, in metres."""
+"""Gap in metres on the floor between a scanned character and the characters on the stage."""
 
 
 class MessageSink(Protocol):
@@ -39,7 +39,7 @@ class MessageSink(Protocol):
 
 
 class _ScanLoader(threading.Thread):
-    """A thread that loads the modules of a scan, so that an edge that never scans does not load them."""
+    """A thread that loads the modules of a scan. An edge that never scans does not load them."""
 
     def __init__(self, number: int, order: Scan, cast: Cast) -> None:
         super().__init__(name="beginning of a scan", daemon=True)
@@ -71,7 +71,7 @@ class Scans:
 
     @property
     def is_active(self) -> bool:
-        """Returns True while a scan is running. Performers are not tracked then."""
+        """Returns True while a scan is running. While it is running, performers are not tracked."""
         is_running = self._scan is not None and self._scan.phase in ("scanning", "paused", "failed")
         return is_running or self._beginning is not None
 
@@ -79,7 +79,7 @@ class Scans:
         """Carries out a viewer's order.
 
         Raises:
-            InputError: if it cannot be done now.
+            InputError: if it cannot be carried out now.
         """
         if order.do == "start":
             self._start(order)
@@ -106,8 +106,8 @@ class Scans:
         if self._is_ending:
             sink.send(ScanMessage(self._number), 0)
         if self._is_starting and self._beginning is not None:
-            # Start loading here and not in ``ask``, because it takes long and the viewer's other requests
-            # would wait.
+            # Start loading here and not in ``ask``. Loading takes long, and the viewer's other requests would
+            # have to wait.
             self._beginning.start()
         self._is_starting = self._is_ending = False
         if self._beginning is not None and self._beginning.scan is not None:
@@ -144,7 +144,7 @@ class Scans:
         self._beginning = _ScanLoader(self._number, named, self._create_cast())
 
     def _reserved_ids(self) -> Iterator[tuple[str, Peer | None]]:
-        """Yields the id that the scan will have on the stage, so that its place is reserved."""
+        """Yields the id that the scan will have on the stage. The id is reserved for the scan."""
         done = self._scan is not None and self._scan.phase == "done"
         if (self._scan is not None or self._beginning is not None) and not done:
             yield self._name, None
@@ -165,9 +165,7 @@ class Scans:
         return cast
 
     def _find_offset(self, mesh: Mesh, name: str) -> float:
-        """Returns the distance in metres along +X that moves a mesh next to the resting positions of other
-        characters.
-        """
+        """Returns the distance in metres along +X that moves a mesh next to the other characters at rest."""
         other_extents = [
             character.vertices[:, 0].max()
             for mesh_extent, character in self._stage.characters.items()

@@ -49,18 +49,19 @@ class Edge:
 
     Args:
         possess_at: seconds after the first frame at which the first performer possesses a character, or None.
-        parts: the body parts of that possession. Parts of several performers are separated by "/". One text
-            for all characters, or a mapping from character id to text.
+        parts: the body parts of that possession. Parts of several performers are separated by "/". It is one
+            string for all characters, or a mapping from character id to string.
         stop_after: seconds of the sensor's clock after which the edge ends, or None.
-        health: monitors the sensor and the tracking. None creates one.
-        physics: rigid bodies among the characters, which viewers switch on and off. None creates one.
+        health: monitors the sensor and the tracking. If None, it is created.
+        physics: rigid bodies among the characters, which viewers can switch on and off. If None, it is
+            created.
         controls: pedals and other hardware, in addition to the viewers. The caller closes them.
-        uploads: puts the characters that clients send on the stage. None creates one.
-        scans: scans that viewers request with the sensor. None creates one.
-        outputs: other programs that receive every frame. None: there are none. The caller closes them.
+        uploads: puts the characters that clients send on the stage. If None, it is created.
+        scans: scans that viewers request with the sensor. If None, it is created.
+        outputs: other programs that receive every frame, or None. The caller closes them.
         once: whether to end at the first fault of the sensor instead of continuing with its next good frame.
-        progress: reports progress to a supervisor. None: there is none. The caller closes it.
-        keeper: saves the stage to disk. None: it is not saved. The caller restores and closes it.
+        progress: reports progress to a supervisor, or None. The caller closes it.
+        keeper: saves the stage to disk. If None, it is not saved. The caller restores and closes the keeper.
 
     Attributes:
         handlers: the handler of each kind of order.
@@ -106,7 +107,7 @@ class Edge:
         self._show_characters()
 
     def run(self) -> None:
-        """Runs until the sensor's stream ends, :meth:`stop` is called, or the parent program is gone.
+        """Runs until the sensor's stream ends, :meth:`stop` is called, or the parent program has ended.
 
         Raises:
             ResourceError: at the sensor's first fault if ``once`` is set, or if the sensor was lost
@@ -132,7 +133,7 @@ class Edge:
         self._stopped = True
 
     def wait_for_viewer(self, seconds: float) -> None:
-        """Waits until a viewer is connected, so that it misses nothing. Gives up after ``seconds``."""
+        """Waits until a viewer is connected, which then receives everything. Gives up after ``seconds``."""
         deadline = time.monotonic() + seconds
         while not self.outlet.viewers and not self._stopped and not parent_is_gone():
             if time.monotonic() > deadline:
@@ -173,7 +174,7 @@ class Edge:
         self.outputs.publish(tick, self.stage, place, mirrored=mirrored)
 
     def _camera_pose(self, frame: Frame) -> Float | None:
-        """Returns the (4, 4) world_from_camera of a frame, or None if it is not known."""
+        """Returns the (4, 4) world_from_camera of a frame, or None if it is unknown."""
         return frame.world_from_camera if isinstance(frame, BodyFrame) else self.tracker.world_from_camera
 
     def _send_preview(self, frame: Frame) -> None:
@@ -248,7 +249,7 @@ class Edge:
         return self._stop_after is not None and frame.time_ns - self._first_ns >= self._stop_after * 1e9
 
     def _wait(self) -> None:
-        """Handles a wait without frames: reports a sensor that stays silent."""
+        """Handles a wait without frames: reports a sensor that sends none."""
         self._show_characters()
         if self.sensor.is_waiting:
             self.progress.wait(self.sensor.name)
@@ -268,7 +269,7 @@ class Edge:
         )
 
     def _poll_requests(self) -> None:
-        """Carries out the requests of viewers and controls. Answers failed ones with the reason."""
+        """Carries out the requests of viewers and controls. Answers a failed request with the reason."""
         self.controls.apply_commands(
             self.stage, self.carry_out, self._send_call, lambda message: self.outlet.send(message, 0)
         )
@@ -279,7 +280,7 @@ class Edge:
         """Carries out an order as if a viewer had sent it.
 
         Raises:
-            EnlivenError: if it is refused.
+            EnlivenError: if the order is refused.
         """
         self.handlers[type(order)].apply(order)
 

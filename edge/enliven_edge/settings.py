@@ -40,7 +40,7 @@ class WireSettings:
     pairing_minutes: float = setting(
         10.0,
         "Time after the start in which viewers on other computers can pair with the code that the edge "
-        "shows. 0: only after an operator has asked for the code.",
+        "shows. If 0, only after an operator has asked for the code.",
         unit="min",
         low=0.0,
         high=1440.0,
@@ -75,25 +75,25 @@ class WireSettings:
 
 @dataclass(frozen=True)
 class CharacterSettings:
-    """One of several characters, in a settings file: ``[characters.NAME]``."""
+    """Settings of one of several characters in a settings file: ``[characters.NAME]``."""
 
     mesh: str = setting(
         "chair", "Path of a mesh, session or project, or one of 'chair', 'lamp' and 'cactus'."
     )
     drive: Literal["", "graph", "skeleton"] = setting(
-        "", "How the character is driven. Empty: as the setting `drive` of the edge."
+        "", "How the character is driven. If empty, the setting `drive` of the edge applies."
     )
     parts: str = setting(
         "",
-        "Body parts that hold the character: legs, 'legs / torso', and so on. Empty: chosen to suit "
-        "the mesh.",
+        "Body parts that hold the character: legs, 'legs / torso', and so on. If empty, they are chosen to "
+        "suit the mesh.",
     )
 
 
 _NAMED_MESH = re.compile(r"([A-Za-z0-9_-]{1,40})=(.+)")
-"""A mesh with the name of its character, as a value of ``--mesh``."""
+"""Pattern of a value of ``--mesh`` with the name of the character: NAME=MESH."""
 CharacterChoice = tuple[str, CharacterSettings]
-"""A requested character: its name, empty if it must be derived, and its settings."""
+"""A requested character: its name (empty if it must be derived) and its settings."""
 
 
 @dataclass(frozen=True)
@@ -110,9 +110,7 @@ class EdgeSettings:
         "graph",
         "How a model is driven: by a deformation graph (any mesh), or by the skeleton of a rigged glTF.",
     )
-    up: Literal["", "x", "y", "z"] = setting(
-        "", "Axis of the mesh that points up. Empty: detected automatically."
-    )
+    up: Literal["", "x", "y", "z"] = setting("", "Axis of the mesh that points up. If empty, it is detected.")
     tracker: TrackerSettings = group(TrackerSettings, "Tracking of people.")
     actor: ActorSettings = group(ActorSettings, "How characters approach and follow their performers.")
     matching: MatchingSettings = group(MatchingSettings, "Choosing a part of a rigged model by posing.")
@@ -154,11 +152,13 @@ def characters_from_options(
     parts: Sequence[str],
     settings: Mapping[str, CharacterSettings],
 ) -> list[CharacterChoice]:
-    """Returns the characters of the command line. Without any, those of the settings, or else a chair.
+    """Returns the characters of the command line.
+
+    Without any, returns those of the settings, or else a chair.
 
     Args:
-        meshes: as ``--mesh`` names them. NAME=FILE gives a character a name.
-        drives, parts: one for all characters, or one for each in their order.
+        meshes: the values of ``--mesh``. NAME=FILE gives a character a name.
+        drives, parts: one value for all characters, or one for each in their order.
 
     Raises:
         InputError: for another number of values, or an unknown drive.
@@ -178,7 +178,9 @@ def characters_from_options(
 
 
 def _character_from_option(mesh: str) -> CharacterChoice:
-    """Returns the character of one ``--mesh``: a mesh, or NAME=MESH. An existing file is a mesh."""
+    """Returns the character of one ``--mesh``: a mesh, or NAME=MESH. A text that is the path of an existing
+    file is a mesh.
+    """
     match = _NAMED_MESH.fullmatch(mesh)
     if match is None or Path(mesh).exists():
         return "", CharacterSettings(mesh)

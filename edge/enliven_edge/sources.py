@@ -29,7 +29,7 @@ Value = bool | int | float | str
 
 @dataclass(frozen=True)
 class SourceSettings:
-    """One of several sensors, in a settings file: ``[sensors.left]``."""
+    """Settings of one of several sensors in a settings file: ``[sensors.left]``."""
 
     sensor: str = setting("replay", "Sensor type, such as synthetic or replay.")
     options: dict[str, Value] = field(
@@ -42,12 +42,13 @@ class SourceSettings:
 
 @dataclass(frozen=True)
 class SensorCareSettings:
-    """Care for all cameras of the edge: ``[sensor]``."""
+    """Settings of the recovery of all cameras of the edge: ``[sensor]``."""
 
     power_cycle: int = setting(
         0,
-        "Number of failed attempts to open a USB camera, or of its hanging calls, after which it is reset on "
-        "its port (Linux). 0: never, because other programs may use a camera of the same make.",
+        "Number of failed attempts to open a USB camera, or of hanging calls to it, after which it is reset "
+        "on its port (Linux). With the default 0 it is never reset, because other programs may use a camera "
+        "of the same brand.",
         low=0,
         high=1000,
     )
@@ -55,13 +56,13 @@ class SensorCareSettings:
 
 @dataclass(frozen=True)
 class Source:
-    """A sensor that is to be opened.
+    """A sensor to be opened.
 
     Attributes:
-        name: the user's name for the source. None: the sensor's own name.
+        name: the user's name for the source; None for the sensor's own name.
         sensor: a name of :func:`enliven_edge.sensors.registry.sensor_names`.
         options: the arguments of its class.
-        scene: the scene settings of this sensor. None: the common ones.
+        scene: the scene settings of this sensor; None for the common settings.
     """
 
     name: str | None
@@ -71,7 +72,7 @@ class Source:
 
 
 def parse_source(word: str, options: Mapping[str, Any], replay: Mapping[str, Any] | None = None) -> Source:
-    """Returns the source of a word of the command line.
+    """Returns the source that a word of the command line describes.
 
     Args:
         word: a sensor's name or the path of a recording, optionally preceded by ``NAME=``.
@@ -79,7 +80,7 @@ def parse_source(word: str, options: Mapping[str, Any], replay: Mapping[str, Any
         replay: additional options of recordings.
 
     Raises:
-        InputError: if it is neither.
+        InputError: if it is neither a sensor nor a recording.
     """
     name_prefix, equals, sensor_or_path = word.partition("=")
     if not equals or Path(word).exists():
@@ -117,11 +118,13 @@ def sources_from_settings(tables: Mapping[str, SourceSettings], folder: Path | N
 def open_sources(
     sources: Sequence[Source], stack: contextlib.ExitStack, wait: bool = False, power_cycle: int = 0
 ) -> dict[str, Sensor]:
-    """Opens the sensors and returns them by name. They reopen after a failure. ``stack`` closes them.
+    """Opens the sensors and returns them by name. Sensors are reopened after a failure. ``stack`` closes
+    them.
 
     Args:
-        wait: whether to wait for live sensors that are missing. Unnamed ones are then named after their type.
-        power_cycle: number of failed attempts after which a USB camera is reset. 0: never.
+        wait: whether to wait for live sensors that are missing. Unnamed sensors are then named after their
+            type.
+        power_cycle: number of failed attempts after which a USB camera is reset. If 0, it is never reset.
 
     Raises:
         InputError: if two sensors have the same name.

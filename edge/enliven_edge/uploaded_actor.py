@@ -20,14 +20,15 @@ from enliven_edge.settings import EdgeSettings
 from enliven_edge.stage.character_setup import create_stage_actor, prepare_character
 
 _MAX_UNPACKED_BYTES = 256 * 1024 * 1024
-"""Maximum bytes of an uploaded character after decompression: a million vertices, and a puppet's takes."""
+"""Maximum bytes of an uploaded character after decompression. It is enough for a million vertices and a
+puppet's takes."""
 _MAX_NODES = 1024
 """Maximum number of nodes of an uploaded mesh. Memory grows with their square, and each frame moves all of
 them."""
 _MAX_DISTANCE_M = 1e3
 """Maximum distance of an uploaded mesh's vertices from the origin in metres. No stage is larger."""
 _MAX_DISTANCE_UNFITTED = 1e9
-"""Maximum coordinate, in any unit, of a mesh that will be fitted: a house in micrometres."""
+"""Maximum coordinate, in any unit, of a mesh that is scaled to a performer: a house in micrometres."""
 
 
 @dataclass(frozen=True)
@@ -36,11 +37,11 @@ class Upload:
 
     Attributes:
         project: a project with only the character and the takes that it needs.
-        character: the character, with a mesh, and with its id on the stage.
+        character: the character, which has a mesh and its id on the stage.
         order: the request.
         settings: the settings of the edge.
         previous: the actor with the same id on the stage before an edit, or None.
-        digest: checksum of the uploaded data.
+        digest: the checksum of the uploaded data.
     """
 
     project: Project
@@ -57,7 +58,7 @@ def create_uploaded_actor(
     """Returns the actor of an uploaded character, ready for its first frame.
 
     Args:
-        previous: the actor with the same id on the stage, if any: its state before an edit.
+        previous: the actor with the same id on the stage, which is the state before an edit, or None.
 
     Raises:
         InputError: for data that is not a project of one character, or a character that cannot be moved.
@@ -78,7 +79,7 @@ def create_uploaded_actor(
     digest = hashlib.sha256(data).hexdigest()
     upload = Upload(project, character.with_changes(id=order.id), order, settings, previous, digest)
     actor = ACTORS.get(character.kind, _surface_actor)(upload)
-    check_character(actor.character)  # Raises now if the character cannot be sent to viewers.
+    check_character(actor.character)  # This raises an error now if the character cannot be sent to viewers.
     actor.warm_up()
     return actor
 
@@ -152,5 +153,5 @@ ACTORS: dict[str, Callable[[Upload], Actor]] = {
     Shape.kind: _rig_actor,
     Puppet.kind: _puppet_actor,
 }
-"""The function that creates the actor of each kind of rig. Register further kinds here. Without an entry,
+"""The function that creates the actor of each kind of rig. Add further kinds here. If a kind has no entry,
 performers possess the surface."""

@@ -20,13 +20,13 @@ from enliven_edge.tracking.tracker import Tracker
 _STEP_NS = 33_333_333
 """Nanoseconds between the frames of a sensor at 30 Hz."""
 _ONE_PERSON_FRAMES = 3
-"""Number of frames with one person: it is first new, then confirmed, then tracked."""
+"""Number of frames with one person. The person is first new, then confirmed, then tracked."""
 _TWO_PEOPLE_FRAMES = 3
-"""Number of frames with two people that touch. The second one is new, then confirmed, then tracked."""
+"""Number of frames with two people that touch. The second person is new, then confirmed, then tracked."""
 _EMPTY_FRAMES = 1
-"""Number of frames without people, in which both are lost."""
+"""Number of frames without people, in which both people are lost."""
 _PEOPLE_DISTANCE = 1 / 6
-"""Distance of the two people as a fraction of the image width. It is so small that the surface growing must
+"""Distance of the two people as a fraction of the image width. It is small, so that region growing must
 separate them."""
 
 
@@ -48,7 +48,7 @@ def warm_up_tracking(settings: TrackerSettings | None = None) -> None:
 
 
 def _warm_up_frames() -> Iterator[DepthFrame]:
-    """Yields the frames to be tracked, with times at the usual rate."""
+    """Yields the frames to be tracked, with times at 30 frames per second."""
     frames = (f for f in Recording(shipped_recording()).frames() if isinstance(f, DepthFrame))
     count = _ONE_PERSON_FRAMES + _TWO_PEOPLE_FRAMES + _EMPTY_FRAMES
     for i, frame in zip(range(count), frames, strict=False):
@@ -61,25 +61,28 @@ def _warm_up_frames() -> Iterator[DepthFrame]:
 
 
 def _compile_other_kernels() -> None:
-    """Compiles the kernels of the floor fit and the pose correction. The recorded sensor reports its pose, so
-    tracking it does not use them."""
+    """Compiles the kernels of the floor fit and the pose correction.
+
+    The recorded sensor reports its pose, so tracking it does not use these kernels.
+    """
     x, z = np.meshgrid(np.linspace(-1.0, 1.0, 40), np.linspace(1.0, 3.0, 40))
     world_from_floor(np.stack([x, np.ones_like(x), z], -1).reshape(-1, 3))
     correct_mounting(np.eye(4), np.stack([x, np.zeros_like(x), -z], -1), np.ones(x.shape, bool), 1.0)
-    # The recorded person never points a forearm away from the body. So tracking would not run this kernel,
-    # and it is called directly.
+    # The recorded person never points a forearm away from the body, so tracking would not run this kernel.
+    # Call it directly.
     densest_ball(np.zeros((1, 3), np.float32), np.float32(1.0))
 
 
 def _duplicate_person(depth: UInt16) -> UInt16:
-    """Returns a depth image (H, W) that shows the person twice: the minimum of the image and a shifted
-    copy.
+    """Returns a depth image (H, W) that shows the person twice.
+
+    It is the minimum of the image and a shifted copy.
     """
     moved = np.roll(depth, round(_PEOPLE_DISTANCE * depth.shape[1]), axis=1)
     return np.where((depth == 0) | ((moved > 0) & (moved < depth)), moved, depth)
 
 
 if __name__ == "__main__":
-    # This runs in a process of its own, which fills the folder of compiled kernels.
-    # enliven_edge.commands.preparation starts it.
+    # A separate process runs this and fills the folder of compiled kernels. enliven_edge.commands.preparation
+    # starts the process.
     warm_up_tracking()

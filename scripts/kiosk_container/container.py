@@ -1,4 +1,7 @@
-"""A container that runs systemd like a small computer: its power, disk and screen, and commands in it."""
+"""A container that runs systemd like a small computer.
+
+It controls power, disk and screen, and runs commands inside.
+"""
 
 from __future__ import annotations
 
@@ -14,23 +17,24 @@ from pathlib import Path
 STATE = Path("var/lib/enliven")
 """Mount point of the container's partition for all that the kiosk writes."""
 _BOOT_TIMEOUT_S = 60.0
-"""Maximum time until systemd runs, in seconds, on a machine with much other work."""
+"""Maximum seconds until systemd runs, on a busy machine."""
 _UNMOUNT_TIMEOUT_S = 60.0
-"""Maximum time until the kernel has unmounted the partition, in seconds."""
+"""Maximum seconds until the kernel has unmounted the partition."""
 _EXT4_IOC_SHUTDOWN = 0x8004587D
-"""Number of the operation that stops an ext4 file system (linux/fs/ext4/ext4.h, _IOR('X', 125, __u32))."""
+"""Number of the ioctl that stops an ext4 file system (linux/fs/ext4/ext4.h, _IOR('X', 125, __u32))."""
 _NO_LOG_FLUSH = 2
-"""Stops at once, and loses what was not yet written, as a power cut does. Linux tests its file systems so."""
+"""Flag of this ioctl. The file system stops immediately and loses unwritten data, as in a power cut. Linux
+tests its file systems like this."""
 _SCREENSHOT = "var/tmp/screen.png"
-"""Where a screenshot is made, in the container."""
+"""Path of a screenshot inside the container."""
 
 
 class Container:
     """A container that runs systemd.
 
     Args:
-        root: folder of its root.
-        disk: image of the partition for :data:`STATE`, which a power cut damages like a real one.
+        root: folder with the container's root file system.
+        disk: image of the partition for :data:`STATE`. A simulated power cut damages it like a real one.
     """
 
     def __init__(self, root: Path, disk: Path) -> None:
@@ -62,7 +66,7 @@ class Container:
         """Waits until systemd runs, and returns its process id.
 
         Raises:
-            TimeoutError: if it does not.
+            TimeoutError: if systemd does not start.
         """
         deadline = time.monotonic() + _BOOT_TIMEOUT_S
         children = Path(f"/proc/{self._boot.pid}/task/{self._boot.pid}/children")
@@ -77,13 +81,16 @@ class Container:
         return self._init
 
     def screenshot(self, path: Path) -> None:
-        """Writes a picture of the container's screen (PNG)."""
+        """Writes a PNG image of the container's screen."""
         user = "runuser -u enliven -- env XDG_RUNTIME_DIR=/run/enliven WAYLAND_DISPLAY=wayland-0"
         self.run(f"{user} grim /{_SCREENSHOT}")
         path.write_bytes((self._root / _SCREENSHOT).read_bytes())
 
     def read_edge_figures(self) -> dict[str, float]:
-        """Returns the newest measured values of the edge, at most a second old. Empty at first."""
+        """Returns the newest measurements of the edge, at most a second old.
+
+        The result is empty at first.
+        """
         record = Path(f"/proc/{self.wait_for_init()}/root/run/enliven/services/edge.json")
         try:
             return json.loads(record.read_bytes())["figures"]
@@ -100,7 +107,7 @@ class Container:
         return total
 
     def cut_power(self) -> float:
-        """Stops the disk and then all programs at once. Returns the Unix time."""
+        """Stops the disk, and then all programs immediately. Returns the Unix time."""
         descriptor = os.open(self._root / STATE, os.O_RDONLY)
         try:
             cut_s = time.time()
@@ -114,13 +121,13 @@ class Container:
         """Ends all programs, and unmounts the partition.
 
         Raises:
-            TimeoutError: if a program still uses it.
+            TimeoutError: if a program still uses the partition.
         """
         self._boot.kill()
         self._boot.wait()
         deadline = time.monotonic() + _UNMOUNT_TIMEOUT_S
-        # The kernel unmounts the container's own mounts later than its processes end. A disk that is mounted
-        # again before that would be the stopped file system.
+        # The kernel unmounts the container's own mounts some time after its processes end. If the disk were
+        # mounted again before, it would be the stopped file system.
         while self._is_attached():
             subprocess.run(["umount", str(self._root / STATE)], capture_output=True, check=False)
             if time.monotonic() > deadline:

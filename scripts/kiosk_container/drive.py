@@ -1,6 +1,7 @@
-"""Tests a kiosk in a container with systemd: installs it, kills each program, and cuts the power.
+"""Tests a kiosk in a container with systemd: installs it, kills each program, and simulates power cuts.
 
-scripts/test_kiosk.sh makes the container's root and calls this. The report is out/kiosk/report.json.
+scripts/test_kiosk.sh creates the root file system of the container and calls this script. The report is
+out/kiosk/report.json.
 """
 
 from __future__ import annotations
@@ -18,31 +19,33 @@ from container import Container
 OUT = Path("out/kiosk")
 """Folder of the report and the screenshots."""
 EDGE, WINDOW, HEALTH = "enliven-edge@edge", "enliven-kiosk", "enliven-health"
-"""Units of the kiosk."""
+"""Systemd units of the kiosk."""
 UNITS = (EDGE, WINDOW, HEALTH)
 """All units, which must be active."""
 SOURCE = "/opt/enliven/scripts/kiosk_container"
 """Folder of the profile and scripts in the container."""
 FIRST_START_S = 1800.0
-"""Maximum time of the first start, in seconds. It compiles all kernels."""
+"""Maximum seconds of the first start, which compiles all kernels."""
 START_S = 300.0
-"""Maximum time from power on until all programs are ready, in seconds, on a machine with much other work."""
+"""Maximum seconds from power on until all programs are ready, on a busy machine."""
 POWER_CUT_WINDOW_S = (0.0, 30.0)
-"""A power cut happens at a random time after a recording began, between these limits in seconds."""
+"""Interval in seconds after the start of a recording. A power cut happens at a random time in it."""
 MAX_LOST_S = 1.0
-"""Maximum length of a recording that a power cut may lose, in seconds."""
+"""Maximum seconds of a recording that a power cut may lose."""
 DISK_SIZE = "512M"
-"""Size of the partition for all that the kiosk writes."""
+"""Size of the partition that contains all data of the kiosk."""
 
 
 def install(root: Path, disk: Path) -> float:
-    """Installs the kiosk, and returns the time of its first start in seconds. The partition is made again."""
+    """Installs the kiosk, and returns the time of its first start in seconds. The partition is created
+    again.
+    """
     disk.unlink(missing_ok=True)
     subprocess.run(["mke2fs", "-q", "-t", "ext4", str(disk), DISK_SIZE], check=True)
     container = Container(root, disk)
     try:
         container.run(f"mkdir -p /srv/kiosk && cp {SOURCE}/foyer.toml /srv/kiosk/")
-        # A new file system contains this folder. The removal would keep it.
+        # The folder is part of the new file system. So the removal would keep it.
         container.run("rmdir /var/lib/enliven/lost+found")
         print(container.run("enliven install-kiosk /srv/kiosk/foyer.toml"), flush=True)
         started_s = time.monotonic()
@@ -54,10 +57,10 @@ def install(root: Path, disk: Path) -> float:
 
 
 def wait_until_ready(container: Container, timeout_s: float = START_S) -> None:
-    """Waits until all units are active: each program has reported that it is ready.
+    """Waits until all units are active. Each program has then reported that it is ready.
 
     Raises:
-        TimeoutError: if one is not. The message contains its log.
+        TimeoutError: if a unit is not active. The message contains its log.
     """
     deadline = time.monotonic() + timeout_s
     while True:
@@ -71,10 +74,10 @@ def wait_until_ready(container: Container, timeout_s: float = START_S) -> None:
 
 
 def wait_for_recording(container: Container, timeout_s: float = START_S) -> None:
-    """Waits until the edge has reported frames, and has written a part of them to its recording.
+    """Waits until the edge has reported frames, and has written some of them to its recording.
 
     Raises:
-        TimeoutError: if it does not. The message contains its log.
+        TimeoutError: if it does not happen. The message contains the edge's log.
     """
     before, deadline = container.recorded_bytes(), time.monotonic() + timeout_s
     while not container.read_edge_figures().get("frames") or container.recorded_bytes() <= before:
@@ -85,18 +88,18 @@ def wait_for_recording(container: Container, timeout_s: float = START_S) -> None
 
 
 def active_since_s(container: Container, unit: str) -> float:
-    """Returns when a unit became active, in seconds of the monotonic clock."""
+    """Returns the time in seconds of the monotonic clock at which a unit became active."""
     return int(container.run(f"systemctl show -P ActiveEnterTimestampMonotonic {unit}")) * 1e-6
 
 
 def start_duration_s(container: Container) -> float:
-    """Returns the time from the start of systemd until the window had drawn its first picture, in seconds."""
+    """Returns the seconds from the start of systemd until the window had drawn its first image."""
     began_s = int(container.run("systemctl show -P UserspaceTimestampMonotonic")) * 1e-6
     return active_since_s(container, WINDOW) - began_s
 
 
 def kill_each(container: Container) -> dict[str, float]:
-    """Kills each program, and returns the time until it was ready again, in seconds."""
+    """Kills each program, and returns the seconds until it was ready again."""
     targets = {
         "edge": (EDGE, f"$(systemctl show -P MainPID {EDGE})"),
         "compositor": (WINDOW, f"$(systemctl show -P MainPID {WINDOW})"),
@@ -118,7 +121,7 @@ def kill_each(container: Container) -> dict[str, float]:
 
 
 def freeze_window(container: Container) -> float:
-    """Stops the window like a frozen program, and returns the time until it was ready again, in seconds."""
+    """Stops the window's process like a frozen program, and returns the seconds until it was ready again."""
     before_s = active_since_s(container, WINDOW)
     window = "$(pgrep -f '^/opt/venv/bin/python3 -m enliven kiosk-window')"
     frozen_s = float(container.run(f"kill -STOP {window} && cut -d' ' -f1 /proc/uptime"))
@@ -151,7 +154,7 @@ def measure(root: Path, disk: Path) -> dict[str, object]:
 
 
 def cut_power(root: Path, disk: Path, seed: int) -> dict[str, object]:
-    """Boots, cuts the power at a random moment of a recording, boots again and checks what came back."""
+    """Boots, cuts the power at a random moment of a recording, boots again, and checks the recordings."""
     moment_s = random.Random(seed).uniform(*POWER_CUT_WINDOW_S)
     powered_s = time.time()
     container = Container(root, disk)
@@ -183,11 +186,11 @@ def cut_power(root: Path, disk: Path, seed: int) -> dict[str, object]:
 
 
 def lost_s(figures: dict[str, float], recorded_frames: object) -> float | None:
-    """Returns how many seconds of a recording were lost. None if the edge had not yet reported its frames.
+    """Returns the seconds of a recording that were lost, or None if the edge had not reported its frames yet.
 
     Args:
-        figures: values of the edge just before the power cut.
-        recorded_frames: number of frames in the recording of that run. None without a file.
+        figures: measurements of the edge just before the power cut.
+        recorded_frames: number of frames in the recording of that run; None without a file.
     """
     if not figures.get("frames") or not figures.get("fps"):
         return None
@@ -196,7 +199,7 @@ def lost_s(figures: dict[str, float], recorded_frames: object) -> float | None:
 
 
 def find_faults(cuts: list[dict[str, object]]) -> list[str]:
-    """Returns a sentence for each power cut that hit no recording, lost too much, or damaged a file."""
+    """Returns a sentence for each bad power cut: it hit no recording, lost too much, or damaged a file."""
     faults = []
     for number, cut in enumerate(cuts, 1):
         lost_s = cut["lost_s"]

@@ -9,7 +9,7 @@ from enliven.meshes import Mesh
 from sample_meshes.isosurface import surface_of
 
 POT, SOIL, GREEN, WHITE, BLACK, BLOOM, HEART = range(7)
-"""The numbers of the parts: their rows in ``_COLOURS``."""
+"""The numbers of the parts, which are their rows in ``_COLOURS``."""
 _COLOURS = np.array(
     [
         (196, 98, 62),
@@ -27,38 +27,39 @@ _THORN_COLOUR = np.array([206, 224, 168], np.float64)
 """sRGB of the thorns."""
 
 TOP = np.array([0.0, 1.30, 0.0])
-"""Metres, the top of the trunk."""
+"""Position of the top of the trunk in metres."""
 ELBOW = np.array([0.37, 0.70, 0.0])
-"""Metres, the outside of the left arm's bend."""
+"""Position of the outside of the left arm's bend in metres."""
 TIP = np.array([0.40, 1.10, 0.0])
-"""Metres, the end of the left arm."""
+"""Position of the end of the left arm in metres."""
 FOOT = np.array([0.15, 0.0, 0.0])
-"""Metres, the left of the pot."""
+"""Position of the left side of the pot in metres."""
 
 _TRUNK_RADIUS = 0.148
-"""Metres, the trunk's radius. It fits a saguaro as tall as a child."""
+"""Radius of the trunk in metres. It suits a saguaro as tall as a child."""
 _ARM_RADIUS = 0.078
-"""Metres, an arm's radius: about half the trunk's."""
+"""Radius of an arm in metres: about half that of the trunk."""
 _RIB_COUNT = 9
-"""Number of ribs of the trunk, chosen by eye."""
+"""Number of ribs of the trunk. It was chosen by eye."""
 _BLEND_WIDTH = 0.045
-"""Width, metres, of the smooth blend between trunk and arms. It is wide, so that the arms look grown."""
+"""Width in metres of the smooth blend between trunk and arms. It is wide, so that the arms look grown."""
 _FILLET_WIDTH = 0.016
-"""Width, metres, of the fillet between all other parts. It is smaller than ``_BLEND_WIDTH``."""
+"""Width in metres of the fillet between all other parts. It is smaller than ``_BLEND_WIDTH``."""
 
 
 def make_cactus(cell: float = 0.018) -> Mesh:
-    """Creates a cactus 1.3 m tall that stands on y = 0 and looks along +Z. It is symmetric about the plane x
-    = 0.
+    """Creates a cactus 1.3 m tall that stands on y = 0 and looks along +Z.
+
+    It is symmetric about the plane x = 0.
 
     The arms leave the trunk sideways at a height of 0.62 m, and bend up. The surface is closed and connected,
     and has vertex colours.
 
     Args:
-        cell: metres, about the length of an edge.
+        cell: approximate length of an edge in metres.
     """
     low, high = np.array([-0.56, -0.04, -0.28]), np.array([0.56, 1.42, 0.28])
-    # The grid is symmetric, so that the mesh is symmetric too.
+    # The grid is symmetric, so that the mesh is also symmetric.
     low[0] = -cell * (np.ceil(0.56 / cell) + 0.5)
     vertices, faces = surface_of(lambda points: _parts(points)[0], low, high, cell)
     part = _parts(vertices)[1]
@@ -66,7 +67,7 @@ def make_cactus(cell: float = 0.018) -> Mesh:
 
 
 def _parts(points: Float) -> tuple[Float, Int]:
-    """Returns (N,) the signed distance of points (N, 3), and (N,) the nearest part."""
+    """Returns (N,) the signed distance of points (N, 3) in metres, and (N,) the nearest part."""
     mirrored = np.abs(points) * [1.0, 0.0, 0.0] + points * [0.0, 1.0, 1.0]
     green = _green(mirrored)
     eye = np.linalg.norm(mirrored - [0.055, 1.08, 0.138], axis=1) - 0.036
@@ -93,8 +94,10 @@ def _green(points: Float) -> Float:
 
 
 def _ribs(points: Float, count: int, radius: float) -> Float:
-    """Returns the depth of the grooves between ribs around the vertical axis: 0 on the ribs, 2 between them,
-    and 0 on the axis."""
+    """Returns the depth of the grooves between ribs around the vertical axis.
+
+    It is 0 on the ribs, 2 between them, and 0 on the axis.
+    """
     ring, away = np.arctan2(points[:, 2], points[:, 0]), np.hypot(points[:, 0], points[:, 2])
     between = 1.0 - np.cos(count * (ring + np.pi / 2))
     return np.asarray(between * np.minimum(away / (0.6 * radius), 1.0) ** 2)
@@ -147,8 +150,10 @@ def _smooth_union(a: Float, b: Float, blend: float) -> Float:
 
 
 def _vertex_colours(vertices: Float, part: Int) -> UInt8:
-    """Returns (V, 3) the colours of the parts. The trunk is darker between the ribs, and has thorns on
-    them."""
+    """Returns (V, 3) the colours of the parts.
+
+    The trunk is darker between the ribs, and has thorns on the ribs.
+    """
     colours = _COLOURS[part]
     ring = np.arctan2(vertices[:, 2], vertices[:, 0])
     rib = 0.5 + 0.5 * np.cos(_RIB_COUNT * (ring + np.pi / 2))

@@ -1,5 +1,6 @@
-"""The cactus as a puppet that a tracked person moves: its control points, and their positions for a few poses
-of the person.
+"""The cactus as a puppet that a tracked person moves.
+
+It consists of control points, and their positions for a few poses of the person.
 
     project = cactus_project()           # with the puppet "cactus", and the take of the poses
 
@@ -38,23 +39,26 @@ _POINTS: tuple[tuple[str, _Direction, Joint], ...] = (
 )
 """Name, approximate position on the mesh at rest, and paired joint of each control point."""
 _SOIL_HEIGHT = 0.25
-"""Height of the mesh's soil, where the trunk leaves the pot, metres above the floor."""
+"""Height in metres above the floor of the mesh's soil, where the trunk leaves the pot."""
 _SHOULDER_HEIGHT = 0.64
-"""Metres above the floor at which the arms leave the trunk."""
+"""Height in metres above the floor at which the arms leave the trunk."""
 _TRUNK_TOP_HEIGHT = 1.33
-"""Metres above the floor at which the trunk ends."""
+"""Height in metres above the floor at which the trunk ends."""
 
 _BONE_LENGTHS: Mapping[str, float] = {
     "SPINE": 0.22, "SHOULDER_CENTER": 0.30, "HEAD": 0.22, "SHOULDER": 0.19, "ELBOW": 0.28, "WRIST": 0.25,
     "HAND": 0.08, "HIP": 0.13, "KNEE": 0.42, "ANKLE": 0.40, "FOOT": 0.15,
 }  # fmt: skip
-"""Lengths of an adult's bones, metres, by the joint at their end."""
+"""Lengths of an adult's bones in metres, by the joint at their end."""
 
 
 @dataclass(frozen=True)
 class _Arm:
-    """An arm pose: directions of the performer's upper arm and forearm, and positions of the cactus's elbow
-    and arm end."""
+    """An arm pose.
+
+    It has the directions of the performer's upper arm and forearm, and the positions of the cactus's elbow
+    and arm end.
+    """
 
     upper: _Direction
     fore: _Direction
@@ -78,8 +82,8 @@ class _Pose:
         left, right: the arms.
         lean: radians by which the trunk leans to its left.
         bow: radians by which the trunk bows forward.
-        crouch: 0..1, depth of a knee bend. It compresses the cactus.
-        step: 0..1, height of the raised left knee. It tips the pot over its right edge.
+        crouch: depth of a knee bend in [0, 1]. It compresses the cactus.
+        step: height of the raised left knee in [0, 1]. It tips the pot over its right edge.
     """
 
     left: _Arm = _DOWN
@@ -108,7 +112,7 @@ def cactus_project(cell: float = 0.018) -> Project:
     """Creates a project with the puppet and the take of its poses.
 
     Args:
-        cell: metres, about the length of an edge of the mesh.
+        cell: approximate length of an edge of the mesh in metres.
     """
     bodies = [_performer(pose) for pose in _POSES]
     take = clip_of_bodies(bodies, np.arange(len(bodies), dtype=np.float64), TAKE, step=1.0)
@@ -155,7 +159,7 @@ def _performer(pose: _Pose) -> Body:
 
 
 def _places(pose: _Pose, rest: Float) -> Float:
-    """Returns (P, 3) metres, the positions of the control points in a pose."""
+    """Returns (P, 3) the positions of the control points in a pose in metres."""
     places = rest.copy()
     arms = {"left": (pose.left, 1.0), "right": (pose.right, -1.0)}
     for k, (name, _, _) in enumerate(_POINTS):
@@ -173,19 +177,21 @@ def _places(pose: _Pose, rest: Float) -> Float:
 
 
 def _on_trunk(pose: _Pose, at: Float, height: float) -> Float:
-    """Returns (3,) metres, the position of a point that moves with the trunk at a height. The trunk is bent
-    and compressed by the pose."""
+    """Returns (3,) the position in metres of a point that moves with the trunk at a height.
+
+    The trunk is bent and compressed by the pose.
+    """
     share = (height - _SOIL_HEIGHT) / (_TRUNK_TOP_HEIGHT - _SOIL_HEIGHT)
     pressed = 1.0 - 0.36 * pose.crouch
     lean, bow = 1.2 * pose.lean * share, 1.1 * pose.bow * share
-    # An arc of constant curvature: its middle direction is half the turn at its end.
+    # The trunk is an arc of constant curvature. The direction at its middle has half the rotation of its end.
     centre = _turn(0.5 * lean, 0.5 * bow) @ np.array([0.0, (height - _SOIL_HEIGHT) * pressed, 0.0])
     beside = (at - [0.0, height, 0.0]) * [1.0 + 0.15 * pose.crouch, pressed, 1.0 + 0.15 * pose.crouch]
     return np.asarray(centre + [0.0, _SOIL_HEIGHT, 0.0] + _turn(lean, bow) @ beside)
 
 
 def _turn(lean: float, bow: float) -> Float:
-    """Returns (3, 3) the rotation that leans to +X and bows to +Z."""
+    """Returns the (3, 3) rotation that leans to +X and bows to +Z."""
     c, s = np.cos(lean), np.sin(lean)
     a, b = np.cos(bow), np.sin(bow)
     over = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])

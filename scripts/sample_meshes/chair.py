@@ -13,15 +13,15 @@ from enliven.meshes import Mesh
 from sample_meshes.isosurface import surface_of
 
 _OAK_COLOUR = (181, 126, 74)
-"""sRGB, 0..255, of most of the wood."""
+"""sRGB of most of the wood, 0..255."""
 _STAINED_COLOUR = (139, 88, 47)
-"""sRGB, 0..255, of the stained wood: armrests, stretchers and the crest."""
+"""sRGB of the stained wood, 0..255: armrests, stretchers and the crest."""
 _FABRIC_COLOUR = (62, 108, 122)
-"""sRGB, 0..255, of the cushions; a board of this colour gets no wood grain."""
+"""sRGB of the cushions, 0..255. A board of this colour gets no wood grain."""
 _FILLET_WIDTH = 0.010
-"""Width, metres, of the fillet between two wooden parts."""
+"""Width in metres of the fillet between two wooden parts."""
 _MAX_DISTANCE = 0.05
-"""Maximum distance, metres, that is computed. Larger distances are not needed."""
+"""Maximum distance in metres that is computed. Larger distances are not needed."""
 
 
 @dataclass(frozen=True)
@@ -29,10 +29,10 @@ class _Board:
     """A part with a rounded rectangular section that is swept along a curve.
 
     Attributes:
-        path: (P, 3) metres, the curve that the middle of the section follows.
-        half: (P, 2) metres, half the section's width along ``across`` and half its thickness.
+        path: (P, 3) the curve in metres that the middle of the section follows.
+        half: (P, 2) half the section's width along ``across`` and half its thickness, in metres.
         across: (3,) unit direction of the width.
-        rounding: metres, radius of the bevelled edges.
+        rounding: radius of the rounded edges in metres.
         colour: sRGB.
     """
 
@@ -46,14 +46,14 @@ class _Board:
 def make_chair(cell: float = 0.0135) -> Mesh:
     """Creates an armchair 1.75 m tall that a standing person can possess. It faces +Z and stands on y = 0.
 
-    The origin lies under the back. For a person that stands there and faces +Z, the legs are in the chair's
+    The origin is under the back. For a person that stands there and faces +Z, the legs are in the chair's
     back legs, and the hips in the seat's rear rail at 0.85 m. The spine and the head are in the raked back.
     The forearms, held forward at 1.1 m, are in the armrests. The front ends of the armrests are free so that
     they move like arms. The side stretchers make the front legs walk with the back legs. The surface is
     closed and connected, so that no part can separate. It has vertex colours.
 
     Args:
-        cell: metres, about the length of an edge.
+        cell: approximate length of an edge in metres.
     """
     boards = _chair_boards()
     pieces, starts = _pieces(boards)
@@ -98,8 +98,10 @@ def _chair_boards() -> list[_Board]:
 
 
 def _legs(side: float) -> list[_Board]:
-    """Returns a back leg, which continues upward as the post of the back, a front leg, and the stretcher
-    between them."""
+    """Returns a back leg, a front leg, and the stretcher between them.
+
+    The back leg continues upward as the post of the back.
+    """
     x = side * 0.222
     lower = _curve((x, 0.022, -0.045), (x, 0.45, 0.0), (side * 0.215, 0.85, 0.0))
     post = _curve((side * 0.215, 0.85, 0.0), (side * 0.212, 1.3, -0.01), (side * 0.205, 1.69, -0.085))
@@ -115,8 +117,10 @@ def _legs(side: float) -> list[_Board]:
 
 
 def _arm(side: float) -> list[_Board]:
-    """Returns an armrest. It begins at the back's post, curves outward, and ends freely over the front
-    leg."""
+    """Returns an armrest.
+
+    It begins at the back's post, curves outward, and ends freely over the front leg.
+    """
     rest = _curve(
         (side * 0.214, 1.085, -0.01),
         (side * 0.225, 1.115, 0.12),
@@ -151,8 +155,10 @@ def _seat() -> list[_Board]:
 
 
 def _back() -> list[_Board]:
-    """Returns the crest rail, the lower rail, and three slats between them. The middle slat contains the
-    performer's spine."""
+    """Returns the crest rail, the lower rail, and three slats between them.
+
+    The middle slat contains the performer's spine.
+    """
     forward, right = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
     crest = _curve((-0.225, 1.655, -0.078), (0.0, 1.755, -0.125), (0.225, 1.655, -0.078), count=16)
     bulge = np.sin(np.linspace(0, np.pi, 16))[:, None]
@@ -172,12 +178,12 @@ class _Pieces(NamedTuple):
 
     Attributes:
         start: (S, 3) metres.
-        along: (S, 3) metres, from start to end.
-        square: (S,) square metres, the squared length.
-        axes: (S, 3, 3) unit axes of the section, across and through it, and of the piece itself.
-        half: (S, 2, 2) metres, half sizes of the section at the start and at the end.
-        reach: (S,) maximum distance of the piece's surface from its middle line, metres.
-        rounding: (S,) metres.
+        along: (S, 3) vector from start to end in metres.
+        square: (S,) squared length in square metres.
+        axes: (S, 3, 3) unit axes: the width and the thickness of the section, and the direction of the piece.
+        half: (S, 2, 2) half sizes of the section at the start and at the end, in metres.
+        reach: (S,) maximum distance in metres of the piece's surface from its middle line.
+        rounding: (S,) radius of the rounded edges in metres.
     """
 
     start: Float
@@ -217,8 +223,10 @@ def _boxes(boards: list[_Board]) -> Float:
 
 @njit(cache=True, nogil=True)
 def _distance(points, pieces, starts, boxes, wood):
-    """Returns (N,) the signed distance of ``points`` (N, 3) to all boards, at most _MAX_DISTANCE, and (N,)
-    the nearest board.
+    """Returns (N,) the signed distance of ``points`` (N, 3) to all boards in metres, and (N,) the nearest
+    board.
+
+    The distance is at most _MAX_DISTANCE.
 
     Wooden boards are joined with a fillet (I. Quilez's polynomial smooth minimum). The cushion is joined
     without a fillet.
@@ -256,8 +264,10 @@ def _distance(points, pieces, starts, boxes, wood):
 
 @njit(cache=True, nogil=True)
 def _nearer(x, y, z, pieces, s, bound):
-    """Returns the signed distance of a point to one straight piece with a rounded rectangular section, or
-    ``bound`` if it is larger."""
+    """Returns the signed distance of a point to one straight piece, or ``bound`` if it is larger.
+
+    The piece has a rounded rectangular section.
+    """
     ax, ay, az = pieces.along[s, 0], pieces.along[s, 1], pieces.along[s, 2]
     dx, dy, dz = x - pieces.start[s, 0], y - pieces.start[s, 1], z - pieces.start[s, 2]
     t = min(1.0, max(0.0, (dx * ax + dy * ay + dz * az) / pieces.square[s]))

@@ -1,4 +1,4 @@
-"""Triangles from a signed distance function: naive surface nets on a regular grid.
+"""Computes triangles from a signed distance function: naive surface nets on a regular grid.
 
 Each cell that the surface crosses gets one vertex, at the mean of the crossings of the cell's edges (S. F. F.
 Gibson, "Constrained elastic surface nets", 1998, without the relaxation). Each crossed edge gets one quad.
@@ -18,20 +18,22 @@ Field = Callable[[Float], Float]
 
 _CORNERS = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
 _SURFACE_TOLERANCE = 1e-9
-"""Distance from the surface, as a fraction of a cell, below which a vertex is not moved. A move would need
-six more evaluations."""
+"""Distance from the surface, as a fraction of a cell, below which a vertex is not moved.
+
+A move would need six more evaluations of the function."""
 _EDGES = np.array([[a, b] for a in range(8) for b in range(a + 1, 8) if bin(a ^ b).count("1") == 1])
 
 
 def surface_of(field: Field, low: Float, high: Float, cell: float) -> tuple[Float, Int32]:
-    """Returns (V, 3) vertices and (F, 3) outward faces of the zero set of ``field`` in the box from ``low``
-    to ``high``.
+    """Returns (V, 3) vertices and (F, 3) outward faces of the zero set of ``field``.
+
+    Only the box from ``low`` to ``high`` is examined.
 
     Args:
-        field: the signed distance; parts thinner than a cell are lost.
-        low: (3,) a corner of the box, outside of the surface.
-        high: (3,) the opposite corner, outside too.
-        cell: metres, the side of a grid cell and about the length of an edge.
+        field: the signed distance. Parts thinner than a cell are lost.
+        low: (3,) a corner of the box in metres, outside the surface.
+        high: (3,) the opposite corner, also outside the surface.
+        cell: side of a grid cell in metres, which is also the approximate length of an edge.
     """
     axes = [np.arange(low[a], high[a] + cell, cell) for a in range(3)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1)
@@ -59,8 +61,10 @@ def _crossed_cells(inside: Bool) -> Bool:
 
 
 def _cell_points(values: Float, cells: Int) -> Float:
-    """Returns (C, 3) in grid units the mean of the points at which the surface crosses the twelve edges of a
-    cell."""
+    """Returns (C, 3) in grid units the mean crossing of each cell.
+
+    It is the mean of the points at which the surface crosses the twelve edges of the cell.
+    """
     corners = cells[:, None] + _CORNERS
     at_corner = values[tuple(np.moveaxis(corners, -1, 0))]
     a, b = at_corner[:, _EDGES[:, 0]], at_corner[:, _EDGES[:, 1]]
@@ -73,8 +77,10 @@ def _cell_points(values: Float, cells: Int) -> Float:
 
 
 def _project_to_surface(field: Field, points: Float, cell: float) -> Float:
-    """Moves the points that are not on the surface yet by one Newton step along the gradient, at most half a
-    cell long."""
+    """Moves points onto the surface by one Newton step along the gradient, at most half a cell long.
+
+    Points that are already on the surface are not moved.
+    """
     values = field(points)
     off = np.abs(values) > _SURFACE_TOLERANCE * cell
     moved = points.copy()
@@ -94,8 +100,10 @@ def _newton_step(field: Field, points: Float, values: Float, cell: float) -> Flo
 
 
 def _quads(inside: Bool, number: Int, axis: int) -> Int:
-    """Returns (Q, 4) the vertices around each grid edge along ``axis`` that the surface crosses, facing
-    outward."""
+    """Returns (Q, 4) the vertices around each grid edge along ``axis`` that the surface crosses.
+
+    The quads face outward.
+    """
     first = np.take(inside, range(inside.shape[axis] - 1), axis)
     second = np.take(inside, range(1, inside.shape[axis]), axis)
     at = np.argwhere(first != second)

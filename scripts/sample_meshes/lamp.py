@@ -1,4 +1,4 @@
-"""A desk lamp as large as a person: a base, two arms with springs, a shade; each is a closed shell."""
+"""A desk lamp as large as a person: a base, two arms with springs, and a shade. Each is a closed shell."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from enliven.arrays import Bool, Float, Int32
 from enliven.meshes import Mesh
 
 _ENAMEL_COLOUR = (233, 226, 208)
-"""sRGB, 0..255, of the enamel: base, bars and the outside of the shade."""
+"""sRGB of the enamel, 0..255: base, bars and the outside of the shade."""
 _SPRING_COLOUR = (158, 164, 170)
-"""sRGB, 0..255, of the springs."""
+"""sRGB of the springs, 0..255."""
 _PIN_COLOUR = (74, 78, 86)
-"""sRGB, 0..255, of the pins."""
+"""sRGB of the pins, 0..255."""
 _SHADE_INSIDE_COLOUR = (250, 236, 200)
-"""sRGB, 0..255, of the inside of the shade."""
+"""sRGB of the inside of the shade, 0..255."""
 _BULB_COLOUR = (255, 221, 130)
-"""sRGB, 0..255, of the bulb."""
+"""sRGB of the bulb, 0..255."""
 _FOOT = np.array([-0.11, 0.44, 0.0])
-"""Metres, the joint of the lower arm on the post."""
+"""Position in metres of the joint of the lower arm on the post."""
 _ELBOW = np.array([-0.17, 1.40, 0.0])
-"""Metres, the joint of both arms, at a person's shoulder."""
+"""Position in metres of the joint of both arms, at a person's shoulder."""
 _HEAD = np.array([-0.80, 1.51, 0.0])
-"""Metres, the joint of the shade."""
+"""Position in metres of the joint of the shade."""
 _SHADE_DIRECTION = np.array([-0.8, -0.6, 0.0])
 """Unit direction in which the shade opens."""
 _PIN_AXIS = np.array([0.0, 0.0, 1.0])
 """Direction of the pins, the axes of all joints."""
 _SPRING_END = 0.48
-"""Position along an arm at which its springs end, as a fraction of its length."""
+"""Position along an arm at which its springs end, as a fraction of the arm's length."""
 
 
 @dataclass(frozen=True)
@@ -51,13 +51,13 @@ class _Shell:
 def make_lamp(cell: float = 0.016) -> Mesh:
     """Creates a sprung lamp 1.7 m tall that a standing person can possess with "hip and right arm".
 
-    It stands on y = 0 and reaches to the right. For a person that stands at the origin and faces +Z, with the
-    right arm held out to the side, the hip is next to the lamp's lower arm. The shoulder is at the lamp's
-    elbow at 1.4 m, the arm in its upper arm and the hand at the shade. The lamp has eighteen closed shells,
-    each overlapping its neighbours, with vertex colours.
+    It stands on y = 0 and reaches to the right. Consider a person that stands at the origin and faces +Z,
+    with the right arm held out to the side. The hip is next to the lamp's lower arm. The shoulder is at the
+    lamp's elbow at 1.4 m. The arm is inside the lamp's upper arm, and the hand is at the shade. The lamp has
+    eighteen closed shells, each overlapping its neighbours, with vertex colours.
 
     Args:
-        cell: metres, about the longest edge.
+        cell: approximate length of the longest edge in metres.
     """
     shells = [
         _base(cell),
@@ -91,8 +91,10 @@ def _base(cell: float) -> _Shell:
 
 
 def _arm(start: Float, end: Float, cell: float) -> list[_Shell]:
-    """Returns an arm: two parallel bars, a spring on either side near the arm's lower end, and the pin that
-    holds both springs."""
+    """Returns an arm: two parallel bars, two springs, and a pin.
+
+    The springs are on both sides near the arm's lower end, and the pin holds both.
+    """
     along = (end - start) / np.linalg.norm(end - start)
     apart = np.cross(_PIN_AXIS, along)
     bars = [_bar(start + s * 0.030 * apart, end + s * 0.030 * apart, cell) for s in (-1.0, 1.0)]
@@ -160,7 +162,7 @@ def _round_profile(profile: list[tuple[float, float]]) -> list[tuple[float, floa
 
 
 def _inner_side(vertices: Float, inner: Float) -> Bool:
-    """Returns (V,) True for each point of the shade on its inner side."""
+    """Returns (V,) flags: True for each point of the shade that is on its inner side."""
     along = (vertices - _HEAD) @ _SHADE_DIRECTION
     radius = np.linalg.norm(vertices - _HEAD - along[:, None] * _SHADE_DIRECTION, axis=1)
     middle = np.interp(along, inner[::-1, 1], inner[::-1, 0] + 0.003, left=-1.0, right=-1.0)
@@ -193,8 +195,10 @@ def _revolve(profile: Float, at: Float, axis: Float, cell: float) -> tuple[Float
 
 
 def _tube(start: Float, end: Float, radii: Float, cell: float) -> tuple[Float, Int32]:
-    """Returns a round bar from ``start`` to ``end``. ``radii`` (R, 2) are fractions of the length and the
-    radii at these fractions."""
+    """Returns a round bar from ``start`` to ``end``.
+
+    ``radii`` (R, 2) contains fractions of the length and the radii at these fractions.
+    """
     length = float(np.linalg.norm(end - start))
     t = np.linspace(0.0, 1.0, max(2, int(np.ceil(length / cell)) + 1))
     radius = np.broadcast_to(np.interp(t, *radii.T)[:, None], (len(t), 10))
@@ -202,8 +206,10 @@ def _tube(start: Float, end: Float, radii: Float, cell: float) -> tuple[Float, I
 
 
 def _rings(start: Float, end: Float, t: Float, radius: Float) -> tuple[Float, Int32]:
-    """Returns a tube of rings at the fractions ``t`` (R,) of the length, with ``radius`` (R, K) at K
-    angles."""
+    """Returns a tube of rings.
+
+    The rings are at the fractions ``t`` (R,) of the length, with ``radius`` (R, K) at K angles.
+    """
     way, length = (end - start) / np.linalg.norm(end - start), float(np.linalg.norm(end - start))
     cap = 0.3 * float(radius[0].min())
     return _wrap_rings(start, way, t * length, radius, -cap, length + cap)
@@ -215,8 +221,9 @@ def _wrap_rings(
     """Returns rings about an axis, connected to a surface and closed by a point at each end.
 
     Args:
-        heights: (R,) of the rings along ``axis``; ``first`` and ``last`` are those of the end points.
-        radius: (R, K) metres.
+        heights: (R,) heights of the rings along ``axis`` in metres. ``first`` and ``last`` are the heights of
+            the end points.
+        radius: (R, K) radii at K angles in metres.
     """
     rings, around = radius.shape
     axis = axis / np.linalg.norm(axis)

@@ -56,7 +56,7 @@ def calibrate(
         typer.Option(help="Write the result even if it is not good enough; a comment in the file says so."),
     ] = False,
 ) -> None:
-    """Find where sensors stand from one person that walks in front of all of them. No checkerboard.
+    """Find the poses of sensors from one person that walks in front of all of them. No checkerboard needed.
 
     Walk in curves, all over the floor, for about twenty seconds. Live sensors are read until the result is
     good enough; recordings must have been made at the same time. The previous file is kept as a backup.
@@ -101,7 +101,7 @@ def calibrate(
 def _check_recordings(sources: list[Source]) -> None:
     """Checks that no recording, or a copy of it, is given twice.
 
-    It would agree with itself, so that the result would look good.
+    A recording agrees with itself, so the result would look good without being so.
 
     Raises:
         InputError: if two sources read the same content.
@@ -138,8 +138,7 @@ def _create_collectors(
 
 
 def _collect_and_calibrate(collectors: list[Collector], edge_settings: EdgeSettings) -> Calibration:
-    """Collects bodies until the recordings end, the live sensors have seen enough, or the user presses
-    Ctrl-C."""
+    """Collects bodies until the recordings end, the live data is sufficient, or the user presses Ctrl-C."""
     from enliven_edge.fusion.calibration.calibration import calibrate as calibrated
     from enliven_edge.warmup import warm_up_tracking
 

@@ -1,4 +1,4 @@
-"""``enliven calibrate-stereo``: makes a depth sensor of two cameras, with a printed board that both see."""
+"""``enliven calibrate-stereo``: turns two cameras into a depth sensor, with a printed board that both see."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 _CHECK_INTERVAL_S = 0.3
 """Interval between two checks of live cameras, in seconds. Moving a board by hand takes longer."""
 _MAX_TIME_OFFSET_MS = 20.0
-"""Maximum time difference in milliseconds between the two live images of a pair. It may be large, because the
-board is held still."""
+"""Maximum time difference in milliseconds between the two live images of a pair. The limit can be generous,
+because the board is held still.
+"""
 _PAIR_TIMEOUT_S = 10.0
 """Maximum seconds without an image pair before the command gives up."""
 
@@ -52,9 +53,9 @@ def calibrate_stereo(
         typer.Option(help="Write the result even if it is not good enough; a comment in the file says so."),
     ] = False,
 ) -> None:
-    """Make two cameras a depth sensor: calibrate their lenses and relative pose with a printed board.
+    """Turn two cameras into a depth sensor: calibrate their lenses and relative pose with a printed board.
 
-    Print the board at 100 %, glue it to something flat and measure a square. Take about 24 image pairs:
+    Print the board at 100 %, glue it to a flat plate and measure a square. Take about 24 image pairs:
     near and far, in every corner of both images, tilted to all sides. Hold the board still for each.
 
     \b
@@ -120,8 +121,10 @@ def _calibrate(board: CalibrationBoard, folder: Path, output: Path, accept_doubt
 
 
 def _find_boards(board: CalibrationBoard, folder: Path) -> tuple[list[BoardSighting], tuple[int, int]]:
-    """Finds the board in a folder's image pairs. Returns the sightings and the images' (width, height) in
-    pixels."""
+    """Finds the board in a folder's image pairs.
+
+    Returns the sightings and the (width, height) of the images in pixels.
+    """
     from enliven_edge.sensors.stereo.pair_folder import image_pairs, read_grey
     from enliven_edge.sensors.stereo.stereo_solver import BoardSighting
 
@@ -135,7 +138,7 @@ def _find_boards(board: CalibrationBoard, folder: Path) -> tuple[list[BoardSight
                     f"{dimensions[0]} x {dimensions[1]}" for dimensions in (image.shape[::-1], size)
                 )
                 problem = f"it has {image_size} pixels, the first image {first_size}"
-                raise InputError(problem, where=str(file), remedy="Take all in one size.")
+                raise InputError(problem, where=str(file), remedy="Take all images in one size.")
         sightings.append(BoardSighting(files[0].name, *map(board.find, images)))
     return sightings, size
 
@@ -157,7 +160,7 @@ def _record_pairs(
         last_message, checked_at, last_pair_at = "", 0.0, time.monotonic()
         while len(selector.kept) < pairs:
             if time.monotonic() - last_pair_at > _PAIR_TIMEOUT_S:
-                raise ResourceError("no pair of images came", where=images.name, remedy="Check both cameras.")
+                raise ResourceError("no image pair arrived", where=images.name, remedy="Check both cameras.")
             try:
                 picture = images.read(1.0)
             except TimeoutError:
@@ -187,7 +190,7 @@ def _print_quality(judgement: CalibrationQuality) -> None:
 
 
 def _parse_size(text: str, where: str) -> tuple[int, int]:
-    """Parses the two numbers of 640x400."""
+    """Parses a size such as 640x400. Returns the two numbers."""
     match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text)
     if not match:
         raise InputError(f"{text!r} is not ACROSSxDOWN", where=where, remedy="For example: 7x5")

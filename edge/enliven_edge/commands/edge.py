@@ -205,8 +205,10 @@ def serve(
     access: Access | None = None,
     kept: Path | None = None,
 ) -> None:
-    """Opens the sensors and the stage, runs the loop, and closes everything. Imports heavy modules only
-    here."""
+    """Opens the sensors and the stage, runs the loop, and closes everything.
+
+    Heavy modules are imported only in this function.
+    """
     from enliven.doctor import need
     from enliven.outputs.opening import open_outputs
     from enliven_edge.camera_preview import PRIVACY_NOTE
@@ -260,7 +262,8 @@ def serve(
                 overwrite=overwrite,
                 access=access,
                 recording=edge_settings.recording,
-                # A person is told at once that the disk is full. An edge without staff must perform without.
+                # An operator is told immediately that the disk is full. An unattended edge must continue to
+                # perform.
                 waits_for_space=notifier.is_supervised,
             )
         )
@@ -319,7 +322,7 @@ def _open_keeper(
     edge_settings: EdgeSettings,
     stack: contextlib.ExitStack,
 ) -> StageKeeper:
-    """Returns the keeper, which saves the stage to disk. ``stack`` closes it.
+    """Returns the keeper that saves the stage to disk. ``stack`` closes it.
 
     Args:
         actors: the initial actors, in the order of ``choices``.
@@ -332,8 +335,9 @@ def _open_keeper(
 
 
 def _raise_interrupt() -> None:
-    """Raises KeyboardInterrupt, so that SIGTERM ends the preparation like Ctrl-C and everything opened is
-    closed."""
+    """Raises KeyboardInterrupt. SIGTERM during the preparation then closes everything that was opened, like
+    Ctrl-C.
+    """
     raise KeyboardInterrupt
 
 
@@ -392,8 +396,10 @@ def _select_sources(
     edge_settings: EdgeSettings,
     folder: Path | None,
 ) -> list[Source]:
-    """Returns the sources of the command line. Without any: those of the settings, or else the shipped
-    recording."""
+    """Returns the sources of the command line.
+
+    Without any, returns the sources of the settings, or else the shipped recording.
+    """
     from enliven_edge.doctor import shipped_recording
     from enliven_edge.sensors import sensor_options
     from enliven_edge.sources import parse_source, sources_from_settings
@@ -411,7 +417,7 @@ def _select_sources(
 def _combine_sensors(
     sensors: dict[str, Sensor], sources: list[Source], edge_settings: EdgeSettings, once: bool
 ) -> Sensor:
-    """Returns the sensor, or several sensors fused into one sensor that delivers bodies."""
+    """Returns the single sensor, or one sensor that fuses several sensors and delivers bodies."""
     if len(sensors) == 1:
         return next(iter(sensors.values()))
     if not edge_settings.space:

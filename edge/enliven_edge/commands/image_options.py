@@ -1,4 +1,4 @@
-"""Options shared by the commands that read files of other programs."""
+"""Options that are shared by the commands which read files of other programs."""
 
 from __future__ import annotations
 

@@ -20,9 +20,7 @@ if TYPE_CHECKING:
     from enliven_edge.inspection.log import SensorLog
 
 _BIT_RATE = 6.0
-"""Bit rate of a film in Mbit/s if the encoder has no quality setting. The viewer uses
-the same bit rate.
-"""
+"""Bit rate of a film in Mbit/s if the encoder has no quality setting. It equals the viewer's bit rate."""
 _USUAL_RATE = 30.0
 """Assumed frame rate in frames per second of a recording with too few frames to measure it. It is typical of
 depth cameras."""
@@ -82,8 +80,9 @@ def _write_film(
     rates: tuple[float, float],
     count: int,
 ) -> None:
-    """Writes the film, and the contact sheet if requested. ``rates`` are those of recording and film in
-    Hz."""
+    """Writes the film, and the contact sheet if requested. ``rates`` are the frame rates of recording and
+    film in Hz.
+    """
     import numpy as np
     from PIL import Image
 

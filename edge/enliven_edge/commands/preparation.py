@@ -1,4 +1,4 @@
-"""Prepares the edge before its first frame, and shows the current step on a terminal."""
+"""Prepares the edge before its first frame, and shows the current step in the terminal."""
 
 from __future__ import annotations
 
@@ -26,8 +26,9 @@ if TYPE_CHECKING:
 def prepare_actors(
     choices: Sequence[CharacterChoice], edge_settings: EdgeSettings
 ) -> tuple[list[Actor], dict[str, str]]:
-    """Prepares the actors and compiles every kernel. Returns the actors, and the possessing parts by actor
-    id.
+    """Prepares the actors and compiles every kernel.
+
+    Returns the actors, and the possessing body parts by actor id.
 
     If the machine has no compiled kernels, this takes a minute on two cores. Later starts take a second.
     """
@@ -52,7 +53,10 @@ def prepare_actors(
 def _create_actor(
     character: CharacterSettings, name: str, used_ids: Mapping[str, object], edge_settings: EdgeSettings
 ) -> Actor:
-    """Returns the actor for the settings, with an unused ID. Only the modules that it needs are imported."""
+    """Returns the actor for the settings, with an unused id.
+
+    Only the modules that the actor needs are imported.
+    """
     if is_puppet(character.mesh):
         from enliven_edge.stage.puppet.puppet_setup import create_puppet_actor
 
@@ -70,8 +74,8 @@ def _create_actor(
 class TrackerCompilation:
     """A process that compiles the tracker's kernels while this one prepares the characters.
 
-    It is started when this process compiles its first kernel, because the tracker's kernels are then missing
-    too. This process gets the results through the folder of compiled kernels. Use it as a context manager.
+    The process starts when this one compiles its first kernel, because the tracker's kernels are then also
+    missing. This process reads the results from the folder of compiled kernels. Use it as a context manager.
     """
 
     def __init__(self) -> None:
@@ -90,7 +94,9 @@ class TrackerCompilation:
             self._process = subprocess.Popen(command, stdin=no_stream, stdout=no_stream, stderr=no_stream)
 
     def wait(self) -> None:
-        """Waits until the process has ended. If it failed, this process compiles the missing kernels."""
+        """Waits until the compiling process has ended. If it failed, this process compiles the missing
+        kernels.
+        """
         self._subscriptions.close()
         if self._process is not None:
             self._process.wait()

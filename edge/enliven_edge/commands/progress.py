@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @contextlib.contextmanager
 def handle_signals(callback: Callable[[], None], *signals: int) -> Iterator[None]:
-    """Calls ``callback`` at these signals while the context is open.
+    """Calls ``callback`` when one of the signals arrives while the context is open.
 
     Does nothing outside the main thread, because only the main thread receives signals.
     """
@@ -114,7 +114,7 @@ def write_recording(
     Args:
         task: text of the progress bar.
         facts: name and values of a metadata record that describes the origin of the recording.
-        empty: the error to raise if there are no frames.
+        empty: the error that is raised if there are no frames.
         level: compression level, 1 to 22.
 
     Raises:

@@ -87,7 +87,7 @@ def record_stream(
     """Writes frames until the stream ends, ``stop`` is set, or ``seconds`` have passed. Yields the count.
 
     The events of the sensor are recorded too. Reading continues after a failure of the sensor. Unusable
-    frames are left out. Failures and left out frames are logged.
+    frames are skipped. Failures and skipped frames are logged.
     """
     from enliven_edge.sensors import EventLog, SensorFault
     from enliven_edge.tracking.frame.frame_check import find_flaw
@@ -106,7 +106,7 @@ def record_stream(
         if frame is None:
             return
         if flaw := find_flaw(frame):
-            log.warning("%s: a frame is left out: %s", stream.name, flaw)
+            log.warning("%s: skipped a frame: %s", stream.name, flaw)
             event_log.failed(InputError(flaw, where=stream.name))
             continue
         first_ns = frame.time_ns if first_ns is None else first_ns
@@ -115,7 +115,7 @@ def record_stream(
         try:
             event_log.frame(frame, stream.condition())
         except InputError as error:
-            log.warning("a frame is left out: %s", error)
+            log.warning("skipped a frame: %s", error)
             continue
         count += 1
         yield count

@@ -1,4 +1,4 @@
-"""``enliven relay``: passes the streams of an edge on to many viewers."""
+"""``enliven relay``: forwards the streams of an edge to many viewers."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def relay(
     ] = False,
     seconds: Annotated[float | None, typer.Option(min=0.0, help="Stop after this number of seconds.")] = None,
 ) -> None:
-    """Pass the streams of an edge on to hundreds of viewers, which cost the edge as much as one.
+    """Forward the streams of an edge to hundreds of viewers. They cost the edge as much as one viewer.
 
     The viewers can only watch. They get the characters, the newest poses and the edge's clock from the relay.
     An edge with keys must be paired with this computer first; the role watch is enough.

@@ -1,4 +1,4 @@
-"""enliven replay: sends a recording through the edge in its own time, like a live sensor."""
+"""``enliven replay``: sends a recording through the edge at its recorded pace, like a live sensor."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ def create_scanner(voxel: float, reach: float, within: float | None, memory: int
     Args:
         voxel: side of a voxel in millimetres.
         reach: maximum distance of surfaces from the camera, in metres.
-        within: depth beyond this distance is ignored, in metres. None: no limit.
+        within: distance in metres beyond which depth is ignored; None for no limit.
         memory: limit in megabytes, for the finest voxels and for each coarser level.
         thing: number of the object on the floor to keep. Number 1 is the object that the camera looked at
             most.
@@ -53,7 +53,7 @@ def parse_box(box: str) -> tuple[Float, Float] | None:
     """Parses a box of six numbers in metres. Returns its two corners (3,), or None for an empty text.
 
     Raises:
-        InputError: if it is not a box.
+        InputError: if the text is not a box.
     """
     if not box:
         return None
@@ -93,7 +93,8 @@ def select_kept_part(
 def refuse_combination(
     name: str, keeps_all: bool, box: str, empty_recording: Path | None, add: Path | None, within: float | None
 ) -> None:
-    """Refuses the options that cannot be combined with ``name``: --moved, --turned or --person.
+    """Raises InputError if an option is given that cannot be combined with ``name``: --moved, --turned or
+    --person.
 
     Raises:
         InputError: if one of these options is given.
@@ -117,8 +118,8 @@ class ScanJob:
 
     Attributes:
         scanner: fuses the images.
-        recording: source of the images. None: they come from ``sensor`` with its ``options``.
-        seconds: maximum duration by the sensor's clock. None: no limit.
+        recording: source of the images. If None, they come from ``sensor`` with its ``options``.
+        seconds: maximum duration by the sensor's clock; None for no limit.
         first: an earlier scan or recording to which the images are added, or None.
         keeps_images: whether the images are stored next to the mesh.
     """
@@ -143,8 +144,8 @@ class ScanJob:
 
         Raises:
             InputError: if no mesh can be made. The images of a live sensor are then stored.
-            ResourceError: if the mesh cannot be written to ``output``. The message names the file that has it
-                instead.
+            ResourceError: if the mesh cannot be written to ``output``. The message names the file to which it
+                was written instead.
         """
         earlier_count = self._scan()
         try:
@@ -205,8 +206,9 @@ class ScanJob:
         return sensor_images(self.sensor, self.options, stop)
 
     def _start_time_limit(self) -> Callable[[DepthFrame], bool]:
-        """Returns a predicate for images: True until the time limit, counted from the first image, is
-        reached."""
+        """Returns a predicate for images. It is True until the time limit, counted from the first image, is
+        reached.
+        """
         times_ns: list[int] = []
 
         def is_in_time(frame: DepthFrame) -> bool:

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from enliven_edge.terminal.image_encoding import ImageProtocol
 
 _PREVIEW_TIMEOUT_S = 15.0
-"""Maximum seconds without a frame before a preview gives up. A camera may need ten for its first frame."""
+"""Maximum seconds without a frame before a preview gives up. A camera may need ten seconds for its first
+frame."""
 
 
 def sensors(
@@ -211,7 +212,7 @@ def _choose_protocol(name: str) -> ImageProtocol | None:
         return image_protocol(sys.stdout, sys.stdin) if name == "auto" else None
     if name not in IMAGE_PROTOCOLS:
         choices = ", ".join(("auto", "none", *IMAGE_PROTOCOLS))
-        raise InputError(f"{name!r} is not a way to draw", where="--picture", remedy=f"Give {choices}.")
+        raise InputError(f"{name!r} is not a known way to draw", where="--picture", remedy=f"Give {choices}.")
     return name  # type: ignore[return-value]
 
 

@@ -33,7 +33,7 @@ CALLS: tuple[Call, ...] = get_args(Call)
 """The commands that windows carry out instead of the edge."""
 
 _STEPS = {"next": 1, "previous": -1, "follow": 0}
-"""Step of each command in the ranking of matches. 0 follows the pose again."""
+"""Step of each command in the ranking of matches. With 0, the choice follows the pose again."""
 _MODES: dict[str, Literal["alone", "join", "extend"]] = {
     "possess": "alone",
     "join": "join",
@@ -65,7 +65,7 @@ def _parse_command(key: str, text: str, where: str) -> Command:
                 raise InputError(f"{key!r}: {error.what}", where=where, remedy=error.remedy) from None
         elif name == _PARTS_COMMAND:
             remedy = 'Such as "parts legs".'
-            raise InputError(f"{key!r} selects body parts, and names none", where=where, remedy=remedy)
+            raise InputError(f"{key!r} selects body parts but names none", where=where, remedy=remedy)
         return text
     similar = difflib.get_close_matches(text, WORDS, n=1)
     remedy = f"Did you mean {similar[0]!r}?" if similar else f"Known: {', '.join(WORDS)}."
@@ -75,7 +75,7 @@ def _parse_command(key: str, text: str, where: str) -> Command:
 def orders_from_command(command: Command, stage: Stage) -> list[Order]:
     """Returns the orders of a command, as if a viewer had sent them without naming a character.
 
-    Empty for a command that windows carry out.
+    Returns an empty list for a command that windows carry out.
     """
     name, _, parts = command.partition(" ")
     if name in CALLS:
@@ -104,9 +104,10 @@ log = logging.getLogger(__name__)
 READ_TIMEOUT_S = 0.1
 """Seconds to wait for a press before checking whether to stop."""
 _MAX_QUEUED = 32
-"""Maximum number of queued commands. Older ones are dropped, since the stage has changed since then."""
+"""Maximum number of queued commands. If the queue is full, the oldest commands are dropped, because the stage
+has changed in the meantime."""
 _MAX_UNKNOWN_KEYS = 16
-"""Maximum number of unknown keys that are logged, so that the user can add them to the map."""
+"""Maximum number of different unknown keys that are logged. The log helps the user to add them to the map."""
 
 
 class Device(ABC):
@@ -131,11 +132,13 @@ class Device(ABC):
 
     @property
     def answers(self) -> bool:
-        """True if the device behind an open port has answered as expected. Only then it counts as present."""
+        """Returns True if the device behind an open port has answered as expected. Only then it counts as
+        present.
+        """
         return True
 
     def take_not_understood(self) -> list[str]:
-        """Returns the speech since the last call that matches none of the phrases of a voice control."""
+        """Returns the utterances since the last call that match none of the phrases of a voice control."""
         return []
 
     def show(self, lamps: Lamps) -> None:  # noqa: B027 (most devices have no lamps)
@@ -152,7 +155,7 @@ class Press:
 
     Attributes:
         key: the device's input: a line, a byte, a button, or words.
-        command: the command of the key. Empty for speech that is not a known phrase.
+        command: the command of the key; empty for speech that is not a known phrase.
     """
 
     key: str
@@ -163,7 +166,7 @@ class Debouncer:
     """Drops repeated events of one key press (contact bounce).
 
     Args:
-        seconds: a key must be still for this time before it counts again. A contact bounces for some 10 ms.
+        seconds: time without events after which a key counts again. A contact bounces for some 10 ms.
     """
 
     def __init__(self, seconds: float) -> None:
@@ -187,7 +190,7 @@ class ControlReader:
     Args:
         name: the user's name of the control.
         words: the command of each key.
-        debounce: seconds that a key must be still before it counts again.
+        debounce: seconds without events after which a key counts again.
         retry: seconds between two attempts to open the device.
     """
 
@@ -208,24 +211,24 @@ class ControlReader:
 
     @property
     def is_present(self) -> bool:
-        """True if the device is present and being read. Presses before that are lost."""
+        """Returns True if the device is present and being read. Earlier presses are lost."""
         return self._is_present
 
     @property
     def why(self) -> EnlivenError | None:
-        """The error of the last attempt to open the device.
+        """Returns the error of the last attempt to open the device.
 
-        None after success, or before the first attempt.
+        Returns None after success, or before the first attempt.
         """
         return self._open_error
 
     @property
     def is_paused(self) -> bool:
-        """True if the device is released until :meth:`pause` is called with False."""
+        """Returns True if the device is released until :meth:`pause` is called with False."""
         return self._paused.is_set()
 
     def pause(self, paused: bool) -> None:
-        """Releases the device, or opens it again."""
+        """Releases the device if ``paused`` is True, or opens it again."""
         if paused:
             self._paused.set()
         else:
@@ -233,7 +236,7 @@ class ControlReader:
 
     @property
     def phrases(self) -> dict[str, Command]:
-        """The command of each key."""
+        """Returns the command of each key."""
         return dict(self._words)
 
     def poll(self) -> list[Command]:
@@ -257,7 +260,9 @@ class ControlReader:
         self._thread.join(timeout=2.0)
 
     def _run(self) -> None:
-        """Opens the device, reads until it is gone, waits, and repeats. Logs each change once."""
+        """Opens the device, reads until it is gone, waits, and repeats. Logs each change of its presence
+        once.
+        """
         is_logged = False
         while not self._stopped.is_set():
             if self._paused.is_set():
@@ -273,7 +278,7 @@ class ControlReader:
             except Exception as error:
                 # Catch every error, because termios and PortAudio raise errors that are not OSErrors.
                 if self._is_present or not is_logged:
-                    log.warning("control %s is not there (%s); it is looked for", self.name, error)
+                    log.warning("control %s is missing (%s); searching for it", self.name, error)
                 log.debug("control %s", self.name, exc_info=True)
                 is_logged = True
                 self._open_error = error if isinstance(error, EnlivenError) else None
@@ -283,10 +288,10 @@ class ControlReader:
             self._stopped.wait(self._retry)
 
     def _read(self) -> None:
-        """Reads until the device is gone, :meth:`pause` or :meth:`close`."""
+        """Reads until the device is gone, or until :meth:`pause` or :meth:`close` is called."""
         while not self._stopped.is_set() and not self._paused.is_set():
             if not self._is_present and self._device.answers:
-                log.info("control %s is there", self.name)
+                log.info("control %s is connected", self.name)
                 self._is_present = True
             for key in self._device.read():
                 if self._debouncer.is_new_press(key, time.monotonic()):
@@ -304,4 +309,4 @@ class ControlReader:
             self._queue.append(Press(key, command))
         elif key not in self._unknown_keys and len(self._unknown_keys) < _MAX_UNKNOWN_KEYS:
             self._unknown_keys.add(key)
-            log.info("control %s sent %r, which its map does not have", self.name, key)
+            log.info("control %s sent %r, which is not in its map", self.name, key)

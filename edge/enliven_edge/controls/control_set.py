@@ -69,7 +69,7 @@ class Controls(Closeable):
 
     Args:
         voices: the names of the controls that listen to speech.
-        hides_talk: reports unknown speech without its words, since strangers may watch.
+        hides_talk: whether unknown speech is reported without its words, because strangers may watch.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class Controls(Closeable):
         carry_out: Callable[[Order], None],
         send_call: Callable[[Call, str], None],
     ) -> str:
-        """Carries out a command. Returns the stage's reason for a refusal, or ""."""
+        """Carries out a command. Returns the reason if the stage refuses it, or ""."""
         command, refusal = press.command, ""
         log.info("%s: %s", control.name, command)
         if command in CALLS:
@@ -175,13 +175,13 @@ class Controls(Closeable):
         return VoiceMessage("missing", problem, remedy, phrases, actions)
 
     def show(self, lamps: Lamps) -> None:
-        """Shows the state of the stage. A lamp changes to "no edge" if this is not called for a second."""
+        """Shows the state of the stage. If this is not called for a second, the lamps show "no edge"."""
         for control in self._controls:
             control.show(lamps)
 
     @property
     def missing(self) -> list[str]:
-        """The names of the controls without a device."""
+        """Returns the names of the controls without a device."""
         return [control.name for control in self._controls if not control.is_present]
 
     def forget(self) -> None:
@@ -202,7 +202,7 @@ def open_controls(
 
     Args:
         folder: folder of the file, to which its paths are relative.
-        hides_talk: reports unknown speech to windows without its words.
+        hides_talk: whether unknown speech is reported to windows without its words.
 
     Raises:
         InputError: for an invalid map or key.
@@ -221,7 +221,7 @@ def open_controls(
 
 
 def commands_by_key(name: str, settings: ControlSettings) -> dict[str, Command]:
-    """Returns the command of each of a control's keys. Without a map the keys are the commands.
+    """Returns the command of each of a control's keys. Without a map, each command is its own key.
 
     Raises:
         InputError: for an unknown command, or a voice without phrases.

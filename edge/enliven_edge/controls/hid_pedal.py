@@ -1,4 +1,4 @@
-"""USB and Bluetooth pedals, clickers and panels that are not serial ports, by hidapi.
+"""USB and Bluetooth pedals, clickers and panels that are not serial ports, read with hidapi.
 
 A keyboard's report is the boot report (Device Class Definition for HID 1.11, appendix B.1): one byte of
 modifiers, one reserved, then up to six key codes (HID Usage Tables, page 7). A panel's report has one bit per
@@ -20,9 +20,8 @@ from enliven_edge.controls.settings import ControlSettings
 
 _MODIFIERS = ("ctrl", "shift", "alt", "meta", "right ctrl", "right shift", "right alt", "right meta")
 _MAX_ERROR_CODE = 3
-"""Highest code that reports an error instead of a key: more keys are pressed than a report can hold
-(roll-over).
-"""
+"""Highest code that reports an error instead of a key. The usual error is roll-over: more keys are pressed
+than a report can hold."""
 _NAMES = {
     **{4 + i: chr(ord("a") + i) for i in range(26)},
     **{30 + i: str((i + 1) % 10) for i in range(10)},
@@ -47,7 +46,8 @@ _NAMES = {
 
 
 def keys_down(report: bytes) -> frozenset[str] | None:
-    """Returns the pressed keys of a keyboard's report. None if more keys are pressed than it can report.
+    """Returns the pressed keys of a keyboard's report. Returns None if more keys are pressed than a report
+    can hold.
 
     Keys have the names of a US keyboard: a, 1, f5, enter, page down, ... Keys without a name get their code,
     such as 0x65.
@@ -74,8 +74,8 @@ class ButtonEdges:
     Args:
         report: the content of the reports.
         skip: number of bytes between the report's number and the keys.
-        number: the report number (first byte) to read. Others, such as a clicker's mouse, are ignored. 0:
-            all reports count, and have no number.
+        number: the report number (first byte) to read. Other reports, such as those of a clicker's mouse, are
+            ignored. If 0, all reports are read, and they have no number.
     """
 
     def __init__(self, report: Literal["keyboard", "buttons"], skip: int = 0, number: int = 0) -> None:
@@ -83,8 +83,8 @@ class ButtonEdges:
         self._down: frozenset[str] = frozenset()
 
     def feed(self, report: bytes) -> list[str]:
-        """Returns the names of the keys that were pressed since the previous report. A broken report changes
-        nothing.
+        """Returns the names of the keys that were pressed since the previous report. A broken report is
+        ignored.
         """
         if self._number and report[:1] != bytes([self._number]):
             return []
@@ -145,7 +145,7 @@ class HidPedal(Device):
     def _find_path(self, hid: Any) -> bytes:
         """Returns the path of the requested interface.
 
-        Of several, one that declares itself a keyboard is preferred.
+        If there are several, an interface that declares itself a keyboard is preferred.
 
         Raises:
             OSError: if the device is missing.
@@ -167,8 +167,8 @@ class HidPedal(Device):
 
 
 def _import_hidapi() -> Any:
-    """Imports the hidapi variant for the kernel's HID interface if it exists, since it supports Bluetooth
-    too.
+    """Imports the hidapi variant for the kernel's HID interface if it exists, because it also supports
+    Bluetooth.
 
     Otherwise imports the libusb variant.
     """

@@ -10,11 +10,13 @@ from typing import Any
 from enliven.doctor import need
 
 _STEP_BYTES = 960
-"""Bytes decoded at once: 30 ms of sound. Decoding them takes about 15 ms, so the tracker is not blocked."""
+"""Number of bytes decoded per call: 30 ms of sound. Decoding them takes about 15 ms, so the tracker is not
+blocked."""
 _MIN_SOUNDS = 3
-"""Minimum number of phonemes in an utterance: claps, thumps, tones and breath give two at most."""
+"""Minimum number of phonemes in an utterance. Claps, thumps, tones and breath give at most two."""
 _MAX_WAITING = 2
-"""Maximum number of queued utterances. Older ones are dropped, since the performer keeps speaking."""
+"""Maximum number of queued utterances. If the queue is full, the oldest are dropped, because the performer
+keeps speaking."""
 
 
 class OtherSpeech:
@@ -38,11 +40,11 @@ class OtherSpeech:
 
     @property
     def is_busy(self) -> bool:
-        """True if an utterance waits or is being recognised."""
+        """Returns True if an utterance is queued or being recognised."""
         return bool(self._waiting) or self._work is not None
 
     def offer(self, sound: bytes) -> None:
-        """Queues an utterance (samples of 16 bits at 16 kHz)."""
+        """Queues an utterance: 16-bit samples at 16 kHz."""
         self._waiting.append(sound)
 
     def work(self) -> str | None:

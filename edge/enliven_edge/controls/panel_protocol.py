@@ -18,9 +18,10 @@ class Lamps:
 
     Attributes:
         attract: fades in and out while the stage waits for a performer.
-        possess: fades in and out while a performer may possess a character, is steady during a possession.
+        possess: fades in and out while a performer may possess a character, and is steady during a
+            possession.
         locked: is steady while the cast is locked.
-        ill: is steady while tracking is impaired, flashes while it fails.
+        ill: is steady while tracking is impaired, and flashes while it fails.
     """
 
     attract: Pattern = "off"
@@ -36,7 +37,7 @@ def lamps_from_state(
 
     Args:
         is_performer_present: True if a performer is in view.
-        is_character_held: True if a performer holds a character.
+        is_character_held: True if a performer possesses a character.
         locked: True if the cast is locked.
         highest_severity: the highest :class:`enliven.health.Severity` of the current problems.
     """
@@ -57,10 +58,11 @@ VERSION = "01"
 GREETING_REQUEST = "?"
 """The body of a message that requests the panel's greeting."""
 _MAX_BODY_BYTES = 64
-"""Maximum bytes of a body and its checksum: longer data is noise. The panel's longest message has 19."""
+"""Maximum bytes of a body and its checksum. Longer data is noise. The panel's longest message has 19
+bytes."""
 _MAX_MISSED_HEARTBEATS = 12
-"""The panel sends four heartbeats per second. If more than this number is missing, it restarted or was not
-received."""
+"""The panel sends four heartbeats per second. If more than this number is missing, the panel has restarted or
+the connection was interrupted."""
 _MAX_PRESSES = 7
 """Maximum number of presses between two messages. People cannot press more often, so the panel restarted."""
 _CODES = {"off": "-", "steady": "S", "breathing": "B", "flashing": "F"}
@@ -128,14 +130,15 @@ def _verify_checksum(line: bytes) -> str:
 class PanelKeys:
     """Decodes a panel's messages: its greeting and its buttons, ``1``, ``2``, ... for each press.
 
-    The panel sends the press count of each button, so that the next message makes up for a lost one.
+    The panel sends the press count of each button. So a message also reports the presses of lost earlier
+    messages.
 
     Attributes:
-        version: protocol version of the panel. Empty until its greeting was received.
-        cause: why the panel was started (a letter of docs/panel.md), if the last bytes contained its
-            greeting.
+        version: protocol version of the panel; empty until its greeting was received.
+        cause: a letter that tells why the panel was started (see docs/panel.md), if the last bytes contained
+            its greeting.
         received: number of received messages.
-        counts: the press count of each button, one digit per button. Empty until they were received.
+        counts: the press count of each button, one digit per button; empty until they were received.
     """
 
     def __init__(self) -> None:
@@ -161,7 +164,7 @@ class PanelKeys:
     def _find_new_presses(self, beat: int, counts: str) -> list[str]:
         """Returns the presses since the last message.
 
-        Empty for the first message after a start of the panel.
+        Returns an empty list for the first message after a start of the panel.
         """
         heartbeats = (beat - self._beat) % 0x10000
         missed = [

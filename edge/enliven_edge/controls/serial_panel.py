@@ -24,17 +24,14 @@ _READ_TIMEOUT_S = 0.03
 _MESSAGE_INTERVAL_S = 0.25
 """Seconds between two messages to the panel. After 1 s without a message the panel shows "no edge"."""
 _STALE_AFTER_S = 1.0
-"""Age, in seconds, at which the state of the stage is too old to be shown. An edge that hangs sends no new
-state.
-"""
+"""Age, in seconds, at which the state of the stage is too old to be shown. This happens if the edge hangs."""
 _SILENCE_TIMEOUT_S = 2.0
-"""Longest time without a message of the panel before it is opened again, in seconds. Noise is unlikely to
-damage eight messages in a row.
-"""
+"""Maximum time in seconds without a message from the panel. After it, the port is opened again. Noise is
+unlikely to damage eight messages in a row."""
 _WRITE_TIMEOUT_S = 1.0
-"""Seconds to wait for a port that accepts no byte."""
+"""Seconds to wait for a port that accepts no data."""
 _GREETING_TIMEOUT_S = 4.0
-"""Time within which a panel must greet, in seconds. An Arduino resets when its port opens, which takes 2
+"""Seconds within which a panel must send its greeting. An Arduino resets when its port opens, which takes 2
 s."""
 _CAUSES = {
     "W": "its firmware hung, and its watchdog started it again",
@@ -58,7 +55,9 @@ class SerialPanel(SerialPedal):
 
     @property
     def answers(self) -> bool:
-        """True if the panel has greeted in the protocol of this edge and has sent its press counts."""
+        """Returns True if the panel has sent a greeting in the protocol of this edge, and its press
+        counts.
+        """
         return self._keys.version == VERSION and self._keys.counts != ""
 
     def show(self, lamps: Lamps) -> None:
@@ -95,9 +94,11 @@ class SerialPanel(SerialPedal):
             self._said, self._said_at = body, now
 
     def _check_silence(self, started_at: float, received_before: bool) -> None:
-        """Adds up the silence only while the port is being read, so that a computer's sleep does not count.
+        """Adds up the silence, and raises ResourceError if it is too long.
 
-        Raises after too long.
+        Only time in which the port is read counts, so that a computer's sleep does not count.
+
+        The silence ends with each message.
         """
         self._quiet = (
             0.0
@@ -106,7 +107,7 @@ class SerialPanel(SerialPedal):
         )
         if self._quiet > (_SILENCE_TIMEOUT_S if self._keys.received else _GREETING_TIMEOUT_S):
             remedy = f"Is its firmware on it (docs/panel.md), and its speed {self._settings.baud} bits/s?"
-            raise ResourceError("the panel says nothing", where=self._where, remedy=remedy)
+            raise ResourceError("the panel does not answer", where=self._where, remedy=remedy)
         if self._keys.version not in ("", VERSION):
             problem = f"the panel speaks protocol {self._keys.version}, and this edge {VERSION}"
             raise ResourceError(

@@ -12,7 +12,7 @@ from enliven_edge.controls.panel_protocol import PanelKeys
 from enliven_edge.controls.settings import ControlSettings
 
 _MAX_LINE_BYTES = 64
-"""Maximum bytes of a line: a longer one comes from a wrong baud rate or another device."""
+"""Maximum bytes of a line. A longer line means a wrong baud rate or another device."""
 
 
 class SerialPedal(Device):

@@ -11,7 +11,7 @@ from enliven.settings import parameter, setting
 
 @dataclass(frozen=True)
 class ControlSettings:
-    """One pedal, panel, clicker or microphone. Keys of another kind must be left out."""
+    """Settings of one pedal, panel, clicker or microphone. Leave out the keys of other kinds."""
 
     kind: Literal["serial", "hid", "voice"] = setting(doc="Kind of control: serial, hid or voice.")
     map: dict[str, str] = field(
@@ -43,7 +43,7 @@ class ControlSettings:
     )
     number: int = setting(
         0,
-        "hid: report number (first byte) of the reports to use. 0: reports have no number.",
+        "hid: report number (first byte) of the reports to use. 0 if reports have no number.",
         low=0,
         high=255,
     )
@@ -51,7 +51,7 @@ class ControlSettings:
         0, "hid: number of bytes to skip after the report number.", unit="bytes", low=0, high=63
     )
     microphone: str = setting(
-        "", "voice: part of the microphone's name. Empty: the system's default microphone."
+        "", "voice: part of the microphone's name. If empty, the system's default microphone."
     )
     wav: str = setting(
         "",

@@ -21,10 +21,10 @@ RATE = 16000
 
 
 class SoundRecording:
-    """Plays a WAV file in real time in place of a microphone, for rehearsals.
+    """Plays a WAV file in real time instead of a microphone, for rehearsals.
 
     Args:
-        sleep: waits until a frame is due.
+        sleep: function that waits for a number of seconds, until a frame is due.
     """
 
     def __init__(self, path: Path, sleep: Callable[[float], None] = time.sleep) -> None:
@@ -69,7 +69,7 @@ class Microphone:
     """A microphone, opened by PortAudio.
 
     Args:
-        name: part of its name, or empty for the system's default.
+        name: a part of the microphone's name, or empty for the system's default.
 
     Raises:
         ResourceError: if sounddevice or PortAudio is missing.
@@ -108,7 +108,7 @@ class Microphone:
             raise self._open_failure() from error
 
     def _open_failure(self) -> ResourceError:
-        """Returns the reason why the microphone cannot be opened, in words for users."""
+        """Returns an error with the reason why the microphone cannot be opened, in words for users."""
         inputs = [
             str(device["name"])
             for device in self._library.query_devices()
@@ -143,35 +143,35 @@ class Microphone:
 log = logging.getLogger(__name__)
 
 _MAX_UTTERANCE_S = 3.0
-"""Maximum seconds of an utterance: a longer one is not a command."""
+"""Maximum seconds of an utterance. A longer utterance is not a command."""
 _TALK_WORDS = (
     "the a and you to of that it is what in we me this was for are have do not be on your with my all can "
     "will one there so just about out up if now then time look did could please hello yes no stop go come "
     "here more once again next week left right over who why"
 )
-"""First words of ordinary talk. An utterance that does not start with a phrase's first word counts as talk.
-"""
+"""First words of ordinary talk. They model utterances that do not start with a phrase's first word, which
+count as talk."""
 _ACTION_WORDS = (
     "turn move dance run play sit lie down arm head hand body man day thing water house big small new good "
     "long little first great old work way people place back make take give tell find see want need know think"
 )
-"""Common words that may follow a name: speech to the puppet that matches no phrase."""
+"""Common words that may follow a name. They model speech to the puppet that matches no phrase."""
 _OTHER_SPEECH_WEIGHT = 1e-4
-"""Weight of a name followed by other words; a phrase has 1. With a larger weight, phrases are taken for
-other speech."""
+"""Weight in the grammar of a name followed by other words, relative to a phrase. With a larger weight,
+phrases are taken for other speech."""
 
 
 class Recogniser:
     """Recognises phrases in sound, by a grammar of the phrases and of ordinary talk.
 
     A phrase counts if it is the whole utterance between two silences. Sound is decoded as it arrives, a few
-    milliseconds at a time, so that the tracker is not blocked. Posterior probabilities are not computed:
-    their lattice takes up to seconds, and the model of talk separates better.
+    milliseconds at a time, so that the tracker is not blocked. Posterior probabilities are not computed,
+    because their lattice takes up to seconds, and the model of talk separates better.
 
     Args:
         phrases: lower case words, such as "puppet take it".
-        where: the place that errors name.
-        other: recognises other speech. None creates one, which takes a second.
+        where: the setting that error messages name.
+        other: recogniser of other speech. If None, one is created, which takes a second.
 
     Raises:
         InputError: for a word that is not in the model's dictionary.
@@ -202,7 +202,7 @@ class Recogniser:
 
     @property
     def frame_bytes(self) -> int:
-        """Number of bytes of sound that :meth:`feed` expects per call."""
+        """The number of bytes of sound that :meth:`feed` expects per call."""
         return int(self._ends.frame_bytes)
 
     def feed(self, frame: bytes) -> str | None:
@@ -229,7 +229,7 @@ class Recogniser:
 
     @property
     def is_busy(self) -> bool:
-        """True while other speech is still being recognised."""
+        """Returns True while other speech is still being recognised."""
         return self._other.is_busy
 
     def work(self) -> None:
@@ -286,7 +286,7 @@ def _grammar(phrases: Sequence[str]) -> str:
 
 
 class Voice(Device):
-    """Listens for phrases to a microphone, or to a recording in its place.
+    """Listens for phrases to a microphone or a recording.
 
     Raises:
         InputError: for a phrase with an unknown word.

@@ -8,9 +8,9 @@ from typing import ClassVar
 from enliven.settings import parameter, setting
 
 MAX_TRACK_GAP_S = 0.12
-"""Longest gap in a track that is interpolated."""
+"""Maximum gap in seconds in a track that is interpolated."""
 MAX_BODY_AGE_S = 0.15
-"""Bodies older than this are not fused."""
+"""Maximum age of bodies in seconds. Older bodies are not fused."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,8 @@ class FusionSettings:
     )
     sure_beside: int = setting(
         12,
-        "The same number if another person is already tracked. Raise it if one person appears twice.",
+        "Number of observations, over all sensors, before a further person is reported. Raise it if one "
+        "person appears twice.",
         low=1,
         high=100,
     )

@@ -21,7 +21,7 @@ _MAX_TEXT_BYTES = 1 << 28
 
 
 def _ignore(sentence: str) -> None:
-    """Ignores a note. Default of :attr:`ImportOptions.note`."""
+    """Ignores a note. It is the default of :attr:`ImportOptions.note`."""
 
 
 @dataclass(frozen=True)
@@ -29,11 +29,14 @@ class ImportOptions:
     """The user's options for information that is missing in the files.
 
     Attributes:
-        fps: frames per second for files without times. None for the usual rate of the file layout.
-        device: the sensor to read if a file has several. None for the sensor that saw the most people.
-        lens: fx, fy, cx and cy in pixels, for depth images without a camera file. None for a usual sensor's.
-        units_per_metre: number of depth values per metre. None detects it, with millimetres as default.
-        note: is called with a sentence for each assumption about the files, and for each skipped file.
+        fps: frames per second for files without times. If None, uses the usual rate of the file layout.
+        device: the sensor to read if a file has several. If None, reads the sensor that saw the most people.
+        lens: fx, fy, cx and cy in pixels, for depth images without a camera file. If None, uses those of a
+            common sensor.
+        units_per_metre: number of depth units per metre. If None, it is detected, with millimetres as
+            default.
+        note: function that is called with a sentence for each assumption about the files, and for each
+            skipped file.
     """
 
     fps: float | None = None
@@ -43,7 +46,7 @@ class ImportOptions:
     note: Callable[[str], None] = _ignore
 
     def times_ns(self, usual_fps: float) -> Iterator[int]:
-        """Yields evenly spaced times from 0, for files without their own."""
+        """Yields evenly spaced times in nanoseconds from 0, for files without times."""
         fps = self.fps or usual_fps
         frame = 0
         while True:
@@ -109,17 +112,19 @@ class FileReader(Reader):
         return any(self.matches(path) for path in paths)
 
     def chosen(self, paths: Sequence[Path]) -> Path:
-        """Returns the only file of this layout, or the only file at all. Raises as :func:`only_one`."""
+        """Returns the only file of this layout, or the only file at all. Raises InputError like
+        :func:`only_one`.
+        """
         return only_one([path for path in paths if self.matches(path)] or paths)
 
 
 def natural_order(path: Path) -> tuple[str, list[int], str]:
-    """Returns a key that sorts frame_9 before frame_10."""
+    """Returns a sort key that sorts frame_9 before frame_10."""
     return str(path.parent), [int(digits) for digits in re.findall(r"\d+", path.name)], path.name
 
 
 def read_head(path: Path, size: int = 4096) -> bytes:
-    """Returns the first bytes of a file. Empty if it cannot be read."""
+    """Returns the first bytes of a file, or no bytes if it cannot be read."""
     try:
         with open_file(path) as file:
             return file.read(size)
@@ -171,7 +176,7 @@ def read_rows(path: Path, delimiter: str = ",") -> list[list[str]]:
 
 
 def numbers_from_rows(rows: Sequence[Sequence[str]], path: Path, columns: int, first_line: int = 1) -> Float:
-    """Returns the rows (R, columns) as numbers. An incomplete last row is left out.
+    """Returns the rows (R, columns) as numbers. An incomplete last row is dropped.
 
     Raises:
         InputError: for a line that is too short or contains other text.
@@ -203,7 +208,7 @@ def check_row_lengths(rows: Sequence[Sequence[str]], path: Path, columns: int, f
 
 
 def read_floats(path: Path) -> Float:
-    """Returns the numbers (N,) of a text file, separated by blanks.
+    """Returns the numbers (N,) of a text file, separated by whitespace.
 
     Raises:
         InputError: if it contains other text.
@@ -227,6 +232,6 @@ def are_numbers(cells: Sequence[str]) -> bool:
 
 
 def first_lines(head: bytes, count: int) -> list[str]:
-    """Returns the first complete lines of a text file. Empty if it is not a text file."""
+    """Returns the first complete lines of a text file, or an empty list if it is not a text file."""
     text = decode_text(head)
     return text.split("\n")[:count] if "\0" not in text else []

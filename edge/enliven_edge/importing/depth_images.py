@@ -40,8 +40,8 @@ _SUFFIX = "_depth.png"
 class OpenCvDepthReader(Reader):
     """16-bit PNG in millimetres, with one camera file of OpenCV's FileStorage for each image.
 
-    The camera files may contain a rotation and a translation, too. In registered scans of a turning person
-    these are the body's motion and not the sensor's, so they are not used.
+    The camera files may contain a rotation and a translation, too. They are not used, because in registered
+    scans of a turning person they describe the motion of the body and not of the sensor.
     """
 
     name = "opencv-depth"
@@ -141,7 +141,7 @@ def _read_raw(path: Path) -> UInt16:
 class PlainDepthReader(Reader):
     """16-bit PNG without a camera file.
 
-    The user gives the camera, or a usual one of that image shape is assumed.
+    If the user gives no camera, a common one with this image size is assumed.
     """
 
     name = "plain-depth"
@@ -164,7 +164,9 @@ class PlainDepthReader(Reader):
 
 
 def _choose_camera(path: Path, width: int, height: int, options: ImportOptions) -> tuple[str, Intrinsics]:
-    """Returns the sensor's name and camera for an image without a camera file: as given, or a usual one.
+    """Returns the sensor's name and camera for an image without a camera file.
+
+    The camera is given by the user, or a common one.
 
     Raises:
         InputError: if none is given, and no usual sensor has images of this shape.

@@ -1,6 +1,6 @@
 """Sequences of depth images.
 
-Images that cannot be used leave a gap in time; values are converted to millimetres.
+Images that cannot be used leave a gap in time. Values are converted to millimetres.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ TUM_UNITS = 5000.0
 _D405_UNITS = 10_000.0
 """Number of values per metre of a RealSense D405. Its depth unit is 0.1 mm from the factory."""
 _NO_DISTANCE = 65_535
-"""Value that some cameras write for missing depth, also in 7-Scenes: it would be 65 m in millimetres."""
+"""Value that some cameras and 7-Scenes write for missing depth. In millimetres it would be 65 m."""
 _FAR_MM = 8000.0
-"""Maximum median distance of an image. Beyond it another unit is more likely, since depth cameras measure
-less far."""
+"""Maximum median distance of an image in millimetres. If it is larger, another unit is likelier, because
+depth cameras measure less far."""
 _MAX_NAMED = 5
 """Maximum number of images that are named in notes. The others are counted."""
 _UNIT_HINT = "--units-per-metre states another"
@@ -37,8 +37,8 @@ class DepthUnit:
 
     Args:
         options: the user's options; their unit takes precedence.
-        usual: number of values per metre in this layout.
-        reason: why that is assumed, such as "as in the TUM benchmark".
+        usual: usual number of units per metre in this layout.
+        reason: why this unit is assumed, such as "as in the TUM benchmark".
     """
 
     def __init__(self, options: ImportOptions, usual: float = MILLIMETRES, reason: str = "") -> None:
@@ -59,7 +59,7 @@ class DepthUnit:
         return depth
 
     def _report(self, depth: UInt16) -> None:
-        """Reports the unit, and doubts about it if the first image suggests another one."""
+        """Reports the unit, and a doubt about it if the first image suggests another unit."""
         if self._is_stated:
             return
         name = "millimetres" if self._units == MILLIMETRES else f"{self._units:g} to the metre"
@@ -77,7 +77,7 @@ class DepthUnit:
 def detect_unit(path: Path, options: ImportOptions, device: str = "") -> DepthUnit:
     """Returns the unit of images without a stated unit.
 
-    A D405 is recognised by device, file or folder name.
+    A D405 is recognised by the name of the device, file or folder.
     """
     names = (device, path.name, path.parent.name)
     if any(re.search(r"(?<![a-z0-9])d405(?![0-9])", name.lower()) for name in names):
@@ -101,8 +101,9 @@ def find_depth_series(paths: Iterable[Path]) -> list[Path]:
 
 
 def usable_images(timed: Iterable[tuple[Path, int]], options: ImportOptions) -> Iterator[tuple[Path, int]]:
-    """Yields the images that contain depth with their times (ns). Other images are reported by name and leave
-    a gap in time.
+    """Yields the images that contain depth with their times in nanoseconds.
+
+    Other images are reported by name and leave a gap in time.
 
     Raises:
         InputError: if none of them contains depth.
@@ -142,7 +143,7 @@ def _find_problem(path: Path) -> str:
 
 
 def read_millimetres(path: Path, unit: DepthUnit) -> UInt16:
-    """Reads (H, W) uint16 millimetres from a depth image. Raises as :func:`read_depth_png`."""
+    """Reads (H, W) uint16 millimetres from a depth image. Raises InputError like :func:`read_depth_png`."""
     return unit.millimetres(read_depth_png(path))
 
 

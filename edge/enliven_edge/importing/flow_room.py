@@ -24,20 +24,21 @@ from enliven_edge.importing.skeletons import (
 )
 
 FOCAL = 365.5
-"""Focal length of a Kinect v2's depth camera (512x424), pixels: the usual one, since the files contain
-none."""
+"""Focal length in pixels of a Kinect v2's depth camera (512x424). It is the usual one, because the files
+contain none."""
 CENTRE = (256.0, 212.0)
-"""Column and row of the image's centre, pixels."""
+"""Column and row of the image's centre in pixels."""
 STATURE = 1.70
-"""Height of an average person from the ankles to the crown, in metres. It determines the distance."""
+"""Height of an average person from the ankles to the crown, in metres. It determines the distance to the
+sensor."""
 _METRES_PER_Z = 0.0036
-"""Metres per unit of z, which the files do not state. With this value bones keep their lengths best while
-they turn towards the sensor, and all people in the known recordings agree on it. With millimetres people
-would be flat."""
+"""Metres per unit of z, which the files do not state. With this value the lengths of bones change least while
+they turn towards the sensor, for all people in the known recordings. In millimetres people would be flat."""
 _INVALID = -500
-"""Value of z at or below which a point was not measured: the files use large negative numbers."""
+"""Maximum z of an unmeasured point. The files use large negative numbers for such points."""
 _MAX_DEPTH_STEP_M = 0.4
-"""Maximum metres of depth between neighbouring joints. Beyond it a joint was measured on the background."""
+"""Maximum depth difference in metres between neighbouring joints. A joint with a larger difference was
+measured on the background."""
 _HEAD_TO_ANKLE = 0.88
 """The head joint's height above the ankles as a fraction of the stature."""
 
@@ -109,8 +110,9 @@ def _read_frames(path: Path) -> list[list[_Skeleton]]:
 
 
 def _clean_joints(skeleton: _Skeleton) -> tuple[Float, Bool]:
-    """Returns (20, 3) u, v, z and (20,) whether z was measured. An unmeasured z is copied from the parent
-    joint.
+    """Returns (20, 3) u, v, z and (20,) whether z was measured.
+
+    An unmeasured z is copied from the parent joint.
     """
     points = np.array([(p.x, p.y, p.z) for p in skeleton.joints], float)[list(KINECT2_ORDER)]
     is_measured = points[:, 2] > _INVALID
@@ -123,8 +125,9 @@ def _clean_joints(skeleton: _Skeleton) -> tuple[Float, Bool]:
 
 
 def _estimate_distance(bodies: Sequence[Float], path: Path) -> float:
-    """Returns the distance in metres from the sensor to z = 0, from the people's upper-quartile height in
-    pixels.
+    """Returns the distance in metres from the sensor to z = 0.
+
+    It is computed from the upper quartile of the people's heights in pixels.
     """
     heights = [
         float(max(uvz[Joint.ANKLE_LEFT, 1], uvz[Joint.ANKLE_RIGHT, 1]) - uvz[Joint.HEAD, 1]) for uvz in bodies

@@ -16,18 +16,20 @@ from enliven_edge.importing.base import read_head
 
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 KINECT1 = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
-"""The Kinect v1's camera that drivers assume without a calibration."""
+"""The intrinsics of a Kinect v1 that drivers assume without a calibration."""
 KINECT2 = Intrinsics(512, 424, 365.0, 365.0, 255.5, 211.5)
-"""The Kinect v2's depth camera; individual devices differ by about 1 %."""
+"""The usual intrinsics of a Kinect v2's depth camera. Individual devices differ by about 1 %."""
 AZURE = Intrinsics(640, 576, 504.0, 504.0, 320.0, 333.0)
-"""The Azure Kinect's depth camera in its narrow mode without binning; devices differ by about 1 %."""
+"""The usual intrinsics of an Azure Kinect's depth camera, narrow mode without binning. Devices differ by
+about 1 %."""
 _KNOWN_SENSORS = {"kinect1": KINECT1, "kinect2": KINECT2, "azure-kinect": AZURE}
-"""Sensors by name, which are recognised by the shape of their images."""
+"""Sensors by name. They are recognised by the size of their images."""
 _COLOUR_FORMATS = ("PNG", "JPEG")
-"""Image formats of the layouts. Other decoders of Pillow start programs, or are not safe with hostile files.
-"""
+"""Image formats that are accepted. Other decoders of Pillow start programs, or are not safe with malicious
+files."""
 _MAX_PIXELS = 1 << 26
-"""Maximum pixels of one image, 8192 x 8192: a file of a few kilobytes can declare any size."""
+"""Maximum pixels of one image, 8192 x 8192. A limit is needed, because a file of a few kilobytes can declare
+any size."""
 
 
 def is_depth_png(path: Path) -> bool:
@@ -43,8 +45,8 @@ def png_size(path: Path) -> tuple[int, int]:
 
 
 def find_usual_camera(width: int, height: int) -> tuple[str, Intrinsics] | None:
-    """Returns the name and the camera of the sensor with depth images of this shape. None if no known sensor
-    has this shape.
+    """Returns the name and the camera of the sensor with depth images of this size, or None if there is
+    none.
     """
     for name, camera in _KNOWN_SENSORS.items():
         scaled_camera = camera.scaled(width / camera.width)
@@ -54,8 +56,9 @@ def find_usual_camera(width: int, height: int) -> tuple[str, Intrinsics] | None:
 
 
 def describe_colour_image(path: Path) -> str | None:
-    """Returns the kind of an image without depth, such as "a JPEG image in colour". None if the file is not
-    such an image.
+    """Returns the kind of an image without depth, such as "a JPEG image in colour".
+
+    Returns None if the file is not such an image.
     """
     try:
         with _open_image(path, _COLOUR_FORMATS) as image:
@@ -71,7 +74,7 @@ def read_depth_png(path: Path) -> UInt16:
     """Reads (H, W) uint16 millimetres from a 16-bit PNG.
 
     Raises:
-        InputError: if the file is missing, damaged, or not of one 16-bit channel.
+        InputError: if the file is missing or damaged, or does not have one 16-bit channel.
     """
     if path.exists() and not is_depth_png(path):
         raise InputError(
@@ -90,7 +93,7 @@ def read_depth_png(path: Path) -> UInt16:
 
 
 def read_colour(path: Path) -> UInt8 | None:
-    """Reads (h, w, 3) uint8 sRGB. None if the file does not exist.
+    """Reads an (h, w, 3) uint8 sRGB image. Returns None if the file does not exist.
 
     Raises:
         InputError: if the image is damaged.

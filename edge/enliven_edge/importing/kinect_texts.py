@@ -40,7 +40,7 @@ _GAIT_NAMES = {joint.name.replace("_", "-").title(): joint for joint in Joint} |
 }
 """The joint of each name in KinectGait. Its files mix languages (``Hip-centro``)."""
 _LABANOTATION_COLUMNS = 101
-"""Numbers per row: the time, then x, y, z and the tracking state of 25 joints."""
+"""Numbers per row: the time, and x, y, z and the tracking state of 25 joints."""
 _TICK_NS = 100
 """Nanoseconds of a tick, the Kinect SDK 2's unit of time."""
 MSR_ORDER = (
@@ -65,15 +65,14 @@ MSR_ORDER = (
     Joint.FOOT_RIGHT,
     Joint.HEAD,
 )
-"""(20,) the joint in each row of a frame. "Right" is the side that the subjects of the data set were asked to
-use.
-"""
+"""(20,) the joint in each row of a frame. "Right" is the side that the subjects of the data set had to
+use."""
 MSR_FOCAL = 285.0
 """Focal length in pixels of the depth camera (320x240) in files with pixel coordinates. With this value they
 agree with the files in metres.
 """
 _MSR_CENTRE = (160.0, 120.0)
-"""Column and row of the image's centre, pixels."""
+"""Column and row of the image's centre in pixels."""
 _MSR_METRES_PER_UNIT = 0.004
 """Metres per unit of depth in files with pixel coordinates. With this value they agree with the files in
 metres.
@@ -83,8 +82,10 @@ _MSR_FPS = 15.0
 
 
 class BodyScannerReader(SkeletonReader):
-    """Reads BodyScanner CSV: the header ``Joints,X,Y,Z``, a row ``Degree`` with the sensor's tilt, and 25
-    joints, +Y up, +Z towards the sensor.
+    """Reads BodyScanner CSV.
+
+    A file has the header ``Joints,X,Y,Z``, a row ``Degree`` with the sensor's tilt, and 25 joints, +Y up, +Z
+    towards the sensor.
     """
 
     name = "body-scanner"
@@ -112,16 +113,18 @@ class BodyScannerReader(SkeletonReader):
 
 
 def level_from_tilted(tilt: float) -> Float:
-    """Returns a (3, 3) rotation from the space of a sensor that is tilted downwards by ``tilt`` radians to
-    the space of a level sensor.
+    """Returns a (3, 3) rotation from the space of a tilted sensor to the space of a level sensor.
+
+    The sensor is tilted downwards by ``tilt`` radians.
     """
     c, s = math.cos(tilt), math.sin(tilt)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
 class GaitReader(SkeletonReader):
-    """Reads KinectGait text: lines ``Joint-Name;x;y;z`` in metres. A frame starts at ``Head`` and has 20
-    lines.
+    """Reads KinectGait text: lines ``Joint-Name;x;y;z`` in metres.
+
+    A frame starts at ``Head`` and has 20 lines.
     """
 
     name = "kinect-gait"
@@ -155,8 +158,9 @@ def _gait_joint(name: str, path: Path, line: int) -> Joint:
 
 
 class LabanotationReader(SkeletonReader):
-    """Reads LabanotationSuite CSV without header. A row has 101 values: the time in ticks of 100 ns, then x,
-    y, z and tracking state of 25 joints.
+    """Reads LabanotationSuite CSV without a header.
+
+    A row has 101 values: the time in ticks of 100 ns, then x, y, z and the tracking state of 25 joints.
     """
 
     name = "labanotation"
@@ -179,8 +183,9 @@ class LabanotationReader(SkeletonReader):
 
 
 class MsrAction3dReader(SkeletonReader):
-    """Reads MSR Action3D text: 20 rows per frame of x, y, z, confidence. Units are metres, or pixels and
-    depth in units of 4 mm.
+    """Reads MSR Action3D text: 20 rows per frame of x, y, z and confidence.
+
+    Units are metres, or pixels with depth in units of 4 mm.
     """
 
     name = "msr-action3d"
@@ -207,7 +212,9 @@ class MsrAction3dReader(SkeletonReader):
 
 
 def _moments_from_joints(times: Sequence[int], joints: Float, confidence: Float) -> list[SkeletonMoment]:
-    """Returns the moments of one person: (F,) nanoseconds, (F, 20, 3) metres and (F, 20) confidences."""
+    """Returns the moments of one person from (F,) nanoseconds, (F, 20, 3) joints in metres and (F, 20)
+    confidences.
+    """
     return [
         SkeletonMoment(time_ns, [Body(0, *mask_missing(xyz, confidences))])
         for time_ns, xyz, confidences in zip(times, joints, confidence, strict=True)

@@ -1,4 +1,4 @@
-"""Exchanges left and right, since some drivers deliver mirrored images."""
+"""Exchanges left and right, because some drivers deliver mirrored images."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ OTHER_SIDE = [
 
 
 def mirror_frames(frames: Iterator[Frame]) -> Iterator[Frame]:
-    """Yields every frame mirrored. The position of the sensor does not change."""
+    """Yields every frame mirrored. The pose of the sensor does not change."""
     for frame in frames:
         yield _mirror_depth(frame) if isinstance(frame, DepthFrame) else _mirror_bodies(frame)
 

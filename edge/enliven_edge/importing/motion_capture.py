@@ -1,5 +1,7 @@
-"""Reads motion captures as bodies: the captured person is the performer, with the captured size and frame
-rate."""
+"""Reads motion captures as bodies.
+
+The captured person is the performer. Its size and the frame rate are those of the capture.
+"""
 
 from __future__ import annotations
 
@@ -39,9 +41,8 @@ _BONE_LIMBS = (
 )  # fmt: skip
 """(20,) the limb that gives the orientation of the bone ending at each joint."""
 _HEAD_CENTRE = 0.075
-"""Distance in metres along the skull from the head's joint to the middle of the head, which sensors report as
-the head.
-"""
+"""Distance in metres along the skull from the head's joint to the middle of the head. Sensors report that
+point as the head."""
 
 
 class MotionCaptureReader(FileReader):
@@ -80,8 +81,9 @@ class MotionCaptureReader(FileReader):
 
 
 def bodies_from_capture(capture: Capture, roles: Roles) -> tuple[Float, Float]:
-    """Returns the joints (F, 20, 3) in metres and the orientations (F, 20, 4), +Y up, of a capture in its own
-    unit and axes.
+    """Returns the joints (F, 20, 3) in metres and the orientations (F, 20, 4), +Y up.
+
+    The input is a capture in its own unit and axes.
     """
     capture = turn_upright(capture)
     p = capture.positions

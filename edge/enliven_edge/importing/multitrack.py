@@ -32,21 +32,22 @@ from enliven_edge.importing.skeletons import (
 )
 
 _TICKS = {"Tracker_Time": 1e6, "Skeleton_Time": 100.0}
-"""Nanoseconds per unit of each time column: the computer's clock, common to all Kinects, and each Kinect's
-own clock.
-"""
+"""Nanoseconds per unit of each time column.
+
+One column is the computer's clock, common to all Kinects. The other is each Kinect's own clock."""
 _KEYS = ("Tracker_Time", "Person_Id", "Kinect_Id")
 _FIRST_ROW = 2
 """The line of the first row, for messages. The header is line 1."""
 
 
 class MultiTrackReader(FileReader):
-    """Reads KinectMultiTrack CSV: a header, and a row for each time, person and Kinect with 25 joints in
-    alphabetical order.
+    """Reads KinectMultiTrack CSV.
 
-    The Kinects keep their own coordinate systems, so only one of them is read: ``options.device``, or the one
-    with most rows. Times are relative to the first row, because the files count milliseconds since the year
-    1, which would overflow 64-bit nanoseconds.
+    A file has a header, and one row for each time, person and Kinect, with 25 joints in alphabetical order.
+
+    Each Kinect has its own coordinate system. So only one is read: ``options.device``, or the one with the
+    most rows. Times are relative to the first row, because the files count milliseconds since the year 1,
+    which would overflow 64-bit nanoseconds.
     """
 
     name = "multitrack"
@@ -54,8 +55,8 @@ class MultiTrackReader(FileReader):
     note = "no tracking states in the files: every joint counts as tracked"
 
     clock = "Tracker_Time"
-    """The column of the times: when the computer received a skeleton. "Skeleton_Time" is when its Kinect
-    captured it, by the Kinect's own clock, sometimes ten milliseconds earlier."""
+    """The column with the times at which the computer received the skeletons. "Skeleton_Time" is the time of
+    capture by the Kinect's own clock, which is up to ten milliseconds earlier."""
 
     def matches(self, path: Path) -> bool:
         header = (first_lines(read_head(path), 1) or [""])[0]
@@ -87,7 +88,7 @@ def _group_moments(values: Float, is_chosen: Bool, tick: float) -> list[Skeleton
     """Groups rows of time, person and 20 x 3 joints by time. Another Kinect's rows contribute only the time.
 
     Args:
-        tick: nanoseconds per count of the time.
+        tick: nanoseconds per unit of the time column.
     """
     order = np.argsort(values[:, 0], kind="stable")
     moments: list[SkeletonMoment] = []
@@ -102,8 +103,9 @@ def _group_moments(values: Float, is_chosen: Bool, tick: float) -> list[Skeleton
 
 
 def _choose_device(devices: Counter[str], requested_device: str | None, path: Path) -> str:
-    """Returns the Kinect to read. If several Kinects have the same number of rows, the first in the file is
-    used.
+    """Returns the Kinect to read.
+
+    If several Kinects have the same number of rows, the first one in the file is used.
     """
     if not devices:
         raise InputError("it holds a header and no rows", where=str(path))

@@ -51,8 +51,9 @@ _decoder = msgspec.json.Decoder(list[_Device], strict=False)
 
 
 class RealSenseReader(Reader):
-    """Reads 16-bit PNG in millimetres, named after a device (``0_M11_depth_0.png``) in
-    device_repository.json.
+    """Reads 16-bit PNG in millimetres.
+
+    The files are named after a device in device_repository.json, such as ``0_M11_depth_0.png``.
     """
 
     name = "realsense"
@@ -106,8 +107,9 @@ def _find_device(repository: Path, device: str) -> _Device:
 
 
 def _find_camera(entry: _Device, width: int, height: int, *, where: str) -> Intrinsics:
-    """Returns the depth camera for this image size: as listed, or scaled from a listed size of the same
-    aspect ratio.
+    """Returns the depth camera for this image size.
+
+    It is listed for this size, or scaled from a listed size with the same aspect ratio.
     """
     listed_cameras: dict[str, list[float]] = {}
     for group in entry.depth_intrinsics:
@@ -134,14 +136,14 @@ _SEVEN_SCENES_SIZE = (640, 480)
 _SEVEN_SCENES_LENS = (585.0, 585.0, 320.0, 240.0)
 """Focal lengths and centre in pixels that the 7-Scenes data set states for all its sequences."""
 _LENS = ((0, 0), (1, 1), (0, 2), (1, 2))
-"""Rows and columns of fx, fy, cx and cy in the camera matrix."""
+"""Row and column in the camera matrix of each of fx, fy, cx and cy."""
 
 
 class PosedDepthReader(Reader):
     """Reads 16-bit PNG in millimetres with camera-to-world matrices, the layout of 3D scanning data sets.
 
-    The files' world is that of a camera (+Y down). It is rotated so that +Y is up. The files do not contain
-    the floor: y = 0 is at the height of that camera.
+    The world of the files is the frame of a camera (+Y down). It is rotated so that +Y is up. The files do
+    not contain the floor, so y = 0 is at the height of that camera.
     """
 
     name = "posed-depth"
@@ -170,8 +172,9 @@ class PosedDepthReader(Reader):
 
 
 def _choose_lens(path: Path, options: ImportOptions) -> tuple[float, float, float, float]:
-    """Returns focal lengths and centre in pixels: from the user, from the file, or from the 7-Scenes data
-    set.
+    """Returns focal lengths and centre in pixels.
+
+    They come from the user, the file, or the 7-Scenes data set, in this order.
     """
     if options.lens is not None:
         return options.lens

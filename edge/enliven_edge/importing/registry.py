@@ -16,7 +16,7 @@ from enliven_edge.importing.base import Reader
 from enliven_edge.importing.images import describe_colour_image
 
 ENTRY_POINTS = "enliven.readers"
-"""The entry-point group that lets other packages add readers: each entry names a class like those here."""
+"""The entry-point group with which other packages can add readers. Each entry names a :class:`Reader`."""
 _BUILT_IN = (
     "bags.reader:BagReader",
     "depth_images:OpenCvDepthReader",
@@ -33,7 +33,7 @@ _BUILT_IN = (
     "motion_capture:MotionCaptureReader",
     "depth_images:PlainDepthReader",
 )
-"""The built-in readers in the order of testing. The least specific one comes last."""
+"""The built-in readers in the order in which they are tried. The least specific one is last."""
 
 
 def readers() -> dict[str, Reader]:
@@ -51,7 +51,7 @@ def readers() -> dict[str, Reader]:
 
 
 def find_reader(paths: Sequence[Path], name: str | None = None) -> Reader:
-    """Returns the reader called ``name``, or the first that recognises the files.
+    """Returns the reader called ``name``, or else the first reader that recognises the files.
 
     Raises:
         InputError: for an unknown name (the message suggests the nearest known one), or if no reader
@@ -84,7 +84,9 @@ def find_reader(paths: Sequence[Path], name: str | None = None) -> Reader:
 
 
 def find_files(names: Sequence[str]) -> list[Path]:
-    """Returns the files named by files, folders (those directly inside) and patterns, each once.
+    """Returns the files named by files, folders and patterns, each once.
+
+    A folder stands for the files directly inside it.
 
     Raises:
         InputError: for a name without a file, or a folder that cannot be listed.

@@ -1,9 +1,9 @@
 """Converts the skeletons of foreign recordings to bodies in the world.
 
 The Kinect SDKs' skeleton space has +X to the sensor's left, +Y up and +Z away from the sensor, in metres. It
-is right-handed. Half a turn about the vertical therefore converts it to the world of a level camera (+X to
-the sensor's right, +Z towards it). There a person that faces the sensor looks along +Z with the left hand at
-+X.
+is right-handed. So a rotation by 180 degrees about the vertical converts it to the world of a level camera
+(+X to the sensor's right, +Z towards the sensor). In this world a person that faces the sensor looks along
++Z, with the left hand at +X.
 """
 
 from __future__ import annotations
@@ -23,38 +23,37 @@ from enliven_edge.importing.base import DEFAULT_OPTIONS, FileReader, ImportOptio
 WORLD_FROM_KINECT_SPACE = np.diag([-1.0, 1.0, -1.0])
 """(3, 3) world_from_sensor of a level sensor for the skeleton space of the Kinect SDKs 1 and 2."""
 KINECT2_ORDER = (0, 1, 20, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19)
-"""(20,) the joint of the Kinect SDK 2 (JointType) for each of :class:`enliven.person.body.Joint`.
+"""(20,) the index of the Kinect SDK 2 joint (JointType) for each :class:`enliven.person.body.Joint`.
 
 SpineBase, SpineMid and SpineShoulder correspond to the hip centre, the spine and the shoulder centre. The
-neck, the hand tips and the thumbs have no counterpart.
-"""
+neck, the hand tips and the thumbs have no counterpart."""
 _SPINE_NAMES = ["SpineBase", "SpineMid", "SpineShoulder"]
 KINECT2_NAMES = [*_SPINE_NAMES, *(joint.name.title().replace("_", "") for joint in list(Joint)[3:])]
-"""(20,) the names of the Kinect SDK 2 for each of :class:`enliven.person.body.Joint`."""
+"""(20,) the name of the Kinect SDK 2 joint for each :class:`enliven.person.body.Joint`."""
 TRACKED = 1.0
 """Confidence of a joint that the SDK reports as tracked."""
 INFERRED = 0.4
-"""Confidence of a joint that the SDK inferred from others: it has less weight than a measured one."""
+"""Confidence of a joint that the SDK inferred from others. It has less weight than a measured joint."""
 NOT_TRACKED = 0.0
-"""Confidence of a joint that is unknown to the SDK."""
+"""Confidence of a joint that the SDK does not know."""
 CONFIDENCE_OF_STATE = np.array([NOT_TRACKED, INFERRED, TRACKED])
 """(3,) the confidence of the SDKs' tracking states 0, 1 and 2."""
 FOOT_ABOVE_SOLE = 0.02
-"""Metres from the foot joint to the sole of an average adult."""
+"""Height in metres of an average adult's foot joint above the sole."""
 _FEET = (Joint.FOOT_LEFT, Joint.FOOT_RIGHT)
 _ANKLES = (Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT)
 
 
 @dataclass(frozen=True)
 class SkeletonMoment:
-    """The bodies at one time, in the sensor's space."""
+    """The bodies at one time, in the sensor's skeleton space."""
 
     time_ns: int
     bodies: list[Body] = field(default_factory=list)
 
 
 class SkeletonReader(FileReader):
-    """Reads joints. A subclass provides the moments, and the name of the sensor."""
+    """Base class of readers of joints. A subclass provides the moments and the name of the sensor."""
 
     sensor = "kinect1"
     """The sensor's identity if the user gives none."""
@@ -84,8 +83,10 @@ def joints_from_pixels(pixels: Float, z: Float, focal: float, centre: tuple[floa
 
 
 def tracked_body(joints: Float) -> Body:
-    """Returns the body of (20, 3) joints from a file without tracking states: every joint counts as
-    tracked."""
+    """Returns the body of (20, 3) joints from a file without tracking states.
+
+    Every joint counts as tracked.
+    """
     return Body(0, *mask_missing(joints, np.full(len(joints), TRACKED)))
 
 
@@ -94,15 +95,15 @@ def frames_in_world(
 ) -> Iterator[BodyFrame]:
     """Yields the body frames of a take in the world, on the floor, with an estimated stature per person.
 
-    The floor is the lower quartile, over the take, of the lower sole's height. At least one foot is nearly
-    always on the floor, and neither a jump nor some wrong feet change a quartile. The stature is the median
+    The floor's height is the lower quartile, over the take, of the lower sole's height. At least one foot is
+    nearly always on the floor, and a quartile ignores jumps and some wrong feet. The stature is the median
     over the take of the height computed from bone lengths.
 
     Args:
         moments: ordered by time.
         sensor: its identity.
         world_from_sensor: (3, 3) rotation from the sensor's space. Bodies with orientations are already in
-            the world.
+            the world frame.
         where: the file, for error messages.
 
     Raises:
@@ -131,8 +132,9 @@ def _rotate_moment(moment: SkeletonMoment, turn: Float) -> SkeletonMoment:
 
 
 def _estimate_statures(bodies: Sequence[Body]) -> dict[int, float]:
-    """Returns the stature in metres by person: the median over the frames that contain all the required
-    joints.
+    """Returns the stature in metres by person.
+
+    It is the median over the frames that contain all the required joints.
     """
     heights: dict[int, list[float]] = {}
     for body in bodies:
@@ -149,7 +151,9 @@ def _estimate_floor(bodies: Sequence[Body], where: str) -> float:
 
 
 def _sole_height(body: Body) -> float:
-    """Returns the height of a body's lower sole, from the visible joints, or else from all."""
+    """Returns the height in metres of a body's lower sole, from the visible joints, or else from all
+    joints.
+    """
     for min_confidence in (0.5, -1.0):
         candidates = [(j, FOOT_ABOVE_SOLE) for j in _FEET] + [(j, ANKLE_ABOVE_SOLE) for j in _ANKLES]
         heights = [

@@ -1,4 +1,4 @@
-"""Reads sequences of the TUM RGB-D benchmark, and others with images named after their time in seconds."""
+"""Reads sequences of the TUM RGB-D benchmark, and other images that are named after their time in seconds."""
 
 from __future__ import annotations
 
@@ -27,19 +27,23 @@ from enliven_edge.importing.depth_sequences import TUM_UNITS, DepthUnit, read_mi
 from enliven_edge.importing.images import find_usual_camera, is_depth_png, read_colour
 
 _LIST = "depth.txt"
-"""The list of depth images with their times, in the folder of a sequence."""
+"""File name of the list of depth images with their times, in the folder of a sequence."""
 _COLOURS = "rgb.txt"
 _POSES = "groundtruth.txt"
 _TIME = re.compile(r"\d{9,11}\.\d{3,9}")
 """Pattern of an image name that is a time: seconds since 1970, with at least milliseconds."""
 _MAX_GAP_NS = 20_000_000
-"""Maximum time between a depth image and its colour or pose, the benchmark's own 0.02 s."""
+"""Maximum time in nanoseconds between a depth image and its colour image or pose. The benchmark uses the same
+0.02 s."""
 _Y_UP_FROM_Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
 """(4, 4) rotation from the benchmark's world, which has +Z up."""
 
 
 class TumReader(Reader):
-    """Reads a folder with depth.txt, or images named after seconds since 1970, with 5000 units per metre."""
+    """Reads a folder with depth.txt, or with images named after seconds since 1970.
+
+    The depth has 5000 units per metre.
+    """
 
     name = "tum-depth"
     description = "TUM RGB-D benchmark (depth.txt with rgb.txt and groundtruth.txt; or SECONDS.png)"
@@ -92,7 +96,7 @@ def _parse_time(seconds: str) -> int:
 
 
 def _read_rows(path: Path, columns: int) -> list[list[str]]:
-    """Returns the rows of a list without comments. Empty if the file is missing.
+    """Returns the rows of a list without comments, or no rows if the file is missing.
 
     Raises:
         InputError: for a row with another number of columns, or without a time.
@@ -112,7 +116,10 @@ def _read_rows(path: Path, columns: int) -> list[list[str]]:
 
 
 def _read_list(path: Path) -> list[tuple[Path, int]]:
-    """Returns the images of a list below its folder, with their times in nanoseconds, in order."""
+    """Returns the images named in a list file, with their times in nanoseconds, in order.
+
+    The images must be inside the folder of the list.
+    """
     images = [(path.parent / name, _parse_time(seconds)) for seconds, name in _read_rows(path, 2)]
     folder = path.parent.resolve()
     for image, _ in images:
@@ -122,7 +129,7 @@ def _read_list(path: Path) -> list[tuple[Path, int]]:
 
 
 def _find_nearest(images: list[tuple[Path, int]], time_ns: int) -> Path | None:
-    """Returns the image nearest in time, None if all are too far away."""
+    """Returns the image nearest in time, or None if all are too far away."""
     if not images:
         return None
     times = np.array([time for _, time in images])
@@ -131,7 +138,10 @@ def _find_nearest(images: list[tuple[Path, int]], time_ns: int) -> Path | None:
 
 
 def _read_poses(path: Path, times: list[int]) -> dict[int, Float]:
-    """Returns (4, 4) world_from_camera, +Y up, at each of the times. Empty if any time has no pose."""
+    """Returns (4, 4) world_from_camera, +Y up, at each of the times.
+
+    The result is empty if any time has no pose.
+    """
     rows = _read_rows(path, 8)
     if not rows:
         return {}
@@ -157,7 +167,7 @@ def _read_poses(path: Path, times: list[int]) -> dict[int, Float]:
 
 
 def _choose_camera(path: Path, width: int, height: int, options: ImportOptions) -> Intrinsics:
-    """Returns the camera: the user's, or a usual one of this image shape."""
+    """Returns the camera that the user gave, or a common one with this image size."""
     if options.lens is not None:
         return Intrinsics(width, height, *options.lens)
     usual_camera = find_usual_camera(width, height)

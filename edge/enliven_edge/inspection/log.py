@@ -1,5 +1,6 @@
-"""Reports on a sensor during its recording, in sentences: missing images, the state of the device, lost
-connections.
+"""Reports on a sensor during its recording, in sentences.
+
+It reports missing images, the state of the device, and lost connections.
 """
 
 from __future__ import annotations
@@ -34,8 +35,8 @@ class SensorLog:
         """Adds the next event."""
         match moment.content:
             case SensorFault() as error:
-                # After the first error, further errors are failed attempts to open the sensor again. So count
-                # them as one loss.
+                # After the first error, further errors are failed attempts to reopen the sensor. So all of
+                # them count as one loss.
                 if not self._lost:
                     self._losses.append((self._seconds(self._last_ns), error.what))
                 self._lost = True
@@ -76,7 +77,7 @@ class SensorLog:
         return facts
 
     def _describe_missing(self) -> str:
-        """Describes the gaps in the sensor's sequence numbers."""
+        """Returns a sentence about the gaps in the sensor's sequence numbers."""
         if not self._counts:
             return "not known; the sensor did not count its images"
         if not self._gaps:

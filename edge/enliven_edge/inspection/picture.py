@@ -14,18 +14,18 @@ from enliven.person import BONES, Body
 _TINTS = np.array(
     [(70, 130, 255), (255, 140, 60), (90, 220, 120), (230, 90, 210), (240, 220, 70), (90, 220, 230)], float
 )
-"""(6, 3) sRGB tints of the people, in turn: easy to distinguish."""
+"""(6, 3) sRGB tints that are easy to distinguish. The people get them in turn."""
 _MIN_JOINT_DEPTH_M = 0.12
 """Minimum distance from the camera of joints that are drawn, in metres. The projection of nearer joints
 leaves the image."""
 _HOLE_GREY = 12
-"""Grey value (0..255) of a pixel without depth: darker than every distance, lighter than black."""
+"""Grey value in 0..255 of a pixel without depth. It is darker than every distance, and lighter than black."""
 _MIN_CONFIDENCE = 0.05
 """Bones with both ends below this confidence are not drawn."""
 
 
 def depth_picture(depth: UInt16, near: float, far: float) -> UInt8:
-    """Returns (H, W, 3) grey: bright is near, ``far`` metres and beyond is dark.
+    """Returns an (H, W, 3) grey image of depth: bright is near, dark is ``far`` metres or beyond.
 
     Unknown depth is nearly black.
     """
@@ -48,10 +48,10 @@ def depth_span(depth: UInt16) -> tuple[float, float]:
 
 
 def tint_people(picture: UInt8, owner: AnyArray, depth: UInt16) -> UInt8:
-    """Returns the image with each person's known pixels coloured.
+    """Returns the image with the known pixels of each person coloured.
 
     Args:
-        owner: (h, w) of a downsampled image: the person of each pixel, 0, 1, ..., or -1 for none.
+        owner: (h, w) the person at each pixel of a downsampled image: 0, 1, ..., or -1 for none.
         depth: (H, W) depth of the image.
     """
     height, width = picture.shape[:2]

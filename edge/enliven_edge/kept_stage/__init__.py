@@ -1,1 +1,1 @@
-"""The stage on disk: characters of viewers, sizes and switches come back after a restart of the edge."""
+"""The stage on disk: restores characters of viewers, sizes and switches after a restart of the edge."""

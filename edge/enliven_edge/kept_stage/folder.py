@@ -21,27 +21,27 @@ from enliven_edge.kept_stage.state import VERSION, StageState, StartJournal
 log = logging.getLogger(__name__)
 
 STATE_VARIABLE = "STATE_DIRECTORY"
-"""Environment variable with the folder that systemd gives a unit with ``StateDirectory=``."""
+"""Environment variable with the folder that systemd provides for a unit with ``StateDirectory=``."""
 _STATE, _JOURNAL = "stage.json", "start.json"
 """Names of the state and of the journal."""
 _SUFFIX = ".character"
-"""Suffix of the data of a character. The name before it is the checksum."""
+"""Suffix of the file with the data of a character. The name before the suffix is the checksum."""
 _CHARACTER_NAME = re.compile(r"[0-9a-f]{64}" + re.escape(_SUFFIX))
-"""Names of files that this module may delete."""
+"""Pattern of the names of files that this module may delete."""
 _MAX_STATE_BYTES = 1 << 20
-"""Maximum bytes of a state: 256 characters have 60,000."""
+"""Maximum bytes of a state file. The state of 256 characters has 60,000."""
 
 T = TypeVar("T", bound=msgspec.Struct)
 
 
 def stage_folder(option: Path | None, setting: str, base: Path | None, edge: str) -> Path | None:
-    """Returns the folder of an edge's kept stage. None: the stage is not kept.
+    """Returns the folder of an edge's kept stage, or None if the stage is not kept.
 
     The command line comes first, then the settings, then the folder of the systemd unit.
 
     Args:
         option: the value of ``--keep-stage``.
-        setting: the value of ``keep`` under ``[stage]``. Empty: not set.
+        setting: the value of ``keep`` under ``[stage]``; empty if it is not set.
         base: folder of the settings file, for a relative setting.
         edge: name of the edge. Several edges may share a folder.
     """
@@ -95,7 +95,7 @@ class StageFolder:
         write_file(self.path / _STATE, msgspec.json.format(msgspec.json.encode(state), indent=1))
 
     def read_journal(self) -> StartJournal:
-        """Returns the journal of the last start. Empty if it is missing or damaged."""
+        """Returns the journal of the last start, or an empty one if it is missing or damaged."""
         with contextlib.suppress(EnlivenError, *DECODE_ERRORS):
             return msgspec.json.decode(read_file(self.path / _JOURNAL, _MAX_STATE_BYTES), type=StartJournal)
         return StartJournal()
@@ -112,7 +112,7 @@ class StageFolder:
         """Returns the data of a character.
 
         Raises:
-            InputError: if it is missing, or damaged. Damaged data is set aside.
+            InputError: if it is missing or damaged. A damaged file is renamed.
             ResourceError: if the disk fails.
         """
         path = self._path_of(digest)
@@ -157,6 +157,6 @@ class StageFolder:
 
 
 class _Version(msgspec.Struct):
-    """The version of a state. Files of all versions have this field."""
+    """The version of a state file. Files of all versions have this field."""
 
     version: int

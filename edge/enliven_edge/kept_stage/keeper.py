@@ -33,20 +33,22 @@ log = logging.getLogger(__name__)
 
 MAX_CRASHES = 2
 """Maximum number of starts that may crash while a character is being restored. After that, the character is
-left out.
-"""
+no longer restored."""
 _COMPARE_INTERVAL_S = 0.2
-"""Seconds between two comparisons of the stage with the written state, far less than a person notices."""
+"""Seconds between two comparisons of the stage with the written state. The interval is too short to be
+noticed."""
 _WRITE_INTERVAL_S = 0.5
-"""Minimum seconds between two writes. A gesture changes a size in every frame."""
+"""Minimum seconds between two writes. The limit is needed, because a gesture changes a size in every
+frame."""
 _RETRY_INTERVAL_S = 5.0
 """Seconds between a failed write and the next attempt."""
 _TRIAL_S = 1.0
-"""Seconds for which each restored character must run before the next one, after a start that crashed."""
+"""Seconds for which each restored character must run before the next one is restored, if the last start
+crashed."""
 _START_S = 10.0
 """Seconds after which a start counts as successful."""
 _CLOSE_TIMEOUT_S = 5.0
-"""Longest time that closing waits for the last write, in seconds."""
+"""Maximum seconds for which closing waits for the last write."""
 
 
 class KeptEdge(Protocol):
@@ -63,16 +65,16 @@ class StageKeeper(Closeable):
 
     It stores the characters of viewers and of scans, removed initial characters, sizes, overshoots,
     smoothing, the lock, and the physics world. Possessions are not kept, because the tracker does not
-    recognise people after a restart. For the same reason a locked cast is locked again when the same number
-    of people perform.
+    recognise people after a restart. For the same reason, a lock on the cast is restored as soon as the same
+    number of people perform.
 
-    A character that crashed the edge twice during its restoration is left out. Its data file is renamed. A
-    folder that cannot be read or written is reported, and the edge runs without it.
+    A character that crashed the edge twice while it was restored is no longer restored, and its data file is
+    renamed. If the folder cannot be read or written, this is reported, and the edge runs without it.
 
     Args:
         folder: the folder with the files.
-        initial: mesh of each initial character, by id.
-        settings: how actors are made, and the initial physics world.
+        initial: the mesh of each initial character, by id.
+        settings: the settings for creating actors, and of the initial physics world.
         clock: returns seconds, for tests.
     """
 
@@ -102,7 +104,7 @@ class StageKeeper(Closeable):
         return mesh is not None and self.state.removed.get(character) == mesh
 
     def restore(self, edge: KeptEdge) -> None:
-        """Restores the kept state of the edge, and starts to follow its changes. Call it before the loop."""
+        """Restores the kept state of the edge, and starts to track its changes. Call it before the loop."""
         self._edge = edge
         self._initial_smoothing = edge.tracker.output.amounts
         edge.uploads.on_shown = self._writer.add_data
@@ -122,10 +124,10 @@ class StageKeeper(Closeable):
         self._restore_switches(edge)
 
     def follow(self, performers: int) -> None:
-        """Writes changes of the stage in the background. Call it once per turn of the loop.
+        """Writes changes of the stage in the background. Call it once per iteration of the main loop.
 
         Args:
-            performers: number of people that perform.
+            performers: current number of performers.
         """
         edge, now = self._edge, self._clock()
         if edge is None:
@@ -163,21 +165,22 @@ class StageKeeper(Closeable):
         return journal.is_starting
 
     def _prepare(self, kept: KeptCharacter) -> Actor | None:
-        """Returns the actor of a character that a viewer sent. None for an initial one, or if it cannot be
-        used.
+        """Returns the actor of a character that a viewer sent.
+
+        Returns None for an initial character, or if the character cannot be used.
         """
         if not kept.digest:
             return None
         if self._journal.crashes.get(kept.digest, 0) >= MAX_CRASHES:
             log.warning(
-                "the kept character %s is left out: the edge crashed %d times while it was restored. "
+                "the kept character %s is not restored: the edge crashed %d times while restoring it. "
                 "Send it again to try it again.",
                 kept.id,
                 MAX_CRASHES,
             )
             self._folder.set_character_aside(kept.digest, "the edge crashed while it was restored")
             return None
-        # Imported here, because an edge without kept characters never needs it.
+        # Import it here, because an edge without kept characters does not need it.
         from enliven_edge.uploaded_actor import create_uploaded_actor
 
         self._update_journal(kept.digest, is_starting=True)
@@ -188,7 +191,7 @@ class StageKeeper(Closeable):
             reason = str(error)
         except (*DAMAGE, RuntimeError) as error:
             reason = f"it is damaged: {plain_reason(error)}"
-        log.warning("the kept character %s is left out (%s)", kept.id, reason)
+        log.warning("the kept character %s is not restored (%s)", kept.id, reason)
         self._folder.set_character_aside(kept.digest, reason)
         return None
 
@@ -221,8 +224,9 @@ class StageKeeper(Closeable):
                 log.warning("the physics objects cannot be restored (%s)", error)
 
     def _write_changes(self, edge: KeptEdge) -> None:
-        """Passes the state to the writer if it has changed. The comparison is much cheaper than capturing the
-        state.
+        """Passes the state to the writer if it has changed.
+
+        The comparison is much cheaper than capturing the state.
         """
         fingerprint = (
             [
@@ -240,7 +244,7 @@ class StageKeeper(Closeable):
             self._writer.set_state(self._capture(edge), self._scanned_characters(edge))
 
     def _capture(self, edge: KeptEdge) -> StageState:
-        """Returns the current state. Scanned characters are added by the writer."""
+        """Returns the current state. The writer adds scanned characters."""
         orders = edge.uploads.orders
         kept = tuple(
             _kept_character(name, actor, orders.get(name)) for name, actor in edge.stage.actors.items()
@@ -290,7 +294,7 @@ class _StageWriter:
         self._thread.start()
 
     def add_data(self, order: PutCharacter, data: bytes) -> None:
-        """Queues the data of a character that came to the stage."""
+        """Queues the data of a character that was put on the stage."""
         with self._changed:
             self._data[order.digest.hex()] = data
 
@@ -322,7 +326,7 @@ class _StageWriter:
             except (EnlivenError, OSError) as error:
                 if not self._has_failed:
                     log.warning("the stage could not be saved (%s). The edge will try again.", error)
-                # None makes the writer write the same state again.
+                # None makes the writer write the same state again at the next attempt.
                 self._has_failed, wait_s, written_state = True, _RETRY_INTERVAL_S, None
             if ended:
                 return
@@ -330,7 +334,7 @@ class _StageWriter:
                 self._changed.wait_for(lambda: self._ended, wait_s)
 
     def _write(self, state: StageState, scanned: Mapping[str, Character], data: Mapping[str, bytes]) -> None:
-        """Writes first the data of characters, then the state that names them. Then deletes unused data."""
+        """Writes the data of characters, then the state that names them. Finally deletes unused data."""
         for digest, content in data.items():
             self._folder.write_character(digest, content)
             with self._changed:
@@ -366,7 +370,7 @@ class _StageWriter:
 
 def _scan_data(character: Character) -> bytes:
     """Returns the data of a scanned character, as a client would send it."""
-    # Imported here, because an edge without scans never needs it.
+    # Import it here, because an edge without scans does not need it.
     from enliven.formats.project.one_character import character_bytes, project_of_mesh
     from enliven.meshes import Mesh
 

@@ -8,10 +8,10 @@ import msgspec
 from msgspec import Meta
 
 VERSION = 1
-"""Version of the files. A program refuses files of a later version than its own."""
+"""Version of the files. The edge refuses files of a later version."""
 Hex = Annotated[str, Meta(pattern="^([0-9a-f]{64})?$")]
-"""SHA-256 of the data of a character, hexadecimal. Empty: the edge has the character from its command line or
-settings."""
+"""SHA-256 of the data of a character, hexadecimal. It is empty for a character from the edge's command line
+or settings."""
 Finite = Annotated[float, Meta(ge=-1e6, le=1e6)]
 """A number that is not NaN or infinite."""
 
@@ -21,12 +21,12 @@ class KeptCharacter(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes:
         id: its id.
-        digest: checksum of its uploaded data. Empty for an initial character.
+        digest: checksum of its uploaded data; empty for an initial character.
         size: bytes of its uploaded data.
         revision: its revision on the wire.
         fit: as in :class:`enliven.wire.PutCharacter`.
         growth: its display scale.
-        exaggeration: the overshoot of its soft parts. None: as in the settings.
+        exaggeration: the overshoot of its soft parts; None for the value in the settings.
         aside: its offset from the usual waiting place in metres.
     """
 
@@ -44,12 +44,12 @@ class StageState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The kept state of one stage.
 
     Attributes:
-        version: of this structure.
+        version: the version of this structure.
         characters: the characters in their order on the stage.
-        removed: the initial characters that were removed: id, and mesh. Another mesh with the same id was not
-            removed.
-        smoothing: amounts of smoothing by the performer's id. None: as in the settings.
-        locked: number of performers that the cast was locked to. None: it was not locked.
+        removed: the initial characters that were removed, by id, with their meshes. A character with another
+            mesh and the same id was not removed.
+        smoothing: amounts of smoothing by the performer's id; None for the value in the settings.
+        locked: the number of performers in the locked cast; None if the cast was not locked.
         initial_world: the physics world that the command line or the settings selected.
         world: the physics world that was active.
     """
@@ -64,10 +64,10 @@ class StageState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class StartJournal(msgspec.Struct, forbid_unknown_fields=True):
-    """The progress of a start, to find a character that crashes the edge.
+    """The progress of a start. It identifies a character that crashes the edge.
 
     Attributes:
-        current: checksum of the character that is being restored. Empty: none.
+        current: checksum of the character that is being restored; empty if there is none.
         is_starting: True until the restored characters have run for a while.
         crashes: number of starts that ended while a character was being restored, by its checksum.
     """

@@ -1,4 +1,4 @@
-"""Estimates bodies from a colour camera: detects landmarks, lifts them to 3D, fuses them with depth."""
+"""Estimates bodies from a colour camera: detects landmarks, lifts them to 3D, and fuses them with depth."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class ColourSettings:
 
 _TRUNK = [Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD]
 _SAME_PERSON_M = 0.5
-"""Maximum metres between two trunks of the same person."""
+"""Maximum distance in metres between two trunks of the same person."""
 _AGREEMENT_M = 0.12
 """Maximum distance of two positions of a joint that agree, in metres. Positions farther apart contradict each
 other."""
@@ -43,7 +43,8 @@ def fuse_people(depth: list[Body], colour: list[Body]) -> list[Body]:
 
     The nearest pairs come first.
 
-    People that only the colour image shows are left out: the depth tracker decides which people exist.
+    People that are visible only in the colour image are dropped, because the depth tracker decides which
+    people exist.
     """
     pairs = sorted(
         (distance, i, k)
@@ -64,9 +65,10 @@ def fuse_people(depth: list[Body], colour: list[Body]) -> list[Body]:
 def fuse_bodies(depth: Body, colour: Body) -> Body:
     """Fuses two bodies of the same person.
 
-    If both agree on a joint, the result lies between them, weighted by confidence, with a higher confidence
-    than either. If they contradict each other, the more confident one is used, with less confidence. A joint
-    that only one has is copied. Identity, orientations and all other fields come from the depth body.
+    If both bodies agree on a joint, the result is their mean, weighted by confidence, with a higher
+    confidence than either. If they contradict each other, the more confident joint is used, with a lower
+    confidence. A joint that only one body has is copied. Identity, orientations and all other fields come
+    from the depth body.
     """
     depth_confidence, colour_confidence = np.clip(depth.confidence, 0, 1), np.clip(colour.confidence, 0, 1)
     distance = np.linalg.norm(depth.joints - colour.joints, axis=1)
@@ -98,7 +100,7 @@ def _trunk_distance(a: Body, b: Body) -> float:
 _MAX_STEP_M = 0.6
 """Maximum metres that a person moves between two frames."""
 _FORGET_AFTER_NS = 2_000_000_000
-"""Nanoseconds after which a lost person gets a new number."""
+"""Nanoseconds after which a lost person gets a new id."""
 
 
 class ColourPoseEstimator:
@@ -126,13 +128,15 @@ class ColourPoseEstimator:
         return fuse_people(bodies, lifted_bodies)
 
     def bodies(self, colour: UInt8, camera: Intrinsics, world_from_camera: Float, time_ns: int) -> list[Body]:
-        """Returns the 2.5-D bodies of a camera without depth, each with a lasting identity."""
+        """Returns the 2.5-D bodies of a camera without depth. Their ids persist from frame to frame."""
         detections = self._source.find(colour, time_ns)
         guesses = [self._lifter.guess(landmarks, camera, world_from_camera, -1) for landmarks in detections]
         return self._assign_ids(guesses, time_ns)
 
     def _assign_ids(self, bodies: list[Body], time_ns: int) -> list[Body]:
-        """Returns the bodies with the ids of the nearest bodies in the previous frame. Others get new ids."""
+        """Returns the bodies with the ids of the nearest bodies in the previous frame. Bodies without a near
+        one get new ids.
+        """
         self._known = {
             i: last_seen
             for i, last_seen in self._known.items()
@@ -163,8 +167,8 @@ class MonocularPoseEstimator:
         height: metres, height of the camera above the floor.
         tilt: degrees that it looks down.
         body_height: metres, height of the performers. A smaller person appears to be farther away.
-        python, model: of :class:`~enliven_edge.landmarks.source.MediaPipeSettings`.
-        source: detects the landmarks, in place of MediaPipe. It is closed with this object.
+        python, model: see :class:`~enliven_edge.landmarks.source.MediaPipeSettings`.
+        source: detects the landmarks, instead of MediaPipe. It is closed with this object.
 
     Raises:
         InputError: for an impossible field of view, or a missing model file.

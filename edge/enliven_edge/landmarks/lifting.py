@@ -18,17 +18,17 @@ from enliven_edge.landmarks.source import INDEX, NAMES, Landmarks
 _MIN_VISIBILITY = 0.5
 """Minimum visibility of a landmark. Landmarks below it are ignored."""
 _MAX_DEPTH_DIFFERENCE_M = 0.22
-"""Maximum difference between measured depth and a joint's expected depth. Larger differences belong to
-another object."""
+"""Maximum difference between measured depth and a joint's expected depth. With a larger difference the depth
+belongs to another object."""
 _CONFIDENCE_WITHOUT_DEPTH = 0.35
 """Confidence of a joint that is visible only in the colour image."""
 
 _TRUNK = (0.11, 0.11, 0.10, 0.09)
-"""Metres from skin to joint of hip centre, spine, shoulder centre and head."""
+"""Distance in metres from the skin to the joint: hip centre, spine, shoulder centre and head."""
 _ARM = (0.05, 0.04, 0.03, 0.025)
-"""Metres from skin to joint of shoulder, elbow, wrist and hand."""
+"""Distance in metres from the skin to the joint: shoulder, elbow, wrist and hand."""
 _LEG = (0.09, 0.055, 0.04, 0.03)
-"""Metres from skin to joint of hip, knee, ankle and foot."""
+"""Distance in metres from the skin to the joint: hip, knee, ankle and foot."""
 SKIN_TO_JOINT_M = np.array([*_TRUNK, *_ARM, *_ARM, *_LEG, *_LEG])
 """(20,) metres from the visible skin to the joint behind it."""
 
@@ -41,7 +41,7 @@ def _joint_weights() -> Float:
         for name, share in parts.items():
             weights[joint, INDEX[name.replace("_", " ")]] += share
 
-    # The hip centre lies a little above the hips, and the shoulder centre a little above the shoulders. The
+    # The hip centre is slightly above the hips, and the shoulder centre is slightly above the shoulders. The
     # factors are fractions of the trunk's length from the hips to the shoulders.
     hips, shoulders = {"left_hip": 0.5, "right_hip": 0.5}, {"left_shoulder": 0.5, "right_shoulder": 0.5}
     for joint, up in ((Joint.HIP_CENTER, 0.17), (Joint.SPINE, 0.43), (Joint.SHOULDER_CENTER, 1.1)):
@@ -70,16 +70,18 @@ def joints_from_landmarks(landmarks: Float) -> Float:
 
 
 def joint_visibility(visibility: Float) -> Float:
-    """Returns the probability (20,) that each joint is visible: that of its least visible landmark."""
+    """Returns the probability (20,) that each joint is visible. It is that of the joint's least visible
+    landmark.
+    """
     return np.asarray(np.where(_NEEDED_LANDMARKS, visibility, 1.0).min(1))
 
 
 _PATCH_RADIUS_M = 0.03
-"""Metres to each side of a landmark within which depth is read."""
+"""Half side in metres of the square around a landmark in which depth is read."""
 _MIN_MEDIAN_SAMPLES = 3
-"""Minimum number of measured values for a median, to outvote a single wrong one."""
+"""Minimum number of measured values for a median. It is enough to ignore a single wrong value."""
 _HEIGHT_BEYOND_BONES_M = HEAD_ABOVE_JOINT + ANKLE_ABOVE_SOLE
-"""Metres of a person's height beyond the bones, above the head and below the ankles."""
+"""Metres of a person's height that bones do not cover: above the head joint and below the ankles."""
 
 
 @dataclass(frozen=True)
@@ -99,8 +101,8 @@ class LiftSettings:
 class Lifter:
     """Lifts the landmarks of one camera. The colour image must show the same view as the depth image.
 
-    The person is first placed so that the detector's own 3D posture projects onto its landmarks. One unknown
-    remains: the scale, which also scales the distance. Measured depth gives it.
+    First, the person's position is chosen so that the detector's 3D posture projects onto its landmarks. The
+    scale remains unknown, and the distance is proportional to it. Measured depth gives the scale.
     """
 
     def __init__(self, settings: LiftSettings | None = None) -> None:
@@ -148,7 +150,7 @@ class Lifter:
     def guess(self, landmarks: Landmarks, camera: Intrinsics, world_from_camera: Float, person: int) -> Body:
         """Returns the 2.5-D body of a camera without depth.
 
-        Its distance is that of a person with the configured height.
+        The distance follows from the configured height of a person.
         """
         posture = self._place_joints(landmarks, landmarks.points, camera)
         bones = Body(person, posture, np.ones(20)).height - _HEIGHT_BEYOND_BONES_M
@@ -161,8 +163,10 @@ class Lifter:
         return Body(person, _to_world(posture, world_from_camera), confidence)
 
     def _place_joints(self, landmarks: Landmarks, points: Float, camera: Intrinsics) -> Float:
-        """Returns (20, 3) joints in the camera frame that project onto the landmarks, at the landmarks'
-        scale."""
+        """Returns (20, 3) joints in the camera frame that project onto the landmarks.
+
+        Their scale is that of the landmarks' 3D posture.
+        """
         ray, is_inside = self._pixel_ray_coordinates(points, camera)
         weight = landmarks.visibility * np.where(is_inside, 1.0, 0.2)
         x, y, z = landmarks.offsets.T
@@ -178,7 +182,7 @@ class Lifter:
         return joints_from_landmarks(landmarks.offsets) + place
 
     def _pixel_ray_coordinates(self, pixels: Float, camera: Intrinsics) -> tuple[Float, Bool]:
-        """Returns x/z and y/z of pixels, (N, 2), and True for each pixel that is inside the image, (N,)."""
+        """Returns (N, 2) x/z and y/z of pixels, and (N,) whether each pixel is inside the image."""
         if camera != self._camera:
             self._camera, self._rays = camera, pixel_rays(camera)
         size = np.array([camera.width, camera.height])

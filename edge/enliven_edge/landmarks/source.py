@@ -26,7 +26,7 @@ NAMES: tuple[str, ...] = (
     "left thumb", "right thumb", "left hip", "right hip", "left knee", "right knee", "left ankle",
     "right ankle", "left heel", "right heel", "left foot index", "right foot index",
 )  # fmt: skip
-"""(33,) names. Left and right are the performer's own."""
+"""(33,) names of the landmarks. Left and right are the performer's own."""
 INDEX = {name: i for i, name in enumerate(NAMES)}
 
 
@@ -35,7 +35,7 @@ class Landmarks:
     """One person in one colour image.
 
     Attributes:
-        points: (33, 2) pixels of the image, x to the right and y down. They may lie outside.
+        points: (33, 2) pixels of the image, x to the right and y down. They may be outside the image.
         visibility: (33,) in [0, 1]: probability that the landmark is in the image and not occluded.
         offsets: (33, 3) metres from the middle of the hips along the camera's axes (OpenCV's): the detector's
             3D posture. Its scale is a guess.
@@ -63,11 +63,11 @@ class LandmarkSource(Closeable, Protocol):
 
 _HEADER = struct.Struct("<IIq")
 _PERSON_BYTES = len(NAMES) * 6 * 4
-"""Bytes of one person in the worker's output: six float32 for each landmark."""
+"""Bytes of one person in the worker's output: six float32 values for each landmark."""
 _MODEL = "pose_landmarker.task"
 """File name of the default model in the user's own folder."""
 _MAX_PEOPLE = 64
-"""Maximum number of people in an image: a larger number from the worker means corrupt data."""
+"""Maximum number of people in an image. A larger number from the worker means corrupt data."""
 _INSTALL_HINT = (
     "Either install the extra 'colour' (pip install \"./edge[colour]\") and give the model's .task file, or "
     "give the Python of an environment with mediapipe 0.10.21, which brings its model."
@@ -78,16 +78,14 @@ _INSTALL_HINT = (
 class MediaPipeSettings:
     """Location of MediaPipe and its model."""
 
-    python: str = setting(
-        "", "Path of a Python interpreter with mediapipe. Empty: the interpreter of the edge."
-    )
+    python: str = setting("", "Path of a Python interpreter with mediapipe. If empty, that of the edge.")
     model: str = setting(
         "", "Path of a pose landmarker model (.task). Not needed for mediapipe up to 0.10.21."
     )
 
     @property
     def model_file(self) -> Path | None:
-        """The model to use: the configured one, or else the user's own if it exists."""
+        """Returns the model to use: the configured one, or else the user's own if it exists."""
         default_model = user_data_folder() / _MODEL
         return Path(self.model) if self.model else default_model if default_model.is_file() else None
 
@@ -120,7 +118,7 @@ class MediaPipeSettings:
 
 
 class MediaPipeSource(LandmarkSource):
-    """Detects landmarks by MediaPipe in a separate process, see :mod:`enliven_edge.landmarks.worker`.
+    """Detects landmarks with MediaPipe in a separate process, see :mod:`enliven_edge.landmarks.worker`.
 
     Raises:
         InputError: for a model file that does not exist.

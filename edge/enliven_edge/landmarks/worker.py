@@ -1,15 +1,16 @@
 """A separate program around MediaPipe: images on its input, landmarks on its output.
 
-It is a separate process because MediaPipe is large and may terminate its process. The version that contains
-its model (0.10.21) also needs another NumPy than the edge. It imports nothing of enliven, so that the Python
-of another environment can run it:
+It is a separate process because MediaPipe is large and may terminate its process. The MediaPipe version that
+contains the model (0.10.21) also needs another NumPy than the edge. The program imports no module of enliven,
+so the Python of another environment can run it:
 
     python worker.py            MediaPipe 0.10.21 or older, with the model inside its wheel
     python worker.py FILE.task  MediaPipe 1 or newer, with a pose landmarker's model bundle
 
-Input: for each image, height and width (uint32) and a time in milliseconds (int64), then h*w*3 bytes sRGB.
-Output: the word "ready" on a line, then for each image the number of people (uint32) and for each of them
-33 x 6 float32: x and y in pixels, visibility, and X, Y, Z in metres from the hips. All little-endian.
+Input: for each image, its height and width (uint32) and its time in milliseconds (int64), then h*w*3 bytes of
+sRGB. Output: a line with the word "ready". Then, for each image, the number of people (uint32), and for each
+person 33 x 6 float32: x and y in pixels, visibility, and X, Y, Z in metres from the hips. All numbers are
+little-endian.
 """
 
 import os
@@ -21,7 +22,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 Finder = Callable[[np.ndarray, int], list[Any]]
-"""Returns the image's people from (H, W, 3) uint8 sRGB and a time in milliseconds."""
+"""Function that returns the people in an image, from (H, W, 3) uint8 sRGB and a time in milliseconds."""
 
 HEADER = struct.Struct("<IIq")
 
@@ -80,7 +81,7 @@ def _pack_people(people: list[Any], width: int, height: int) -> bytes:
 
 
 def _read_exactly(stream: BinaryIO, count: int) -> bytes:
-    """Reads ``count`` bytes. Returns b"" at the end of the stream."""
+    """Reads ``count`` bytes. Returns b"" if the stream ends before."""
     data = stream.read(count)
     return data if data is not None and len(data) == count else b""
 

@@ -24,7 +24,7 @@ _MAX_VIEWERS = 500
 """Maximum number of paired viewers. When it is reached, no further viewer can pair."""
 
 _SHOWN_S = 300.0
-"""Seconds for which viewers can pair after an operator has requested the pairing code."""
+"""Seconds in which viewers can pair after an operator has requested the pairing code."""
 PairingRequest = StartPairing | FinishPairing | ShowCode
 PairingAnswer = PairingStarted | Paired | ShownCode | Refused
 
@@ -33,7 +33,7 @@ class Access:
     """Decides which viewers connect to an edge with keys, and pairs new ones.
 
     Args:
-        name: the edge's name, which paired viewers get.
+        name: the edge's name, which is sent to paired viewers.
         keys: the edge's key pair. Viewers that have the same pair belong to the edge's user, and may do
             everything.
         store: the files of paired viewers.
@@ -42,7 +42,7 @@ class Access:
 
     Attributes:
         curve: the keys and the admitted viewers, for the sockets.
-        desk: the pairing code.
+        desk: manages the pairing code.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class Access:
         self._viewers: dict[bytes, PairedViewer] = {}
         self._stamp, self._refreshed_at = -1, 0.0
         self._logged_problems: set[str] = set()
-        # Imported here, because an edge without keys does not need libsodium.
+        # Import it here, because an edge without keys does not need libsodium.
         from enliven.keys.curve import CurveServer
 
         self.curve = CurveServer(keys, lambda public: self.viewer_role(public) is not None)
@@ -67,7 +67,7 @@ class Access:
             self.desk.open_for(self.open_s)
 
     def viewer_role(self, public: bytes | None) -> Role | None:
-        """Returns the role of a viewer by its public key. None: it is not paired."""
+        """Returns the role of a viewer by its public key. Returns None if it is not paired."""
         if public is None:
             return None
         if public == self._keys.public:
@@ -76,7 +76,7 @@ class Access:
         return None if viewer is None else viewer.role
 
     def refresh(self, *, immediately: bool = False) -> bool:
-        """Reads the paired viewers again if a file was added or removed. Returns True if it did.
+        """Reads the paired viewers again if a file was added or removed. Returns True if they have changed.
 
         Files that cannot be used are logged once, and their viewers are not admitted.
         """
@@ -126,7 +126,7 @@ class Access:
         """Stores the viewer that sent the right code, and answers with the edge's key."""
         exchange, peer.pairing = peer.pairing, None
         if exchange is None:
-            raise PairingError("the pairing was not started on this connection")
+            raise PairingError("pairing was not started on this connection")
         viewer = exchange.read(box)
         role = limit_role(viewer.role, self._highest)
         if viewer.public not in self._viewers and len(self._viewers) >= _MAX_VIEWERS:
@@ -142,10 +142,10 @@ class Access:
 
 
 def peer_role(access: Access | None, peer: Connection, without_keys: Role) -> Role | None:
-    """Returns the role of a connected peer. None: it is not paired.
+    """Returns the role of a connected peer. Returns None if it is not paired.
 
     Args:
-        access: the access to the edge. None: it uses no keys.
+        access: the access to the edge; None if it uses no keys.
         without_keys: the role of every peer if no keys are used.
     """
     if access is None:
@@ -155,7 +155,7 @@ def peer_role(access: Access | None, peer: Connection, without_keys: Role) -> Ro
 
 
 def open_access(wire: WireSettings, store: KeyStore | None = None) -> Access | None:
-    """Returns the access to an edge, or None for an edge without keys. The log states the consequences.
+    """Returns the access to an edge, or None for an edge without keys. Logs the consequences.
 
     Raises:
         InputError: if other machines reach the address without keys, unless ``insecure`` is set.

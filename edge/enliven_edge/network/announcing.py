@@ -16,7 +16,10 @@ log = logging.getLogger(__name__)
 def announce(
     wire: WireSettings, endpoint: Endpoint, *, has_keys: bool, characters: int = 0, relay_of: str = ""
 ) -> Announcer | None:
-    """Returns an announcer, or None if only this machine reaches the edge or discovery is not installed."""
+    """Returns an announcer.
+
+    Returns None if only this machine reaches the edge, or if discovery is not installed.
+    """
     if not wire.announce or is_local(wire.host):
         return None
     problem = missing_discovery_reason()

@@ -1,4 +1,4 @@
-"""Carries out the commands of viewers in fair order within a time budget per frame: a rate limit."""
+"""Carries out the commands of viewers in fair order, within a time budget per frame."""
 
 from __future__ import annotations
 
@@ -11,39 +11,39 @@ from enliven_edge.network.connection import Connection
 from enliven_edge.network.control_socket import Command
 
 _MAX_QUEUED_COMMANDS = 1024
-"""Maximum number of queued commands. Beyond it the commands of disconnected viewers are dropped."""
+"""Maximum number of queued commands. If there are more, the commands of disconnected viewers are dropped."""
 _RESERVED_FRACTION = 0.4
-"""Fraction of the time budget for viewers with few requests, so that a flood of others does not delay
-them."""
+"""Fraction of the time budget that is reserved for viewers with few requests. It prevents delays by other
+viewers that flood the edge."""
 _LOW_COST_S = 0.06
-"""Seconds of recent cost below which a viewer may use the reserve. Half of it is ten small orders per second.
-"""
+"""Seconds of recent cost below which a viewer may use the reserve. Ten small orders per second cost half of
+this value."""
 _MIN_CONNECTED_S = 1.0
-"""Seconds of connection before a viewer may use the reserve, so that reconnecting does not help a flood."""
+"""Seconds of connection before a viewer may use the reserve. Without this delay, a flood could reconnect to
+use it."""
 _MAX_RESERVED_ORDERS = 4
-"""Maximum number of waiting orders of a viewer that uses the reserve: people send one at a time, a flood
-sends many.
-"""
+"""Maximum number of waiting orders of a viewer that uses the reserve. People send one order at a time, a
+flood sends many."""
 _MAX_DEBT_FRAMES = 15
-"""Maximum debt after a slow order, in frames (half a second). A larger debt would make the edge seem to
-ignore the next order.
-"""
+"""Maximum debt after a slow order, in frames: half a second. With a larger debt the edge would seem to ignore
+the next order."""
 _FRAME_S = 1 / 30
-"""Frame duration in seconds that the budget applies to. A longer frame adds more, so that a slow edge
-answers."""
+"""Duration in seconds of a frame of usual length. A longer frame increases the budget, so that a slow edge
+still answers."""
 _MAX_SAVED_FRAMES = 50
-"""Maximum unused time that is saved up, in frames, so that a few orders in one frame need not wait."""
+"""Maximum unused time that is saved, in frames. Because of it, a few orders in one frame need not wait."""
 
 
 class CommandQueue:
-    """Sorts the queued commands: viewers with the least recent cost first, each viewer's in their order.
+    """Sorts the queued commands. Viewers with the least recent cost come first. The order of each viewer's
+    commands is kept.
 
     The commands of disconnected viewers come last.
 
     Args:
         budget: seconds per frame of usual length between two calls of :meth:`work`, in addition to unused
             time of earlier calls. A command that takes longer is still carried out. The following calls then
-            do nothing until the debt is paid back or capped.
+            do nothing until the debt is paid back.
     """
 
     def __init__(self, budget: float) -> None:
@@ -53,7 +53,7 @@ class CommandQueue:
         self._last_work_at = time.monotonic()
 
     def add(self, command: Command) -> None:
-        """Adds a command. An older command of its viewer on the same subject is refused."""
+        """Adds a command. An older command of the same viewer with the same subject is refused."""
         queued = self._waiting.setdefault(command.peer, deque())
         same_subject = (c for c in queued if c.subject is not None and c.subject == command.subject)
         older_command = next(same_subject, None)
@@ -88,9 +88,11 @@ class CommandQueue:
                 del self._waiting[peer]
 
     def _choose_next(self) -> tuple[Connection, int] | None:
-        """Returns the viewer of the next command and the index of the budget to charge.
+        """Returns the viewer of the next command, and the index of the budget to charge.
 
-        None: no command is left.
+        Returns None if no command is left.
+
+        Viewers with a low load are charged to the reserve.
         """
         if self._budgets[0] > 0:
             budget, peers = 0, list(self._waiting)

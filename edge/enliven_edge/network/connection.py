@@ -13,16 +13,17 @@ from enliven.wire import ZmtpSession, frame_header, make_frame
 from enliven_edge.network.tcp_listener import receive_stamped
 
 _COST_HALF_LIFE_S = 10.0
-"""Half-life in seconds of a connection's recorded cost: a past flood is soon forgiven."""
+"""Half-life in seconds of a connection's recorded cost, so that an earlier flood has no lasting effect."""
 _SEND_BYTES = 1 << 18
-"""Bytes that are passed to the system in one call."""
+"""Number of bytes that are passed to the system in one call."""
 _MAX_INLINE_SEAL_BYTES = 1 << 20
-"""Maximum bytes that are encrypted at once, which takes 2 ms. A longer message, such as a character, is
-encrypted on another thread while the edge continues."""
+"""Maximum bytes that are encrypted on the calling thread, which takes 2 ms. A longer message, such as a
+character, is encrypted on another thread while the edge continues."""
 _SEAL_OVERHEAD = 42
 """Bytes that a long message grows by when it is encrypted and framed."""
 MAX_PENDING_ORDERS = 32
-"""Maximum number of pending orders of one connection. At this number nothing more is read from it."""
+"""Maximum number of pending orders of one connection. While it is reached, nothing more is read from the
+connection."""
 
 
 class Connection:
@@ -31,14 +32,15 @@ class Connection:
     Attributes:
         address: the peer's address, without the port.
         session: the peer's ZMTP session.
-        introduced: True after a valid message. A connection without one in time is closed.
+        introduced: True after a valid message. A connection that sends none in time is closed.
         last_message_at: monotonic time of its last message, seconds.
         last_read_at: monotonic time when its last bytes were read, seconds.
-        arrived_ns: wall clock when its last bytes arrived at this machine, nanoseconds. 0: not known.
+        arrived_ns: wall-clock time in nanoseconds at which its last bytes arrived at this machine; 0 if
+            unknown.
         last_progress_at: monotonic time when bytes were last sent, or when the queue was last empty, seconds.
-        streaming: True if it sends a long message, so that more bytes are likely available.
-        pending: number of orders that wait to be carried out.
-        state: data that the user of the server keeps about it.
+        streaming: True if the peer is sending a long message, so that more bytes are probably available.
+        pending: number of its orders that are not carried out yet.
+        state: data of the server's user about the connection.
         pairing: the pairing that the peer has begun, or None.
     """
 
@@ -57,38 +59,39 @@ class Connection:
 
     @property
     def is_open(self) -> bool:
-        """True until it is closed."""
+        """Returns True until the connection is closed."""
         return self._socket is not None
 
     @property
     def service_s(self) -> float:
-        """Seconds from the connection's start to its last message, or to the last bytes that the peer
-        accepted.
+        """Returns the seconds from the connection's start to its last message, or to the last bytes that the
+        peer accepted.
         """
         return max(self.last_message_at, self.last_progress_at) - self.opened
 
     @property
     def is_busy(self) -> bool:
-        """True if nothing is read from the peer now, because it does not accept replies, or many of its
-        orders are pending.
+        """Returns True if nothing is read from the peer at present.
+
+        This is so if the peer does not accept replies, or if many of its orders are pending.
         """
         return self.unsent_bytes > 0 or self.pending >= MAX_PENDING_ORDERS
 
     @property
     def cost(self) -> float:
-        """Seconds of the edge's time that the connection recently used."""
+        """Returns the seconds of the edge's time that the connection used recently."""
         return self._cost * 0.5 ** ((time.monotonic() - self._weighed) / _COST_HALF_LIFE_S)
 
     def add_cost(self, seconds: float) -> None:
-        """Adds to the cost."""
+        """Adds seconds to the cost."""
         self._cost, self._weighed = self.cost + seconds, time.monotonic()
 
     def fileno(self) -> int:
-        """Returns the file descriptor, -1 once closed."""
+        """Returns the file descriptor, or -1 if the connection is closed."""
         return self._socket.fileno() if self._socket is not None else -1
 
     def read(self, max_bytes: int) -> bytes | None:
-        """Returns received bytes, ``b""`` at the end, None if nothing has arrived.
+        """Returns received bytes, ``b""`` at the end of the stream, or None if nothing has arrived.
 
         Raises:
             OSError: if the connection is broken.
@@ -122,7 +125,7 @@ class Connection:
         else:
             if not self.unsent_bytes:
                 self.last_progress_at = time.monotonic()
-            # Reserve the message's count now, since counts must rise in the order of sending.
+            # Reserve the message's counter now, because counters must increase in the order of sending.
             count = channel.reserve()
             self._outbox.append(
                 _encryption_thread().submit(lambda: make_frame(channel.seal(first + rest, 0, count)))
@@ -159,7 +162,7 @@ class Connection:
         self.last_progress_at = time.monotonic()
 
     def close(self) -> None:
-        """Closes it. Unsent bytes are lost."""
+        """Closes the connection. Unsent bytes are lost."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None

@@ -29,7 +29,7 @@ from enliven_edge.network.server import ZmtpServer
 log = logging.getLogger(__name__)
 
 _VIEWER_TIMEOUT_S = 5.0
-"""Time without a message after which a viewer is no longer counted, in seconds."""
+"""Seconds without a message after which a viewer is no longer counted."""
 
 
 @dataclass
@@ -40,7 +40,8 @@ class Command:
         request: an order such as :class:`~enliven.wire.requests.Possess`.
         viewer: the name of the viewer that sent it.
         peer: the viewer's connection.
-        subject: a newer command of the viewer with an equal subject replaces this one. None: never replaced.
+        subject: a newer command of the same viewer with an equal subject replaces this one. If None, it is
+            never replaced.
     """
 
     request: Order
@@ -56,7 +57,7 @@ class Command:
 
 @dataclass
 class _Viewer:
-    """The state of a connection, dropped with it.
+    """The state of a connection. It is dropped together with the connection.
 
     Attributes:
         tokens: number of requests that it may still send now (token bucket).
@@ -71,14 +72,14 @@ class _Viewer:
 
 
 class ControlSocket:
-    """Answers the requests at a server.
+    """Answers the requests that arrive at a server.
 
     Args:
         answer: returns the reply to a peer's request that is not a command: a message, or a packed one.
-        refusal: returns why a peer may not send a kind of request. Empty: it may.
-        rate: rate limit, answered requests per second of one viewer, and the size of a burst. More are
-            refused.
-        budget: seconds per poll for reading and answering. Further requests wait with their senders.
+        refusal: returns why a peer may not send a kind of request, or an empty string if it may.
+        rate: rate limit: maximum answered requests per second of one viewer, and maximum size of a burst.
+            Further requests are refused.
+        budget: seconds per poll for reading and answering. Further requests stay in the senders' buffers.
     """
 
     def __init__(
@@ -96,13 +97,13 @@ class ControlSocket:
 
     @property
     def viewers(self) -> int:
-        """The number of viewers that receive the streams and have sent a message recently."""
+        """Returns the number of viewers that receive the streams and have sent a message recently."""
         since = time.monotonic() - _VIEWER_TIMEOUT_S
         states = (c.state for c in self._server.connections if c.state is not None)
         return sum(viewer.listening and viewer.last_message_at > since for viewer in states)
 
     def poll(self) -> list[Command]:
-        """Answers requests as far as time allows. Returns those requests that are commands for the stage."""
+        """Answers requests as far as time allows. Returns the commands for the stage among them."""
         deadline = time.monotonic() + self._budget
         commands = (self._handle_message(peer, parts) for peer, parts in self._server.messages(deadline))
         return [command for command in commands if command is not None]
@@ -168,6 +169,6 @@ class ControlSocket:
         self._send(peer, number, answer)
 
     def _send(self, peer: Connection, number: int, answer: Answer | bytes) -> None:
-        """Sends to a viewer. Nothing is sent to a closed connection."""
+        """Sends an answer to a viewer. Sends nothing to a closed connection."""
         payload = answer if isinstance(answer, bytes) else pack_payload(answer)
         self._server.send(peer, reply_prefix(number), payload)

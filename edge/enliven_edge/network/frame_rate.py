@@ -24,14 +24,16 @@ class FrameRate:
 
     @property
     def fps(self) -> float:
-        """Frames per second. 0 before the second frame."""
+        """Returns the frames per second, or 0 before the second frame."""
         if len(self._done) < 2 or self._done[-1] == self._done[0]:
             return 0.0
         return (len(self._done) - 1) * 1e9 / (self._done[-1] - self._done[0])
 
     def latency_ms(self, percent: float) -> float:
-        """Returns a percentile of the latency from frame read to pose published, ms.
+        """Returns a percentile of the latency in milliseconds from reading a frame to publishing its pose.
 
-        0 before the first frame.
+        ``percent`` is between 0 and 100.
+
+        The result is 0 before the first frame.
         """
         return float(np.percentile(self._latency, percent)) if self._latency else 0.0

@@ -1,4 +1,7 @@
-"""The table of handlers: the edge's action for each kind of order, and which orders replace each other."""
+"""The table of handlers.
+
+It defines the edge's action for each kind of order, and which orders replace each other.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from enliven_edge.stage.stage_capacity import Peer
 
 
 def _no_subject(order: Any) -> Hashable:
-    """Returns None, the subject of orders that never replace each other."""
+    """Returns None. It is the subject of orders that never replace each other."""
     return None
 
 
@@ -21,13 +24,13 @@ class Handler:
     """The handling of one kind of order.
 
     Attributes:
-        do: carries out the order and returns the answer, None for "done". Raises an EnlivenError to refuse
-            it.
+        do: function that carries out the order and returns the answer, or None for "done". It raises an
+            EnlivenError to refuse the order.
         takes_peer: True if ``do`` also gets the viewer.
-        newest: returns the order's subject. Of a viewer's waiting orders with the same subject, only the
-            newest is carried out. The subject None means that every order counts.
+        newest: returns the order's subject. Among a viewer's waiting orders with the same subject, only the
+            newest is carried out. With the subject None, every order is carried out.
 
-    Which viewers may send an order is in the table of requests, see
+    The table of requests defines which viewers may send an order, see
     :func:`~enliven_edge.network.permissions.refusal_reason`.
     """
 
@@ -36,7 +39,9 @@ class Handler:
     takes_peer: bool = False
 
     def apply(self, order: Any, peer: Peer | None = None) -> Answer:
-        """Carries out an order of a viewer (None: of the edge itself) and returns the answer.
+        """Carries out an order and returns the answer.
+
+        ``peer`` is the viewer that sent it, or None for the edge itself.
 
         Raises:
             EnlivenError: if it is refused.
@@ -63,8 +68,9 @@ def execute(handlers: Handlers, order: Order, peer: Peer | None = None) -> Answe
 
 
 def find_subject(handlers: Handlers, order: Order) -> Hashable:
-    """Returns the key of an order. A newer order with the same key replaces it. None means that it is never
-    replaced.
+    """Returns the subject of an order. A newer order with the same subject replaces it.
+
+    If the subject is None, the order is never replaced.
     """
     handler = handlers.get(type(order))
     subject = None if handler is None else handler.newest(order)

@@ -1,8 +1,8 @@
 """Keeps an edge's name unique on a machine, by a locked file in a folder that only its user may write to.
 
-The operating system releases the lock with its process, however the process ends, so no name stays taken. The
-folder must be private. In a shared folder, a stranger could replace the file by a link, and the link's target
-would be emptied.
+The operating system releases the lock when the process ends for any reason, so no name stays locked. The
+folder must be private. In a shared folder, another user could replace the file by a link, and the link's
+target would be emptied.
 """
 
 from __future__ import annotations
@@ -25,19 +25,18 @@ else:
     import fcntl
 
 _LOCKED_BYTE = 1 << 30
-"""Byte that is locked, far after the end of the text. Windows refuses to read a locked range, but other
-processes must be able to read the holder's text.
-"""
+"""Offset of the byte that is locked, far after the end of the text. Windows refuses to read a locked range,
+but other processes must be able to read the holder's text."""
 
 
 _LOCK_ATTEMPTS = 5
 """Number of attempts to lock a file that another start may be checking."""
 _LOCK_PAUSE_S = 0.02
-"""Seconds between two attempts: a check takes far less."""
+"""Seconds between two attempts. A check by another start is much shorter."""
 
 
 class NameLock:
-    """Holds an edge's name until closed.
+    """Holds the lock on an edge's name until closed.
 
     Raises:
         ResourceError: if a running edge of this machine has the name.
@@ -45,8 +44,8 @@ class NameLock:
 
     def __init__(self, name: str) -> None:
         readable = re.sub(r"[^A-Za-z0-9._-]", "_", name)
-        # Append the original name in hexadecimal. Otherwise two names with the same readable form would lock
-        # each other out.
+        # Append the original name in hexadecimal. Otherwise two different names with the same readable form
+        # would share a lock.
         suffix = "" if readable == name else "-" + name.encode().hex()
         folder = _find_private_folder()
         self._path = folder / f"enliven-edge-{readable}{suffix}.lock"
@@ -85,7 +84,7 @@ def _open_locked(path: Path) -> int:
     again.
 
     Raises:
-        BlockingIOError: with the holder's text, if a running process has it locked.
+        BlockingIOError: if a running process has locked the file. The error contains the holder's text.
     """
     for attempt in range(_LOCK_ATTEMPTS):
         handle = _open_file(path)
@@ -107,7 +106,7 @@ def _open_locked(path: Path) -> int:
 
 
 def _is_file_at(handle: int, path: Path) -> bool:
-    """Returns True if an open file is still the one at a path."""
+    """Returns True if an open file is still the file at a path."""
     try:
         return os.path.samestat(os.fstat(handle), path.lstat())
     except OSError:
@@ -134,7 +133,7 @@ def _remove_unlocked(folder: Path) -> None:
 
 
 def _find_private_folder() -> Path:
-    """Returns the user's folder for a session, or a private one in the temporary folder."""
+    """Returns the user's runtime folder, or a private folder inside the temporary folder."""
     temporary = Path(tempfile.gettempdir())
     if sys.platform == "win32":
         return temporary
@@ -182,7 +181,7 @@ def _read_holder(handle: int) -> str:
 
 
 def _lock(handle: int) -> None:
-    """Takes the lock, or raises OSError immediately."""
+    """Locks the file, or raises OSError immediately."""
     if sys.platform == "win32":
         os.lseek(handle, _LOCKED_BYTE, os.SEEK_SET)
         msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)

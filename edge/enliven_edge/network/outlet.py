@@ -35,7 +35,8 @@ from enliven_edge.settings import WireSettings
 from enliven_edge.stage.tick import Tick
 
 _FINAL_HEARTBEATS = 5
-"""Number of heartbeats that report the end of the stream: one may be lost in transit."""
+"""Number of heartbeats that report the end of the stream. There are several, because one may be lost in
+transit."""
 
 
 def check_free(wire: WireSettings, access: Access | None = None) -> None:
@@ -57,13 +58,13 @@ class Outlet(Closeable):
         sensor: the sensor's identity, for the heartbeat.
         record: the file of the take, or None.
         overwrite: True allows replacing an existing take.
-        access: the keys and the paired viewers. None: everyone that reaches the ports may do everything.
+        access: the keys and the paired viewers. If None, everyone that reaches the ports may do everything.
         recording: duration and size of the take's parts, and the space to keep free.
         waits_for_space: True starts the take later if the disk is full now.
 
     Attributes:
         tells_picture: whether viewers get the camera's pose and preview image.
-        announcer: announces the edge on the network; None: it is not announced.
+        announcer: announces the edge on the network; None if it is not announced.
 
     Raises:
         ResourceError: for a port in use, or a name in use on this machine.
@@ -102,12 +103,12 @@ class Outlet(Closeable):
 
     @property
     def publisher(self) -> Publisher:
-        """The sockets."""
+        """Returns the sockets."""
         return self._publisher
 
     @property
     def viewers(self) -> int:
-        """The number of viewers."""
+        """Returns the number of viewers."""
         return self._publisher.viewers
 
     def show(self, characters: Mapping[str, Character], revisions: Mapping[str, int] | None = None) -> None:
@@ -157,15 +158,14 @@ class Outlet(Closeable):
             self._write(message, time_ns)
 
     def forget(self, topic: str) -> None:
-        """Drops the newest messages of a latched topic, so that viewers that connect later do not get
-        them."""
+        """Drops the newest messages of a latched topic. Viewers that connect later do not get them."""
         self._publisher.forget(topic)
 
     def report(self, pace: FrameRate, phase: str, performers: int, sensor: str = "") -> None:
         """Sets the state of the edge for the heartbeat. A new phase is sent immediately.
 
         Args:
-            sensor: the sensor's identity, if it was not known from the start. Empty: unchanged.
+            sensor: the sensor's identity, if it was not known from the start; empty if unchanged.
         """
         is_changed = phase != self._publisher.status.phase
         if is_changed or time.monotonic() - self._told > 0.25:
@@ -180,9 +180,7 @@ class Outlet(Closeable):
             )
 
     def set_health(self, states: list[HealthState]) -> None:
-        """Sets the health states: the states of the edge and the states of the take. A change is sent
-        immediately.
-        """
+        """Sets the health states: those of the edge and those of the take. A change is sent immediately."""
         take = self._take.health_states if self._take is not None else []
         health = health_to_messages(sort_by_severity([*states, *take]))
         published = self._publisher.status.health
@@ -196,7 +194,7 @@ class Outlet(Closeable):
         """Answers viewers' requests as far as time allows, and sends heartbeats that are due.
 
         Args:
-            handlers: by the class of an order. An order without a handler is refused.
+            handlers: the handlers by the class of the order. An order without a handler is refused.
         """
         for command in self._publisher.poll():
             command.subject = find_subject(handlers, command.request)
@@ -204,7 +202,7 @@ class Outlet(Closeable):
         self._commands.work(lambda command: command.reply(execute(handlers, command.request, command.peer)))
 
     def end(self, pace: FrameRate) -> None:
-        """Reports the end of the stream several times, since a heartbeat may be lost in transit."""
+        """Reports the end of the stream several times, because a heartbeat may be lost in transit."""
         self.report(pace, "ended", 0)
         for _ in range(_FINAL_HEARTBEATS):
             self._publisher.send_heartbeat()
@@ -226,8 +224,9 @@ class Outlet(Closeable):
 
 
 def _to_wall_clock(monotonic_ns: int) -> int:
-    """Converts a recent monotonic time to wall-clock time in nanoseconds, as the clock is set now. 0 if the
-    time is not known.
+    """Converts a recent monotonic time to wall-clock time in nanoseconds.
+
+    It uses the current setting of the clock. The result is 0 if the time is unknown.
 
     The wall clock may be set at any time, so durations are measured with the monotonic clock only.
     """
@@ -235,7 +234,10 @@ def _to_wall_clock(monotonic_ns: int) -> int:
 
 
 def _messages(tick: Tick, captured_ns: int, revision_of: Callable[[str], int]) -> Iterator[Any]:
-    """Yields the messages of a frame's result, except poses, which the publisher encodes and numbers."""
+    """Yields the messages of a frame's result, except poses.
+
+    The publisher encodes and numbers the poses.
+    """
     at = tick.time_ns
     yield bodies_to_message(tick.bodies, at, captured_ns)
     for name, cue in tick.cues.items():

@@ -12,11 +12,11 @@ HOW_TO_PAIR = "Pair with it: enliven pair HOST CODE, with the code that the edge
 
 
 def refusal_reason(kind: type[Ask], role: Role | None, address: str) -> str:
-    """Returns why a viewer may not send a request; empty if it may send it.
+    """Returns why a viewer may not send a request, or an empty string if it may.
 
     Args:
         kind: the class of the request.
-        role: the viewer's role. None: it is not paired.
+        role: the viewer's role; None if it is not paired.
         address: the viewer's address, without the port.
     """
     needed = NEEDED_ROLES.get(kind, ROLES[-1])

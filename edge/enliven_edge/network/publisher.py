@@ -64,23 +64,23 @@ _MIN_HEARTBEAT_INTERVAL_S = 0.05
 class Publisher(Closeable):
     """One port for streams and one for requests. Used from one thread, without blocking.
 
-    Viewers connect with libzmq's SUB and DEALER sockets. A slow or dead viewer loses messages, but no other
-    viewer does. A viewer that joins late gets the state, the characters, and each character's newest pose and
-    cues. Call :meth:`poll` at least a few times per second: it answers viewers and sends the heartbeat. Use
-    it as a context manager, or :meth:`close` it.
+    Viewers connect with libzmq's SUB and DEALER sockets. A slow or dead viewer loses messages, but other
+    viewers do not. A viewer that joins late gets the state, the characters, and each character's newest pose
+    and cues. Call :meth:`poll` at least a few times per second: it answers viewers and sends the heartbeat.
+    Use it as a context manager, or :meth:`close` it.
 
     Args:
         name: name of the edge, unique on a machine.
         host: the address to listen on, "0.0.0.0" for all.
         pose_port: port of the streams. 0 picks a free one.
         control_port: port of the requests. 0 picks a free one.
-        access: the keys and the paired viewers. None: everyone that reaches the ports may do everything.
+        access: the keys and the paired viewers. If None, everyone that reaches the ports may do everything.
         open_to_all: True allows an address that other machines reach without keys.
-        rate: rate limit, answered requests per second of one viewer.
+        rate: rate limit: maximum answered requests per second of one viewer.
         budget_ms: milliseconds per poll for reading and answering.
 
     Attributes:
-        name: as given.
+        name: name of the edge.
         instance: random number of this start of the edge.
         endpoint: the address for viewers, with the actual ports.
         clamped: total number of transforms that were not finite or too large, and were clamped.
@@ -133,12 +133,12 @@ class Publisher(Closeable):
 
     @property
     def viewers(self) -> int:
-        """The number of viewers that received the streams within the last seconds."""
+        """Returns the number of viewers that received the streams within the last seconds."""
         return self._control.viewers
 
     @property
     def malformed(self) -> int:
-        """The number of requests that could not be read."""
+        """Returns the number of requests that could not be read."""
         return self._control.rejects.total
 
     @property
@@ -153,26 +153,26 @@ class Publisher(Closeable):
             min_revision: the minimum revision.
 
         Returns:
-            its revision: 1, 2, ... A new character gets a higher revision than all removed ones, since it may
-                be a removed one that returns.
+            its revision: 1, 2, ... A new character gets a higher revision than all removed characters,
+                because it may be one of them that returns.
 
         Raises:
-            InputError: for a character that is too large for the wire. The previous one stays.
+            InputError: for a character that is too large for the wire. The previous version stays.
         """
         codec = PoseCodec(character)
-        # Encode and decode once now. The first use compiles the codec, which must not happen during a
-        # performance.
+        # Encode and decode once here, because the first use compiles the codec, which must not happen during
+        # a performance.
         codec.decode(codec.encode(character.rest_pose()).data)
         revision = max(self.last_revision(character.id) + 1, min_revision)
         if revision > MAX_REVISION:
-            revision = 1  # Restart at 1. Viewers fetch any revision that differs from theirs.
+            revision = 1  # Restart at 1. Viewers fetch any revision that differs from their own.
         self._packed[character.id] = pack_payload(character_to_message(character, revision))
         self._characters[character.id] = (revision, codec)
         self._notify_state_change()
         return revision
 
     def remove_character(self, character: str) -> None:
-        """Removes a character and all data about it. Viewers drop it."""
+        """Removes a character and all data about it. Viewers then drop it."""
         removed = self._characters.pop(character, None)
         if removed is None:
             return
@@ -185,18 +185,20 @@ class Publisher(Closeable):
         self._notify_state_change()
 
     def revision(self, character: str) -> int:
-        """Returns the revision of a character, 0 for an unknown id."""
+        """Returns the revision of a character, or 0 for an unknown id."""
         return self._characters[character][0] if character in self._characters else 0
 
     def last_revision(self, character: str) -> int:
-        """Returns the revision of a character. For an unknown id, the highest removed revision."""
+        """Returns the revision of a character, or the highest revision of removed characters for an unknown
+        id.
+        """
         return self.revision(character) or self._last_removed_revision
 
     def publish_pose(self, pose: Pose, captured_ns: int = 0) -> PoseMessage:
         """Quantises, numbers and sends a pose of a character that was set.
 
         Args:
-            captured_ns: ``time.time_ns()`` when the frame was read.
+            captured_ns: wall-clock time (``time.time_ns()``) at which the frame was read.
 
         Returns:
             the sent message, for a recorder.
@@ -232,7 +234,7 @@ class Publisher(Closeable):
     def publish(self, message: Any) -> int:
         """Sends a stream message (poses: :meth:`publish_pose`) and returns the bytes that a viewer gets.
 
-        A message that viewers would refuse is counted and not sent: 0 bytes.
+        A message that viewers would refuse is counted and not sent, and 0 is returned.
         """
         topic = BY_TYPE[type(message)]
         try:
@@ -296,7 +298,7 @@ class Publisher(Closeable):
             self.send_heartbeat()
 
     def _refusal_reason(self, kind: type[Ask], peer: Connection) -> str:
-        """Returns why a peer may not send a request; empty if it may send it."""
+        """Returns why a peer may not send a request, or an empty string if it may."""
         return refusal_reason(kind, peer_role(self._access, peer, "operate"), peer.address)
 
     def _answer(self, request: Ask, peer: Connection) -> Answer | bytes:
@@ -326,7 +328,9 @@ class Publisher(Closeable):
 
 
 def _clean(value: Any) -> Any:
-    """Returns a status field in the form that the wire accepts: finite numbers, short strings."""
+    """Returns the value of a status field in the form that the wire accepts: finite numbers, short
+    strings.
+    """
     if isinstance(value, float):
         return value if math.isfinite(value) else 0.0
     return value[:200] if isinstance(value, str) else value

@@ -1,8 +1,8 @@
-"""A ZMTP server on one TCP port with a cost that does not depend on its peers.
+"""A ZMTP server on one TCP port. Its cost per frame does not depend on its peers.
 
 All work is done in :meth:`ZmtpServer.messages` and :meth:`ZmtpServer.send`, on the caller's thread and within
-the caller's time limit. Unread bytes stay in the system's buffers and, when these are full, with the sender.
-A flood therefore costs the edge a fixed time per frame, and no memory.
+the caller's time limit. Unread bytes stay in the system's buffers, and in the sender's buffers when these are
+full. A flood therefore costs the edge a fixed time per frame, and no memory.
 """
 
 from __future__ import annotations
@@ -26,41 +26,39 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 MAX_CONNECTIONS = 200
-"""Maximum number of connections of one server: two servers stay below the limit of ``select`` on Windows
-(512)."""
+"""Maximum number of connections of one server. With it, two servers stay below the limit of ``select`` on
+Windows (512)."""
 _HANDSHAKE_TIMEOUT_S = 3.0
 """Maximum seconds from connecting to the first valid message. A connection that sends no valid message in
 this time is closed.
 """
 _STALL_TIMEOUT_S = 10.0
-"""Seconds after which a connection that accepts none of its waiting bytes is closed."""
+"""Seconds without accepting any queued byte after which a connection is closed."""
 _QUIET_TIMEOUT_S = 10.0
-"""Time without a message after which a new peer may replace a connection, in seconds: ten pings of a viewer.
-"""
+"""Seconds without a message after which a new peer may replace a connection. A viewer sends ten pings in this
+time."""
 _IDLE_TIMEOUT_S = 0.25
 """Seconds without a byte after which a connection that is in its handshake may be replaced."""
 _KNOWN_AFTER_S = 1.0
-"""Time of service after which a connection counts as known, in seconds. A flood of new connections does not
-delay known ones.
-"""
+"""Seconds of service after which a connection counts as known. A flood of new connections does not delay
+known ones."""
 _MAX_SERVICE_S = 60.0
-"""Maximum seconds of service that count: a viewer of an hour is not read before a viewer of a minute."""
+"""Maximum seconds of service that count. So a viewer that was served for an hour has no priority over one
+that was served for a minute."""
 _RESERVED_FRACTION = 0.5
-"""Fraction of an address's connections that is reserved for those that were served longest."""
+"""Fraction of an address's connections that is reserved for the connections that were served longest."""
 _HEARD_ONCE_S = 0.05
-"""Longest time from the first to the last message, in seconds, for which a connection counts as heard only
-once.
-"""
+"""Maximum seconds from the first to the last message of a connection that counts as heard only once."""
 _MAX_ACCEPTS_PER_POLL = 32
-"""Maximum number of connections accepted in one poll. The system queues the others until the next."""
+"""Maximum number of connections accepted in one poll. The system queues the others until the next poll."""
 _MIN_ACCEPTS_PER_POLL = 8
-"""Number of connections accepted in a poll even if its time is used up. In a flood of connections a new
-one keeps its place for six polls, and needs three for its handshake."""
+"""Number of connections accepted in a poll even if its time is used up. In a flood of connections, a new
+connection is kept for six polls, and needs three for its handshake."""
 _CLEANUP_INTERVAL_S = 0.25
-"""Interval between two searches for connections to close, in seconds."""
+"""Seconds between two searches for connections to close."""
 _READ_BYTES = 4096
-"""Number of bytes that are read from a connection before the next connection is served, or the rest of a
-longer message."""
+"""Number of bytes that are read from a connection before the next connection is served. It also applies to
+the rest of a longer message."""
 _FRAMES_PER_TURN = 16
 """Maximum number of frames handled for one connection before the next connection's turn."""
 
@@ -68,19 +66,19 @@ _FRAMES_PER_TURN = 16
 class ZmtpServer:
     """Listens on a TCP port and speaks ZMTP with the peers that connect.
 
-    The peer with the least recent cost is read first, so that a flood does not delay the others. If all
-    places are taken, a new connection replaces one without a complete handshake, then, with keys, one of an
-    unpaired peer. If there is none, a ROUTER
-    drops the connection that was silent longest. Otherwise one of the address with most connections is
-    dropped. That may be the newcomer's own address: connections that were served for longest keep their
-    places.
+    The peer with the least recent cost is read first, so that a flood does not delay the others. If the
+    server is full, a new connection replaces one without a complete handshake, or else, with keys, one of an
+    unpaired peer. If there is none, a ROUTER drops the connection that was silent longest. If none was
+    silent, it drops a connection of the address with the most connections, which may be the newcomer's. The
+    connections that were served longest are kept.
 
     Args:
         host, port, option: as for :func:`~enliven_edge.network.tcp_listener.listen`.
         kind: "ROUTER" answers requests, "PUB" sends to subscribers.
         most_bytes: maximum bytes of a frame from a peer.
-        max_connections: maximum number of connections. Fewer if the process may not open that number.
-        curve: the edge's keys, and the peers that it admits. None: without keys.
+        max_connections: maximum number of connections. The limit is lower if the process may not open this
+            number.
+        curve: the edge's keys, and the peers that it admits; None without keys.
 
     Attributes:
         port: the port that it listens on.
@@ -113,7 +111,7 @@ class ZmtpServer:
 
     @property
     def connections(self) -> Iterable[Connection]:
-        """All open connections."""
+        """Returns all open connections."""
         return self._open.keys()
 
     def messages(self, until: float) -> Iterator[tuple[Connection, list[bytes]]]:
@@ -131,7 +129,9 @@ class ZmtpServer:
             self._accept(until)
 
     def _read(self, readable: set[Any], until: float) -> Iterator[tuple[Connection, list[bytes]]]:
-        """Yields the messages of the connected peers, a little of each in turn."""
+        """Yields the messages of the connected peers. The peers take turns after a limited number of
+        bytes.
+        """
         ready = [c for c in self._open if not c.is_busy and (c.buffered or c in readable)]
         while ready:
             unfinished = []
@@ -145,13 +145,15 @@ class ZmtpServer:
             ready = unfinished
 
     def send(self, connection: Connection, first: bytes, rest: bytes = b"") -> None:
-        """Sends a message of one part, in two pieces. It is dropped for a closed connection."""
+        """Sends a message of one part, given as two byte strings. It is dropped if the connection is
+        closed.
+        """
         if connection.is_open:
             connection.queue_message(first, rest)
             self._push(connection, time.monotonic())
 
     def send_messages(self, connection: Connection, messages: Iterable[bytes]) -> None:
-        """Sends several messages of one part. They are dropped for a closed connection."""
+        """Sends several messages of one part. They are dropped if the connection is closed."""
         if connection.is_open:
             for data in messages:
                 connection.queue_message(data)
@@ -164,7 +166,7 @@ class ZmtpServer:
             self._push(connection, time.monotonic())
 
     def drain(self, seconds: float) -> None:
-        """Sends waiting bytes, for at most ``seconds``."""
+        """Sends queued bytes, for at most ``seconds``."""
         deadline = time.monotonic() + seconds
         while self._unsent and time.monotonic() < deadline:
             self._flush(deadline)
@@ -185,7 +187,7 @@ class ZmtpServer:
         connection.close()
 
     def _read_turn(self, connection: Connection, until: float) -> Iterator[tuple[Connection, list[bytes]]]:
-        """Reads and handles the bytes and frames of one connection for one turn at most."""
+        """Reads and handles the bytes and frames of one connection, for at most one turn."""
         start, session, requested_count = time.monotonic(), connection.session, 0
         try:
             if not connection.buffered:
@@ -231,7 +233,7 @@ class ZmtpServer:
             connection.session.answers.clear()
 
     def _push(self, connection: Connection, until: float) -> None:
-        """Sends as much as the system accepts now. The rest waits for the next poll."""
+        """Sends as much as the system accepts now. The rest is sent in the next poll."""
         if not connection.is_open:
             return
         try:
@@ -242,7 +244,7 @@ class ZmtpServer:
         (self._unsent.add if connection.unsent_bytes else self._unsent.discard)(connection)
 
     def _flush(self, until: float) -> None:
-        """Sends waiting bytes, first to the peers with the least cost."""
+        """Sends queued bytes, first to the peers with the least cost."""
         for connection in sorted(self._unsent, key=lambda c: c.cost):
             start = time.monotonic()
             self._push(connection, until)
@@ -251,7 +253,7 @@ class ZmtpServer:
                 return
 
     def _close_overdue(self) -> None:
-        """Closes connections without a timely handshake, or that do not accept sent bytes."""
+        """Closes connections that are late with their handshake, or that do not accept sent bytes."""
         now = time.monotonic()
         if now - self._last_cleanup_at < _CLEANUP_INTERVAL_S:
             return
@@ -280,9 +282,7 @@ class ZmtpServer:
             self._keep_connection(accepted, str(address[0]))
 
     def _keep_connection(self, accepted: socket.socket, address: str) -> None:
-        """Keeps an accepted connection if there is a free place, or if another connection can be dropped for
-        it.
-        """
+        """Keeps an accepted connection if there is room, or if another connection can be dropped."""
         if len(self._open) >= self._most:
             if not self._has_logged_full:
                 log.warning(
@@ -306,7 +306,7 @@ class ZmtpServer:
         self._push(connection, time.monotonic())
 
     def _choose_dropped(self, address: str) -> Connection | None:
-        """Returns the connection that is dropped for a newcomer from an address. None if none may be
+        """Returns the connection that is dropped for a new one from an address, or None if none may be
         dropped.
         """
         idle = self._find_idle()
@@ -339,10 +339,10 @@ class ZmtpServer:
         ]
 
     def _least_served(self, crowd: list[Connection]) -> Connection:
-        """Returns the connection of a crowded address that is dropped for a newcomer.
+        """Returns the connection of a crowded address that is dropped for a new one.
 
-        The connections that were served longest stay. Of the others, one that was heard only once is dropped
-        first, then the oldest. So a newcomer stays long enough to be served.
+        The connections that were served longest stay. Among the others, a connection that was heard only once
+        is dropped first, then the oldest one. So a new connection stays long enough to be served.
         """
         kept_count = int(_RESERVED_FRACTION * len(crowd))
         droppable = sorted(crowd, key=lambda c: (-c.service_s, c.opened))[kept_count:]
@@ -350,10 +350,10 @@ class ZmtpServer:
 
 
 def _order_by_turn(ready: list[Connection]) -> list[Connection]:
-    """Returns connections in reading order: known ones, recent ones and newcomers alternate.
+    """Returns connections in reading order: known, recent and new connections alternate.
 
-    Known and recent ones are sorted by recent cost, known ones relative to their time of service. Newcomers
-    that have started their handshake come before the others.
+    Known and recent connections are sorted by recent cost; for known ones it is divided by their time of
+    service. New connections that have started their handshake come before other new ones.
     """
     known_peers = [c for c in ready if c.service_s > _KNOWN_AFTER_S]
     known_peers.sort(key=lambda c: c.cost / min(c.service_s, _MAX_SERVICE_S))

@@ -13,19 +13,18 @@ if TYPE_CHECKING:
     from enliven.keys.curve import CurveServer
 
 _MAX_SUBSCRIPTION_BYTES = 64
-"""Maximum bytes of a subscriber's frame. "SUBSCRIBE" and the name of a topic have 23 bytes."""
+"""Maximum bytes of a subscriber's frame. "SUBSCRIBE" and the name of a topic together have 23 bytes."""
 _MAX_PENDING_BYTES = 2 * MAX_STREAM_BYTES
-"""Maximum bytes that wait for a subscriber, in addition to the system's buffer. Further messages are dropped
-for that subscriber only.
-"""
+"""Maximum bytes that are queued for a subscriber, in addition to the system's buffer. Further messages are
+dropped for this subscriber only."""
 _READ_TIME_S = 0.00025
-"""Time per poll for reading subscriptions, in seconds. Subscriptions are short and rare."""
+"""Seconds per poll for reading subscriptions. Little is enough, because subscriptions are short and rare."""
 
 
 class Subscribers:
     """Sends every message to the peers that subscribed to a prefix of its topic.
 
-    Args and errors as for :class:`~enliven_edge.network.server.ZmtpServer`.
+    Arguments and errors are those of :class:`~enliven_edge.network.server.ZmtpServer`.
     """
 
     def __init__(
@@ -43,7 +42,7 @@ class Subscribers:
 
     @property
     def server(self) -> ZmtpServer:
-        """The server with the connections."""
+        """Returns the server with the connections."""
         return self._server
 
     def poll(self) -> None:
@@ -63,9 +62,9 @@ class Subscribers:
         self.send_all((data,))
 
     def send_all(self, messages: Sequence[bytes]) -> None:
-        """Sends several messages, each peer its own in one call of the system.
+        """Sends several messages. All messages to a peer are sent in one system call.
 
-        With hundreds of peers these calls take most of the time, and not the number of bytes.
+        With hundreds of peers, most of the time is spent on system calls, not on the number of bytes.
         """
         batch, size = list[bytes](), 0
         for data in messages:

@@ -12,16 +12,15 @@ import sys
 from enliven.errors import InputError, ResourceError
 
 _MAX_DESCRIPTORS = 65_536
-"""Maximum number of descriptors. Some systems allow a billion, and programs that close all possible
-descriptors would then hang.
-"""
+"""Maximum number of descriptors. Some systems allow a billion. Programs that close all possible descriptors
+would then hang."""
 _RESERVED_DESCRIPTORS = 128
 """Number of descriptors reserved for everything except connections: libraries, recordings, devices, logs."""
 _MIN_CONNECTIONS = 4
 """Minimum number of connections of a server, even if hardly any descriptors are allowed."""
 _DEFAULT_DESCRIPTORS = 512
-"""Number of descriptors assumed if the system does not report a limit, such as Windows: its limit of
-``select``."""
+"""Number of descriptors that is assumed if the system reports no limit. It is the limit of ``select`` on
+Windows."""
 
 
 def raise_descriptor_limit() -> int:
@@ -58,27 +57,27 @@ def limit_connections(max_count: int) -> int:
 
 
 _BACKLOG = 4096
-"""Maximum number of connections that the system queues until they are accepted (it may allow fewer). A
-newcomer in a flood waits in this queue instead of being rejected."""
+"""Maximum number of connections that the system queues until they are accepted (it may allow fewer). In a
+flood, a new connection waits in this queue instead of being rejected."""
 _PROBES: dict[str, int] = {
     "TCP_KEEPIDLE": 4,
     "TCP_KEEPINTVL": 2,
     "TCP_KEEPCNT": 3,
     "TCP_USER_TIMEOUT": 10_000,
 }
-"""TCP keep-alive: a peer that is silent for 4 s is probed every 2 s. It is dropped after 3 unanswered
+"""TCP keep-alive options: a peer that is silent for 4 s is probed every 2 s. It is dropped after 3 unanswered
 probes, or if data stays unacknowledged for 10,000 ms."""
 
 _SO_TIMESTAMPNS = 35
-"""Option of Linux that reports when received bytes arrived. Python does not name it."""
+"""Linux socket option that reports when received bytes arrived. Python has no name for it."""
 _TIMESPEC = struct.Struct("=qq")
-"""Seconds and nanoseconds of an arrival, as 64-bit Linux writes them."""
+"""Format of the time of arrival that 64-bit Linux reports: seconds and nanoseconds."""
 _CAN_STAMP = sys.platform == "linux" and struct.calcsize("P") == 8
-"""True if the system reports the time of arrival of bytes of a TCP connection."""
+"""True if the system reports the time at which bytes of a TCP connection arrived."""
 
 
 def is_local(host: str) -> bool:
-    """Returns True if only programs of this machine reach an address. A name is resolved."""
+    """Returns True if only programs on this machine can reach an address. A host name is resolved."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -93,7 +92,9 @@ def is_local(host: str) -> bool:
 
 
 def check_open(host: str, open_to_all: bool) -> None:
-    """Refuses an address that other machines reach, unless ``open_to_all`` is set or there are keys."""
+    """Raises InputError for an address that other machines can reach, unless ``open_to_all`` is set or there
+    are keys.
+    """
     if open_to_all or is_local(host):
         return
     raise InputError(
@@ -137,9 +138,7 @@ def listen(host: str, port: int, option: str) -> socket.socket:
 
 
 def configure_socket(connection: socket.socket) -> None:
-    """Makes a socket non-blocking, disables its send delay (TCP_NODELAY), and lets it close itself when its
-    peer has vanished.
-    """
+    """Makes a socket non-blocking, disables its send delay (TCP_NODELAY), and enables keep-alive probes."""
     connection.setblocking(False)
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
@@ -153,10 +152,12 @@ def configure_socket(connection: socket.socket) -> None:
 
 
 def receive_stamped(connection: socket.socket, max_bytes: int) -> tuple[bytes, int]:
-    """Returns received bytes, and the wall clock when the last of them arrived, in nanoseconds. 0 if not
-    known.
+    """Returns received bytes, and the wall-clock time in nanoseconds at which the last of them arrived.
 
-    An edge reads its connections once per frame, so the time of reading can be 30 ms later.
+    The time is 0 if it is unknown.
+
+    The time of reading is not used instead, because an edge reads its connections only once per frame, up to
+    30 ms later.
 
     Raises:
         BlockingIOError: if nothing has arrived.

@@ -1,11 +1,13 @@
-"""Corrects the engine's contacts before the solver runs, so that moving spheres push and nothing is flung.
+"""Corrects the engine's contacts before the solver runs.
+
+Moving spheres then push objects, and no object is flung away.
 
 MuJoCo moves a mocap body by setting its position. The solver treats it as static, so a fast sphere pushes
 only by penetration depth: at 3 m/s it enters a box by 6 cm, at 10 m/s it passes through. The reference
 acceleration of a contact row is aref = -b v - k d r (MuJoCo, "Computation", constraint model). Here v is the
-relative velocity of the bodies that the solver knows. The term of the sphere's own velocity is added here.
-A body of great mass with the same velocity would give the same result (measured, and tested), but it would
-add degrees of freedom.
+relative velocity of the bodies that the solver knows. This module adds the term of the sphere's velocity,
+which is missing in v. A body of great mass with the same velocity would give the same result (measured, and
+tested), but it would add degrees of freedom.
 """
 
 from __future__ import annotations
@@ -15,9 +17,9 @@ import numpy as np
 from enliven.kernels import njit
 
 FLOOR = -2
-"""Value that represents the floor in place of a sphere's index."""
+"""Value in place of a sphere's index that means the floor."""
 NOTHING = -1
-"""Value that represents "no contact" in place of a sphere's index."""
+"""Value in place of a sphere's index that means "no contact"."""
 _MAX_REST_SPEED = 0.5
 """Maximum speed of contacts that do not bounce, in metres per second. Without it, balls would not come to
 rest."""
@@ -26,7 +28,7 @@ _DAMPED_SPEED = 0.02
 _DAMPED_TURN_RATE = 0.1
 """Angular speed below which a prop is damped, in radians per second."""
 _DAMPING = 0.5
-"""Fraction of its velocity that a damped prop keeps at each step."""
+"""Fraction of its velocity that a damped prop keeps per step."""
 
 
 @njit(cache=True, nogil=True)
@@ -46,10 +48,11 @@ def correct_contacts(
     step,
     touched,
 ):
-    """Adds the spheres' velocities to the contacts' reference, and limits the depenetration speed.
+    """Adds the spheres' velocities to the contacts' reference acceleration, and limits the depenetration
+    speed.
 
-    The reference also makes balls bounce: in the step in which a ball hits something, it changes the speed -v
-    to e v. (The engine's own springy contact would fling a ball that was penetrated deeply.)
+    The reference also makes balls bounce: in the step of the impact, it changes the speed -v to e v with the
+    restitution e. (The engine's own springy contact would fling away a ball that was penetrated deeply.)
 
     Args:
         geoms: (C, 2) geoms of each contact. Its normal points from the first to the second.
@@ -107,7 +110,8 @@ def limit_speeds(velocities, fastest, fastest_turn):
     """Limits the rows of (P, 6) linear and angular velocities. Returns False if one is not finite.
 
     Slow rows are damped as well. Gravity is far stronger than the damping, so nothing hovers. Without
-    damping, contacts that come and go would make a tower tremble by a tenth of a millimetre for ever.
+    damping, contacts that appear and disappear would make a tower tremble for ever, by a tenth of a
+    millimetre.
     """
     for p in range(velocities.shape[0]):
         moving = velocities[p, 0] ** 2 + velocities[p, 1] ** 2 + velocities[p, 2] ** 2

@@ -1,4 +1,7 @@
-"""The games: towers of boxes to knock over, and dodgeball, in which balls are thrown at targets in turn."""
+"""The games: towers of boxes to knock over, and dodgeball.
+
+In dodgeball, balls are thrown at the targets in turn.
+"""
 
 from __future__ import annotations
 
@@ -15,11 +18,11 @@ from enliven_edge.physics.settings import BoxesSettings, DodgeballSettings
 from enliven_edge.physics.world import PropSpecs, World
 
 _BALL_MASS_KG = 0.25
-"""Mass of a ball: a soft ball for children."""
+"""Mass in kilograms of a soft ball for children."""
 _BALL_RESTITUTION = 0.7
-"""Speed after a bounce divided by the speed before: a rubber ball."""
+"""Restitution of a rubber ball: speed after a bounce divided by the speed before."""
 _RELEASE_HEIGHT_M = 1.3
-"""Height at which balls are thrown: the shoulder of an adult."""
+"""Height in metres at which balls are thrown: the shoulder of an adult."""
 _BOX_GAP_M = 0.003
 """Gap in metres between neighbouring boxes. Without it they would rub against each other."""
 _STILL_SPEED = 0.05
@@ -37,13 +40,13 @@ _TOWER_PLACES = np.array(
         for turn in np.arange(24) * (2 * np.pi / 24)
     ]
 )
-"""(A, 2) metres, candidate offsets that move a tower to free space, the nearest first."""
+"""(A, 2) candidate offsets in metres that move a tower to free space, the nearest first."""
 _MAX_BOXES = 200
-"""Maximum number of boxes of all towers: with more, physics does not keep pace with a camera."""
+"""Maximum number of boxes of all towers. With more boxes, the physics is slower than a camera."""
 _BLOCK_COLOURS = np.array(
     [(214, 96, 77), (236, 178, 82), (104, 160, 138), (88, 124, 168), (226, 214, 190), (150, 108, 150)]
 )
-"""sRGB of toy blocks, one per layer."""
+"""(6, 3) sRGB colours of toy blocks, one per layer."""
 
 
 def tower_props(settings: BoxesSettings) -> PropSpecs:
@@ -72,7 +75,9 @@ def tower_props(settings: BoxesSettings) -> PropSpecs:
 
 
 def tower_places(settings: BoxesSettings) -> Float:
-    """Returns the positions (P, 3) in metres of the boxes of :func:`tower_props`: sideways, up and ahead."""
+    """Returns the positions (P, 3) in metres of the boxes of :func:`tower_props`. The axes are sideways, up
+    and ahead.
+    """
     pitch, half = settings.side + _BOX_GAP_M, (settings.wide - 1) / 2
     places = [
         (x + (i - half) * pitch, (k + 0.5) * settings.side, z + (j - half) * pitch)
@@ -85,8 +90,9 @@ def tower_places(settings: BoxesSettings) -> Float:
 
 
 def find_clear_places(settings: BoxesSettings, spheres: Float, radii: Float) -> Float:
-    """Returns the positions of :func:`tower_places`, (P, 3) in metres, with towers moved away from spheres
-    and each other.
+    """Returns the (P, 3) positions of :func:`tower_places` in metres, with towers moved to free space.
+
+    A tower is moved if a sphere or another tower is in its place.
 
     A tower goes to the nearest free candidate position. If none is free it stays.
 
@@ -108,7 +114,7 @@ def find_clear_places(settings: BoxesSettings, spheres: Float, radii: Float) -> 
         is_free = distances.all(1)
         for other in placed_centres:
             is_free &= np.abs(at - other).max(1) > 2 * half_size - _MIN_TOWER_GAP_M
-        # If no place is free, argmax returns the first of all places.
+        # If no candidate is free, argmax returns the first one, a zero offset.
         chosen_place = at[int(is_free.argmax())]
         placed_centres.append(chosen_place)
         tower[:, [0, 2]] += chosen_place - tower[:, [0, 2]].mean(0)
@@ -151,7 +157,7 @@ class Towers:
         return f"{int(is_fallen.sum())} of {len(is_fallen)} boxes down" if is_fallen.any() else ""
 
     def _is_free(self, spheres: Float) -> bool:
-        """Returns True if no sphere is within a box's edge length of the boxes' places."""
+        """Returns True if no sphere is within a box's edge length of the boxes' initial positions."""
         centres = spheres[np.isfinite(spheres).all(1)]
         if not len(centres):
             return True
@@ -164,10 +170,10 @@ class Towers:
 _COLOURS = np.array([(222, 74, 66), (240, 190, 70), (80, 150, 210), (120, 186, 96)])
 """(4, 3) sRGB of the balls, in turn."""
 _THROWER_DISTANCE_M = 0.7
-"""Distance of the ball from the target at the thrower's side, in metres. Otherwise the ball would start
-inside the target."""
+"""Distance in metres between the target and a ball that is thrown from another target's place. Otherwise the
+ball would start inside the thrower."""
 _MIN_THROW_DISTANCE_M = 0.8
-"""Shortest throw, in metres. The performer could not see a ball coming that is thrown from nearer."""
+"""Minimum distance of a throw in metres. A performer could not react to a ball from a smaller distance."""
 
 
 class Dodgeball:
@@ -201,7 +207,7 @@ class Dodgeball:
         self._next, self._turn, self._wait = 0, 0, 0.0
 
     def begin(self, world: World, ground: WorldGround, spheres: Float, radii: Float) -> None:
-        """Puts the balls in a row on the floor at the thrower's place. The score does not change."""
+        """Puts the balls in a row on the floor at the throwing position. The score does not change."""
         settings = self.settings
         self._ground = ground
         row = (np.arange(settings.balls) - (settings.balls - 1) / 2) * 3 * settings.radius
@@ -231,7 +237,7 @@ class Dodgeball:
         return ", ".join(f"{n} hit {adverbs.get(h, f'{h} times')}" for n in names if (h := self.hits[n]))
 
     def _target_centre(self, name: str, spheres: Float, names: list[str], owners: list[int]) -> Float | None:
-        """Returns the centre (3,) of a target's spheres, None if it has none."""
+        """Returns the centre (3,) of a target's spheres, or None if it has none."""
         target_spheres = spheres[np.array(owners, np.int64) == names.index(name)]
         target_spheres = target_spheres[np.isfinite(target_spheres).all(1)]
         return (

@@ -1,4 +1,6 @@
-"""Performers in the physics world: the place of a standing performer, and the collision spheres of a body."""
+"""Performers in the physics world: the position of a standing performer, and the collision spheres of a
+body.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +13,12 @@ from enliven.person import BONES, Body, Joint
 from enliven.possession import body_yaw
 
 _MAX_SWAY_M = 0.12
-"""Maximum sway of a person that stands still, in metres."""
+"""Maximum sway in metres of a person that stands still."""
 
 
 @dataclass(frozen=True)
 class WorldGround:
-    """The place and heading of a performer as a local frame: +X to the performer's left, +Z ahead.
+    """The position and heading of a performer as a local frame: +X to the performer's left, +Z ahead.
 
     Attributes:
         at: (3,) metres, on the floor.
@@ -28,7 +30,7 @@ class WorldGround:
 
     @property
     def turn(self) -> Float:
-        """(4,) the unit quaternion of the yaw."""
+        """Returns the (4,) unit quaternion of the yaw."""
         return np.array([np.cos(self.yaw / 2), 0.0, np.sin(self.yaw / 2), 0.0])
 
     def to_world(self, points: Float) -> Float:
@@ -48,12 +50,14 @@ FIXED = WorldGround(np.zeros(3), 0.0)
 
 
 class StandingDetector:
-    """Finds the place of a person that stands still, so that the physics world is not placed where a person
-    only walks by.
+    """Finds the position of a person that stands still.
+
+    It avoids placing the physics world where a person only walks by.
 
     Args:
         seconds: seconds for which the person must stand still.
-        patience: seconds after which the mean position of a moving person is used instead. 0: never.
+        patience: seconds after which the mean position of a moving person is used instead. If 0, it is never
+            used.
     """
 
     def __init__(self, seconds: float, patience: float = 0.0) -> None:
@@ -89,7 +93,7 @@ def _mean_place(places: list[WorldGround]) -> WorldGround:
 
 
 def ground_under(body: Body) -> WorldGround | None:
-    """Returns the place of a performer. None while the hips are unknown."""
+    """Returns the place of a performer, or None if the hips are unknown."""
     hip = body.joints[Joint.HIP_CENTER]
     if not np.isfinite(hip).all() or body.confidence[Joint.HIP_CENTER] <= 0:
         return None

@@ -1,4 +1,4 @@
-"""The physics world as the service uses it: one call per frame takes poses and bodies and returns props."""
+"""The physics world as the service uses it. One call per frame takes poses and bodies and returns props."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from enliven_edge.physics.world import World
 from enliven_edge.stage.tick import Tick
 
 _MIN_STILL_S = 0.3
-"""Time for which a performer must stand still to set the position of the objects: shorter than a step."""
+"""Seconds for which a performer must stand still before the objects are placed. It is shorter than a step."""
 _NEIGHBOURS = 4
-"""Maximum number of control points that move a vertex: the limit of skin weights."""
+"""Maximum number of control points that move a vertex. It is the limit of skin weights."""
 _WEIGHT_EXPONENT = 3.0
-"""Exponent of the inverse distance weights: the nearest control points dominate."""
+"""Exponent of the inverse distance weights. It is high, so that the nearest control points dominate."""
 
 
 def skin_to_control_points(character: Character) -> Character:
@@ -54,9 +54,9 @@ log = logging.getLogger(__name__)
 class Playground:
     """Props, the collision spheres of characters and performers, and a game.
 
-    The world is empty until its place is known. That is where a performer first stands still, or has moved
-    about for long. With the setting "fixed" the place is known immediately. The same frames give the same
-    props, unless the time budget skips steps.
+    The world is empty until its place is known: the position at which a performer first stands still, or the
+    mean position of one that has moved for long. With the setting "fixed" the place is known immediately. The
+    same frames give the same props, unless the time budget skips steps.
     """
 
     def __init__(self, settings: PhysicsSettings, characters: list[Character] | None = None) -> None:
@@ -82,8 +82,9 @@ class Playground:
             self.introduce(character)
 
     def introduce(self, character: Character) -> None:
-        """Adds a character, or a new version of one. Computes its collision spheres now, so that its first
-        motion is not delayed.
+        """Adds a character, or a new version of one.
+
+        Computes its collision spheres immediately, so that its first motion is not delayed.
         """
         proxies = pack_spheres(skin_to_control_points(character), self.settings.spheres)
         self._proxies[character.id] = character, proxies
@@ -106,7 +107,7 @@ class Playground:
             proxies.centres(character.rest_pose())
 
     def step(self, tick: Tick) -> Props | None:
-        """Returns the props after a frame. None while the place of the world is not known.
+        """Returns the props after a frame. Returns None while the place of the world is unknown.
 
         Poses of characters that were not introduced are ignored.
         """
@@ -114,7 +115,7 @@ class Playground:
         seconds = 0.0 if self._time_ns is None else (time_ns - self._time_ns) * 1e-9
         self._time_ns = time_ns
         if seconds < 0.0:
-            # Time runs backwards when a replay starts again. Start the game again, too.
+            # Time runs backwards if a replay starts again. In that case, restart the game, too.
             seconds, self._ground, self._standing = 0.0, None, self._create_detector()
         skipped_before = self._slots
         spheres, radii, names, owners = self._spheres(tick)

@@ -1,4 +1,4 @@
-"""Switches the physics of a running edge on, off, or to other objects on a viewer's request."""
+"""Switches the physics of a running edge on or off, or to other objects, when a viewer requests it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 _WHERE = "physics"
-"""The part of the edge that errors name."""
+"""The part of the edge that error messages name."""
 _MAX_MESSAGE_LENGTH = 160
 """Maximum number of characters of a sentence in a wire message."""
 
@@ -57,9 +57,9 @@ class PhysicsSwitch:
 
     Args:
         settings: settings of the engine and its objects. Viewers choose ``world`` later.
-        live: True if frames come in real time. A recording must give the same objects each time, so no time
+        live: True if frames arrive in real time. A recording must give the same objects each time, so no time
             budget applies.
-        playground: the world at the start. None: no objects.
+        playground: the world at the start; None without objects.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class PhysicsSwitch:
 
     @property
     def world(self) -> WorldName:
-        """The objects that are on the stage, or are being prepared."""
+        """Returns the name of the objects that are on the stage or are being prepared."""
         return self._state.world if self._state.state in ("on", "preparing") else "none"
 
     def switch_to(self, world: Literal["none", "boxes", "dodgeball"]) -> None:
@@ -109,7 +109,7 @@ class PhysicsSwitch:
         self._preparation.start()
 
     def show(self, characters: Mapping[str, Character]) -> None:
-        """Adds the characters that are on the stage. Call once per frame."""
+        """Adds the characters that are on the stage. Call it once per frame."""
         self._characters = dict(characters)
         if self._preparation is not None and (result := self._preparation.result) is not None:
             self._preparation = None

@@ -19,17 +19,18 @@ from enliven_edge.physics.settings import EngineSettings
 log = logging.getLogger(__name__)
 
 _MAX_CATCH_UP_S = 0.1
-"""Maximum time that is simulated after a pause; the rest is skipped."""
+"""Maximum time in seconds that is simulated after a pause. The rest of the pause is skipped."""
 MAX_SUBSTEP_S = 0.0056
-"""Maximum time step of the simulation. Smaller steps are more stable but slower."""
+"""Maximum time step of the simulation in seconds. Smaller steps are more stable but slower."""
 _MAX_SPHERE_SPEED_M_S = 15.0
-"""Maximum speed of a character's sphere. A faster one counts as a jump and hits nothing."""
+"""Maximum speed of a character's sphere in metres per second. A faster sphere counts as a jump and hits
+nothing."""
 _MAX_PUSH_OUT_M_S = 0.8
-"""Maximum speed at which overlapping objects are pushed apart."""
+"""Maximum speed in metres per second at which overlapping objects are pushed apart."""
 MAX_PROP_SPEED_M_S = 12.0
-"""Maximum speed of boxes and balls."""
+"""Maximum speed of boxes and balls in metres per second."""
 CONTACT_TIME_S = 0.02
-"""Time constant in which contacts settle. Lower values make contacts harder."""
+"""Time constant in seconds in which contacts settle. Lower values make contacts harder."""
 # Handle the engine's warnings here. Otherwise the engine writes a file MUJOCO_LOG.TXT into the working
 # directory.
 mujoco.set_mju_user_warning(lambda message: log.debug("the engine warns: %s", message))
@@ -41,13 +42,14 @@ _SPHERE = 2
 _FLOOR = 4
 """Collision bit of the floor, which collides with props only."""
 _PARKING_PLACE = np.array([0.0, -60.0, 0.0])
-"""(3,) the parking position of unused spheres in metres, far below the floor."""
+"""(3,) position of unused spheres in metres, far below the floor."""
 _SPHERE_BATCH = 64
-"""Number of spheres that are added to the model at once, because rebuilding it takes time."""
+"""Number of spheres that are added to the model at once. They are added in batches, because rebuilding the
+model takes time."""
 _MAX_TURN_RATE = 40.0
 """Maximum angular speed of a prop in radians per second. A faster rotation is a contact error."""
 _MAX_PROP_DISTANCE_M = 500.0
-"""Maximum distance of a prop from the origin, in metres. A prop farther away was flung away by an error."""
+"""Maximum distance of a prop from the origin in metres. Only an error flings a prop farther away."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ class World:
 
     Attributes:
         touched: (P,) contact of each prop in the last :meth:`advance`: a sphere's index, FLOOR or NOTHING.
-        left_out: total seconds that the time budget skipped.
+        left_out: total seconds that were skipped because of the time budget.
     """
 
     def __init__(self, props: PropSpecs, settings: EngineSettings | None = None) -> None:
@@ -87,18 +89,20 @@ class World:
 
     @property
     def positions(self) -> Float:
-        """(P, 3) positions of the props in metres."""
+        """Returns the (P, 3) positions of the props in metres."""
         return self._data.qpos.reshape(-1, 7)[:, :3]
 
     @property
     def turns(self) -> Float:
-        """(P, 4) unit quaternions, world_from_prop."""
+        """Returns the (P, 4) unit quaternions world_from_prop."""
         return self._data.qpos.reshape(-1, 7)[:, 3:]
 
     @property
     def velocities(self) -> Float:
-        """(P, 6) linear velocity in metres per second, and angular velocity in radians per second in the
-        prop's own frame.
+        """Returns the (P, 6) linear and angular velocities of the props.
+
+        Linear velocities are in metres per second. Angular ones are in radians per second in the prop's own
+        frame.
         """
         return self._data.qvel.reshape(-1, 6)
 
@@ -109,7 +113,7 @@ class World:
 
         Args:
             positions: (K, 3) metres.
-            turns: (K, 4) quaternions. None: upright.
+            turns: (K, 4) quaternions; None for upright props.
             speeds: (K, 3) metres per second.
         """
         self.positions[which] = positions
@@ -269,7 +273,7 @@ def _engine_model(props: PropSpecs, spheres: int, settings: EngineSettings) -> A
         kind = mujoco.mjtGeom.mjGEOM_SPHERE if ball else mujoco.mjtGeom.mjGEOM_BOX
         prop_contact = {"contype": _PROP, "conaffinity": everything, **common}
         if ball:
-            # Contacts include rolling friction, so that a ball stops rolling in the end.
+            # Contacts include rolling friction, so that a rolling ball stops.
             prop_contact["condim"] = 6
         body.add_geom(
             name=f"prop{p}", type=kind, size=list(props.sizes[p]), mass=float(props.masses[p]), **prop_contact

@@ -1,3 +1,1 @@
-"""The recording of a performance (a take), split into parts. The oldest parts are deleted before the disk is
-full.
-"""
+"""The recording of a performance (a take), split into parts. Old parts are deleted when space is short."""

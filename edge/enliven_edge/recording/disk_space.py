@@ -1,4 +1,4 @@
-"""Keeps space free on the disk of a recording: deletes its oldest parts, on its own thread."""
+"""Keeps space free on the disk of a recording: a thread deletes its oldest parts."""
 
 from __future__ import annotations
 
@@ -22,16 +22,15 @@ from enliven.supervision.closeable import Closeable
 log = logging.getLogger(__name__)
 
 CHECK_INTERVAL_S = 2.0
-"""Seconds between two checks of the disk. A take grows by less than 1 MB/s."""
+"""Seconds between two checks of the disk. It is short enough, because a take grows by less than 1 MB/s."""
 _MIN_AGE_S = 60.0
 """Minimum seconds since the last write to a file that may be deleted. Another program may still write a newer
 one."""
 _RESUME_FACTOR = 1.02
-"""Factor on the space to keep free: a paused recording resumes above it. Without a margin, it would pause and
-resume with every file that another program writes.
-"""
+"""A paused recording resumes if the free space exceeds the space to keep free by this factor. Without a
+margin, it would pause and resume with every file that another program writes."""
 _HEADER_BYTES = 512
-"""Number of bytes read at the start of a file to find a recording's header."""
+"""Number of bytes at the start of a file that are read to find a recording's header."""
 _OWN_LIBRARY = "enliven "
 """Beginning of the library's name in the header of a recording that enliven wrote."""
 
@@ -39,7 +38,7 @@ _OWN_LIBRARY = "enliven "
 def name_expression(pattern: Path) -> re.Pattern[str]:
     """Returns the expression for all file names that a recording with this pattern can have.
 
-    ``pattern`` is a path with the placeholders of :func:`~enliven_edge.recording.parts.free_path`.
+    The path ``pattern`` may contain the placeholders of :func:`~enliven_edge.recording.parts.free_path`.
     """
     stem = re.escape(pattern.stem).replace(r"\{time\}", r"\d{8}-\d{6}").replace(r"\{number\}", r"\d{3,}")
     return re.compile(rf"{stem}(-\d+)?(-part\d+)?{re.escape(pattern.suffix)}")
@@ -48,7 +47,7 @@ def name_expression(pattern: Path) -> re.Pattern[str]:
 def recorded_parts(pattern: Path) -> list[Path]:
     """Returns the files that enliven recorded with this name pattern, the oldest first.
 
-    Links, folders, and files of other programs are left out, whatever their names are.
+    Links, folders, and files of other programs are excluded even if their names match.
     """
     expression, parts = name_expression(pattern), []
     with contextlib.suppress(OSError):
@@ -75,7 +74,7 @@ def _is_own(path: Path) -> bool:
 class DiskSpaceGuard(Closeable):
     """Deletes the oldest parts of a recording when the disk has too little free space.
 
-    Only files that :func:`recorded_parts` returns are deleted, and no file in :attr:`in_use`.
+    Only files that :func:`recorded_parts` returns are deleted, except those in :attr:`in_use`.
 
     Args:
         pattern: path of the recording, with placeholders.
@@ -84,7 +83,7 @@ class DiskSpaceGuard(Closeable):
 
     Attributes:
         in_use: the files that are being written.
-        is_short: whether the space is still too small although nothing is left to delete.
+        is_short: whether the free space is too small and no file is left to delete.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Syncs a growing file to the disk periodically, on its own thread."""
+"""Flushes a growing file to the disk periodically, on a separate thread."""
 
 from __future__ import annotations
 
@@ -10,11 +10,10 @@ import threading
 from enliven.errors import ResourceError
 
 SYNC_INTERVAL_S = 0.5
-"""Interval between two calls of fsync, in seconds. A power cut may lose the data written in this time. On the
-disk of a small computer one call takes up to a second, which must not block the frame loop.
-"""
+"""Seconds between two calls of fsync. A power cut may lose the data written in this time. On the disk of a
+small computer one call takes up to a second, so it must not block the frame loop."""
 _CLOSE_TIMEOUT_S = 1.0
-"""Longest time that closing waits for the last call, in seconds."""
+"""Maximum seconds that closing waits for the last call."""
 _UNSUPPORTED = {errno.EINVAL, errno.ENOSYS, errno.ENOTSUP}
 """Errors of a file system without fsync."""
 
@@ -47,7 +46,9 @@ class DiskSync:
             )
 
     def close(self) -> None:
-        """Calls fsync a last time, and waits a little for it. A second call does nothing."""
+        """Calls fsync a last time, and waits up to a second for it. A second call of this method does
+        nothing.
+        """
         self._ended.set()
         if self._thread is not threading.current_thread():
             self._thread.join(_CLOSE_TIMEOUT_S)

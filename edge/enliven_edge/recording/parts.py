@@ -1,4 +1,7 @@
-"""A recording in parts: it continues in a new file after some time, and after a full disk."""
+"""A recording in parts.
+
+It continues in a new file after a planned time, and when the disk was full and has space again.
+"""
 
 from __future__ import annotations
 
@@ -23,26 +26,27 @@ from enliven_edge.recording.settings import RecordingSettings
 log = logging.getLogger(__name__)
 
 FIRST_RETRY_S = 5.0
-"""Time from a failed write to the first retry, in seconds. By then, a file that the user has deleted has
-freed its space."""
+"""Seconds from a failed write to the first retry. In this time the system frees the space of a file that the
+user has deleted."""
 MAX_RETRY_S = 60.0
-"""Maximum seconds between two retries. Each part that fills immediately doubles the wait up to this limit."""
+"""Maximum seconds between two retries. If a new part fails immediately, the wait is doubled, up to this
+limit."""
 MIN_FREE_BYTES = 1 << 17
-"""Minimum free bytes on the disk before a new part is started: less would be full immediately."""
+"""Minimum free bytes on the disk before a new part is started. With less, the new part would fail
+immediately."""
 _MAX_NUMBER = 1_000_000
 """Maximum number that is tried for a free name. A service that restarts each minute reaches it after two
 years.
 """
 FLUSH_INTERVAL_S = 0.4
-"""Seconds after which written messages are passed to the operating system. Together with the interval of
-:class:`DiskSync`, a power cut loses less than a second of data.
-"""
+"""Seconds after which written messages are passed to the operating system. In addition, :class:`DiskSync` has
+its own interval. A power cut loses less than a second of data."""
 _SIZE_INTERVAL_S = 1.0
 """Seconds between two checks of a part's size."""
 _FINISH_TIMEOUT_S = 5.0
-"""Longest time that closing waits for an earlier part to be completed, in seconds."""
+"""Maximum seconds that closing waits until an earlier part is completed."""
 _PART_NUMBER = re.compile(r"-part\d+$")
-"""End of the name of a part after a gap."""
+"""Pattern of the end of a part's name, for a part after a gap."""
 _PLACEHOLDER = re.compile(r"\{([^{}]*)\}")
 """A placeholder in a file name."""
 
@@ -77,13 +81,14 @@ def free_path(pattern: Path) -> Path:
 
 
 class PartedRecorder(Closeable):
-    """A :class:`~enliven.recording.Recorder` that continues in a new part, as planned or after a failure.
+    """A :class:`~enliven.recording.Recorder` that continues in a new part, after a planned time or after a
+    failure.
 
     If the path has placeholders, a planned part gets a new name from them. All other parts are called
     ``NAME-part2.mcap``, next to ``NAME.mcap``. The previous part is completed in the background.
 
-    A failed write never raises: ``failure`` contains the reason. When there is room again, the next write
-    starts a new part. A disk with too little free space counts as a failure.
+    A failed write never raises. Instead, ``failure`` contains the reason. When there is space again, the next
+    write starts a new part. A disk with too little free space counts as a failure.
 
     Args:
         path: path of the first part, with placeholders as in :func:`free_path`.
@@ -91,11 +96,11 @@ class PartedRecorder(Closeable):
         compression_level: see ``encode_depth``.
         settings: duration and size of a part, and the space to keep free.
         waits_for_space: True starts without a part if the disk is full. The first part follows when there is
-            space. An edge without staff needs this: it must also start again after a crash with a full disk.
+            space. An unattended edge needs this, because it must also restart after a crash with a full disk.
 
     Attributes:
         paths: the parts, oldest first.
-        failure: why nothing can be written now. None while writing works.
+        failure: the reason why nothing can be written now; None while writing works.
         lost: number of messages that were not written because of failures.
         on_part_started: called after each later part has started, to write the data that every part needs.
             Its argument is True if messages before the part are missing.
@@ -137,7 +142,7 @@ class PartedRecorder(Closeable):
 
     @property
     def path(self) -> Path:
-        """The newest part."""
+        """Returns the path of the newest part."""
         return self.paths[-1]
 
     def write(self, *message: Any) -> None:
@@ -157,7 +162,7 @@ class PartedRecorder(Closeable):
         self._run_step(lambda recorder: recorder.write_frame(frame))
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
-        """Adds a named record of texts to this part and to every later one."""
+        """Adds a named metadata record to this part and to every later one."""
         self._metadata[name] = values
         self._run_step(lambda recorder: recorder.add_metadata(name, values))
 
@@ -175,7 +180,7 @@ class PartedRecorder(Closeable):
             self._guard.close()
 
     def _close_part(self) -> None:
-        """Completes the current part. Until :meth:`_start_part`, no further one is started."""
+        """Completes the current part. No part is open until :meth:`_start_part` is called."""
         recorder, self._recorder = self._recorder, None
         self._retry_at = float("inf")
         if recorder is not None:
@@ -217,7 +222,7 @@ class PartedRecorder(Closeable):
             )
 
     def _is_part_complete(self, recorder: Recorder) -> bool:
-        """Returns True if the current part has its full duration or size."""
+        """Returns True if the current part has reached its full duration or size."""
         now, settings = time.monotonic(), self._settings
         if settings.part_minutes > 0.0 and now - self._started_at >= 60.0 * settings.part_minutes:
             return True
@@ -234,7 +239,7 @@ class PartedRecorder(Closeable):
         if is_after_gap:
             self._retry_at = time.monotonic() + self._wait_s
         else:
-            # Try again after another full duration, if this part cannot be started.
+            # If this part cannot be started, try again after another full duration.
             self._started_at = time.monotonic()
         recorder = self._open_part(is_after_gap)
         if recorder is None:
@@ -254,7 +259,7 @@ class PartedRecorder(Closeable):
         self.on_part_started(is_after_gap)
 
     def _open_first_part(self, overwrite: bool, waits_for_space: bool) -> Recorder | None:
-        """Returns the first part. None if the disk is full, and the recording waits for space."""
+        """Returns the first part. Returns None if the disk is full and the recording waits for space."""
         path = self.paths[0]
         is_new = not path.exists()
         try:
@@ -274,7 +279,7 @@ class PartedRecorder(Closeable):
             return None
 
     def _open_part(self, is_after_gap: bool) -> Recorder | None:
-        """Returns the next part with its metadata. None if the disk has no room."""
+        """Returns the next part with its metadata. Returns None if the disk has no space."""
         folder = self._pattern.parent
         try:
             is_short = self._guard is not None and self._guard.is_short
@@ -302,11 +307,11 @@ class PartedRecorder(Closeable):
 
     @property
     def _first_name(self) -> Path:
-        """The newest part's name without the number of the part."""
+        """Returns the newest part's file name without the number of the part."""
         return self.path.with_stem(_PART_NUMBER.sub("", self.path.stem))
 
     def _set_in_use(self) -> None:
-        """Protects the current part, and those that are being completed, from being deleted."""
+        """Protects the current part, and the parts that are being completed, from deletion."""
         if self._guard is not None:
             self._guard.in_use = frozenset(self.paths[-2 - len(self._finishing) :])
 

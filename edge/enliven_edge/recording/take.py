@@ -18,16 +18,15 @@ from enliven_edge.tracking.health.alarm import HEALTH_MESSAGES
 log = logging.getLogger(__name__)
 
 CHARACTER_INTERVAL_S = 60.0
-"""Interval at which every character is written again, in seconds of the take's clock. A damaged part of the
-file then loses only its own messages, because poses can be read with any copy of their character.
-"""
+"""Seconds of the take's clock after which every character is written again. So a damaged part of the file
+loses only its own messages, because poses can be read with any copy of their character."""
 
 
 class Take:
     """Writes all sent messages, and every character at the start, each minute and at the end.
 
-    While nothing can be written, a health state reports it. When there is room again, the take continues in a
-    new part. Every part starts with the stage and every character, so that it can be read alone.
+    While nothing can be written, a health state reports it. When there is space again, the take continues in
+    a new part. Every part starts with the stage and every character, so that it can be read alone.
 
     Args:
         path: path of the first part. See :func:`~enliven_edge.recording.parts.free_path` for its
@@ -62,7 +61,7 @@ class Take:
 
     @property
     def health_states(self) -> list[HealthState]:
-        """The health states of the take."""
+        """Returns the health states of the take."""
         return list(self._health_states.values())
 
     def introduce(self, name: str, character: CharacterMessage) -> None:
@@ -71,7 +70,7 @@ class Take:
         self._write_message(character, self._now_ns)
 
     def remove(self, name: str) -> None:
-        """Removes a character: it is not written again."""
+        """Removes a character, which is then no longer written."""
         self._characters.pop(name, None)
 
     def write(self, message: Any, time_ns: int) -> None:

@@ -1,10 +1,10 @@
 """Forwards the streams of one edge to many viewers, answers their questions, and refuses their orders.
 
 It uses the edge's own servers, not the proxy of libzmq (``zmq.proxy``), for four reasons. libzmq aborts its
-program in some floods (see :mod:`enliven.wire.zmtp`), and viewers of a relay are strangers more often than
-those of an edge. A proxy has no state, so a late viewer would wait for the next change of each topic. A proxy
-with keys needs another thread that admits viewers. And this loop sends all messages of one frame to a viewer
-in one system call, so it is as fast for hundreds of viewers (docs/many-edges.md).
+process in some floods (see :mod:`enliven.wire.zmtp`), and the viewers of a relay are more often untrusted. A
+proxy has no state, so a late viewer would wait for the next change of each topic. A proxy with keys needs
+another thread that admits viewers. And this loop sends all messages of one frame to a viewer in one system
+call, so it is as fast for hundreds of viewers (docs/many-edges.md).
 """
 
 from __future__ import annotations
@@ -52,11 +52,12 @@ RELAY_PORT = 5600
 _POLL_INTERVAL_MS = 5
 """Maximum wait for messages of the edge, in milliseconds. A viewer's request waits at most this long."""
 _BUDGET_S = 0.02
-"""Seconds per poll for reading and answering requests. A relay has no frame loop that they could delay."""
+"""Seconds per poll for reading and answering requests. A relay has no frame loop that requests could
+delay."""
 _MIN_HEARTBEAT_INTERVAL_S = 0.05
 """Minimum seconds between heartbeats that new viewers may trigger."""
 MAX_RELAYED_VIEWERS = 1000
-"""Default maximum number of connections of each port. A viewer uses one of each."""
+"""Default maximum number of connections of each port. A viewer uses one connection of each port."""
 
 
 class Relay(Closeable):
@@ -65,7 +66,7 @@ class Relay(Closeable):
     Args:
         edge: address of the edge, which need not be running yet. It may be another relay.
         wire: name, host and ports of the relay, as for an edge.
-        access: the keys and the paired viewers of the relay. None: without keys.
+        access: the keys and the paired viewers of the relay; None without keys.
         viewers: maximum number of connections of each port.
 
     Attributes:
@@ -118,16 +119,16 @@ class Relay(Closeable):
 
     @property
     def viewers(self) -> int:
-        """The number of viewers that received the streams within the last seconds."""
+        """Returns the number of viewers that received the streams within the last seconds."""
         return self._control.viewers
 
     @property
     def status(self) -> StatusMessage | None:
-        """The edge's last heartbeat. None before the first one."""
+        """Returns the edge's last heartbeat, or None before the first one."""
         return self._upstream.state.status
 
     def poll(self, wait_ms: int = _POLL_INTERVAL_MS) -> None:
-        """Waits a moment for the edge, forwards its messages, and answers viewers."""
+        """Waits briefly for messages of the edge, forwards them, and answers viewers."""
         self._upstream.wait(wait_ms)
         before = self._upstream.state.missing
         messages = [self._with_own_pairing(data) for data in self._upstream.poll()]
@@ -152,7 +153,7 @@ class Relay(Closeable):
 
     @property
     def _watch_only(self) -> str:
-        """The reason for refusing an order."""
+        """Returns the reason for refusing an order."""
         status = self.status
         name = "an edge" if status is None else f"the edge {status.edge!r}"
         return (
@@ -161,7 +162,7 @@ class Relay(Closeable):
         )[:400]
 
     def _refusal_reason(self, kind: type[Ask], peer: Connection) -> str:
-        """Returns why a viewer may not send a request; empty if it may send it."""
+        """Returns why a viewer may not send a request, or an empty string if it may."""
         role = peer_role(self._access, peer, "watch")
         if role is not None and issubclass(kind, Order):
             return self._watch_only
@@ -204,8 +205,9 @@ class Relay(Closeable):
             self._streams.send(self._with_own_pairing(pack_stream(self.status)))
 
     def _with_own_pairing(self, data: bytes) -> bytes:
-        """Returns the data of a message to forward. In a heartbeat, sets the time left to pair with this
-        relay.
+        """Returns the data of a message to forward.
+
+        In a heartbeat, it sets the remaining time for pairing with this relay.
         """
         status = self.status
         if status is None or not data.startswith(b"status\0"):

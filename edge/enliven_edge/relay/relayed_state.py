@@ -1,4 +1,7 @@
-"""The state of an edge that new viewers need: heartbeat, characters, and newest message of each key."""
+"""The state of an edge that new viewers need.
+
+It consists of the heartbeat, the characters, and the newest message of each key.
+"""
 
 from __future__ import annotations
 
@@ -20,16 +23,16 @@ from enliven.wire import (
 )
 
 _MAX_LATCHED_BYTES = 128 * 1024 * 1024
-"""Maximum bytes of the newest messages. The pieces of a scanned room take about 40 MB."""
+"""Maximum bytes of the newest messages. The chunks of a scanned room take about 40 MB."""
 MAX_CHARACTER_BYTES = 512 * 1024 * 1024
-"""Maximum bytes of all characters: the limit of a viewer."""
+"""Maximum bytes of all characters. It is the limit of a viewer."""
 
 
 class RelayedState:
     """The data that a viewer gets when it connects: the same as from the edge itself.
 
     Attributes:
-        status: the edge's last heartbeat. None before the first one.
+        status: the edge's last heartbeat, or None before the first one.
         wanted: the revision of each character on the edge, by id.
         packed: the packed answer with each received character, by id.
     """
@@ -46,15 +49,15 @@ class RelayedState:
 
     @property
     def missing(self) -> list[str]:
-        """The ids of characters that were not received yet in their newest revision."""
+        """Returns the ids of characters that were not received yet in their newest revision."""
         return [name for name, revision in self.wanted.items() if self._revisions.get(name) != revision]
 
     def restart(self) -> None:
-        """Drops all state of an edge process that has ended."""
+        """Drops the state of an edge process that has ended."""
         self.__init__()  # type: ignore[misc]
 
     def list_characters(self, answer: Welcome) -> None:
-        """Replaces the list of characters and the newest messages by those of the edge's answer."""
+        """Replaces the list of characters and the newest messages by those in the edge's answer."""
         self.wanted = {entry.character: entry.revision for entry in answer.characters}
         for removed_id in self.packed.keys() - self.wanted.keys():
             del self.packed[removed_id], self._revisions[removed_id]
@@ -87,10 +90,10 @@ class RelayedState:
             self._drop(next(iter(self._latest)))
 
     def welcome(self, role: str) -> Welcome | None:
-        """Returns the answer to a viewer's hello. None before the first heartbeat.
+        """Returns the answer to a viewer's hello, or None before the first heartbeat.
 
-        Its heartbeat has the revision of the listed characters. So a viewer asks again as soon as it receives
-        a heartbeat with a newer one.
+        The heartbeat in the answer has the revision of the listed characters. So a viewer asks again when it
+        receives a heartbeat with a newer revision.
         """
         if self.status is None:
             return None
@@ -102,11 +105,11 @@ class RelayedState:
 
     @property
     def is_listed(self) -> bool:
-        """True if the list of characters is up to date with the edge."""
+        """Returns True if the list of characters agrees with that of the edge."""
         return self.status is not None and self.status.revision == self._complete_revision
 
     def _watch_scan(self, number: int, phase: str) -> None:
-        """Drops the pieces of a scan that has ended, as the edge does."""
+        """Drops the chunks of a scan that has ended, as the edge does."""
         if number != self._scan_number or phase in ("off", "done"):
             for key in [key for key in self._latest if key[0] == SCAN_PIECE.name]:
                 self._drop(key)

@@ -43,7 +43,7 @@ log = logging.getLogger(__name__)
 _REQUEST_INTERVAL_S = 1.0
 """Seconds between two identical requests."""
 _CHARACTER_TIMEOUT_S = 10.0
-"""Timeout of a request for a character in seconds, which may transfer megabytes over a slow network."""
+"""Seconds to wait for a requested character, which may transfer megabytes over a slow network."""
 _MAX_PENDING = 4
 """Maximum number of characters that are requested at the same time."""
 _SILENCE_TIMEOUT_S = 2.0
@@ -51,7 +51,7 @@ _SILENCE_TIMEOUT_S = 2.0
 _REOPEN_INTERVAL_S = 2.0
 """Seconds after a failed handshake until the connection is opened again. By then the user may have paired."""
 _MAX_MESSAGES_PER_POLL = 256
-"""Maximum number of messages that one poll reads, so that viewers are served in a flood."""
+"""Maximum number of messages that one poll reads. The limit keeps the relay responsive in a flood."""
 
 
 @dataclass
@@ -88,11 +88,11 @@ class Upstream:
 
     @property
     def is_heard(self) -> bool:
-        """True if the edge sends heartbeats."""
+        """Returns True if heartbeats of the edge arrive."""
         return time.monotonic() - self._heard_at < _SILENCE_TIMEOUT_S
 
     def wait(self, milliseconds: int) -> None:
-        """Waits until the edge has sent something, for a limited time."""
+        """Waits until the edge has sent a message, or until the time is over."""
         self._poller.poll(milliseconds)
 
     def poll(self) -> list[bytes]:
@@ -130,8 +130,9 @@ class Upstream:
             self._poller.register(socket, zmq.POLLIN)
 
     def _watch_handshake(self) -> None:
-        """Logs keys that do not match, and connects again later, because libzmq does not retry after such a
-        failure.
+        """Logs keys that do not match, and connects again later.
+
+        libzmq does not retry after such a failure.
         """
         self._watch.poll()
         now = time.monotonic()

@@ -9,9 +9,9 @@ from typing import Generic, TypeVar
 _INTERVAL_S = 2.0
 """Seconds of the sensor's clock between two checkpoints."""
 _MAX_CHECKPOINTS = 3
-"""Number of checkpoints: they cover six seconds, enough to notice a mistake."""
+"""Maximum number of checkpoints. They cover six seconds, which is enough time to notice a mistake."""
 _MAX_MEGABYTES = 1200.0
-"""Memory limit of all checkpoints. A larger scan has fewer checkpoints, and a very large one none."""
+"""Memory limit of all checkpoints. A larger scan has fewer checkpoints, and a very large scan has none."""
 
 State = TypeVar("State")
 
@@ -23,7 +23,7 @@ class Checkpoints(Generic[State]):
         self._checkpoints: deque[tuple[int, State]] = deque()
 
     def offer(self, state: State, time_ns: int, megabytes: float) -> None:
-        """Keeps a copy of a state if the newest copy is old enough and memory is left."""
+        """Stores a copy of a state if the newest copy is old enough and memory is left."""
         max_count = min(_MAX_CHECKPOINTS, int(_MAX_MEGABYTES / max(megabytes, 1e-9)))
         newest = self._checkpoints[-1][0] if self._checkpoints else None
         if newest is not None and 0 <= time_ns - newest < _INTERVAL_S * 1e9:
@@ -41,7 +41,7 @@ class Checkpoints(Generic[State]):
     def restore(self, now_ns: int) -> State | None:
         """Returns the newest checkpoint that is old enough, and drops it and all later ones.
 
-        None if there are none.
+        Returns None if no checkpoint is old enough.
         """
         index = self._find_restorable(now_ns)
         if index is None:

@@ -15,12 +15,12 @@ from enliven.scanning import draw_mesh
 _SIDE_PX = 360
 """Width and height of each view in pixels."""
 _FOCAL_RATIO = 1.6
-"""Focal length as a multiple of the image width: 35 degrees field of view, with little perspective
+"""Focal length as a multiple of the image width. The field of view is 35 degrees, with little perspective
 distortion."""
 _AZIMUTHS = (0.5, 2.1, 3.7, 5.3)
 """Azimuth angles of the views about +Y, in radians."""
 _ELEVATIONS = (0.35, 0.35, 0.35, 0.35, 1.3, -0.5)
-"""Elevation angles above the horizon, in radians: four views from around, one from above and one from
+"""Elevation angles above the horizon in radians: four views from the sides, one from above and one from
 below."""
 _BACK_FACE_COLOUR = np.array([110, 40, 40])
 """sRGB of back faces. They are visible only if the mesh is open."""
@@ -29,7 +29,7 @@ _MESH_COLOUR = np.array([205, 205, 200])
 _BACKGROUND_COLOUR = np.array([28, 30, 34])
 """sRGB of the background."""
 _AMBIENT = 0.45
-"""Fraction of ambient light."""
+"""Fraction of the light that is ambient."""
 
 
 def draw_contact_sheet(mesh: Mesh) -> UInt8:

@@ -1,4 +1,6 @@
-"""The feet of a scanned person: the pixels just above the floor, which the tracker leaves out."""
+"""The feet of a scanned person: the pixels just above the floor, which the tracker does not assign to a
+person.
+"""
 
 from __future__ import annotations
 
@@ -12,19 +14,18 @@ from enliven.person import Body, Joint
 _MIN_CONFIDENCE = 0.5
 """Minimum confidence of a joint that is used."""
 _FOOT_RADIUS_M = 0.16
-"""Horizontal distance from ankles and toes within which low pixels belong to a foot, in metres: half a foot's
-length.
-"""
+"""Maximum horizontal distance in metres of a foot's low pixels from ankles and toes: half a foot's length."""
 MAX_FOOT_HEIGHT_M = 0.12
-"""Maximum height of foot pixels above the floor, in metres. The tracker ignores pixels below this height."""
+"""Maximum height of foot pixels above the floor in metres. The tracker ignores pixels below this height."""
 _FLOOR_NOISE_M = 0.02
-"""Height up to which points count as the floor, in metres: the depth noise of the floor at a distance of two
-to three metres.
-"""
+"""Height in metres up to which points count as the floor. It is the depth noise of the floor at a distance of
+two to three metres."""
 
 
 def feet_pixels(frame: DepthFrame, body: Body, world_from_camera: Float) -> Bool:
-    """Returns a mask (H, W) of the pixels just above the floor and near the visible ankles and toes."""
+    """Returns a mask (H, W) of the pixels that are just above the floor and near the visible ankles and
+    toes.
+    """
     ray, z = pixel_rays(frame.intrinsics), frame.depth[..., None] * 1e-3
     rows = np.flatnonzero((frame.depth > 0).any(1))
     turn, place = world_from_camera[:3, :3], world_from_camera[:3, 3]

@@ -1,4 +1,4 @@
-"""Scans stored next to their mesh so that they can be continued: the images and their poses."""
+"""Stores scans next to their mesh, as images with poses, so that they can be continued."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ STORED_SCAN_SUFFIX = ".scan.mcap"
 _METADATA_NAME = "kept scan"
 """Name of the metadata record that marks a recording with poses of a scan."""
 _SYNC_INTERVAL_S = 10.0
-"""Seconds between two syncs to disk. The recording has a temporary name until it is complete."""
+"""Seconds between two syncs to disk. The syncs protect long scans. The recording has a temporary name until
+it is complete."""
 
 
 def stored_scan_path(path: Path) -> Path:
@@ -28,7 +29,7 @@ def stored_scan_path(path: Path) -> Path:
 
 
 def store_scan(scanner: Scanner | MovedScanner, path: Path, since: int = 0) -> None:
-    """Writes the images of a scan with their poses, as a recording that any program of this project opens.
+    """Writes the images of a scan with their poses as an ordinary recording.
 
     If the object was moved, only the scan before the move is written.
 
@@ -49,13 +50,13 @@ def store_scan(scanner: Scanner | MovedScanner, path: Path, since: int = 0) -> N
 
 
 def load_first_part(scanner: Scanner, path: Path, stop: threading.Event) -> int:
-    """Loads an earlier scan, or scans a recording, as the first part of a scan. Returns the number of images.
+    """Continues an earlier scan: loads it, or scans its recording. Returns the number of images.
 
     Args:
         path: a mesh or a project with a stored scan next to it, or a recording.
 
     Raises:
-        InputError: if no scan is stored for it, or it contains nothing that can be scanned.
+        InputError: if no scan is stored for the mesh or project, or if its images cannot be scanned.
     """
     source = path if path.suffix.lower() == ".mcap" else stored_scan_path(path)
     if path.exists() and not source.exists():

@@ -1,5 +1,7 @@
-"""A scan in the background of the edge's loop: a thread fuses the newest image and reports progress to
-viewers."""
+"""A scan in the background of the edge's loop.
+
+A thread fuses the newest image and reports progress to viewers.
+"""
 
 from __future__ import annotations
 
@@ -33,21 +35,26 @@ from enliven_edge.scanning.surface_preview import SurfacePreview
 log = logging.getLogger(__name__)
 
 _PROGRESS_INTERVAL_S = 0.1
-"""Interval between two progress messages, in seconds. It is short, so that lost tracking is shown at once."""
+"""Seconds between two progress messages. The interval is short, so that lost tracking is shown
+immediately."""
 _PREVIEW_INTERVAL_S = 0.25
-"""Interval between two searches for changed pieces of the surface, in seconds."""
+"""Seconds between two searches for changed chunks of the surface."""
 _MAX_BYTES_PER_SECOND = 400_000
-"""Maximum bytes per second of preview pieces: a wireless network carries them in addition to the poses."""
+"""Maximum bytes of preview chunks per second. A wireless network can transfer them in addition to the
+poses."""
 _MAX_WAIT_S = 0.03
-"""Longest time that an image of a recording waits before the edge's loop continues, in seconds: one frame."""
+"""Maximum seconds that an image of a recording waits before the edge's loop continues: one frame."""
 _MAX_TRIANGLES = 50_000
-"""Maximum number of triangles of the resulting mesh: a chair stays accurate to a millimetre."""
+"""Maximum number of triangles of the resulting mesh. With this number a chair is still accurate to a
+millimetre."""
 
 Phase = Literal["scanning", "paused", "finishing", "done", "failed"]
 _PHASE_AFTER: dict[str, Phase] = {"pause": "paused", "go on": "scanning", "done": "finishing"}
 """The phase of the scan that starts as soon as an order arrives."""
 Cast = Callable[[Mesh, str, ScannedPerson | None], Any]
-"""Creates a character's actor from a mesh, the actor's id, and the scanned person (None for an object)."""
+"""Function that creates a character's actor.
+
+Its arguments are a mesh, the actor's id, and the scanned person (None for an object)."""
 
 
 @dataclass
@@ -78,15 +85,15 @@ def _create_scanner(order: Scan) -> Scanner | MovedScanner:
 
 
 class LiveScan(threading.Thread):
-    """One scan. The edge's loop offers images and collects messages.
+    """One scan. The edge's loop passes images to it and collects messages from it.
 
     Args:
         number: the scan's number.
         order: the viewer's request, with the name of the resulting character.
-        cast: creates the actor, on this scan's own thread.
+        cast: creates the actor, on the thread of this scan.
 
     Attributes:
-        actor: the scanned character for the stage, once it is done. The edge's loop collects it.
+        actor: the scanned character for the stage when it is done. The edge's loop takes it from here.
     """
 
     def __init__(self, number: int, order: Scan, cast: Cast) -> None:
@@ -109,10 +116,12 @@ class LiveScan(threading.Thread):
         self._ends, self._joints = list[float](), list[float]()
 
     def offer(self, frame: DepthFrame, *, waits: bool = False) -> bool:
-        """Offers the newest image. It replaces an image that was not used yet, or waits for a moment.
+        """Passes the newest image to the scan.
+
+        It replaces an image that was not used yet, or waits briefly if ``waits`` is True.
 
         Returns:
-            False if the caller must offer it again, because the previous image still waits.
+            False if the caller must pass it again, because the previous image is still waiting.
         """
         with self._wake:
             waits = waits and self.phase == "scanning"
@@ -126,7 +135,7 @@ class LiveScan(threading.Thread):
         """Queues a viewer's order.
 
         Raises:
-            InputError: if it cannot be done now.
+            InputError: if it cannot be carried out now.
         """
         if self.phase == "finishing":
             raise InputError("the mesh is being made", where="scan", remedy="Wait until it is on the stage.")
@@ -196,7 +205,7 @@ class LiveScan(threading.Thread):
         moved_object, places = self._run.thing, self._run.thing.places
         moved_object.update(added, time_ns)
         if moved_object.places != places:
-            # The camera is now in another room frame, so its placement must be sent at once.
+            # The camera is now in another room frame. So its placement must be sent immediately.
             self._last_preview_at = 0.0
         is_placed = added.state in (ObjectState.RESTING, ObjectState.FOLLOWED)
         self._camera = added.scan.world_from_camera if is_placed else None
@@ -240,13 +249,13 @@ class LiveScan(threading.Thread):
         return Keep("alone" if self.order.mode is ScanMode.NEAR else "thing")
 
     def _fail(self, error: EnlivenError) -> None:
-        """Reports an error. The viewer can request that the scan continues."""
-        # In a window the user presses a button instead of giving an option of a command.
+        """Reports an error. A viewer can continue the scan."""
+        # The advice for the command line names an option. In a window the user presses a button instead.
         self._note = error.what[:160], error.remedy.replace("add --whole to keep", "keep")[:160]
         self.phase = "failed"
 
     def _queue_messages(self) -> None:
-        """Queues a progress message and the changed pieces of the surface."""
+        """Queues a progress message and the changed chunks of the surface."""
         now, scanner = time.monotonic(), self._run.scanner
         if now - self._last_preview_at >= _PREVIEW_INTERVAL_S and self.phase in (
             "scanning",

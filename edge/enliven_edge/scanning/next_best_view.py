@@ -13,18 +13,18 @@ from enliven.meshes import Mesh
 from enliven.scanning import GroundPlane
 
 _FOCUS_RADIUS_M = 0.75
-"""Distance from the focus within which gaps count, in metres. Beyond it, a floor always ends somewhere."""
+"""Distance from the focus in metres within which gaps count. Gaps farther away are ignored, because the
+scanned floor always ends somewhere."""
 _DIRECTIONS = 16
 """Number of compared directions around the object, each at two elevations."""
 _ELEVATIONS = (0.3, 0.9)
-"""Elevation angles above the horizon, in radians: a camera at the height of a standing person, and a view
-from above.
-"""
+"""Elevation angles above the horizon in radians: a camera at the height of a standing person, and a view from
+above."""
 _GAP_WIDTH_M = 0.04
-"""Assumed width of the missing surface beyond a boundary edge, in metres: a few cells. It gives an estimate
-of the missing area."""
+"""Assumed width in metres of the missing surface beyond a boundary edge: a few cells. The missing area is
+estimated with it."""
 _FLOOR_BAND_M = 0.05
-"""Height above the floor, in metres, below which a boundary edge belongs to the floor itself."""
+"""Height above the floor in metres below which a boundary edge belongs to the floor itself."""
 _MIN_MISSING = 0.1
 """Minimum missing fraction. Below it, no further view is suggested."""
 
@@ -34,9 +34,9 @@ class NextView:
     """The missing part of a scan.
 
     Attributes:
-        missing: fraction of the surface near the focus that was not seen, 0..1.
-        eye: (3,) metres in the scan's world: the camera position that would see most of it. None if little is
-            missing.
+        missing: fraction of the surface near the focus that was not seen, in [0, 1].
+        eye: (3,) camera position in metres, scan's world, that would see most of the missing surface; None if
+            little is missing.
     """
 
     missing: float
@@ -46,8 +46,8 @@ class NextView:
 def find_next_view(mesh: Mesh, ground: GroundPlane, focus: Float, away: float) -> NextView:
     """Returns the next best view of a scan.
 
-    A surface with an open boundary continues there: it bends away from the views that saw it. A camera on the
-    side that its boundary points to sees the continuation.
+    At an open boundary the real surface continues, but bends away from the cameras that saw it. A camera on
+    the side to which the boundary points sees the continuation.
 
     Args:
         mesh: the current surface at low resolution, metres in the scan's world.
@@ -61,8 +61,8 @@ def find_next_view(mesh: Mesh, ground: GroundPlane, focus: Float, away: float) -
         if len(midpoints)
         else heights
     )
-    # The boundary of the floor around the object is the object's shadow (unseen floor). It counts half,
-    # because a view of the object's back side is more useful.
+    # The boundary of the floor around the object is the edge of unseen floor behind the object. It has half
+    # the weight, because a view of the object's back side is more useful.
     weights = lengths * is_near * np.where(heights > _FLOOR_BAND_M, 1.0, 0.5)
     faces = mesh.vertices[mesh.faces]
     areas = np.linalg.norm(mesh.face_vectors(), axis=1) / 2

@@ -1,5 +1,5 @@
-"""Messages about the objects in a scan: the selected one, the other ones, and the places where it was
-found.
+"""Messages about the objects in a scan: the selected one, the others, and the places where the moved object
+was found.
 """
 
 from __future__ import annotations
@@ -17,12 +17,14 @@ _NOT_SEEN_TO_TURN = (
 )
 """Message if an object should have been tracked while it turned, but did not turn."""
 _COARSE_VOLUME = 1
-"""Index of the volume with voxels of 16 mm, which is used to count objects: this takes a tenth of a
+"""Index of the volume with voxels of 16 mm. It is used to count objects, because this takes only a tenth of a
 second."""
 
 
 def describe_objects(scanner: Scanner | MovedScanner) -> list[str]:
-    """Returns sentences about a scan's objects: which of several was selected, and where it was found."""
+    """Returns sentences about a scan's objects: which of several objects was selected, and where it was
+    found.
+    """
     first = scanner.rests[0].scanner if isinstance(scanner, MovedScanner) else scanner
     # If motion selected the object, it is the moved part, even if the camera looked more at another object.
     is_chosen_by_motion = isinstance(scanner, MovedScanner) and scanner.followed
@@ -60,7 +62,9 @@ def describe_places(scanner: Scanner | MovedScanner) -> list[str]:
 
 
 def _describe_choice(scanner: Scanner) -> list[str]:
-    """Returns a sentence that lists the objects near the focus, largest first, if there are several."""
+    """Returns a sentence that lists the objects near the focus, largest first. The result is empty if there
+    is only one.
+    """
     mesh, cut = extract_surface(scanner.volumes[_COARSE_VOLUME]), scanner.settings.cut_out
     try:
         ground = find_ground(mesh)
@@ -75,5 +79,5 @@ def _describe_choice(scanner: Scanner) -> list[str]:
 
 
 def _size_cm(mesh: Mesh) -> str:
-    """Returns width, height and depth in centimetres."""
+    """Returns width, height and depth of a mesh in centimetres."""
     return " x ".join(f"{100 * side:.0f}" for side in np.ptp(mesh.bounds, axis=0))

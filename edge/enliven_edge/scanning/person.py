@@ -1,4 +1,6 @@
-"""Scans a person in front of a fixed camera. The person turns around once, or holds still for one side."""
+"""Scans a person in front of a fixed camera. The person turns around once, or stands still, so that one side
+is scanned.
+"""
 
 from __future__ import annotations
 
@@ -30,31 +32,32 @@ from enliven_edge.scanning.feet import MAX_FOOT_HEIGHT_M, feet_pixels
 from enliven_edge.tracking.tracker import Tracker
 
 MAX_PERSON_DISTANCE_M = 3.5
-"""Maximum distance of a person, in metres. There, a pixel is 6 mm wide, and the depth error is 2 cm."""
+"""Maximum distance of a person in metres. At this distance, a pixel is 6 mm wide, and the depth error is 2
+cm."""
 PERSON_VOXEL_M = 0.008
-"""Voxel size for a person, in metres. At a distance of two metres, a pixel and the noise of a Kinect have
-this size. With smaller voxels the person's rotation is often ambiguous."""
+"""Voxel size for a person in metres. At a distance of two metres, a pixel and the noise of a Kinect have this
+size. With smaller voxels the person's rotation is often ambiguous."""
 _DIRECTIONS = 12
 """Number of directions around a person that are counted separately, of 30 degrees each."""
 _MAX_TURN = np.deg2rad(50.0)
-"""Rotation since the first image, in radians, above which joints are ignored. From behind, the tracker may
-swap left and right."""
+"""Rotation in radians since the first image above which joints are ignored. If the person is seen from
+behind, the tracker may swap left and right."""
 _MIN_CONFIDENCE = 0.5
 """Minimum confidence of the joints that are used."""
 _MOVED_JOINT_M = 0.12
-"""Distance of a joint from its place on the body above which its limb counts as moved, in metres."""
+"""Distance in metres of a joint from its usual position on the body above which its limb counts as moved."""
 _MIN_MOVED_FRACTION = 0.2
 """Minimum fraction of images with a moved joint before the user is notified."""
 _MIN_JOINT_IMAGES = 5
 """Minimum number of images to estimate a joint."""
 _FOOT_CUT_M = 0.04
-"""Height above the floor at which feet are cut, in metres. Lower parts are visible in some images only."""
+"""Height above the floor in metres at which feet are cut off. Lower parts are visible in some images only."""
 _MAX_HOLE_M = 0.6
-"""Maximum boundary size of holes that are filled, in metres. A level camera does not see the crown from
-above."""
+"""Maximum boundary size in metres of holes that are filled. The largest hole is the crown, which a level
+camera does not see from above."""
 _MAX_CAMERA_ERROR_M = 0.25
-"""Tolerated position uncertainty of the camera around a person, in metres. It equals 7 degrees of rotation at
-two metres."""
+"""Tolerated position uncertainty in metres of the camera around a person. It equals 7 degrees of rotation at
+a distance of two metres."""
 _UP = np.array([0.0, 1.0, 0.0])
 _LIMBS = {
     "left arm": (Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT),
@@ -75,7 +78,8 @@ class ScannedPerson:
     """A person as a mesh.
 
     Attributes:
-        mesh: upright, on y = 0, metres. +Z is the direction in which the person first faced the camera.
+        mesh: the upright mesh in metres, standing on y = 0. +Z is the direction in which the person first
+            faced the camera.
         joints: (20, 3) metres in the mesh, NaN for joints that were not seen.
     """
 
@@ -84,7 +88,9 @@ class ScannedPerson:
 
     @property
     def ends(self) -> Float:
-        """(5, 3) end positions of head, hands and feet. (0, 3) if one of them was not seen."""
+        """Returns the (5, 3) end positions of head, hands and feet in metres, or (0, 3) if one of them was
+        not seen.
+        """
         ends = self.joints[list(_ENDS)].copy()
         if not np.isfinite(ends).all():
             return np.empty((0, 3))
@@ -93,9 +99,9 @@ class ScannedPerson:
 
     @property
     def bones(self) -> Float:
-        """(20, 3) all joints.
+        """Returns the (20, 3) positions of all joints in metres, or (0, 3) without a trunk.
 
-        Joints that were not seen are taken from a standing person. (0, 3) without a trunk.
+        Joints that were not seen are taken from a standing person.
         """
         joints, (hip, neck) = self.joints.copy(), self.joints[[Joint.HIP_CENTER, Joint.SHOULDER_CENTER]]
         if not np.isfinite(joints[list(_TRUNK)]).all():
@@ -109,7 +115,7 @@ class ScannedPerson:
 
 
 class PersonScanner(Scanner):
-    """Fuses one person. The body is the world frame, so the camera orbits around a turning person.
+    """Fuses one person. The world frame is fixed to the body, so the camera orbits around a turning person.
 
     The project's tracker provides the person's pixels and joints. The first person found is scanned.
 
@@ -145,7 +151,7 @@ class PersonScanner(Scanner):
         return step
 
     def __deepcopy__(self, memo: dict[int, Any]) -> PersonScanner:
-        """Copies the scan. The tracker is shared, since it knows the person's current place."""
+        """Copies the scan. The tracker is shared, because it contains the person's current position."""
         clone = type(self).__new__(type(self))
         memo[id(self)], memo[id(self._people)] = clone, self._people
         clone.__dict__.update({name: copy.deepcopy(value, memo) for name, value in vars(self).items()})
@@ -153,7 +159,7 @@ class PersonScanner(Scanner):
 
     @property
     def missing(self) -> float:
-        """Fraction of the directions around the person that were not scanned yet, 0..1."""
+        """Returns the fraction in [0, 1] of the directions around the person that were not scanned yet."""
         angles = [np.arctan2(pose[0, 2], pose[2, 2]) for _, pose in self.poses]
         return (
             1.0
@@ -171,8 +177,8 @@ class PersonScanner(Scanner):
             remedy = "Stand nearer, or scan for longer."
             raise InputError("no surface was seen often enough", where="scan", remedy=remedy)
         focus = joints[Joint.SPINE] if np.isfinite(joints[Joint.SPINE]).all() else surface.vertices.mean(0)
-        # Cut the mesh off above the ragged edge of the soles, and close it down to the floor. This also fills
-        # feet that were hidden or outside the image.
+        # Cut the mesh off above the ragged edge of the soles, and extend it down to the floor. This also
+        # completes feet that were hidden or outside the image.
         cut = replace(
             self.settings.cut_out, number=1, clearance=_FOOT_CUT_M, hole=_MAX_HOLE_M, drawn=MAX_FOOT_HEIGHT_M
         )
@@ -191,7 +197,7 @@ class PersonScanner(Scanner):
         return ScannedPerson(mesh, joints - np.array([middle[0], floor.offset, middle[2]]))
 
     def refuse(self, where: str) -> None:
-        """Raises an error that says why no mesh can be made.
+        """Raises an error with the reason why no mesh can be made.
 
         Raises:
             InputError: if no person was seen, or not enough of the person.
@@ -220,7 +226,9 @@ class PersonScanner(Scanner):
         return sentences
 
     def measure_limb_motion(self) -> dict[str, float]:
-        """Returns, for limbs that often moved, the distance in metres from their usual place on the body."""
+        """Returns the limbs that moved often, with their distance in metres from the usual position on the
+        body.
+        """
         median, moved_limbs = self._median_joints(), {}
         for limb, joints in _LIMBS.items():
             distances = [
@@ -239,7 +247,7 @@ class PersonScanner(Scanner):
 
     @property
     def is_on_floor(self) -> bool:
-        """True if the floor was seen, so that the person stands on it."""
+        """Returns True if the floor was seen. The person then stands on it."""
         state = self._people.state
         return state is not None and state.floor_known
 
@@ -253,7 +261,7 @@ class PersonScanner(Scanner):
         return next((body for body in bodies if body.id == self._person), None)
 
     def _person_pixels(self, frame: DepthFrame, body: Body) -> Bool | None:
-        """Returns a mask (H, W) of the person's pixels, including feet. None if there are none."""
+        """Returns a mask (H, W) of the person's pixels, including feet, or None if there are none."""
         owner, pose = self._people.owner, self._people.world_from_camera
         index = next(
             (k for k, performer in enumerate(self._people.performers) if performer.id == body.id), -1
@@ -267,9 +275,7 @@ class PersonScanner(Scanner):
         return person_mask | feet_pixels(frame, body, pose) if self.is_on_floor else person_mask
 
     def _store_joints(self, body: Body, object_from_room: Float) -> None:
-        """Stores the joints in the body frame if the person faces about the same direction as in the first
-        image.
-        """
+        """Stores the joints in the body frame, if the person has turned little since the first image."""
         turn_angle = np.arccos(np.clip((np.trace(object_from_room[:3, :3]) - 1) / 2, -1.0, 1.0))
         if turn_angle < _MAX_TURN:
             places = body.joints @ object_from_room[:3, :3].T + object_from_room[:3, 3]

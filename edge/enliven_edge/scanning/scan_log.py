@@ -13,11 +13,12 @@ from enliven.scanning.objects.moved_scanner import MovedScanner
 from enliven_edge.scanning.person import PersonScanner
 
 _MIN_PATH_M = 0.05
-"""Shortest camera path that shows an object from more than one side, in metres."""
+"""Minimum length of the camera path in metres. A shorter path shows an object from one side only."""
 _MIN_PROBLEM_FRACTION = 0.2
 """Minimum fraction of frames with a problem before the user is notified."""
 _MAX_CAMERA_SPEED = 1.0
-"""Maximum camera speed, in metres per second: a brisk walk. Faster cameras blur images and lose tracking."""
+"""Maximum camera speed in metres per second: a brisk walk. If a camera is faster, images blur and tracking is
+lost."""
 
 
 class ScanLog:
@@ -32,7 +33,7 @@ class ScanLog:
 
     @property
     def frames(self) -> int:
-        """Total number of frames."""
+        """Returns the total number of frames."""
         return sum(self.counts.values())
 
     def add(self, step: ScanStep, time_ns: int) -> None:
@@ -51,12 +52,12 @@ class ScanLog:
 
     @property
     def now(self) -> str:
-        """One line of text for a progress bar."""
+        """Returns one line of text for a progress bar."""
         lost = self.counts[ScanState.LOST]
         return f"{self.path_length_m:.1f} m moved" + (f", lost in {lost}" if lost else "")
 
     def refuse(self, where: str, scanner: Scanner | MovedScanner | None = None) -> None:
-        """Raises an error that says why no mesh can be made.
+        """Raises an error with the reason why no mesh can be made.
 
         Raises:
             InputError: if no frame could be used, or the camera hardly moved. A scan of a person needs no

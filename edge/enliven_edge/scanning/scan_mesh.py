@@ -1,5 +1,6 @@
-"""Finishes a scan: cuts out the wanted part, decimates it, writes it to a file, and puts it on an edge's
-stage."""
+"""Finishes a scan: cuts out the kept part, decimates it, writes it to a file, and puts it on the stage of an
+edge.
+"""
 
 from __future__ import annotations
 
@@ -35,18 +36,18 @@ from enliven.scanning.objects.moved_scanner import MovedScanner
 from enliven_edge.scanning.person import PersonScanner, ScannedPerson
 
 PROJECT = ".enliven"
-"""File suffix of a project. The scan is a character of it that can be possessed."""
+"""File suffix of a project. A scan that is written to a project becomes a character that can be possessed."""
 ENDINGS = (*WRITABLE, PROJECT)
 """File suffixes that a scan can be written to."""
 _MAX_EMPTY_IMAGES = 120
 """Maximum number of images of the empty place. Images of a path around it are then 3 degrees apart."""
 
 _NO_FLOOR_NOTE = "; no floor was found, so the box lay as the first camera did"
-"""Note added to a cut by a box if no floor was found that defines the upright direction."""
+"""Note about a cut by a box without a detected floor. The upright direction is then unknown."""
 
 
 _MOVED_OBJECT_NOTE = "the whole room, before the object was moved"
-"""Note added to a whole-room scan with a moved object: only the room before the move is kept."""
+"""Note about a whole-room scan with a moved object. Only the room before the move is kept."""
 
 
 @dataclass(frozen=True)
@@ -54,11 +55,11 @@ class Keep:
     """The part of a scan that is kept.
 
     Attributes:
-        what: "thing": the object on the floor. "alone": the largest part, for scans without a visible floor.
-            "all": the whole scan. "box": the content of a box. "new": the parts that the first images do not
-            show.
+        what: which part is kept. "thing" is the object on the floor. "alone" is the largest part, for scans
+            without a visible floor. "all" is the whole scan. "box" is the content of a box. "new" is the
+            parts that the first images do not show.
         low, high: (3,) metres, the corners of the box in the scan's upright frame.
-        upright_from_world: (4, 4) pose of that frame. None for the frame of the finished scan.
+        upright_from_world: (4, 4) transform to that frame; None for the frame of the finished scan.
         first_object_image: for "new": images with a smaller number show the place without the object.
     """
 
@@ -74,9 +75,10 @@ class ScannedMesh:
     """A scan as a mesh.
 
     Attributes:
-        mesh: upright, on y = 0, metres.
-        max_distance: maximum distance in metres to the full scan. 0 if it was not decimated.
-        cut_note: describes the cut for users. Empty if there is nothing to describe.
+        mesh: the upright mesh in metres, standing on y = 0.
+        max_distance: maximum distance in metres between the mesh and the full scan; 0 if the mesh was not
+            decimated.
+        cut_note: description of the cut for users; empty if there is nothing to describe.
         person: the scanned person, if a person was scanned.
     """
 
@@ -137,7 +139,7 @@ def _cut_out(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
 
 
 def _describe_parts(out: CutOut, whole_mesh: Mesh, where: str) -> str:
-    """Returns a description of the cut-out part for users."""
+    """Returns a description for users of the part that was cut out."""
     parts = "1 part" if out.parts == 1 else f"{out.parts} parts"
     return f"{where}: {parts}, {out.area:.2f} of {whole_mesh.area:.2f} square metres"
 
@@ -192,7 +194,7 @@ def _write(scan_result: ScannedMesh, path: Path) -> None:
     project = project_of_mesh(scan_result.mesh, path.stem)
     if scan_result.person is not None:
         # Store the known end points and joints. Then each limb of the performer drives the same limb of the
-        # mesh, without a person being detected in the mesh.
+        # mesh, and no person needs to be detected in the mesh.
         (character,) = project.characters.values()
         character_with_joints = character.with_changes(
             ends=scan_result.person.ends, joints=scan_result.person.bones

@@ -15,24 +15,24 @@ from enliven_edge.scanning.next_best_view import find_next_view
 from enliven_edge.scanning.scan_view import ScanView
 
 _SEARCH_INTERVAL_S = 1.0
-"""Seconds between two searches for floor, centre and gaps in the whole scan. Each takes 0.15 s."""
+"""Seconds between two searches for floor, centre and gaps in the whole scan. Each search takes 0.15 s."""
 _DEFAULT_CAMERA_HEIGHT_M = 1.2
-"""Assumed camera height above the floor until the floor is seen, in metres."""
+"""Assumed camera height above the floor in metres until the floor is seen."""
 _ASSUMED_GROUND = GroundPlane(np.array([0.0, 1.0, 0.0]), -_DEFAULT_CAMERA_HEIGHT_M, 0.0)
 _MIN_MOTION_M = 0.03
-"""Minimum motion of the floor or the centre that moves the placement, in metres. Without it, the view would
-jitter."""
+"""Minimum motion in metres of the floor or the centre that moves the placement. Smaller motions would make
+the view jitter."""
 _SETTLING_IMAGES = 30
-"""Number of images until the centre is fixed. Before that the camera may still approach the object."""
+"""Number of images until the centre is fixed. Before, the camera may still approach the object."""
 
 
 class ScanPlacement:
-    """Floor, centre and missing part of a scan, updated periodically.
+    """Floor, centre and missing part of a scan. They are updated periodically.
 
     Attributes:
-        stage_from_scan: (4, 4) from the current room, which contains the camera, to the stage.
+        stage_from_scan: (4, 4) transform to the stage from the current room, which contains the camera.
         missing: fraction of the surface near the centre that was not seen.
-        view: six coordinates in metres on the stage: camera position and target of the next best view. Empty
+        view: six coordinates in metres on the stage: camera position and target of the next best view; empty
             if there is none.
     """
 
@@ -75,8 +75,8 @@ class ScanPlacement:
         """Returns the floor under a room's surface, in the room's frame.
 
         The frame does not change when images are undone. So a floor that was found in more images is kept. It
-        is better than a floor from the few remaining images, and better than the assumed floor. This way
-        neither the placement nor the crop box jumps.
+        is better than a floor from the few remaining images, and better than the assumed floor. So neither
+        the placement nor the crop box jumps.
         """
         images = len(scanner.poses)
         if images >= self._ground_images:
@@ -86,8 +86,9 @@ class ScanPlacement:
         return self._ground
 
     def rows(self, pose: Float | None = None) -> list[float]:
-        """Returns twelve numbers (3, 4): the pose on the stage of the room ``pose`` (4, 4), or of the shown
-        surface if None.
+        """Returns the first three rows (3, 4) of the transform from a room to the stage, as twelve numbers.
+
+        ``pose`` (4, 4) is the pose of the room, or None for the room of the shown surface.
         """
         stage_from_shown = self.stage_from_scan @ (self._room_from_shown if pose is None else pose)
         return [float(x) for x in stage_from_shown[:3].ravel()]

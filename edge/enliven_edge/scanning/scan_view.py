@@ -15,11 +15,10 @@ from enliven.wire import ThingWord
 from enliven_edge.scanning.person import PersonScanner
 
 _FOUND_SHOWN_S = 4.0
-"""Time for which a re-found object is reported as found, in seconds of the sensor's clock."""
+"""Seconds of the sensor's clock for which an object that was found again is reported as found."""
 
 _STANDING_AFTER_S = 0.4
-"""Time that an object must stand still before it is reported as standing, in seconds of the sensor's clock.
-"""
+"""Seconds of the sensor's clock for which an object must stand still before it is reported as standing."""
 
 
 @dataclass(frozen=True)
@@ -29,11 +28,11 @@ class ScanView:
     Attributes:
         volume: TSDF volume of the growing surface.
         coarse: the same volume with voxels four times as large.
-        room_scanner: the scan of the current room. None while the pose of the object in it is not known.
-        shown_from_room: (4, 4) from that room to the frame of the surface.
-        alone: whether the surface shows the object only, without a floor.
+        room_scanner: the scan of the current room; None while the pose of the object in the room is unknown.
+        shown_from_room: (4, 4) transform from that room to the frame of the surface.
+        alone: whether the surface shows only the object, without a floor.
         places: the number of places in which the object was found.
-        ground: the floor in the room's frame, if it is known although the surface does not show it.
+        ground: the floor in the room's frame, if it is known but not part of the surface.
     """
 
     volume: TsdfVolume
@@ -51,8 +50,10 @@ class ScanView:
 
 
 def create_scan_view(scanner: Scanner | MovedScanner) -> ScanView:
-    """Returns the visible part of a scan: the room with the object, or the object only after its first
-    move."""
+    """Returns the visible part of a scan.
+
+    It is the room with the object, or the object alone after its first move.
+    """
     if isinstance(scanner, PersonScanner):
         floor = GroundPlane(np.array([0.0, 1.0, 0.0]), 0.0, 0.0) if scanner.is_on_floor else None
         return ScanView(scanner.volumes[0], scanner.volumes[1], scanner, np.eye(4), True, 1, floor)
@@ -72,7 +73,7 @@ class MovedObjectState:
         word: "" if it is not separated from the room, "person" if a person is scanned. Otherwise "stands",
             "carried", "settling", "sought", "found", "turning" or "lost".
         seconds: seconds of the sensor's clock that the search for the object took or takes.
-        places: number of places in which it was found.
+        places: number of places in which the object was found.
     """
 
     def __init__(self, word: ThingWord = "") -> None:

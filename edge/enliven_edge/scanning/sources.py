@@ -37,7 +37,7 @@ def recorded_images(path: Path, stop: threading.Event) -> Iterator[DepthFrame]:
 
 
 def sensor_images(name: str, options: list[str], stop: threading.Event) -> Iterator[DepthFrame]:
-    """Yields the depth images of a sensor until ``stop`` is set. A sensor that fails is opened again."""
+    """Yields the depth images of a sensor until ``stop`` is set. If the sensor fails, it is opened again."""
     with open_reopening(sensor_opener(name, **sensor_options(options))) as stream:
         while not stop.is_set():
             try:

@@ -1,4 +1,6 @@
-"""Live preview of a scan: sends the surface pieces that changed, limited to the network's bandwidth."""
+"""Live preview of a scan: sends the chunks of the surface that changed, limited to the network's
+bandwidth.
+"""
 
 from __future__ import annotations
 
@@ -9,18 +11,17 @@ from enliven.scanning import PIECE_STEPS, PieceSums, ScanPiece, TsdfVolume, extr
 from enliven.wire import MAX_PIECE_FACES, MAX_PIECE_VERTICES, ScanPieceMessage
 
 _MIN_CHANGE = 0.25
-"""Minimum change before a piece is sent again. It corresponds to weights that grew by a fifth, or to a
-quarter of new voxels.
-"""
+"""Minimum change before a chunk is sent again. The value means that the weights grew by a fifth, or that a
+quarter of the voxels are new."""
 _MAX_PIECES = 2000
-"""Maximum number of displayed pieces: a hall at 1 cm. A viewer that connects late gets all of them at once.
-"""
+"""Maximum number of displayed chunks: a hall at 1 cm. A viewer that connects late receives all of them at
+once."""
 
 Place = tuple[int, int, int]
 
 
 class SurfacePreview:
-    """The state of the preview surface that viewers have received of one scan.
+    """Tracks which chunks of the preview surface viewers have already received.
 
     Args:
         number: the scan's number.
@@ -31,12 +32,13 @@ class SurfacePreview:
         self._sent: dict[Place, tuple[int, float]] = {}
 
     def resend_all(self) -> None:
-        """Sends every piece again, because another surface replaces the current one."""
+        """Marks every chunk to be sent again, because another surface replaces the current one."""
         self._sent = dict.fromkeys(self._sent, (0, 0.0))
 
     def changes(self, volume: TsdfVolume, max_bytes: int) -> list[ScanPieceMessage]:
-        """Returns the pieces that changed most since they were last returned, of about ``max_bytes`` bytes in
-        total."""
+        """Returns the chunks that changed most since they were last returned, about ``max_bytes`` bytes in
+        total.
+        """
         sums = sum_pieces(volume)
         places = [_place(row) for row in sums.places]
         messages = [
@@ -58,7 +60,7 @@ class SurfacePreview:
         return messages
 
     def _measure_change(self, places: list[Place], sums: PieceSums) -> Float:
-        """Returns the change (P,) of each piece: doublings of its weight, plus its fraction of new voxels."""
+        """Returns the change (P,) of each chunk: doublings of its weight, plus its fraction of new voxels."""
         before = np.array([self._sent.get(place, (0, 0.0)) for place in places], float).reshape(-1, 2)
         weight_change = np.abs(np.log2((sums.weights + 1.0) / (before[:, 1] + 1.0)))
         return np.asarray(
@@ -66,7 +68,7 @@ class SurfacePreview:
         )
 
     def _removal_message(self, place: Place, voxel: float) -> ScanPieceMessage:
-        """Returns the message that removes a piece without a surface."""
+        """Returns the message that removes a chunk without a surface."""
         del self._sent[place]
         return ScanPieceMessage(self._number, place, PIECE_STEPS, voxel)
 
@@ -77,7 +79,7 @@ def _place(row: Int) -> Place:
 
 
 def message_from_piece(piece: ScanPiece, number: int) -> ScanPieceMessage:
-    """Returns a piece as a message. A piece beyond the message limits is truncated to its first faces."""
+    """Returns a chunk as a message. If it exceeds the message limits, only its first faces are kept."""
     faces = piece.faces[(piece.faces < MAX_PIECE_VERTICES).all(1)][:MAX_PIECE_FACES]
     kept_rows = slice(0, MAX_PIECE_VERTICES)
     return ScanPieceMessage(

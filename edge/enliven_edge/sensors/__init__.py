@@ -1,7 +1,8 @@
-"""Sensors: all sources of frames, opened by name, with reopening, health checks and recordings in place of
-devices.
+"""Sensors: all sources of frames, opened by name and reopened after a loss.
 
-:func:`open_sensor` opens a sensor by its name. Other packages add sensors by the entry-point group
+Sensors are also checked for problems, and can be replaced by recordings.
+
+:func:`open_sensor` opens a sensor by its name. Other packages can add sensors with the entry-point group
 ``enliven.sensors``.
 """
 

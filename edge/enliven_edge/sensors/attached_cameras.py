@@ -15,7 +15,7 @@ from enliven.errors import ResourceError
 DEVICES, NODES = Path("/sys/bus/usb/devices"), Path("/dev/bus/usb")
 """Linux's list of USB devices, and the device files that open them."""
 _SLOW_MBIT = 480.0
-"""Megabits per second of USB 2."""
+"""Link speed of USB 2 in megabits per second."""
 FORBIDDEN = "your user may not open it"
 """Message about a camera that the user has no permission to open."""
 ALLOW = (
@@ -27,19 +27,19 @@ ALLOW = (
 
 @dataclass(frozen=True)
 class CameraKind:
-    """One make of camera on USB.
+    """One brand or model range of camera on USB.
 
     Attributes:
         name: the common name.
-        vendor: USB's vendor id, four hexadecimal digits.
-        products: the product ids, a regular expression.
-        title: text that the device's own name must contain, since a vendor such as Intel makes many other
+        vendor: the USB vendor id, four hexadecimal digits.
+        products: a regular expression for the USB product ids.
+        title: text that the device's own name must contain, because a vendor such as Intel makes many other
             devices.
-        sensor: the driver's name in enliven. Empty if there is none.
-        package: its library on PyPI.
+        sensor: the driver's name in enliven; empty if there is none.
+        package: the name of its library on PyPI.
         requirement: argument of pip install, if the library cannot be part of an extra.
-        bad: versions of the library that do not work, regular expressions, each with the reason.
-        boots: True if it has these ids only until its firmware is loaded; that link is always slow.
+        bad: regular expressions for versions of the library that do not work, each with the reason.
+        boots: True if it has these ids only until its firmware is loaded. Until then its link is always slow.
     """
 
     name: str
@@ -78,7 +78,7 @@ class AttachedCamera:
     """One camera on USB.
 
     Attributes:
-        kind: its make.
+        kind: its kind.
         title: its own name, and its serial number if it reports one.
         mbit: megabits per second of its link.
         node: the device file that opens it.
@@ -116,9 +116,9 @@ class AttachedCamera:
 
 
 def install_advice(sensor: str, requirement: str = "") -> str:
-    """Returns the advice that installs the library of a sensor in a working version.
+    """Returns the advice to install the library of a sensor in a working version.
 
-    ``requirement`` replaces the extra.
+    ``requirement`` is installed instead of the extra, if it is given.
     """
     if requirement:
         return f"Type: pip install {requirement}"
@@ -126,7 +126,7 @@ def install_advice(sensor: str, requirement: str = "") -> str:
 
 
 def explain_unsupported(package: str, installed: str) -> str:
-    """Returns why a version of a camera's library is not supported; empty if the version is supported."""
+    """Returns why a version of a camera's library is not supported, or an empty string if it is supported."""
     for kind in KINDS:
         for pattern, reason in kind.bad if kind.package == package else ():
             if re.match(pattern, installed):
@@ -157,7 +157,7 @@ def _camera(device: Path, nodes: Path) -> AttachedCamera | None:
 
 
 def _read_attribute(device: Path, part: str) -> str:
-    """Returns an attribute of a device from the system. Empty if the device does not have it."""
+    """Returns an attribute of a device from the system, or an empty string if it does not exist."""
     try:
         return (device / part).read_text(encoding="utf-8", errors="replace").strip()
     except OSError:

@@ -17,22 +17,22 @@ from enliven.health import HealthState
 from enliven.supervision.closeable import Closeable
 
 CHECK_IT = "Check its cable and power. The edge keeps trying to open it."
-"""The advice for a sensor without a more specific one."""
+"""The advice for a sensor without more specific advice."""
 
 
 class SensorFault(ResourceError):
-    """A sensor failed. Later reads reopen it, and its stream continues once that works."""
+    """A sensor failed. Later reads reopen it. Its stream continues when the sensor is open again."""
 
 
 @dataclass(frozen=True)
 class Condition:
-    """The condition of a device, as far as it reports one.
+    """The condition of a device, as far as the device reports it.
 
     Attributes:
-        link: the connection, such as "USB 3" or "PoE". Empty if it is not known.
+        link: the connection, such as "USB 3" or "PoE"; empty if unknown.
         slow_link: True if the link is too slow for the requested images.
         temperature: degrees Celsius of its hottest part.
-        hot: degrees Celsius above which it stops, by its data sheet.
+        hot: degrees Celsius above which it stops, according to its data sheet.
         gravity: the downward direction in the camera's frame, of any length.
         calibrated: True if it reports its own intrinsics. Otherwise the typical intrinsics of its model are
             used.
@@ -47,7 +47,9 @@ class Condition:
 
     @property
     def down(self) -> Float | None:
-        """(3,) the unit vector of gravity in the camera's frame. None if no usable value was measured."""
+        """Returns the (3,) unit vector of gravity in the camera's frame, or None if no usable value was
+        measured.
+        """
         if self.gravity is None:
             return None
         length = float(np.linalg.norm(self.gravity))
@@ -57,18 +59,18 @@ class Condition:
 class Sensor(Closeable):
     """A stream of frames from hardware, from a file or synthetic. The base class of every sensor.
 
-    A subclass sets ``name`` and implements ``read``. The other members have defaults, which suit a live
-    camera that reports nothing about itself.
+    A subclass sets ``name`` and implements ``read``. The defaults of the other members suit a live camera
+    that reports nothing about itself.
 
     Attributes:
         name: the sensor's identity in its frames.
-        fps: fixed frame rate in frames per second. None if it is unknown or varies.
+        fps: fixed frame rate in frames per second; None if it is unknown or varies.
         recorded: True for a recording. Its frames may wait for a slow reader.
-        made_up: True for a live source that is not a device, such as a synthetic performer.
-        may_be_silent: True if no frames come without a performer, as from a port for another program.
-        again: options that open the same device again, of a sensor that chose one of several devices.
-        isolated: True for a class with a library that may crash or hang. It then runs in its own process
-            (:mod:`enliven_edge.sensors.isolation`).
+        made_up: True for a live source that is not a device, for example a synthetic performer.
+        may_be_silent: True if no frames arrive without a performer, as from a port for another program.
+        again: options that open the same device again, if the sensor chose one of several devices.
+        isolated: True for a class with a library that may crash or hang. Such a sensor runs in its own
+            process (:mod:`enliven_edge.sensors.isolation`).
     """
 
     name: str
@@ -81,40 +83,42 @@ class Sensor(Closeable):
 
     @abstractmethod
     def read(self, timeout: float | None = None) -> Frame | None:
-        """Returns the next frame as soon as it is due. None when the stream has ended.
+        """Returns the next frame as soon as it is due. Returns None when the stream has ended.
 
         Args:
             timeout: maximum seconds to wait. None waits without limit.
 
         Raises:
-            TimeoutError: if no frame came in time. The stream continues with the next call.
+            TimeoutError: if no frame arrived in time. The stream continues with the next call.
             InputError: for a frame that cannot be used. The stream continues with the next call.
             SensorFault: if the sensor was lost and is being reopened.
-            Exception: any other, if the sensor was lost for good.
+            Exception: any other error, if the sensor was lost permanently.
         """
 
     def close(self) -> None:
         """Releases the device. A second call does nothing. By default, there is nothing to release."""
 
     def condition(self) -> Condition | None:
-        """Returns the condition of the device. None if it reports none."""
+        """Returns the condition of the device, or None if it reports none."""
         return None
 
     @property
     def health_states(self) -> Sequence[HealthState]:
-        """The health states of a sensor that checks itself, such as a combination of several."""
+        """Returns the health states of a sensor that checks itself, such as a combination of several
+        sensors.
+        """
         return ()
 
     @property
     def is_device(self) -> bool:
-        """True for a device. False for a recording and for a source that is made up."""
+        """Returns True for a device, and False for a recording or a source that is made up."""
         return not (self.recorded or self.made_up)
 
     @property
     def is_waiting(self) -> bool:
-        """True if a restart of the edge would not bring frames, although none are due now.
+        """Returns True if no frames are due now, and a restart of the edge would not change this.
 
-        A recording waits for its next frame, and a port for another program. A camera that was lost waits
-        while attempts to open it run and end. A call of the driver that hangs is not waiting.
+        A recording waits for its next frame, and a port for another program. A lost camera also counts as
+        waiting while attempts to open it run and end. A call of the driver that hangs does not.
         """
         return self.recorded

@@ -16,7 +16,7 @@ from enliven_edge.sensors.attached_cameras import AttachedCamera, list_attached
 from enliven_edge.sensors.drivers.libcamera_library import list_cameras
 
 VIDEO, NODES = Path("/sys/class/video4linux"), Path("/dev")
-"""Linux's list of video devices, and the device files that open them."""
+"""Linux's list of video devices, and the folder of the device files that open them."""
 _TOF = re.compile(r"arducam|pivariety", re.IGNORECASE)
 """Driver names of Arducam's time-of-flight camera."""
 _OTHER_DEVICES = re.compile(
@@ -24,7 +24,7 @@ _OTHER_DEVICES = re.compile(
 )
 """Names of video devices that belong to depth cameras and to the processors of camera ports."""
 _BY_SERIAL = {"realsense": "serial", "oak": "device"}
-"""The option of a driver that selects one of several cameras of the same make."""
+"""The driver's option that selects one of several cameras of the same brand."""
 _EXTRA = 'Type: pip install "enliven-edge[colour]"; in a checkout: pip install "./edge[colour]"'
 
 
@@ -33,9 +33,9 @@ class DetectedCamera(msgspec.Struct, frozen=True, rename={"remedy": "mend"}):
 
     Attributes:
         title: the common name.
-        sensor: the driver's name in enliven. Empty if there is none.
+        sensor: the driver's name in enliven; empty if there is none.
         options: options of the driver, by name.
-        trouble, remedy: the problem that prevents its use, and the remedy. Empty if it can be used.
+        trouble, remedy: the problem that prevents its use, and the remedy; both empty if it can be used.
             ``enliven sensors --json`` calls the remedy "mend".
         hint: a note about a usable camera, such as a slow link, or empty.
         depth: True if it measures depth, so that a preview image can be made.
@@ -56,7 +56,9 @@ def find_cameras() -> list[DetectedCamera]:
 
 
 def _list_usb_cameras(cameras: list[AttachedCamera]) -> list[DetectedCamera]:
-    """Returns the depth cameras on USB. Several cameras of one make are selected by serial number."""
+    """Returns the depth cameras on USB. If there are several cameras of one brand, they are selected by
+    serial number.
+    """
     makers = Counter(camera.kind.sensor for camera in cameras)
     listed = []
     for camera in cameras:
@@ -122,7 +124,7 @@ def _add_problem(camera: DetectedCamera, node: Path | None, module: str) -> Dete
 
 
 def _read_attribute(device: Path, part: str) -> str:
-    """Returns an attribute of a device from the system. Empty if the device does not have it."""
+    """Returns an attribute of a device from the system, or an empty string if it does not exist."""
     try:
         return (device / part).read_text(encoding="utf-8", errors="replace").strip()
     except OSError:

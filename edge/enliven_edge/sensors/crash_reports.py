@@ -26,14 +26,14 @@ MAX_REPORTS = 20
 MAX_TOTAL_BYTES = 64 << 20
 """Maximum bytes of all reports together. The oldest are removed first."""
 _ADDRESS = re.compile(r"0x[0-9a-f]+|\d{4,}")
-"""Text that differs between reports of the same crash: addresses and numbers of threads."""
+"""Pattern of text that differs between reports of the same crash: addresses and thread numbers."""
 _SEEN = re.compile(r"^seen (\d+) times", re.MULTILINE)
 _MAKERS = {
     "oak": ("depthai", "https://github.com/luxonis/depthai-core/issues"),
     "realsense": ("pyrealsense2", "https://github.com/IntelRealSense/librealsense/issues"),
     "orbbec": ("pyorbbecsdk2", "https://github.com/orbbec/pyorbbecsdk/issues"),
 }
-"""The library of each sensor, and the address of its makers for reports."""
+"""For each sensor, its library and the address of the library's developers for reports."""
 _FIRMWARE = "https://discuss.luxonis.com"
 """The address of Luxonis for dumps of its cameras' firmware."""
 
@@ -44,9 +44,10 @@ class CrashReport:
 
     Attributes:
         path: the file.
-        when: seconds since 1970 of the crash; of the last one if it occurred several times.
+        when: time of the crash in seconds since 1970. If it occurred several times, the time of the last
+            crash.
         what: the component that crashed.
-        whereto: the address of its makers for reports.
+        whereto: the address of its developers for reports.
     """
 
     path: Path
@@ -72,7 +73,7 @@ def stored_reports() -> list[CrashReport]:
 def keep_text(sensor: str, text: str, signal: int) -> None:
     """Stores Python's traceback of a crash of a sensor's process.
 
-    The same crash is stored once, and counted.
+    If the same crash occurs again, it is counted and not stored again.
     """
     stack_lines = [
         _ADDRESS.sub("", line) for line in text.splitlines() if line.startswith(("  File", "Fatal"))
@@ -103,7 +104,9 @@ def keep_dump(device: str, write: Callable[[Path], None]) -> None:
 
 
 def remove_old_reports() -> None:
-    """Removes the oldest reports beyond the limits, including those that a library wrote into the folder."""
+    """Removes the oldest reports that exceed the limits, including reports that a library wrote into the
+    folder.
+    """
     total = 0
     for number, (_, size, path) in enumerate(_report_files()):
         total += size
@@ -129,7 +132,7 @@ def _write_report(path: Path, write: Callable[[Path], None]) -> None:
 
 
 def _report_files() -> list[tuple[float, int, Path]]:
-    """Returns (time, bytes, path) of each report, the newest first."""
+    """Returns (time in seconds since 1970, bytes, path) of each report, the newest first."""
     reports = []
     with contextlib.suppress(OSError):
         for path in reports_folder().rglob("*"):

@@ -1,7 +1,8 @@
 """The event log of a live sensor in a recording: its conditions and losses, in addition to its frames.
 
-Two topics hold it as JSON. :data:`CONDITION_TOPIC` precedes the first frame to which a condition applies.
-:data:`EVENTS_TOPIC` follows the last frame before an event. Both carry the time of that frame.
+The log consists of JSON messages on two topics. :data:`CONDITION_TOPIC` precedes the first frame to which a
+condition applies. :data:`EVENTS_TOPIC` follows the last frame before an event. Both have the time of that
+frame.
 """
 
 from __future__ import annotations
@@ -26,12 +27,12 @@ log = logging.getLogger(__name__)
 T = TypeVar("T")
 
 CONDITION_TOPIC = "/sensor/condition"
-"""Topic of the messages :class:`~enliven_edge.sensors.base.Condition`."""
+"""Topic of the messages of type :class:`~enliven_edge.sensors.base.Condition`."""
 EVENTS_TOPIC = "/sensor/events"
-"""Topic of the messages :class:`SensorEvent`."""
+"""Topic of the messages of type :class:`SensorEvent`."""
 _MAX_EARLY_EVENTS = 100
-"""Maximum number of kept events before the first frame, the newest: bounds the memory if a camera sends no
-frame."""
+"""Maximum number of stored events before the first frame. The newest are kept. It bounds the memory if a
+camera sends no frame."""
 
 
 class SensorEvent(msgspec.Struct, frozen=True, rename={"remedy": "mend"}):
@@ -40,7 +41,7 @@ class SensorEvent(msgspec.Struct, frozen=True, rename={"remedy": "mend"}):
     Attributes:
         kind: the sensor was lost, is back with the frame of this time, or sent a frame that cannot be used.
         after: seconds since the previous frame, by the wall clock.
-        what, where, remedy: text of the error. Empty if the sensor is back. Recordings call the remedy
+        what, where, remedy: text of the error; empty if the sensor is back. Recordings call the remedy
             "mend".
     """
 
@@ -52,7 +53,7 @@ class SensorEvent(msgspec.Struct, frozen=True, rename={"remedy": "mend"}):
 
     @property
     def error(self) -> SensorFault | InputError | None:
-        """The error that the sensor raised. None if it raised none."""
+        """Returns the error that the sensor raised, or None if it raised none."""
         if self.kind == "back":
             return None
         error_type = SensorFault if self.kind == "lost" else InputError
@@ -121,7 +122,7 @@ class LogEntry:
     Attributes:
         time_ns: the sensor's clock. For an error, the last frame's time plus the elapsed wall-clock time.
         content: the frame, or the error.
-        condition: the device's condition. None if it has reported none.
+        condition: the device's condition; None if it has reported none.
     """
 
     time_ns: int
@@ -135,7 +136,7 @@ class LogReader:
     ``next`` raises InputError for a message that is not a frame, and continues with the message after it.
 
     Args:
-        file: the open file of the recording. None opens it.
+        file: the open file of the recording. If None, it is opened.
     """
 
     def __init__(self, recording: Recording, file: BinaryIO | None = None) -> None:
@@ -160,7 +161,7 @@ class LogReader:
 
 
 def _decode(kind: type[T], data: bytes) -> T | None:
-    """Returns the message, or None if it is damaged: a damaged log must not cost a frame."""
+    """Returns the message, or None if it is damaged. A damaged log must not prevent reading the frames."""
     try:
         return msgspec.json.decode(data, type=kind)
     except DECODE_ERRORS as error:

@@ -1,6 +1,6 @@
 """Resets a USB camera that cannot be opened, although the system lists it.
 
-Only Linux allows it. There are two ways. A port reset (``USBDEVFS_RESET``) needs the permission to open the
+It works only on Linux, in two ways. A port reset (``USBDEVFS_RESET``) needs the permission to open the
 camera. A new connection (``authorized`` in sysfs) needs the permission to write that file. Neither switches
 the supply voltage off, which most hubs cannot do.
 """
@@ -27,26 +27,28 @@ if sys.platform == "linux":
 log = logging.getLogger(__name__)
 
 _USBDEVFS_RESET = ord("U") << 8 | 20
-"""The request of ``<linux/usbdevice_fs.h>`` that resets the port of a device: ``_IO('U', 20)``."""
+"""The ioctl request in ``<linux/usbdevice_fs.h>`` that resets the port of a device: ``_IO('U', 20)``."""
 FIRST_PAUSE_S = 30.0
-"""Minimum seconds between the first and the second reset. A camera takes ten seconds to start."""
+"""Minimum seconds between the first and the second reset. It is long enough, because a camera takes ten
+seconds to start."""
 MAX_PAUSE_S = 600.0
-"""Maximum seconds between two resets. Each pause is twice the one before."""
+"""Maximum seconds between two resets. Each pause is twice as long as the previous one."""
 _OFF_S = 1.0
 """Seconds for which a camera stays disconnected."""
 RULES_ADVICE = ALLOW.replace("60-enliven-cameras", "61-enliven-power-cycle")
-"""Advice that allows ordinary users to disconnect and connect cameras."""
+"""Advice for allowing ordinary users to disconnect and connect cameras."""
 
 
 class CameraPower:
     """Resets the USB cameras of one driver after repeated failures to open one.
 
-    Odd resets are port resets, even ones new connections. If one is not allowed, the other one is tried.
+    The first, third, ... reset is a port reset, the others are new connections. If one way is not allowed,
+    the other is tried.
 
     Args:
-        sensor: name of the driver. Cameras of other makes are left alone.
-        serial: serial number of the camera. Empty: all cameras of the make.
-        after: number of failures in a row until the first reset. 0: never.
+        sensor: name of the driver. Cameras of other drivers are not reset.
+        serial: serial number of the camera; empty for all cameras of the driver.
+        after: number of consecutive failures before the first reset. If 0, cameras are never reset.
         devices, nodes: the system's list of USB devices, and the device files.
 
     Attributes:
@@ -73,7 +75,7 @@ class CameraPower:
 
     @property
     def is_due(self) -> bool:
-        """True if the next attempt to open the camera should reset it first."""
+        """Returns True if the next attempt to open the camera should reset it first."""
         return 0 < self._after <= self._failures and time.monotonic() >= self._due_at
 
     def cycle(self) -> int:
@@ -125,13 +127,14 @@ def _reset_port(camera: AttachedCamera) -> None:
 
 
 def _reconnect(camera: AttachedCamera) -> None:
-    """Disconnects the camera for a second, and connects it again, as far as the system sees it.
+    """Disconnects the camera for a second and connects it again. Only the system's view of the camera
+    changes.
 
     Raises:
         OSError: if the system does not allow it. The camera is then connected.
     """
     switch = camera.device / "authorized"
-    # Opened without creating it, because a camera that was unplugged meanwhile has no such file.
+    # Open it without creating it, because the file disappears if the camera was unplugged in the meantime.
     descriptor = os.open(switch, os.O_WRONLY | os.O_CLOEXEC)
     try:
         os.write(descriptor, b"0")

@@ -15,7 +15,7 @@ class TypicalCamera:
     """One camera model.
 
     Attributes:
-        camera: the intrinsics, at the size of the image.
+        camera: the intrinsics for the camera's image size.
         near, far: metres, range of valid depth.
     """
 
@@ -25,8 +25,10 @@ class TypicalCamera:
 
 
 def profiles_folder() -> Path:
-    """Returns the folder of the shipped profiles: inside an installed wheel, or next to the packages in a
-    checkout."""
+    """Returns the folder of the shipped profiles.
+
+    It is inside an installed wheel, or next to the packages in a checkout.
+    """
     package = Path(__file__).resolve().parent.parent
     places = [root / "firmware_configs" / "sensors" for root in (package, package.parent.parent)]
     for place in places:

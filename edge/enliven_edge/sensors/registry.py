@@ -1,4 +1,4 @@
-"""The registry of sensors: opens any of them by name, with options in the form of command line words."""
+"""The registry of sensors. It opens any sensor by name, with options as words of the command line."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def _option_value(text: str) -> Any:
 
 
 ENTRY_POINTS = "enliven.sensors"
-"""Other packages add sensors through this group: an entry point names a subclass of Sensor."""
+"""The entry-point group with which other packages add sensors. An entry point names a subclass of Sensor."""
 _BUILT_IN = {
     "libcamera": "enliven_edge.sensors.drivers.libcamera:LibcameraSensor",
     "oak": "enliven_edge.sensors.drivers.oak:OakSensor",
@@ -56,7 +56,7 @@ _BUILT_IN = {
     "webcam": "enliven_edge.sensors.webcam:WebcamSensor",
 }
 _IN_PACKAGES = {"synthetic": "enliven-synthesis"}
-"""Sensors of packages that may not be installed, with the name of the package."""
+"""Sensors in packages that may not be installed, and the name of the package."""
 
 
 def sensor_names() -> list[str]:
@@ -84,8 +84,8 @@ def sensor_opener(name: str, *, every_frame: bool = False, **options: Any) -> Ca
     Isolated sensors run in a helper process.
 
     Args:
-        every_frame: frames wait for a slow reader, as a recording needs. False keeps only the newest, for a
-            live performance. Frames of a rehearsal or replay always wait.
+        every_frame: whether frames wait for a slow reader, which a recording needs. If False, only the newest
+            are kept, for a live performance. Frames of a rehearsal or replay always wait.
         options: arguments of the sensor's class.
 
     Raises:
@@ -119,7 +119,7 @@ def _check_options(name: str, options: dict[str, Any]) -> type[Sensor]:
 def _find_class(name: str) -> type[Sensor]:
     """Returns the class of a sensor.
 
-    It is imported only now, so that a missing library stops no other sensor.
+    The class is imported only here. So a missing library does not prevent the use of other sensors.
 
     Raises:
         InputError: for an unknown name, or a class of another package that is not a subclass of Sensor.

@@ -1,7 +1,9 @@
-"""A live sensor that never ends: it is read on its own thread and reopened with back-off after failures.
+"""A live sensor that never ends.
 
-A driver is one small class that opens, reads and closes. This module handles, for all drivers, a device that
-is lost, hangs, comes back, or comes back with another clock.
+It is read on a separate thread and reopened with back-off after failures.
+
+A driver is a small class that only opens, reads and closes a device. For all drivers, this module handles
+devices that are lost, hang, or return, possibly with another clock.
 """
 
 from __future__ import annotations
@@ -28,12 +30,12 @@ log = logging.getLogger(__name__)
 FIRST_WAIT_S = 0.1
 """Seconds before the first attempt to reopen a sensor that failed."""
 MAX_WAIT_S = 0.5
-"""Maximum seconds between two attempts. Each interval is twice the previous one. A device that is back is
-used within a second, opening included."""
+"""Maximum seconds between two attempts. Each interval is twice the previous one. So a device that is
+available again is used within a second, including the time to open it."""
 GOOD_FRAMES = 30
-"""Number of good frames, one second, after which the back-off starts again."""
+"""Number of good frames (one second) after which the back-off restarts at its first interval."""
 BAD_FRAMES = 30
-"""Number of unusable frames in a row after which the device is reopened."""
+"""Number of consecutive unusable frames after which the device is reopened."""
 _CALL_TIMEOUTS_S: dict[str, float] = {"read": 10.0, "open": 60.0, "close": 10.0}
 """Seconds after which a driver's call counts as hanging and is abandoned. Opening may load firmware."""
 _READ_TIMEOUT_S = 0.25
@@ -44,26 +46,27 @@ report a fault, and the device is opened again."""
 _MAX_HANGING_THREADS = 4
 """Maximum number of threads that hang in a driver. No further attempt is made until one returns."""
 _CLOSE_TIMEOUT_S = 0.25
-"""Seconds that closing waits for the device. After that it closes in the background."""
+"""Maximum seconds that closing waits for the device. After that, the device is closed in the background."""
 _CLOCK_JUMP_NS = 1_000_000_000
-"""Nanoseconds that a clock may be ahead after its device was reopened, and still count as the same clock."""
+"""Maximum nanoseconds that a clock may be ahead after its device was reopened, and still count as the same
+clock."""
 _CLOCK_FRAMES = 5
-"""Number of frames of a median: the offset between the stream's clock and this machine's. A single wrong
-time does no harm."""
+"""Number of frames in the median of the offset between the stream's clock and this machine's clock. The
+median ignores a single wrong time."""
 
 
 class ReopeningSensor(Sensor):
     """A :class:`~enliven_edge.sensors.base.Sensor` over devices that are opened one after the other.
 
     ``read`` raises a device's error once, as a :class:`SensorFault`, and then keeps reopening the device. A
-    frame that cannot be used (an InputError) does not end the stream. Times increase from one device to the
-    next: if a device's clock starts elsewhere, the elapsed wall-clock time is added.
+    frame that cannot be used (an InputError) does not end the stream. Times also increase when the device
+    changes. If the new device's clock has another origin, times continue by the elapsed wall-clock time.
 
     Args:
-        open_device: opens the device. The first call is made here, later ones on a thread.
+        open_device: opens the device. The first call is made in the constructor, later calls on a thread.
         first: the device, if it is open already.
-        awaited: the sensor's name, to open it at the first read. Empty opens it now.
-        power: resets a camera that cannot be opened. None: never.
+        awaited: the sensor's name, if it is opened at the first read. If empty, it is opened immediately.
+        power: resets a camera that cannot be opened. If None, it is never reset.
 
     Raises:
         Exception: the error of the first opening.
@@ -119,9 +122,9 @@ class ReopeningSensor(Sensor):
 
     @property
     def is_waiting(self) -> bool:
-        """True if attempts to open the device run and end, or the open device may be silent.
+        """Returns True if attempts to open the device run and end, or if the open device may be silent.
 
-        False as long as a call of the driver hangs: then a restart of the process may help.
+        Returns False while a call of the driver hangs, because a restart of the process may then help.
         """
         if any(thread.is_alive for thread in self._left):
             return False
@@ -134,12 +137,12 @@ class ReopeningSensor(Sensor):
         return not self._has_frames and time.monotonic() - self._opened_at < _FIRST_FRAME_TIMEOUT_S
 
     def condition(self) -> Condition | None:
-        """Returns the condition of the device, as far as it reports one. None without an open device."""
+        """Returns the condition of the device, or None without an open device or a report."""
         device = self._device
         return None if device is None else device.condition()
 
     def close(self) -> None:
-        """Closes the device, in the background if it hangs. A second call does nothing.
+        """Closes the device. A second call does nothing. If the device hangs, it is closed in the background.
 
         It may be called while another thread reads. ``read`` then returns None.
         """
@@ -151,10 +154,10 @@ class ReopeningSensor(Sensor):
                 log.warning("%s does not release its device", self.name)
 
     def _start_call(self, timeout: float | None) -> None:
-        """Asks the thread for a frame, or to open the device if the next attempt is due.
+        """Starts a call on the thread: reads a frame, or opens the device if the next attempt is due.
 
         Raises:
-            TimeoutError: if it is not due within ``timeout`` seconds.
+            TimeoutError: if the next attempt is not due within ``timeout`` seconds.
         """
         if self._device is not None:
             turn = _READ_TIMEOUT_S if timeout is None else min(timeout, _READ_TIMEOUT_S)
@@ -176,7 +179,7 @@ class ReopeningSensor(Sensor):
         return self._open()
 
     def _use_device(self, device: Sensor) -> None:
-        """Takes an opened device. The first device gives the stream its name."""
+        """Uses an opened device from now on. The first device gives the stream its name."""
         self._device, self.fps = device, device.fps
         self._opened_at, self._has_frames = time.monotonic(), False
         self.made_up = not device.is_device
@@ -188,7 +191,7 @@ class ReopeningSensor(Sensor):
         self._errands.start_call(call)
 
     def _adjust_time(self, frame: Frame | None) -> Frame | None:
-        """Returns a frame of the device, with its time in the stream's clock."""
+        """Returns a frame of the device with its time converted to the stream's clock."""
         self._bad = 0
         self._good += 1
         self._has_frames = True
@@ -210,8 +213,8 @@ class ReopeningSensor(Sensor):
     def _shift(self, time_ns: int, now_ns: int) -> int:
         """Returns the nanoseconds to add to the times of a device that was just opened.
 
-        The previous shift, or 0, is used if times then continue to increase. Otherwise this machine's clock
-        decides.
+        The previous shift, or 0, is used if times then continue to increase. Otherwise the shift follows from
+        this machine's clock.
         """
         ahead_ns = statistics.median_low(self._ahead_ns)
         # Also compare with the last reported time, because on a busy machine the last frame may have arrived
@@ -268,11 +271,11 @@ class ReopeningSensor(Sensor):
 def open_reopening(
     open_sensor: Callable[[], Sensor], awaited: str = "", power: CameraPower | None = None
 ) -> Sensor:
-    """Returns an opened sensor. A live sensor is reopened for ever, a recording ends.
+    """Returns an opened sensor. A live sensor is reopened after every failure. A recording ends.
 
     Args:
-        awaited: the name of a live sensor that may be missing at first. Empty: it must be present.
-        power: resets a camera that cannot be opened. None: never.
+        awaited: the name of a live sensor that may be missing at first. If empty, it must be present.
+        power: resets a camera that cannot be opened. If None, it is never reset.
     """
     if awaited:
         return ReopeningSensor(open_sensor, awaited=awaited, power=power)

@@ -1,4 +1,4 @@
-"""A recording that is played back in place of a sensor."""
+"""A recording that is played back instead of a sensor."""
 
 from __future__ import annotations
 
@@ -22,24 +22,25 @@ from enliven_edge.sensors.event_log import LogEntry, LogReader
 log = logging.getLogger(__name__)
 
 _USUAL_STEP_NS = 33_333_333
-"""Nanoseconds between two loops of a recording with a single frame: the interval of 30 frames per second."""
+"""Nanoseconds between two loops of a recording with a single frame. It is the interval of 30 frames per
+second."""
 CAPTURE_SUFFIXES = (".bvh", ".txt")
 """File suffixes of motion captures."""
 
 
 class ReplaySensor(Sensor):
-    """Delivers every frame of a recording without drops, at the recorded pace or another.
+    """Delivers every frame of a recording without drops, at the recorded pace or another pace.
 
-    A recording of a live sensor repeats its sequence numbers, its device's conditions and its losses. Each
-    loss is raised at its recorded time.
+    For a recording of a live sensor, it reproduces sequence numbers, device conditions and losses. Each loss
+    is raised as an error at its recorded time.
 
-    The pace follows a monotonic clock from the first frame on. A late reader gets the next frames immediately
-    until it has caught up. In a loop, times continue from the last frame, one usual interval later.
+    The pace follows a monotonic clock that starts with the first frame. A late reader gets the next frames
+    immediately until it has caught up. In a loop, times continue one usual interval after the last frame.
 
     Args:
         path: a recording of enliven, or a motion capture (BVH, CMU's tables), which is imported first.
         speed: 1 for the recorded pace, 2 twice as fast, 0 without waiting.
-        loop: start again at the end.
+        loop: whether to start again at the end.
         longest_pause: maximum seconds of a pause. Longer pauses are shortened, but the frames keep their
             times.
 
@@ -48,7 +49,7 @@ class ReplaySensor(Sensor):
     """
 
     recorded = True
-    """True if its frames may wait for the frames of another recording."""
+    """True if the sensor's frames may wait for the frames of another recording."""
 
     def __init__(
         self, path: str | Path, speed: float = 1.0, loop: bool = False, longest_pause: float = math.inf
@@ -102,7 +103,9 @@ class ReplaySensor(Sensor):
         return entry.content
 
     def condition(self) -> Condition | None:
-        """Returns the device's condition at the last frame that was read. None if it was not recorded."""
+        """Returns the device's condition at the last frame that was read. Returns None if it was not
+        recorded.
+        """
         return self._condition
 
     def close(self) -> None:
@@ -112,14 +115,14 @@ class ReplaySensor(Sensor):
         self._made.cleanup()
 
     def _due_time_s(self, entry: LogEntry) -> float:
-        """Returns the monotonic time in seconds at which an entry is due."""
+        """Returns the time of the monotonic clock in seconds at which an entry is due."""
         if self._started is None:
             self._started = time.monotonic()
         passed_ns = entry.time_ns - self._first_ns - self._cut_ns - self._excess_pause(entry)
         return self._started + passed_ns * 1e-9 / self._speed
 
     def _excess_pause(self, entry: LogEntry) -> int:
-        """Returns the nanoseconds that the silence before an entry exceeds the maximum."""
+        """Returns the nanoseconds in excess of the maximum pause before an entry."""
         return max(0, entry.time_ns - self._now_ns - self._longest_ns)
 
 
@@ -127,7 +130,7 @@ def _import_capture(path: Path, folder: Path) -> Path:
     """Returns the path of a recording. A motion capture is converted into one in ``folder``."""
     if path.suffix.lower() not in CAPTURE_SUFFIXES or not path.is_file():
         return path
-    # Imported here, because recordings do not need it.
+    # Import it here, because recordings do not need it.
     from enliven_edge.importing.motion_capture import MotionCaptureReader
 
     recording = folder / f"{path.stem}.mcap"
@@ -138,14 +141,14 @@ def _import_capture(path: Path, folder: Path) -> Path:
 
 
 def _estimate_rate(info: RecordingInfo) -> float | None:
-    """Returns the recorded frames per second. None if there are too few frames to estimate it."""
+    """Returns the recorded frames per second. Returns None if there are too few frames."""
     counts = [topic.count for name, topic in info.topics.items() if name in (DEPTH_TOPIC, BODIES_TOPIC)]
     frames = max(counts, default=0) / max(1, len(info.sensors))
     return (frames - 1) / info.duration if frames > 1 and info.duration > 0 else None
 
 
 def _read_to_first_frame(entries: Iterator[LogEntry]) -> deque[LogEntry]:
-    """Returns the entries up to the first usable frame. Empty if there is none."""
+    """Returns the entries up to the first usable frame, or no entries without such a frame."""
     ahead: deque[LogEntry] = deque()
     while True:
         try:

@@ -1,4 +1,7 @@
-"""A plain webcam, or a film: bodies from colour images alone, with distances derived from their height."""
+"""A plain webcam or a film.
+
+Bodies come from colour images alone, and their distances from an assumed body height.
+"""
 
 from __future__ import annotations
 
@@ -30,13 +33,13 @@ class WebcamSensor(Sensor):
 
     Args:
         device: a camera such as "/dev/video0", or the path of a film, which is played once at its own pace.
-        python: the Python that has mediapipe. Empty: this one.
+        python: the Python that has mediapipe; empty for this one.
         model: a pose landmarker's .task file, if mediapipe contains none.
         view: degrees, horizontal field of view of the camera.
         height: metres, height of the camera above the floor.
-        tilt: degrees that it looks down.
+        tilt: downward tilt of the camera in degrees.
         body_height: metres, height of the performers.
-        source: detects the landmarks, in place of MediaPipe.
+        source: detects the landmarks instead of MediaPipe.
 
     Raises:
         InputError: for a film that cannot be read.
@@ -98,7 +101,7 @@ class WebcamSensor(Sensor):
             self._estimator.close()
 
     def _next_image(self) -> Any:
-        """Returns the next image, None at the end."""
+        """Returns the next image, or None at the end."""
         import av
 
         try:
@@ -109,14 +112,14 @@ class WebcamSensor(Sensor):
             raise InputError("the film is damaged", where=self.name) from None
 
     def _due_time_s(self, seconds: float) -> float:
-        """Returns the monotonic time in seconds at which a film's image is due."""
+        """Returns the time of the monotonic clock in seconds at which a film's image is due."""
         if self._first is None:
             self._first = (time.monotonic(), seconds)
         return self._first[0] + seconds - self._first[1]
 
 
 def _refuse_absent(device: str) -> None:
-    """Raises an error for a missing camera, with the names of the existing ones.
+    """Raises an error for a missing camera. The message lists the existing cameras.
 
     Raises:
         ResourceError: if the system lists its cameras as files, and this one is not among them.

@@ -1,4 +1,4 @@
-"""A worker thread for blocking calls: one call at a time, with a timeout for the caller."""
+"""A worker thread for blocking calls. It runs one call at a time, and the caller waits with a timeout."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ log = logging.getLogger(__name__)
 class WorkerThread:
     """Runs one call at a time on a daemon thread. The caller waits for the answer with a timeout.
 
-    The thread starts a call only on request, so that answers are as recent as without a thread.
+    The thread starts a call only on request. So answers are as recent as without a thread.
     """
 
     def __init__(self, name: str) -> None:
@@ -27,17 +27,17 @@ class WorkerThread:
 
     @property
     def is_busy(self) -> bool:
-        """True if a call was started and its answer was not taken yet."""
+        """Returns True if a call was started and its answer was not taken yet."""
         return self._since is not None
 
     @property
     def is_alive(self) -> bool:
-        """True while the thread runs."""
+        """Returns True while the thread runs."""
         return self._thread.is_alive()
 
     @property
     def waited(self) -> float:
-        """Seconds since the current call was started. 0 if no call is running."""
+        """Returns the seconds since the current call was started, or 0 if no call is running."""
         return 0.0 if self._since is None else time.monotonic() - self._since
 
     def start_call(self, call: Callable[[], Any]) -> None:
@@ -49,10 +49,10 @@ class WorkerThread:
         """Returns the result of the call.
 
         Returns:
-            None if the thread was ended before.
+            the result, or None if the thread was ended before.
 
         Raises:
-            TimeoutError: if it has not ended within ``timeout`` seconds. The answer may come later.
+            TimeoutError: if the call has not ended within ``timeout`` seconds. The answer may arrive later.
             Exception: the exception of the call.
         """
         try:

@@ -41,9 +41,9 @@ def create_actor(
 ) -> EmbeddedActor:
     """Returns the actor of a mesh file, or of a shipped mesh.
 
-    If the settings let the mesh meet its performer, it is scaled to a person's height and moved to where a
-    standing person fits into it. Otherwise it keeps its modelled position and size in metres. Triangles that
-    are too large to bend are refined.
+    If the settings fit the mesh to its performer, it is scaled to a person's height and moved so that a
+    standing person fits into it. Otherwise it keeps its modelled position and its size in metres. Triangles
+    that are too large to bend are refined.
 
     Args:
         spec: a path, or a name of :data:`SHIPPED_MESHES`.
@@ -68,7 +68,9 @@ def create_actor(
 
 
 def _mesh_source(spec: str) -> tuple[str, str] | None:
-    """Returns the name of a shipped mesh, or digest and format of a file. None if it cannot be read."""
+    """Returns the name of a shipped mesh, or digest and format of a file. Returns None if the file cannot be
+    read.
+    """
     if spec in SHIPPED_MESHES:
         return "sample", spec
     try:
@@ -101,15 +103,16 @@ def create_mesh_actor(
     joints: Float | None = None,
     like: EmbeddedActor | None = None,
 ) -> EmbeddedActor:
-    """Returns the actor of a mesh, like :func:`create_actor`. If not ``fit``, keeps the modelled position.
+    """Returns the actor of a mesh, like :func:`create_actor`. If ``fit`` is False, the mesh keeps its
+    modelled position.
 
     Args:
         ends: (5, 3) metres, in the coordinates of the given mesh: the ends of head, left and right hand, left
             and right foot. If None, those of the settings are used.
-        joints: (20, 3) metres, in the coordinates of the given mesh: the joints of the person that it shows,
-            if known.
-        like: the actor of the mesh before an edit. If no person was found in that mesh and the faces are
-            unchanged, the search is skipped: moving vertices does not turn a mesh into a person.
+        joints: (20, 3) metres, in the coordinates of the given mesh: the joints of the person that the mesh
+            represents, if known.
+        like: the actor of the mesh before an edit. The search for a person is skipped if none was found in
+            that mesh and the faces are unchanged. Moving vertices does not turn a mesh into a person.
 
     Raises:
         InputError: for a mesh that cannot be used.
@@ -167,8 +170,10 @@ def prepare_character(
 
 
 def _find_person(mesh: Mesh, settings: ActorSettings) -> BodyInMesh | None:
-    """Returns the person found in the mesh, after rounding the vertices to float32 like viewers receive
-    them."""
+    """Returns the person found in the mesh, or None.
+
+    The vertices are first rounded to float32, because viewers receive them like that.
+    """
     sent = replace(mesh, vertices=mesh.vertices.astype(np.float32).astype(np.float64))
     return find_person_in_mesh(sent, np.array(settings.ends, np.float64))
 

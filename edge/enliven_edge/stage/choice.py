@@ -21,7 +21,7 @@ class PendingPossession:
 
     Attributes:
         character: the character's id.
-        body: the performer's id. None: the actor chooses.
+        body: the performer's id. If None, the actor chooses.
         parts: the parts of the body that the cues show.
     """
 
@@ -31,12 +31,13 @@ class PendingPossession:
 
 
 def order_performers(bodies: Collection[Body], busy: Collection[int], place: Float | None) -> list[Body]:
-    """Returns the bodies in the order in which they are offered a character: idle performers first, then by
-    distance.
+    """Returns the bodies in the order in which they are offered a character.
+
+    Idle performers come first. Among them, near ones come first.
 
     Args:
         busy: the ids of the performers that possess other characters.
-        place: (2,) metres, horizontal position of the character's middle. None if it is not known.
+        place: (2,) metres, horizontal position of the character's middle, or None if it is unknown.
     """
     return sorted(bodies, key=lambda body: (body.id in busy, _horizontal_distance(body, place)))
 
@@ -75,7 +76,7 @@ def pair_nearest(
 def _horizontal_distance(body: Body, place: Float | None) -> float:
     """Returns the horizontal distance in metres between a performer's hips and a place.
 
-    Infinite if unknown.
+    The distance is infinite if it is unknown.
     """
     metres = np.inf if place is None else np.linalg.norm(body.joints[Joint.HIP_CENTER][FLOOR] - place)
     return float(metres) if np.isfinite(metres) else np.inf

@@ -29,7 +29,7 @@ class HoldLog:
         """Lets a performer possess a character.
 
         Raises:
-            InputError: if the actor refuses. Nothing is logged then.
+            InputError: if the actor refuses. In that case nothing is logged.
         """
         place = actor.place
         actor.possess(body, parts, mode)
@@ -48,7 +48,9 @@ class HoldLog:
 
     @contextmanager
     def frame(self, actor: Actor, time_ns: int) -> Iterator[None]:
-        """Logs holds that the actor itself hands over, starts or ends within a frame."""
+        """Logs, as a context manager, the holds that the actor itself transfers, starts or ends within a
+        frame.
+        """
         holders_before = [hold.body for hold in actor.holds]
         yield
         self.time_ns = time_ns

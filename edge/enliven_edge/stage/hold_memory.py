@@ -14,8 +14,7 @@ log = logging.getLogger(__name__)
 
 _SETTLING_SOLVES = 12
 """Number of times that one frame is solved to move a character from the hold's starting pose to the current
-pose. Each solve about halves the remaining distance.
-"""
+pose. Each solve halves the remaining distance approximately."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +27,7 @@ class HoldStart:
 
 
 HoldStarts = tuple[HoldStart, ...]
-"""How the holds of a character started, the oldest first."""
+"""The starts of the holds of a character, the oldest first."""
 
 
 class HoldMemory:
@@ -39,25 +38,25 @@ class HoldMemory:
         self._starts: dict[str, HoldStarts] = {}
 
     def remember_performer(self, character: str, bodies: Sequence[Body]) -> None:
-        """Remembers the first performer in view, relative to whom the character is placed."""
+        """Stores the first performer in view. The character is placed relative to this performer."""
         if bodies and character not in self._first_performers:
             self._first_performers[character] = bodies[0]
 
     def remember(self, character: str, body: Body, parts: str, mode: Mode) -> None:
-        """Remembers that a performer possessed the character."""
+        """Stores that a performer possessed the character."""
         earlier = self._starts.get(character, ()) if mode != "alone" else ()
         earlier = tuple(hold for hold in earlier if mode == "extend" or hold.body.id != body.id)
         self._starts[character] = (*earlier, HoldStart(body, parts, "join" if mode == "alone" else mode))
 
     def release(self, character: str, body: int | None) -> None:
-        """Remembers that a performer released the character. If ``body`` is None, all performers did."""
+        """Stores that a performer released the character. If ``body`` is None, all performers did."""
         remaining = (
             hold for hold in self._starts.get(character, ()) if body is not None and hold.body.id != body
         )
         self._starts[character] = tuple(remaining)
 
     def forget(self, character: str) -> None:
-        """Forgets a character that was removed."""
+        """Deletes the records of a character that was removed."""
         self._first_performers.pop(character, None)
         self._starts.pop(character, None)
 

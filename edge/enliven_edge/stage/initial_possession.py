@@ -12,13 +12,14 @@ log = logging.getLogger(__name__)
 
 
 class InitialPossession:
-    """Lets performers possess characters when they appear. The first performer uses the first parts, the
-    second performer the second parts, and so on.
+    """Lets performers possess characters when they appear.
+
+    The first performer uses the first parts, the second performer the second parts, and so on.
 
     Args:
-        at: seconds from the first frame to the possession; None: no possession.
-        parts: the body parts that possess, such as "all". For several performers, separated as in "legs /
-            upper body". One text for all characters, or a mapping by character id.
+        at: seconds from the first frame to the possession; None for no possession.
+        parts: the body parts that possess, such as "all". Parts of several performers are separated, as in
+            "legs / upper body". It is one string for all characters, or a mapping by character id.
     """
 
     def __init__(self, stage: Stage, at: float | None, parts: str | Mapping[str, str] = "all") -> None:
@@ -38,6 +39,5 @@ class InitialPossession:
                     self._stage.possess(name, parts=next_parts, mode="join")
                     log.info("%s is possessed with %s at %.2f s", name, next_parts, seconds)
                 except InputError as error:
-                    # The part is unknown, or the mesh is out of reach. Report this once, and do not try
-                    # again.
+                    # The part is unknown, or the mesh is out of reach. Log this once, and do not try again.
                     log.error("%s", error)

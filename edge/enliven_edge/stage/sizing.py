@@ -15,20 +15,19 @@ from enliven_edge.stage.stage import Stage
 
 _HANDS = (Joint.HAND_LEFT, Joint.HAND_RIGHT)
 _MIN_CONFIDENCE = 0.3
-"""Minimum confidence of both hands. Below it the last distance between them is kept."""
+"""Minimum confidence of both hands. Below it, the last distance between the hands is used."""
 _DISTANCE_OFFSET_M = 0.15
-"""Metres added to the distance of the hands, so that hands that start close together do not cause a huge
-scale."""
+"""Metres added to the distance between the hands. Without it, hands that start close together would cause a
+huge scale."""
 _DEAD_BAND = float(np.log(1.06))
-"""Dead band of the logarithm of the distance: the size follows only changes above 6 %, because hands never
+"""Dead band of the logarithm of the distance. The size follows only changes above 6 %, because hands never
 keep still."""
 _SMOOTHING_S = 0.12
-"""Time constant in seconds of the size's smoothing, which hides the tracker's noise."""
+"""Time constant in seconds of the smoothing of the size. It suppresses the tracker's noise."""
 _GESTURE_END_S = 1.5
-"""The gesture ends when the hands have been still for this time after a change of size, in seconds. Pauses
-within a gesture are shorter."""
+"""Seconds without a change of size after which the gesture ends. Pauses within a gesture are shorter."""
 _MIN_SENT_CHANGE = 0.005
-"""Smallest relative change of size that is sent to windows during a gesture."""
+"""Minimum relative change of size that is sent to windows during a gesture."""
 
 
 @dataclass
@@ -38,7 +37,7 @@ class _Gesture:
     Attributes:
         away: logarithm of the initial distance of the hands in metres; None until both are visible.
         target_log: target size relative to the start.
-        still_ns: time of the last change of the target, nanoseconds.
+        still_ns: time of the last change of the target in nanoseconds.
     """
 
     body: int
@@ -51,9 +50,9 @@ class _Gesture:
 class HandSizing:
     """The sizes of the characters on a stage, and the gestures that change them.
 
-    Hands twice as far apart make a character twice as large, between 1 / ``MAX_GROWTH`` and ``MAX_GROWTH`` of
-    its own size. The gesture ends by the command that started it, or when the hands hold still. The character
-    then keeps its size.
+    If the distance between the hands doubles, the character becomes twice as large, within 1 / ``MAX_GROWTH``
+    and ``MAX_GROWTH`` times its own size. The gesture ends when the command that started it is repeated, or
+    when the hands hold still. The character then keeps its size.
     """
 
     def __init__(self, stage: Stage) -> None:
@@ -66,7 +65,8 @@ class HandSizing:
         """Starts or ends a gesture, sets a size, or sets how far soft parts swing.
 
         Raises:
-            InputError: if character or performer do not exist, or its size cannot change.
+            InputError: if the character or performer does not exist, or if the character's size cannot
+                change.
         """
         name, performer = self._find_target(order)
         actor = self._stage.actors[name]
@@ -78,7 +78,7 @@ class HandSizing:
         elif name in self._gestures:
             del self._gestures[name]
         elif order.do == "hands":
-            # This raises an error if the size cannot change.
+            # This raises an error if the size of the character cannot change.
             actor.resize(actor.growth, self._find_fixed_point(name, None))
             self._gestures[name] = _Gesture(performer, float(np.log(actor.growth)))
 
@@ -116,8 +116,9 @@ class HandSizing:
         return messages
 
     def _find_target(self, order: Resize) -> tuple[str, int]:
-        """Returns the character and the performer of an order. The performer is the holder of the character,
-        or else the next candidate.
+        """Returns the character and the performer of an order.
+
+        The performer is the holder of the character, or else the next candidate.
         """
         stage = self._stage
         name = order.character
@@ -140,8 +141,9 @@ class HandSizing:
         return name, performer
 
     def _find_fixed_point(self, name: str, body: Body | None) -> Float | None:
-        """Returns the point on the floor that scaling does not move, (3,) in metres: under the performer that
-        possesses the character. None: the character's own point.
+        """Returns the point on the floor that scaling does not move, (3,) in metres.
+
+        It is under the performer that possesses the character. If None, it is the character's own point.
         """
         actor: Actor = self._stage.actors[name]
         if body is None or all(hold.body != body.id for hold in actor.holds):

@@ -25,16 +25,16 @@ from enliven_edge.stage.tick import Tick
 Surfaces = Mapping[int, ObservedPoints]
 """The visible surface of each performer, by body id."""
 _CHARACTER_GAP_M = 0.4
-"""Gap on the floor between two free characters next to each other, in metres. It prevents that their arms
-touch by chance."""
+"""Gap in metres on the floor between two free characters next to each other. It keeps their arms from
+touching."""
 
 
 class Stage:
     """The characters of a performance. Computes the pose of each character from the bodies of a frame.
 
-    A command need not name the performer or the character. Then idle performers are preferred to performers
-    that possess another character, free characters to possessed characters, and near characters to far
-    characters. At equal distances, the first performer in view and the first character on the stage are
+    A command need not name the performer or the character. In this case idle performers are preferred to
+    performers that possess another character, free characters to possessed characters, and near characters to
+    far characters. At equal distances, the first performer in view and the first character on the stage are
     preferred. A command that names both is carried out unchanged: a performer may possess several characters,
     and a character may have several performers.
 
@@ -66,9 +66,9 @@ class Stage:
         the actor.
 
         Args:
-            carried: the result of :meth:`carry_over` for the actor. It is called again if the holds have
-                changed since.
-            owner: the viewer that put the character here. None: the edge itself.
+            carried: the result of :meth:`carry_over` for the actor. If the holds have changed since,
+                :meth:`carry_over` is called again.
+            owner: the viewer that put the character on the stage; None for the edge itself.
         """
         name = actor.character.id
         replaced = self.actors.get(name)
@@ -162,7 +162,10 @@ class Stage:
         return frozenset(hold.body for actor in self.actors.values() for hold in actor.holds)
 
     def cues(self) -> dict[str, Cues]:
-        """Returns by character id the nodes that performers hold, or would hold if they possessed it now."""
+        """Returns by character id the highlighted nodes.
+
+        They are the nodes that performers hold, or would hold if they possessed the character now.
+        """
         return {name: self._updated_actor(name).cues(self._ordered_bodies(name)) for name in self.actors}
 
     def possess(
@@ -177,14 +180,14 @@ class Stage:
         The stage chooses the performer or character if it is not given.
 
         Args:
-            character: the character's id. None: that of :meth:`pending_possessions`.
-            body: the performer's id. None: that of :meth:`pending_possessions`; in mode "join" a performer
-                that does not possess the character yet.
+            character: the character's id. If None, uses that of :meth:`pending_possessions`.
+            body: the performer's id. If None, uses that of :meth:`pending_possessions`. In mode "join", this
+                is a performer that does not possess the character yet.
             parts: the body parts that possess, names of :data:`enliven.person.body.PARTS`.
             mode: what happens to earlier holds, see :data:`~enliven_edge.stage.actor.Mode`.
 
         Raises:
-            InputError: if character or performer do not exist, or nothing is in reach.
+            InputError: if the character or the performer does not exist, or if nothing is in reach.
         """
         if character is not None:
             self._possess(character, body, parts, mode)
@@ -258,17 +261,18 @@ class Stage:
         ]
 
     def preview(self, character: str | None = None, body: int | None = None, parts: str = "all") -> None:
-        """Makes the cues preview the nodes that this performer (None: the next one) would hold with these
-        parts."""
+        """Makes the cues preview the nodes that a performer would hold with these parts.
+
+        If ``body`` is None, the next performer is used.
+        """
         for actor in self._select_actors(character):
             actor.preview(body, parts)
 
     def release(self, character: str | None = None, body: int | None = None) -> None:
-        """Ends the hold of one performer, or of all. A released character moves smoothly back to its rest
-        pose.
+        """Ends the hold of one performer, or of all.
 
         Args:
-            character: the character's id. None: every character that the performer possesses.
+            character: the character's id. If None, every character that the performer possesses.
         """
         targets = self._select_actors(character)
         if len(targets) > 1 and body is not None:
@@ -281,17 +285,19 @@ class Stage:
             self._memory.release(actor.character.id, body)
 
     def set_view(self, view: ScreenView) -> None:
-        """Sets the viewer's direction of view. Rigged characters compare poses as they appear on the
-        screen."""
+        """Sets the viewer's direction of view.
+
+        Rigged characters compare poses as they appear on the screen.
+        """
         self._view = view
         for actor in self._rig_actors():
             actor.view = view
 
     def browse(self, character: str | None = None, step: int = 1) -> None:
-        """Shows another match of a rigged character. Step 0 lets the match follow the pose again.
+        """Shows another match of a rigged character. With step 0, the match follows the pose again.
 
         Args:
-            character: the character's id. None: every rigged character.
+            character: the character's id. If None, every rigged character.
 
         Raises:
             InputError: if the character does not exist, or it is not rigged.
@@ -313,7 +319,7 @@ class Stage:
         return [actor for actor in self.actors.values() if isinstance(actor, ChosenActor)]
 
     def _updated_actor(self, character: str) -> Actor:
-        """Returns the actor of a character, after updating which performers are busy with other
+        """Returns the actor of a character. Informs it first which performers are busy with other
         characters.
         """
         if character not in self.actors:
@@ -340,7 +346,7 @@ class Stage:
         )
 
     def _find_free_place(self) -> float:
-        """Returns the sideways offset in metres for one more character next to the existing ones."""
+        """Returns the sideways offset in metres for an additional character next to the existing ones."""
         widths = [np.ptp(actor.character.vertices[:, 0]) for actor in self.actors.values()]
         offsets = [actor.aside for actor in self.actors.values()]
         return max(

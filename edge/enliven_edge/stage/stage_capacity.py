@@ -27,7 +27,7 @@ class Peer(Protocol):
 
 @dataclass(frozen=True)
 class StageSettings:
-    """Limits of the number of characters on the stage, and the folder in which the stage is kept."""
+    """Limits of the number of characters on the stage, and the folder in which the stage is saved."""
 
     characters: int = setting(
         16,
@@ -41,8 +41,8 @@ class StageSettings:
     )
     keep: str = setting(
         "",
-        "Folder in which the stage is kept, so that it comes back after a restart. A path is relative to "
-        "this file. Empty: the folder of the systemd unit ($STATE_DIRECTORY), or none.",
+        "Folder in which the stage is saved, so that it is restored after a restart. A path is relative to "
+        "this file. If empty, the folder of the systemd unit ($STATE_DIRECTORY), or none.",
     )
 
 
@@ -55,10 +55,11 @@ class StageCapacity:
     viewer.
 
     Viewers on other machines are distinguished by address. Viewers on this machine share one address, so they
-    are distinguished by connection. Characters of closed connections count for every viewer of their address.
+    are distinguished by connection. Characters of closed connections count for every viewer with the same
+    address.
 
     Args:
-        standing: the ids of the characters on the stage. The stage updates this collection.
+        standing: the ids of the characters that are on the stage. The stage updates this collection.
     """
 
     def __init__(self, settings: StageSettings, standing: Collection[str]) -> None:
@@ -71,17 +72,18 @@ class StageCapacity:
         self._sources.append(coming)
 
     def set_owner(self, character: str, owner: Peer | None) -> None:
-        """Remembers the viewer that put a character on the stage. None: the edge itself."""
+        """Stores the viewer that put a character on the stage. ``owner`` is None for the edge itself."""
         self.forget(character)
         if owner is not None:
             self._owners[character] = owner
 
     def forget(self, character: str) -> None:
-        """Forgets a character that left the stage."""
+        """Deletes the owner of a character that left the stage."""
         self._owners.pop(character, None)
 
     def check(self, character: str, peer: Peer | None) -> None:
-        """Checks that one more character fits on the stage. Characters that are already on it are allowed.
+        """Checks that one more character fits on the stage. A character that is already on it is always
+        allowed.
 
         Raises:
             InputError: if the stage is full, or the viewer has too many characters on it.

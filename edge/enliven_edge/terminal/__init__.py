@@ -1,3 +1,3 @@
-"""Shows images in a terminal: by an image protocol if the terminal supports a protocol, otherwise as coloured
-half blocks.
+"""Shows images in a terminal, with an image protocol if the terminal supports one, or else as coloured half
+blocks.
 """

@@ -1,6 +1,6 @@
-"""Encodes an image for a terminal: kitty's graphics, iTerm2's images, sixels, half blocks.
+"""Encodes an image for a terminal: as kitty graphics, iTerm2 image, sixels or half blocks.
 
-An image moves the cursor only by the line feeds at its end, so that text continues below it.
+An image moves the cursor only with the line feeds at its end, so that text continues below it.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from enliven.arrays import UInt8
 ImageProtocol = Literal["kitty", "iterm", "sixel", "blocks", "blocks256"]
 IMAGE_PROTOCOLS = get_args(ImageProtocol)
 _CHUNK_CHARACTERS = 4096
-"""Maximum number of characters of a piece in kitty's graphics protocol."""
+"""Maximum number of characters of a chunk in kitty's graphics protocol."""
 _SIXEL_COLOURS = 256
-"""Number of colours of a sixel image: the minimum of VT340 emulators."""
+"""Number of colours of a sixel image. It is the minimum that VT340 emulators support."""
 _SIXEL_ROWS = 6
 """Number of pixel rows in one row of sixels."""
 _MAX_WIDTH_PX = 480
-"""Maximum width in pixels of an image that the terminal draws itself."""
+"""Maximum width in pixels of an image in a pixel protocol (not half blocks)."""
 
 
 def encode_image(picture: UInt8, protocol: ImageProtocol, columns: int = 80) -> str:
@@ -48,7 +48,7 @@ def encode_image(picture: UInt8, protocol: ImageProtocol, columns: int = 80) -> 
 
 
 def encode_kitty(picture: UInt8) -> str:
-    """Encodes an image in kitty's graphics protocol: a PNG in base64, in pieces."""
+    """Encodes an image in kitty's graphics protocol: a PNG in base64, split into chunks."""
     data = base64.standard_b64encode(_encode_png(picture)).decode()
     pieces = [data[at : at + _CHUNK_CHARACTERS] for at in range(0, len(data), _CHUNK_CHARACTERS)]
     codes = []
@@ -61,15 +61,16 @@ def encode_kitty(picture: UInt8) -> str:
 
 
 def encode_iterm(picture: UInt8) -> str:
-    """Encodes as iTerm2's inline image, which other terminals such as WezTerm also draw."""
+    """Encodes an image as iTerm2's inline image, which other terminals such as WezTerm also support."""
     data = _encode_png(picture)
     base64_text = base64.standard_b64encode(data).decode()
     return f"\x1b]1337;File=inline=1;size={len(data)};width={picture.shape[1]}px:{base64_text}\x07\n"
 
 
 def encode_sixel(picture: UInt8) -> str:
-    """Encodes as sixels with at most 256 colours: six rows at a time, one pass over the row for each
-    colour.
+    """Encodes an image as sixels with at most 256 colours.
+
+    It encodes six rows at a time, with one pass over the row for each colour.
     """
     image = Image.fromarray(picture).quantize(_SIXEL_COLOURS, dither=Image.Dither.NONE)
     indices = np.asarray(image)
@@ -89,7 +90,7 @@ def encode_half_blocks(picture: UInt8, exact: bool = True) -> str:
     """Encodes two pixels in each character: the upper one as foreground colour, the lower one as background.
 
     Args:
-        exact: 24-bit colours. If False, the 240 fixed colours of an older terminal.
+        exact: whether to use 24-bit colours. If False, uses the 240 fixed colours of an older terminal.
     """
     if picture.shape[0] % 2:
         picture = np.vstack([picture, picture[-1:]])
@@ -107,7 +108,9 @@ def _exact_colour(red: int, green: int, blue: int) -> str:
 
 
 def _nearest_palette_colour(red: int, green: int, blue: int) -> str:
-    """Returns the nearest of 24 greys (232 and up) or of a cube of 6 x 6 x 6 colours (16 and up)."""
+    """Returns the palette number of the nearest of 24 greys (232 and up) or of a cube of 6 x 6 x 6 colours
+    (16 and up).
+    """
     if max(red, green, blue) - min(red, green, blue) < 16:
         return f"5;{232 + min(23, max(0, (green - 3) // 10))}"
     r, g, b = ((each + 25) // 51 for each in (red, green, blue))
@@ -127,8 +130,9 @@ def _sixel_band(rows: UInt8) -> str:
 
 
 def _run_lengths(values: list[int]) -> list[tuple[int, int]]:
-    """Returns (value, length) of each run of equal values. A last run of 0 is left out, since it draws
-    nothing.
+    """Returns (value, length) of each run of equal values.
+
+    A last run of 0 is left out, because it draws nothing.
     """
     runs = [(value, sum(1 for _ in same)) for value, same in itertools.groupby(values)]
     return runs[:-1] if runs and runs[-1][0] == 0 else runs

@@ -13,31 +13,30 @@ from typing import TextIO
 from enliven_edge.terminal.image_encoding import ImageProtocol
 
 ANSWER_TIMEOUT_S = 1.0
-"""Maximum time to wait for a terminal's answer, in seconds, for slow network connections. Nearly all answer
-immediately.
-"""
+"""Maximum seconds to wait for a terminal's answer. It allows for slow network connections, although nearly
+all terminals answer immediately."""
 _QUERY = b"\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\\x1b[c"
-"""Queries kitty's graphics, then the device attributes (DA1). Every terminal answers the second query, and
-the answers come in this order."""
+"""Query of the support of kitty graphics, then of the device attributes (DA1). Every terminal answers the
+second query, and the answers arrive in this order."""
 _ERASE = b"\r\x1b[K"
-"""Erases the query if an old terminal printed it."""
+"""Sequence that erases the query if an old terminal printed it."""
 _PRINTS_QUERY = ("linux", "Apple_Terminal")
 """Terminals that would print the first query. They cannot draw images."""
 _ATTRIBUTES = re.compile(rb"\x1b\[\?([\d;]*)c")
 _SIXEL = b"4"
-"""The attribute of a terminal that draws sixels."""
+"""The device attribute of a terminal that supports sixels."""
 _MAX_ANSWER_BYTES = 4096
-"""Maximum bytes of an answer. More bytes are a user's typing, and reading stops."""
+"""Maximum bytes of an answer. Further bytes are typed by the user, so reading stops."""
 
 
 def image_protocol(
     out: TextIO, keys: TextIO, environment: Mapping[str, str] = os.environ, patience: float = ANSWER_TIMEOUT_S
 ) -> ImageProtocol | None:
-    """Returns the image protocol of ``out``. None if it is not a terminal, or cannot draw images.
+    """Returns the image protocol of ``out``. Returns None if it is not a terminal, or cannot draw images.
 
     Args:
         keys: the stream of the terminal's answers.
-        patience: seconds to wait for an answer. 0: no query.
+        patience: seconds to wait for an answer. If 0, the terminal is not queried.
     """
     if not out.isatty() or environment.get("TERM", "dumb") == "dumb":
         return None
@@ -57,8 +56,9 @@ def image_protocol(
 
 
 def _protocol_from_environment(environment: Mapping[str, str]) -> ImageProtocol | None:
-    """Returns the protocol that the environment variables indicate. None in a multiplexer, which may not
-    forward images.
+    """Returns the protocol that the environment variables indicate.
+
+    Returns None in a terminal multiplexer, which may not forward images.
     """
     if environment.get("TMUX") or environment.get("TERM", "").startswith(("screen", "tmux")):
         return None
@@ -69,7 +69,9 @@ def _protocol_from_environment(environment: Mapping[str, str]) -> ImageProtocol 
 
 
 def _query_terminal(out: int, keys: int, patience: float) -> bytes:
-    """Returns the terminal's answer. Empty if it does not answer in time, or cannot be queried."""
+    """Returns the terminal's answer. The result is empty if it does not answer in time, or cannot be
+    queried.
+    """
     with _disable_echo(keys) as is_possible:
         if not is_possible:
             return b""

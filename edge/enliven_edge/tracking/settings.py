@@ -46,13 +46,13 @@ class SceneSettings:
         high=640,
     )
     zone: tuple[tuple[float, float], ...] = setting(
-        (), "Corners (x, z) of the floor area in which people are tracked. Empty: everywhere.", unit="m"
+        (), "Corners (x, z) of the floor area in which people are tracked. If empty, everywhere.", unit="m"
     )
 
 
 @dataclass(frozen=True)
 class BackgroundSettings:
-    """How the background model, the room without people, is learnt."""
+    """How the background model (the scene without people) is learnt."""
 
     REMOVED_SETTINGS: ClassVar = ("moved",)
     absorb_after: float = setting(

@@ -40,24 +40,26 @@ _MAX_LEG_CONFIDENCE = 0.5
 """Maximum confidence of a knee, ankle or foot while the floor is only guessed. The guessed floor plane cuts
 off the shins."""
 _FIRST_CONFIDENCE = 0.6
-"""Maximum confidence of the joints in a person's first frame. In a single frame a pattern on a wall may look
-like a body."""
+"""Maximum confidence of the joints in a person's first frame. It is limited, because in a single frame a
+pattern on a wall may look like a body.
+"""
 _CONFIDENCE_RAMP_NS = 300_000_000
-"""Nanoseconds in which the confidence limit of a new person rises to 1, if the network also sees a person. A
-false body on a wall pattern is lost within about ten frames."""
+"""Nanoseconds over which the confidence limit of a new person rises to 1, if the network also sees a person.
+A false body on a wall pattern is lost within about ten frames.
+"""
 _IS_LEG = np.isin(np.arange(len(Joint)), [j for j in Joint if j.name.startswith(("KNEE", "ANKLE", "FOOT"))])
 
 
 class Tracker:
     """Tracks people by depth alone.
 
-    For each frame it reduces the depth image, places it in the world and subtracts the background. It divides
-    the remaining pixels among the tracked people and fits each person. Then it searches for new people and
-    smooths the result. Bodies that a sensor tracks itself are smoothed in the same way.
+    For each frame it reduces the depth image, transforms it to the world frame and subtracts the background.
+    It divides the remaining pixels among the tracked people and fits each person. Then it searches for new
+    people and smooths the result. Bodies that a sensor tracks itself are smoothed in the same way.
 
     Args:
-        colour: estimator that improves the joints by the colour image, if the frame has one; None: depth
-            alone.
+        colour: estimator that improves the joints with the colour image of a frame, if there is one. If None,
+            uses depth alone.
     """
 
     def __init__(
@@ -80,13 +82,13 @@ class Tracker:
     def world_from_camera(self) -> Float | None:
         """Returns the (4, 4) pose of the sensor.
 
-        None before the first frame, and if the sensor tracks people itself.
+        Returns None before the first frame, and if the sensor tracks people itself.
         """
         return self._mounting.world_from_camera if self._by_depth else None
 
     @property
     def down(self) -> Float | None:
-        """Returns the (3,) direction of gravity in the camera's frame. None if there is no accelerometer."""
+        """Returns the (3,) direction of gravity in the camera's frame, or None without an accelerometer."""
         return self._mounting.down
 
     @down.setter
@@ -107,7 +109,7 @@ class Tracker:
     def state(self) -> TrackerState | None:
         """Returns the state after the last frame, for the health reports.
 
-        None if the sensor tracks people itself.
+        Returns None if the sensor tracks people itself.
         """
         if not self._by_depth:
             return None
@@ -119,7 +121,7 @@ class Tracker:
     def background(self) -> Float | None:
         """Returns the background's depth (h, w) in the reduced image, metres, 0 where it is unknown.
 
-        None before the first depth image.
+        Returns None before the first depth image.
         """
         return None if self._room is None else self._room.z
 
@@ -132,7 +134,7 @@ class Tracker:
     def posture(self) -> Posture | None:
         """Returns the first performer's posture in the last frame, before smoothing.
 
-        None without a performer.
+        Returns None without a performer.
         """
         performers = self.performers
         return performers[0].follower.posture if performers else None
@@ -166,7 +168,9 @@ class Tracker:
 
     @property
     def locked_ids(self) -> frozenset[int] | None:
-        """Returns the ids that are admitted as performers. None without a lock: all people may perform."""
+        """Returns the ids that are admitted as performers. Returns None without a lock, because all people
+        may then perform.
+        """
         return self._people.track_manager.lock.ids
 
     def unlock(self) -> None:
@@ -175,9 +179,9 @@ class Tracker:
         self._people.track_manager.lock.open()
 
     def learn_room(self) -> None:
-        """Learns the background and the floor again from the next frame on, as after a start.
+        """Learns the background and the floor again, starting with the next frame.
 
-        People are searched again, and keep their numbers if they are recognised.
+        People are searched again, and keep their ids if they are recognised.
 
         Raises:
             InputError: if the sensor tracks people itself.
@@ -253,7 +257,7 @@ class Tracker:
         return self._mounting.raise_guess(view, step)
 
     def _remove_learnt_people(self, background: BackgroundModel, view: FrameView) -> None:
-        """Removes parts of people from the background model that it learnt in the first frames.
+        """Removes parts of people from the background model. It may have learnt them in the first frames.
 
         An example is a leg below a hole in the depth.
         """
@@ -265,7 +269,7 @@ class Tracker:
 
     def _absorb_furniture(self, background: BackgroundModel, view: FrameView, kind: UInt8) -> None:
         """Adds furniture next to people to the background model: pixels that touch people and never move.
-        This is furniture that stood there when the people were first detected.
+        Such furniture was already there when the people were first detected.
         """
         people = [p.follower.posture for p in self._people.people]
         if people and self._owner is not None and round(background.age * _FURNITURE_RATE_HZ) != self._gave_up:
@@ -275,9 +279,9 @@ class Tracker:
             background.absorb(find_furniture(view, still, self._owner, people, floor))
 
     def _background_for(self, view: FrameView) -> BackgroundModel:
-        """Returns the background model.
+        """Returns the background model, or a new one.
 
-        It is a new one if the sensor was moved or exchanged, or if the room shall be learnt again.
+        A new one is created if the sensor was moved or exchanged, or after :meth:`learn_room`.
         """
         mounting, learns_again = self._mounting, self._learns_again
         self._learns_again = False

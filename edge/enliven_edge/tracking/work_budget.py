@@ -1,7 +1,6 @@
 """A work budget for each frame, and tasks that are spread over several frames.
 
-Work is counted in coarse fits, never by a clock, so that the same frames give the same people on every
-machine.
+The unit of work is a coarse fit. No clock is used, so the same frames give the same people on every machine.
 """
 
 from __future__ import annotations
@@ -33,11 +32,12 @@ class Budget:
 def frame_budget(fits: int, elapsed: float | None) -> Budget:
     """Returns the budget of a frame.
 
-    At a low frame rate each frame gets more, so that a search takes the same time at every frame rate.
+    At a low frame rate each frame has a larger budget, so that a search takes the same time at every frame
+    rate.
 
     Args:
-        fits: budget in coarse fits per frame at 30 frames per second; 0: no limit.
-        elapsed: seconds since the previous frame; None: this is the first.
+        fits: budget in coarse fits per frame at 30 frames per second. 0 means no limit.
+        elapsed: seconds since the previous frame; None in the first frame.
     """
     if fits == 0:
         return Budget(float("inf"))
@@ -58,12 +58,12 @@ class BudgetedTask(Generic[T]):
 
     @property
     def result(self) -> T:
-        """Returns the task's result. May be read only after the task is done."""
+        """Returns the task's result. Call it only after the task is done."""
         assert self.is_done
         return self._result  # type: ignore[return-value]
 
     def advance(self, budget: Budget) -> bool:
-        """Works until the budget is spent, and returns whether the task is done.
+        """Works until the budget is spent. Returns True if the task is done.
 
         The last step may overdraw the budget.
         """

@@ -11,13 +11,14 @@ from enliven_synthesis.body.performer import Performer
 def solve_arm(
     performer: Performer, chest: Float, target: Float, out: Float, side: int
 ) -> tuple[Float, float]:
-    """Returns (3, 3) world_from_upper_arm, and the bend of the elbow in radians, that bring the wrist to a
+    """Returns the (3, 3) world_from_upper_arm and the elbow's bend in radians that bring the wrist to a
     target.
 
     Args:
         chest: (3, 3) world_from_chest.
-        target: (3,) target of the wrist, metres, chest's frame. A target out of reach is moved within reach.
-        out: (3,) chest's frame: the direction in which the elbow points.
+        target: (3,) target of the wrist in metres, chest's frame. A target out of reach is moved within
+            reach.
+        out: (3,) the direction in which the elbow points, chest's frame.
         side: 0 the left arm, 1 the right one.
     """
     shoulder = performer.shoulder * np.array([1.0 - 2.0 * side, 1.0, 1.0])

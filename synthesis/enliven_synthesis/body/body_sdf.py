@@ -1,5 +1,6 @@
-"""The performer's body surface as a signed distance function (SDF): a smooth union of tapered capsules and
-ellipsoids.
+"""The performer's body surface as a signed distance function (SDF).
+
+It is a smooth union of tapered capsules and ellipsoids.
 
 It is deliberately richer than a tracker's capsule model: muscles, buttocks, a jaw, sleeves, trouser hems and
 shoes. A tracker that is tested on it must therefore handle shapes that its own model does not contain.
@@ -16,10 +17,10 @@ from enliven.person import Limb
 from enliven_synthesis.body.performer import Figure, Performer
 
 GROUP_BLEND_WIDTHS_M = (0.055, 0.022, 0.028, 0.028, 0.036, 0.036)
-"""Width of the smooth union within each group, metres: trunk, head, left and right arm, left and right
+"""Width in metres of the smooth union within each group: trunk, head, left and right arm, left and right
 leg."""
 BLEND_BETWEEN_GROUPS_M = 0.014
-"""Width of the smooth union between those groups, metres."""
+"""Width in metres of the smooth union between the groups."""
 TAPER = 0
 """Kind of a tapered capsule. Its radius changes linearly along its axis, plus a bulge half-way."""
 ELLIPSOID = 1
@@ -116,8 +117,10 @@ _LEG = (
 
 
 def _mirror_piece(piece: BodyPiece) -> BodyPiece:
-    """Returns the mirrored piece for the right side: X is negated, limbs become the right ones, and arms and
-    legs go to the next group."""
+    """Returns the mirrored piece for the right side.
+
+    X is negated, limbs become the right ones, and arms and legs move to the next group.
+    """
     flip = lambda v: (-v[0], v[1], v[2])  # noqa: E731
     paired = lambda limb: Limb(limb + 1) if limb >= Limb.UPPER_ARM_LEFT else limb  # noqa: E731
     b = flip(piece.b) if piece.kind == TAPER else piece.b
@@ -204,8 +207,11 @@ class BodyAnatomy:
 
 
 def _multiply(a: Float, b: Float) -> Float:
-    """Returns the product of (..., 3, 3) and (..., 3, n). The order of additions is fixed (no BLAS, no fused
-    multiply-add), so that all machines give the same result."""
+    """Returns the product of (..., 3, 3) and (..., 3, n).
+
+    The order of additions is fixed (no BLAS, no fused multiply-add), so that all machines give the same
+    result.
+    """
     return np.asarray(
         a[..., :, 0, None] * b[..., None, 0, :]
         + a[..., :, 1, None] * b[..., None, 1, :]
@@ -221,7 +227,7 @@ def _limb_scale(performer: Performer, limb: Limb) -> Triple:
 
 
 def _half_axes(performer: Performer, piece: BodyPiece) -> Triple:
-    """Returns the half axes of an ellipsoid, metres. The head does not grow with girth."""
+    """Returns the half axes of an ellipsoid in metres. The head does not grow with girth."""
     s, g = performer.scale, performer.proportions.girth
     if piece.limb == Limb.SKULL:
         return piece.b[0] * s, piece.b[1] * s, piece.b[2] * s

@@ -1,4 +1,4 @@
-"""Compiled forward kinematics of a performer. Fills joints and the frames (3, 4) world_from_limb."""
+"""Compiled forward kinematics of a performer. It fills the joints and the (3, 4) frames world_from_limb."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ MAX_LEG_REACH = 0.997
 MIN_LEG_REACH = 0.3
 """Minimum reach of a leg as a fraction of thigh + shank, because a knee cannot bend further."""
 _PELVIS_WEIGHT = 0.35
-"""Weight of the pelvis' forward direction in the direction of knee bending; the foot's direction has weight
-1."""
+"""Weight of the pelvis' forward direction in the bending direction of the knee. The foot's direction has
+weight 1."""
 
 _PELVIS, _ABDOMEN, _CHEST, _SKULL = (int(limb) for limb in list(Limb)[:4])
 # The index of the left limb of each pair. The right limb follows it.
@@ -30,8 +30,10 @@ _SIDES_APART = int(Joint.HIP_RIGHT) - int(Joint.HIP_LEFT)
 
 
 class Lengths(NamedTuple):
-    """A performer's build in metres: lengths and (3,) offsets. Values of paired limbs are for the left
-    side."""
+    """A performer's build in metres: lengths and (3,) offsets.
+
+    Values of paired limbs are for the left side.
+    """
 
     spine: Float
     neck_base: Float
@@ -60,8 +62,10 @@ _trunk_of, _arm_of, _foot_of = (attrgetter(*numbers._fields) for numbers in (_Tr
 
 
 def posture_tuples(posture: PerformerPosture) -> tuple[Any, Any, Any]:
-    """Returns the trunk, the two arms and the two feet as named tuples of floats, the form that compiled
-    kernels accept."""
+    """Returns the trunk, the two arms and the two feet as named tuples of floats.
+
+    Compiled kernels accept this form.
+    """
     trunk = _Trunk._make(map(float, _trunk_of(posture)))
     arms = tuple(_Arm._make(map(float, _arm_of(arm))) for arm in (posture.left_arm, posture.right_arm))
     feet = tuple(_Foot._make(map(float, _foot_of(foot))) for foot in (posture.left_foot, posture.right_foot))
@@ -104,7 +108,7 @@ def _set_identity(frame: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def _turn(frame: Float, axis: int, angle: float) -> None:
-    """Rotates a frame by ``angle`` radians about its own axis with that index."""
+    """Rotates a frame by ``angle`` radians about its own axis number ``axis``."""
     first_axis, second_axis = (axis + 1) % 3, (axis + 2) % 3
     c, s = math.cos(angle), math.sin(angle)
     for i in range(3):
@@ -114,7 +118,7 @@ def _turn(frame: Float, axis: int, angle: float) -> None:
 
 @njit(cache=True, nogil=True)
 def _bend(frame: Float, yaw: float, pitch: float, roll: float, share: float) -> None:
-    """Rotates a frame by a fraction of the angles: yaw to its left, pitch forward, roll to its left."""
+    """Rotates a frame by a fraction of three angles: yaw to its left, pitch forward, roll to its left."""
     _turn(frame, 1, share * yaw)
     _turn(frame, 0, share * pitch)
     _turn(frame, 2, -share * roll)
@@ -122,15 +126,17 @@ def _bend(frame: Float, yaw: float, pitch: float, roll: float, share: float) -> 
 
 @njit(cache=True, nogil=True)
 def _shift(point: Float, frame: Float, x: float, y: float, z: float) -> None:
-    """Adds to a point (3,) an offset given in the coordinates of a frame."""
+    """Adds an offset, given in the coordinates of a frame, to a point (3,)."""
     for i in range(3):
         point[i] += frame[i, 0] * x + frame[i, 1] * y + frame[i, 2] * z
 
 
 @njit(cache=True, nogil=True)
 def _put_foot(build: Any, foot: Any, frame: Float) -> None:
-    """Fills the frame of a foot: the target ankle position and the rotation. The foot pitches about its
-    ball."""
+    """Fills the frame of a foot: the target ankle position and the rotation.
+
+    The foot pitches about its ball.
+    """
     _set_identity(frame)
     frame[0, 3], frame[1, 3], frame[2, 3] = foot.x, build.ankle_height + foot.lift, foot.z
     _turn(frame, 1, foot.yaw)
@@ -141,7 +147,7 @@ def _put_foot(build: Any, foot: Any, frame: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def _max_pelvis_height(build: Any, pelvis: Float, foot: Float, sign: float) -> float:
-    """Returns the pelvis height, metres, at which the leg to a planted foot is fully stretched."""
+    """Returns the pelvis height in metres at which the leg to a planted foot is fully stretched."""
     x, y, z = sign * build.hip[0], build.hip[1], build.hip[2]
     up = pelvis[1, 0] * x + pelvis[1, 1] * y + pelvis[1, 2] * z
     aside = pelvis[0, 3] + (pelvis[0, 0] * x + pelvis[0, 1] * y + pelvis[0, 2] * z) - foot[0, 3]
@@ -152,8 +158,10 @@ def _max_pelvis_height(build: Any, pelvis: Float, foot: Float, sign: float) -> f
 
 @njit(cache=True, nogil=True)
 def _put_trunk(build: Any, trunk: Any, joints: Float, frames: Float) -> None:
-    """Fills the frames from pelvis to head. A third of the spine's bend is below the spine joint, the rest
-    above it."""
+    """Fills the frames from pelvis to head.
+
+    A third of the spine's bend is below the spine joint, the rest is above it.
+    """
     abdomen, chest, skull = frames[_ABDOMEN], frames[_CHEST], frames[_SKULL]
     copy_rows(abdomen, frames[_PELVIS])
     _bend(abdomen, trunk.spine_yaw, trunk.spine_pitch, trunk.spine_roll, 1.0 / 3.0)
@@ -173,8 +181,10 @@ def _put_trunk(build: Any, trunk: Any, joints: Float, frames: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def _put_arm(build: Any, arm: Any, side: int, joints: Float, frames: Float) -> None:
-    """Fills the frames from shoulder to hand; ``side`` 0 is the left, 1 the right. ``joints`` starts at the
-    shoulder."""
+    """Fills the frames from shoulder to hand of one side.
+
+    ``side`` is 0 for the left and 1 for the right. ``joints`` starts at the shoulder.
+    """
     sign, chest = 1.0 - 2.0 * side, frames[_CHEST]
     upper, fore, palm = frames[_UPPER_ARM + side], frames[_FOREARM + side], frames[_HAND + side]
     copy_rows(upper, chest)
@@ -200,8 +210,10 @@ def _put_arm(build: Any, arm: Any, side: int, joints: Float, frames: Float) -> N
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _put_leg(build: Any, foot: Any, side: int, joints: Float, frames: Float) -> None:
-    """Fills the frames from hip to foot. The knee bends in the direction of the foot plus its splay.
-    ``joints`` starts at the hip."""
+    """Fills the frames from hip to foot of one side.
+
+    The knee bends in the direction of the foot plus its splay. ``joints`` starts at the hip.
+    """
     sign, pelvis, sole = 1.0 - 2.0 * side, frames[_PELVIS], frames[_FOOT + side]
     hip, knee, ankle = joints[0], joints[1], joints[2]
     copy_row(hip, pelvis[:, 3])
@@ -230,8 +242,10 @@ def _put_leg(build: Any, foot: Any, side: int, joints: Float, frames: Float) -> 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _direction(to: Float, start: Float, out: Float) -> float:
-    """Fills the unit vector (3,) from ``start`` to ``to`` and returns the distance. If the points coincide,
-    the vector points down."""
+    """Fills the unit vector (3,) from ``start`` to ``to``, and returns the distance.
+
+    If the points coincide, the vector points down.
+    """
     x, y, z = to[0] - start[0], to[1] - start[1], to[2] - start[2]
     apart = math.sqrt(x * x + y * y + z * z)
     out[0], out[1], out[2] = 0.0, -1.0, 0.0
@@ -242,7 +256,9 @@ def _direction(to: Float, start: Float, out: Float) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _make_perpendicular(vector: Float, unit: Float) -> None:
-    """Removes the component along a unit vector (3,) from a vector (3,) in place, and normalizes it."""
+    """Removes the component along a unit vector (3,) from a vector (3,) in place, and normalises the
+    vector.
+    """
     shared = vector[0] * unit[0] + vector[1] * unit[1] + vector[2] * unit[2]
     for i in range(3):
         vector[i] -= shared * unit[i]

@@ -1,5 +1,6 @@
-"""The performer's skeleton: proportions, and forward kinematics from a posture to 20 joints and 16 limb
-frames.
+"""The performer's skeleton: proportions and forward kinematics.
+
+The kinematics convert a posture to 20 joints and 16 limb frames.
 
 The axes of the body's own frame are +X to its left, +Y up, +Z forward. Legs are solved from the feet by
 two-bone inverse kinematics, so that planted feet stay in place when the pelvis moves.
@@ -19,7 +20,7 @@ from enliven_synthesis.body.posture import PerformerPosture
 from enliven_synthesis.body.rotations import round_to_grid
 
 REFERENCE_HEIGHT = 1.75
-"""Stature, in metres, for which the lengths and girths in this package are given."""
+"""Stature in metres for which the lengths and girths in this package are given."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,8 @@ class Figure:
     """A performer's joints and limb frames in a posture.
 
     Attributes:
-        joints: (20, 3) metres, world, ordered by :class:`enliven.person.body.Joint`: anatomical centres.
+        joints: (20, 3) anatomical centres of the joints in metres, world frame, ordered by
+            :class:`enliven.person.body.Joint`.
         frames: (16, 3, 4) world_from_limb (rotation, origin), ordered by :class:`Limb`.
     """
 
@@ -85,9 +87,9 @@ class Performer:
 
         Args:
             rotations: (16, 3, 3) world_from_limb, ordered by :class:`Limb`. Identity rotations mean a person
-                standing upright, facing +Z, with hanging arms: limbs point along -Y of their frame, the trunk
-                and the skull along +Y, feet point to +Z.
-            pelvis: (3,) metres, the hip centre, world.
+                standing upright, facing +Z, with hanging arms. Limbs point along -Y of their frame, the trunk
+                and the skull along +Y, and feet along +Z.
+            pelvis: (3,) the hip centre in metres, world frame.
         """
         joints, down = np.zeros((20, 3)), np.array([0.0, -1.0, 0.0])
         joints[Joint.HIP_CENTER] = pelvis
@@ -115,13 +117,14 @@ class Performer:
         return Figure(round_to_grid(joints), round_to_grid(frames))
 
     def soles(self, figure: Figure) -> Float:
-        """Returns (2, 3) heights above the floor, metres: heel, ball and toe-cap of the left and the right
-        sole."""
+        """Returns (2, 3) heights in metres above the floor: heel, ball and toe-cap of the left and the right
+        sole.
+        """
         points = np.array([[0.0, -0.082, -0.06], [0.0, -0.082, 0.128], [0.0, -0.076, 0.185]]) * self.scale
         feet = figure.frames[[Limb.FOOT_LEFT, Limb.FOOT_RIGHT]]
         return np.asarray((feet[:, None, 1, :3] * points).sum(-1) + feet[:, 1, 3:])
 
 
 def _mirror_offset(offset: Float, side: int) -> Float:
-    """Returns a left-side offset (3,) for ``side`` 0 (left), or its mirror image for 1 (right)."""
+    """Returns a left-side offset (3,) for ``side`` 0 (left), or its mirror image for ``side`` 1 (right)."""
     return offset if side == 0 else offset * np.array([-1.0, 1.0, 1.0])

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class ArmPose:
-    """The joint angles of one arm, radians. At zero the arm hangs straight down with the palm facing the
-    thigh.
+    """The joint angles of one arm in radians.
+
+    At zero the arm hangs straight down with the palm facing the thigh.
 
     Attributes:
         flex: rotation of the upper arm forward (negative: backward).
@@ -34,10 +35,11 @@ class FootPose:
     """The pose of one foot. It is given by the contact point of the ball of the foot with the floor.
 
     Attributes:
-        x, z: position of the ankle of the flat foot, metres, world.
-        lift: height of the ball above its resting height, metres; 0 while the foot is planted.
-        yaw: radians about +Y; positive turns the toes towards +X.
-        pitch: radians by which the toes point up; negative raises the heel about the planted ball.
+        x, z: position of the ankle of the flat foot in metres, world frame.
+        lift: height of the ball in metres above its resting height; 0 while the foot is planted.
+        yaw: radians about +Y. A positive yaw turns the toes towards +X.
+        pitch: angle in radians, upwards for the toes. A negative pitch raises the heel about the planted
+            ball.
         splay: radians by which the knee leans outward from the foot's own direction.
     """
 

@@ -9,8 +9,10 @@ import numpy as np
 from enliven.arrays import Float
 
 GRID_STEP = 2.0**-24
-"""Step to which postures are rounded, metres (or direction cosines). It is far below a sensor's resolution,
-and far above the last bits, in which the sines of two maths libraries differ."""
+"""Grid to which postures are rounded, in metres (or direction cosines).
+
+It is far below a sensor's resolution. It is far above the last bits, in which the sines of two maths
+libraries differ."""
 
 
 def rotation_about_x(angle: float) -> Float:

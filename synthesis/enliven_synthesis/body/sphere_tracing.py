@@ -1,8 +1,8 @@
 """Sphere tracing of the body surface, sixteen rays at a time (Hart 1996, "Sphere tracing").
 
-The loops over lanes have no branches, so that the compiler can vectorize them. Their arithmetic is + - * /
-and square roots in a fixed order. The result is therefore the same on every machine with IEEE doubles,
-whatever its vector width.
+Each ray is a lane of the vector instructions. The loops over lanes have no branches, so that the compiler can
+vectorise them. Their arithmetic is + - * / and square roots in a fixed order. The result is therefore the
+same on every machine with IEEE doubles, whatever its vector width.
 """
 
 from __future__ import annotations
@@ -13,24 +13,26 @@ from enliven.arrays import Float, Int
 from enliven.kernels import njit
 
 SIDE = 4
-"""Side of a tile, pixels. The rays of a tile are traced together; their number is a multiple of all vector
+"""Side of a tile in pixels. The rays of a tile are traced together. Their number is a multiple of all vector
 widths."""
 LANES = SIDE * SIDE
 """Number of rays in a tile."""
 _MAX_STEPS = 64
 """Maximum number of steps of a ray. Grazing rays need the most."""
 _HIT_DISTANCE_M = 5e-4
-"""A ray hits the surface if it is this close to it, metres. The distance is less than a sensor's depth
-step."""
+"""Distance in metres from the surface at which a ray hits it. It is less than a sensor's depth step."""
 _STEP_SAFETY = 1.4
-"""Safety factor of skipping primitives: a distance may shrink faster than the ray advances by this factor,
-because distances of ellipsoids are first-order approximations."""
+"""Safety factor for skipping primitives.
+
+A distance may shrink faster than the ray advances by this factor, because distances of ellipsoids are
+first-order approximations."""
 _FAR = 1e9
 """Initial distance in metres, before a primitive is evaluated. It is larger than any room."""
 
 X, Y, LENGTH, END, DEPTH, MET, _WHOLE, _PART, _LEAST, _NEAREST_HIT, _APART = range(0, 11 * LANES, LANES)
-"""Offsets into the array of lanes: the rays' x/z and y/z, their lengths per unit of depth, and the depths (m)
-at which they end; then the depths (m) reached and the primitives hit (-1: none); then scratch."""
+"""Offsets of the rows in the array of lanes. The first rows are the input: the rays' x/z and y/z, their
+lengths per unit of depth, and the depths in metres at which they end. The next rows are the output: the
+depths in metres that were reached, and the primitives that were hit, or -1. The other rows are scratch."""
 LANES_SIZE = 11 * LANES
 """Number of entries of the array of lanes: eleven rows of lanes."""
 
@@ -44,10 +46,10 @@ def sphere_trace(
 
     Args:
         near_by: indices of the primitives that the rays can hit, ordered by group.
-        clear: (P,) scratch.
+        clear: (P,) scratch memory.
         lanes: (LANES_SIZE,) input: rays, lengths and ends; output: depths reached and primitives hit.
-        near: depth (m) at which the rays start.
-        blend, between: metres, widths of the smooth unions within each group and between groups.
+        near: depth in metres at which the rays start.
+        blend, between: widths in metres of the smooth unions within each group and between groups.
     """
     clear[: len(near_by)] = 0.0
     for k in range(LANES):
@@ -83,11 +85,11 @@ def _distances(
     shape: Float, kind: Int, group: Int, near_by: Int, clear: Float, travelled: float, lanes: Float,
     blend: Float, between: float,
 ) -> None:  # fmt: skip
-    """Computes the signed distances (m) of all rays to the smooth union, and the nearest primitives.
+    """Computes the signed distances in metres of all rays to the smooth union, and the nearest primitives.
 
-    The union is the polynomial one, min(a, b) - h^2 k / 4 with h = max(k - |a - b|, 0) / k: it acts only if
-    two surfaces are closer than k, so skipping distant primitives changes nothing. ``clear`` contains, for
-    each primitive, a depth up to which it is far from all rays. A primitive is skipped until a ray has
+    The union is the polynomial one, min(a, b) - h^2 k / 4 with h = max(k - |a - b|, 0) / k. It has an effect
+    only if two surfaces are closer than k, so distant primitives can be skipped. ``clear`` contains, for each
+    primitive, a depth up to which it is far from all rays. A primitive is skipped until a ray has
     ``travelled`` past this depth.
     """
     for k in range(LANES):
@@ -117,7 +119,7 @@ def _distances(
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _greatest(lanes: Float, row: int, sign: float) -> float:
-    """Returns the largest value of a row of lanes times ``sign``."""
+    """Returns the largest value of a row of lanes, after multiplying the row by ``sign``."""
     most = sign * lanes[row]
     for k in range(LANES):
         value = sign * lanes[row + k]
@@ -140,8 +142,10 @@ def _close_group(lanes: Float, width: float) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _add(lanes: Float, width: float, i: float) -> None:
-    """Merges the distances of primitive ``i`` into its group, and records the rays to which it is the nearest
-    primitive."""
+    """Merges the distances of primitive ``i`` into its group.
+
+    Records the rays to which it is the nearest primitive.
+    """
     inverse, quarter = 1.0 / width, 0.25 * width
     for k in range(LANES):
         a, b, so_far = lanes[_PART + k], lanes[_APART + k], lanes[_LEAST + k]
@@ -170,8 +174,10 @@ def _taper(s: Float, i: int, lanes: Float) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _ellipsoid(s: Float, i: int, lanes: Float) -> None:
-    """Computes first-order distances to an ellipsoid, |q| (|q| - 1) / |q'|; q and q' are scaled by 1/r and
-    1/r^2."""
+    """Computes first-order distances to an ellipsoid, |q| (|q| - 1) / |q'|.
+
+    q and q' are the vectors from the centre, scaled by 1/r and 1/r^2 with the half lengths r.
+    """
     ax, ay, az, u, v, w = s[i, 0], s[i, 1], s[i, 2], s[i, 12], s[i, 13], s[i, 14]
     a, b, c, d, e, f, g, h, j = (
         s[i, 3],

@@ -17,9 +17,9 @@ MAX_COVER_M = np.array(
         0.15, 0.095, 0.085, 0.075,
     ]
 )  # fmt: skip
-"""(20,) Maximum thickness of body and clothes in front of each joint, metres, for an average build."""
+"""(20,) Maximum thickness in metres of body and clothes in front of each joint, for an average build."""
 _JOINT_RADIUS_M = 0.03
-"""Radius around a joint, metres, in which the body must be visible. About the radius of a fist."""
+"""Radius in metres around a joint in which the body must be visible: about the radius of a fist."""
 _MIN_VISIBLE = 0.5
 """Minimum fraction of the pixels around a joint that must show the joint's own body."""
 
@@ -37,11 +37,11 @@ def find_visible_joints(
     """Returns (20,) True for each joint that is in the image, in range, and only covered by its own body.
 
     Args:
-        joints: (20, 3) metres, world.
+        joints: (20, 3) metres, world frame.
         number: this performer's number in ``owner``.
-        depth: (H, W) metres, without noise.
-        owner: (H, W) number of the performer visible at each pixel; -1 for the room.
-        reach: range of the sensor along the optical axis, metres (near, far).
+        depth: (H, W) depth in metres, without noise.
+        owner: (H, W) number of the performer that is visible at each pixel; -1 for the room.
+        reach: (near, far) range of the sensor along the optical axis in metres.
     """
     camera = joints @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
     thick = MAX_COVER_M * performer.scale * max(1.0, performer.proportions.girth)

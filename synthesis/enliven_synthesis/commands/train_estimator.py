@@ -17,11 +17,11 @@ from enliven.settings import load_settings
 
 
 def train_estimator(
-    output: Annotated[Path, typer.Option("--output", "-o", help="The network to make, an .onnx file.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Output network, an .onnx file.")],
     pictures: Annotated[int, typer.Option(help="Rendered pictures to learn from.")] = 110_000,
     steps: Annotated[int, typer.Option(help="Steps of the training.")] = 12_000,
-    batch: Annotated[int, typer.Option(help="Pictures in a step.")] = 128,
-    seed: Annotated[int, typer.Option(help="Fixes everything random.")] = 0,
+    batch: Annotated[int, typer.Option(help="Pictures per step.")] = 128,
+    seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 0,
     start: Annotated[
         Path | None,
         typer.Option(help="A network from this command; training continues from it."),
@@ -29,7 +29,9 @@ def train_estimator(
     share: Annotated[
         float,
         typer.Option(
-            min=0.0, max=1.0, help="With --start, how far to go from the old weights (0) to the new ones (1)."
+            min=0.0,
+            max=1.0,
+            help="With --start, weight of the new network: 0 keeps the old one, 1 takes the new one.",
         ),
     ] = 1.0,
     album: Annotated[

@@ -74,20 +74,20 @@ def _add_breathing(
 # --- the chair -------------------------------------------------------------------------------------------
 
 _CHAIR_SECONDS = 9.0
-"""Length of the shipped recording, seconds."""
+"""Length of the shipped recording in seconds."""
 _CHAIR_STEPS = [
     Step(1, 2.85, 3.25, lift=0.33, toe=0.50, arc=(0.09, 0.20)),  # The performer marches with the right knee,
     Step(0, 3.38, 3.78, lift=0.33, toe=0.50, arc=(-0.09, 0.20)),  # and with the left knee.
-    Step(0, 3.95, 4.27, dx=0.24, lift=0.10),  # It steps sideways to its left,
+    Step(0, 3.95, 4.27, dx=0.24, lift=0.10),  # The performer steps sideways to the left.
     Step(1, 4.37, 4.68, dx=0.24, lift=0.10),
-    Step(0, 4.82, 5.12, dz=0.24, lift=0.12),  # and forward.
+    Step(0, 4.82, 5.12, dz=0.24, lift=0.12),  # The performer steps forward.
     Step(1, 5.24, 5.54, dz=0.24, lift=0.12),
-    Step(0, 7.04, 7.38, dx=-0.24, dz=-0.24, lift=0.14, toe=0.5, both=True),  # The hop takes it home.
+    Step(0, 7.04, 7.38, dx=-0.24, dz=-0.24, lift=0.14, toe=0.5, both=True),  # It hops back to the start.
     Step(1, 7.04, 7.38, dx=-0.24, dz=-0.24, lift=0.14, toe=0.5, both=True),
 ]
 _CHAIR_TRACKS = {
-    # The performer leans a little to one side, to the left, and to the right (farther back than it came
-    # from), and then stands upright.
+    # The performer leans slightly to the right, then far to the left, then slightly farther to the right,
+    # and then stands upright.
     "lean": Track(
         (1.55, 0), (1.70, -0.06), (2.02, 0.34), (2.10, 0.34), (2.50, -0.36), (2.56, -0.36), (2.86, 0)
     ),
@@ -148,8 +148,10 @@ def _chair_choreography() -> Choreography:
 
 
 def _flap_arm(flap: float, tuck: float, swing: float) -> ArmPose:
-    """Returns an arm between resting (``flap`` 0) and raised like a wing (``flap`` 1). ``tuck`` pulls it
-    towards the body in a crouch."""
+    """Returns an arm between resting (``flap`` 0) and raised like a wing (``flap`` 1).
+
+    ``tuck`` pulls the arm towards the body in a crouch.
+    """
     rest = _ARMREST
     return ArmPose(
         flex=rest.flex + 0.20 * flap + 0.30 * tuck + swing,
@@ -238,7 +240,7 @@ def _walk() -> Choreography:
 
 
 def _wander_choreography() -> Choreography:
-    from enliven_synthesis.motion.wander import wander  # Imported here, because that module imports this one.
+    from enliven_synthesis.motion.wander import wander  # Import here, because that module imports this one.
 
     return wander()
 

@@ -1,5 +1,6 @@
-"""Motions with limbs close in front of the trunk: folded arms, hands on the hips, a boxer's guard, hands on
-the belly, sitting.
+"""Motions with limbs close in front of the trunk.
+
+Examples are folded arms, hands on the hips, a boxer's guard, hands on the belly, and sitting.
 
 The wrists reach for targets in the chest's frame, so that forearms lie in front of the trunk for every build.
 Each motion takes a seed. Seed 0 is the motion as defined here. Any other seed varies targets, elbows and
@@ -28,7 +29,8 @@ from enliven_synthesis.motion.motion import place_figure
 from enliven_synthesis.motion.tracks import ease
 
 _TARGET_SPREAD_M = 0.025
-"""Random variation of a wrist target, standard deviation in metres. It is less than a hand's thickness."""
+"""Standard deviation in metres of the random variation of a wrist target. It is less than a hand's
+thickness."""
 _TEMPO_VARIATION = 0.2
 """Maximum random variation of the tempo, as a fraction of the tempo."""
 _DOWN = (0.7, -0.7, -0.35)
@@ -37,7 +39,8 @@ _DOWN = (0.7, -0.7, -0.35)
 
 @dataclass(frozen=True)
 class Wrist:
-    """A wrist position for a person of 1.75 m, in the chest's frame, metres; x points to the arm's own side.
+    """A wrist position in metres for a person of 1.75 m, in the chest's frame. X points to the arm's own
+    side.
 
     Attributes:
         out: the direction in which the elbow points.
@@ -51,8 +54,11 @@ class Wrist:
 
 @dataclass(frozen=True)
 class Key:
-    """One keyframe: time in seconds, the wrists, the trunk's forward shift, and the trunk's angles in
-    radians."""
+    """One keyframe.
+
+    It consists of the time in seconds, the wrists, the trunk's forward shift, and the trunk's angles in
+    radians.
+    """
 
     time: float
     left: Wrist
@@ -71,19 +77,23 @@ _ARMREST, _LENS = Wrist(0.14, -0.27, 0.30, (0.3, -0.5, -0.8)), Wrist(0.10, -0.10
 _LAP = Wrist(0.12, -0.36, 0.33, (0.8, -0.3, -0.5))
 _RUN_FORE = Wrist(0.06, -0.20, 0.28, (0.4, -0.6, -0.8))
 _RUN_BACK = Wrist(0.15, -0.32, 0.10, (0.4, 0.0, -1.0))
-"""Wrists of these arm poses, in order: hanging, folded, on the hips, on the belly, at the chin, in a guard,
-on an armrest, towards the sensor, on the lap, and of a runner."""
+"""Wrist positions of arm poses.
+
+In order: hanging, folded, on the hips, on the belly, at the chin, in a guard, on an armrest, towards the
+sensor, on the lap, and of a runner."""
 _PALMS, _PALMS_APART = Wrist(0.02, -0.13, 0.30), Wrist(0.20, -0.13, 0.28)
 _BOOK, _WATCH = Wrist(0.11, -0.20, 0.34, (0.6, -0.8, -0.2)), Wrist(-0.06, -0.08, 0.25, (1.0, -0.2, 0.1))
 _SHOULDER = Wrist(-0.15, -0.06, 0.14, (0.2, -0.8, 0.6))
 _FRETS, _STRINGS = Wrist(0.36, -0.16, 0.22, (0.5, -0.9, 0.0)), Wrist(0.03, -0.33, 0.21, (1.0, -0.3, -0.5))
 _EAR, _POCKET = Wrist(0.13, 0.10, 0.06, (0.8, -0.7, 0.2)), Wrist(0.17, -0.52, 0.08, (0.9, 0.0, -0.6))
-"""Wrists of these hands, in order: clapping, holding a book, reading a watch, on the other shoulder, playing
-the guitar, holding a telephone at the ear, and in a pocket."""
+"""Wrist positions of hand poses.
+
+In order: clapping, holding a book, reading a watch, on the other shoulder, playing the guitar, holding a
+telephone at the ear, and in a pocket."""
 
 
 def _standing_keys() -> dict[str, tuple[Key, ...]]:
-    """Returns the keys of every standing motion, by name."""
+    """Returns the keyframes of every standing motion, by name."""
 
     def both(wrist: Wrist, other: Wrist | None = None, **bent: float) -> tuple[Key, ...]:
         right = other or wrist
@@ -145,7 +155,7 @@ _KEYS: dict[str, tuple[Key, ...]] = _standing_keys() | {
     "jog": (Key(0.0, _RUN_FORE, _RUN_BACK), Key(6.0, _RUN_FORE, _RUN_BACK)),
 }  # fmt: skip
 _STRIDE_RATE_HZ = 1.35
-"""Frequency of jogging on the spot, strides per second."""
+"""Frequency of jogging on the spot in strides per second."""
 
 
 class CloseLimbs:
@@ -155,7 +165,7 @@ class CloseLimbs:
         name: one of :func:`close_limb_names`.
 
     Attributes:
-        duration: seconds.
+        duration: duration in seconds.
 
     Raises:
         InputError: for an unknown name, listing the known ones.
@@ -190,8 +200,7 @@ class CloseLimbs:
         return place_figure(self._figure_with_wrists(posture, wrists), (0.0, -HOME_Z), 0.0)
 
     def _figure_with_wrists(self, posture: PerformerPosture, wrists: list[Float]) -> Figure:
-        """Returns the figure of a posture with its wrists at the given (6,) positions and elbow
-        directions."""
+        """Returns the figure of a posture with wrists at the given (6,) positions and elbow directions."""
         figure, performer = self._performer.pose(posture), self._performer
         rotations = figure.frames[:, :, :3].copy()
         stout = np.array([1.0, 1.0, max(1.0, performer.proportions.girth)])
@@ -206,7 +215,7 @@ class CloseLimbs:
 
 
 def _interpolate_wrists(a: Wrist, b: Wrist, part: float) -> Float:
-    """Returns the position and the elbow direction, interpolated between two wrists, (6,)."""
+    """Returns (6,) the position and the elbow direction, interpolated between two wrists."""
     first, second = (np.array([w.x, w.y, w.z, *w.out]) for w in (a, b))
     return np.asarray((1.0 - part) * first + part * second)
 
@@ -214,7 +223,10 @@ def _interpolate_wrists(a: Wrist, b: Wrist, part: float) -> Float:
 def _jogging_posture(
     phase: float, posture: PerformerPosture, fore: Wrist, back: Wrist
 ) -> tuple[PerformerPosture, list[Float]]:
-    """Returns a posture jogging on the spot, and its wrists. ``phase`` is in radians; one stride is 2 pi."""
+    """Returns a posture jogging on the spot, and its wrists.
+
+    ``phase`` is in radians. One stride is 2 pi.
+    """
     swing = 0.5 + 0.5 * math.sin(phase)
     feet = [
         replace(
@@ -239,7 +251,10 @@ def _jogging_posture(
 
 
 def _standing_posture(trunk: dict[str, Any]) -> PerformerPosture:
-    """Returns a standing posture with the trunk bent and moved; ``z`` is metres in front of the feet."""
+    """Returns a standing posture with the trunk bent and moved.
+
+    ``z`` in ``trunk`` is in metres in front of the feet.
+    """
     feet = FootPose(0.13, HOME_Z, yaw=0.12), FootPose(-0.13, HOME_Z, yaw=-0.12)
     upright = PerformerPosture(*feet, z=HOME_Z, pitch=0.02, spine_pitch=0.04)
     return replace(upright, **(trunk | {"z": HOME_Z + trunk.get("z", 0.0)}))

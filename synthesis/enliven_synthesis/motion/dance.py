@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from enliven_synthesis.body.posture import PerformerPosture
 
 HOME_Z = -2.7
-"""Z of the performer's start position, metres. The camera is above the world's origin and looks along -Z."""
+"""Z of the performer's start position in metres. The camera is above the world's origin and looks along
+-Z."""
 
 
 @dataclass(frozen=True)

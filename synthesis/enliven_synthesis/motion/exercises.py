@@ -42,7 +42,7 @@ def _stand(**changes: Any) -> PerformerPosture:
 
 
 class _Variation:
-    """Random variations of the defined numbers. Seed 0 does not vary anything."""
+    """Random variations of the defined numbers. With seed 0 nothing varies."""
 
     def __init__(self, seed: int) -> None:
         self._random = np.random.default_rng(seed) if seed else None
@@ -76,7 +76,7 @@ class _Variation:
 def _choreography_from_keys(
     name: str, vary: _Variation, *keys: tuple[float, PerformerPosture]
 ) -> Choreography:
-    """Returns a choreography of keyed postures, times in seconds, with eased interpolation."""
+    """Returns a choreography of keyed postures, with eased interpolation. The times are in seconds."""
     tempo = vary.vary(1.0, 0.2)
     times = [tempo * time for time, _ in keys]
     postures = [keys[0][1], *(vary.posture(p) for _, p in keys[1:-1]), keys[-1][1]]
@@ -200,13 +200,13 @@ def _crossed_exercise(vary: _Variation) -> Choreography:
 
 
 def _turn_exercise(vary: _Variation) -> Choreography:
-    """Turns all the way round on the spot; each step of both feet turns by 60 degrees."""
+    """Turns all the way round on the spot. Each step of both feet turns by 60 degrees."""
     beat = vary.vary(0.55, 0.08)
     steps = 12
     duration = 1.0 + beat * (steps + 1) + 0.6
 
     def heading(side: int, time: float) -> tuple[float, float]:
-        """Returns a foot's rotation so far, radians, and its height, metres."""
+        """Returns a foot's current rotation in radians, and its height in metres."""
         yaw = lift = 0.0
         for n in range(side, steps + 1, 2):
             span = 2 * math.pi / steps * (1 if n in (0, steps) else 2)

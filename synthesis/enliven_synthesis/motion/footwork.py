@@ -6,11 +6,11 @@ from enliven_synthesis.body.posture import FootPose
 from enliven_synthesis.motion.tracks import Step, pulse
 
 Stance = tuple[tuple[float, float, float], tuple[float, float, float]]
-"""(x, z, yaw) of the left foot and of the right foot: metres, metres, radians."""
+"""(x, z, yaw) of the left foot and of the right foot, in metres and radians."""
 SHIFT_S = 0.24
-"""Duration of the weight shift to the other foot before a step, and back after it, seconds."""
+"""Duration in seconds of the weight shift to the other foot before a step, and of the shift back after it."""
 PUSH_S = 0.16
-"""Time during which the heel rises before the ball leaves the floor, seconds."""
+"""Seconds in which the heel rises before the ball leaves the floor."""
 
 
 class Footwork:
@@ -19,7 +19,7 @@ class Footwork:
     Args:
         stance: (x, z, yaw) of the left foot and of the right foot at the start.
         steps: the steps, ordered by start time.
-        carry: fraction of the way that the pelvis moves over the standing foot: 0 not at all, 1 fully.
+        carry: movement of the pelvis over the standing foot: 0 is not at all, 1 is fully.
     """
 
     def __init__(
@@ -44,8 +44,9 @@ class Footwork:
         return FootPose(x, z, lift, yaw, pitch)
 
     def pelvis(self, time: float) -> tuple[float, float]:
-        """Returns (x, z) of the pelvis, metres: between the feet, and closer to the standing foot during a
-        step."""
+        """Returns (x, z) of the pelvis in metres: between the feet, and closer to the standing foot during a
+        step.
+        """
         left, right = self._foot_position(0, time), self._foot_position(1, time)
         middle = ((left[0] + right[0]) / 2, (left[1] + right[1]) / 2)
         toward = [pulse(time, s.start, s.stop, SHIFT_S) for s in self._steps if not s.both]
@@ -58,18 +59,20 @@ class Footwork:
         return x, z
 
     def _foot_position(self, side: int, time: float) -> tuple[float, float]:
-        """Returns (x, z) of a foot, metres, without the sideways arcs of its steps."""
+        """Returns (x, z) of a foot in metres, without the sideways arcs of its steps."""
         x, z, _ = self._stance[side]
         own_steps = [(s.progress(time), s) for s in self._steps if s.foot == side]
         return x + sum(p * s.dx for p, s in own_steps), z + sum(p * s.dz for p, s in own_steps)
 
     def weight_balance(self, time: float) -> float:
-        """Returns the weight distribution: -1 all on the right foot, +1 all on the left foot, 0 on both."""
+        """Returns the weight distribution: -1 is all on the right foot, +1 all on the left foot, 0 on both
+        feet equally.
+        """
         signed = [pulse(time, s.start, s.stop, SHIFT_S) * (2 * s.foot - 1) for s in self._steps if not s.both]
         return max(-1.0, min(1.0, sum(signed)))
 
     def hop(self, time: float) -> float:
-        """Returns the body's height in a hop, metres."""
+        """Returns the body's height in a hop in metres."""
         return max((s.height(time) for s in self._steps if s.both), default=0.0)
 
     def planted(self, side: int, time: float) -> bool:

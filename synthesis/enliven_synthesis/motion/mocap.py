@@ -21,8 +21,8 @@ from enliven_synthesis.body.performer import Figure, Performer
 _FORWARD = np.array([0.0, 0.0, 1.0])
 """Unit direction that a motion faces when it begins."""
 _HEIGHT_SMOOTHING_S = 0.06
-"""Standard deviation, in seconds, of the Gaussian that smooths height corrections. It is a fraction of a
-step."""
+"""Standard deviation in seconds of the Gaussian that smooths height corrections. It is a fraction of a step's
+duration."""
 
 
 class CapturedMotion:
@@ -31,10 +31,10 @@ class CapturedMotion:
     Args:
         performer: the performer.
         capture: the motion capture.
-        start, stop: start and end in the capture, seconds; a ``stop`` of None is the capture's end.
+        start, stop: start and end in the capture in seconds. If ``stop`` is None, it is the capture's end.
 
     Attributes:
-        duration: seconds.
+        duration: duration in seconds.
 
     Raises:
         InputError: if the capture lacks hips, knees, elbows or head.
@@ -70,7 +70,9 @@ class CapturedMotion:
 def _pelvis_path(
     performer: Performer, capture: Capture, roles: Roles, rotations: Float, standing: Bool
 ) -> Float:
-    """Returns the (F, 3) hip centre, metres, scaled by leg length, with the soles at the captured height."""
+    """Returns the (F, 3) hip centre in metres, scaled by leg length, with the soles at the captured
+    height.
+    """
     p = capture.positions
     hips, knees, ankles = (p[:, list(r)] for r in (roles.hips, roles.knees, roles.ankles))
     leg = np.linalg.norm(hips - knees, axis=-1) + np.linalg.norm(knees - ankles, axis=-1)
@@ -86,8 +88,9 @@ def _pelvis_path(
 
 
 def _lower_foot_height(toes: Float, ankles: Float, standing: Bool) -> Float:
-    """Returns (F,) height of the lower foot above the floor, metres. Heights below a few centimetres become
-    0.
+    """Returns the (F,) height in metres of the lower foot above the floor.
+
+    Heights below a few centimetres become 0.
 
     Args:
         toes, ankles: (F, 2, 3) metres.

@@ -1,4 +1,4 @@
-"""Motions return a performer's figure at every moment. They can be placed, chained and frozen."""
+"""Motions return a performer's figure at every moment. They can be placed, concatenated and frozen."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Motion(Protocol):
     """A movement that begins at the world's origin, facing +Z.
 
     Attributes:
-        duration: seconds.
+        duration: duration in seconds.
     """
 
     duration: float
@@ -46,7 +46,9 @@ class DanceMotion:
 
 
 def place_figure(figure: Figure, place: tuple[float, float], yaw: float) -> Figure:
-    """Rotates a figure by ``yaw`` radians about the world's +Y, then moves it by ``place``, (x, z) metres."""
+    """Rotates a figure by ``yaw`` radians about the world's +Y, then moves it by ``place``, (x, z) in
+    metres.
+    """
     turn, offset = rotation_about_y(yaw), np.array([place[0], 0.0, place[1]])
     frames = np.empty_like(figure.frames)
     frames[:, :, :3] = turn @ figure.frames[:, :, :3]
@@ -56,13 +58,13 @@ def place_figure(figure: Figure, place: tuple[float, float], yaw: float) -> Figu
 
 @dataclass(frozen=True)
 class MotionSegment:
-    """One motion of a chain.
+    """One motion of a sequence.
 
     Attributes:
-        start: time at which it begins, seconds.
+        start: time in seconds at which it begins.
         motion: the motion.
-        place: (x, z) position where it begins, metres.
-        yaw: direction that it faces at the start, radians about +Y.
+        place: (x, z) position in metres where it begins.
+        yaw: direction that it faces at the start, in radians about +Y.
     """
 
     start: float
@@ -76,7 +78,7 @@ class MotionSequence:
 
     Args:
         segments: the motions, ordered by start time.
-        blend: length of the blend into the next motion, before each cut, seconds.
+        blend: duration in seconds of the blend into the next motion, before each cut.
     """
 
     def __init__(self, performer: Performer, segments: tuple[MotionSegment, ...], blend: float = 0.0) -> None:
@@ -103,8 +105,10 @@ class MotionSequence:
 
 
 def interpolate_figures(a: Figure, b: Figure, performer: Performer, part: float) -> Figure:
-    """Interpolates two figures by ``part``. Every limb takes the shortest rotation, and the soles stay on the
-    floor."""
+    """Interpolates two figures by ``part``.
+
+    Every limb takes the shortest rotation, and the soles stay on the floor.
+    """
     turned = slerp(from_matrix(a.frames[:, :, :3]), from_matrix(b.frames[:, :, :3]), np.full(16, part))
     pelvis = (1.0 - part) * a.joints[0] + part * b.joints[0]
     figure = performer.figure(to_matrix(turned), pelvis)
@@ -117,9 +121,9 @@ class FrozenMotion:
     """A motion that freezes a moment of another motion, with a small sway.
 
     Args:
-        at: the moment, seconds.
-        sway: time range of the other motion, before and after that moment, over which the figure sways,
-            seconds.
+        at: the moment in seconds.
+        sway: the figure sways over the part of the other motion that is within this many seconds before and
+            after that moment.
     """
 
     duration = math.inf

@@ -1,4 +1,4 @@
-"""A walk about the room, like the walk to calibrate several sensors to each other.
+"""A walk about the room, like the walk that calibrates several sensors relative to each other.
 
 The path is a closed curve that crosses itself. It covers the floor in both directions and shows the walker
 from every side. The arms swing, and are raised now and then.
@@ -18,17 +18,18 @@ from enliven_synthesis.motion.tracks import ease
 _STANCE_FRACTION = 0.56
 """Fraction of a stride during which a foot stands. Over one half means walking, not running."""
 _FOOT_OFFSET_M = 0.09
-"""Sideways distance of a foot from the path, metres. About half the width of the hips."""
+"""Sideways distance in metres of a foot from the path: about half the width of the hips."""
 
 
 class WalkPath:
     """A walk along the Lissajous curve x = a sin(m u), z = b sin(n u), once round in ``duration`` seconds.
 
     Args:
-        breadth, depth: size of the path, metres between the outermost points.
-        waves: (m, n); (1, 2) is a figure of eight, (1, 1) and a quarter turn an ellipse, (1, 0) a line.
-        phase: phase of z relative to x, radians.
-        pace: duration of a step, seconds.
+        breadth, depth: size of the path in metres, between the outermost points.
+        waves: (m, n). (1, 2) is a figure of eight, (1, 1) with a phase of a quarter turn is an ellipse, and
+            (1, 0) is a line.
+        phase: phase of z relative to x in radians.
+        pace: duration of a step in seconds.
     """
 
     def __init__(
@@ -45,13 +46,13 @@ class WalkPath:
         self._pace = duration / (2 * max(1, round(duration / pace / 2)))
 
     def at(self, time: float) -> Float:
-        """Returns (2,) x and z on the path, metres, relative to its middle."""
+        """Returns (2,) x and z on the path in metres, relative to its middle."""
         u = 2 * math.pi * time / self.duration
         m, n = self._waves
         return np.asarray(self._size * [math.sin(m * u), math.sin(n * u + self._phase)])
 
     def yaw(self, time: float) -> float:
-        """Returns the walking direction, radians about +Y; 0 is +Z."""
+        """Returns the walking direction in radians about +Y. 0 is +Z."""
         ahead = self.at(time + 0.12) - self.at(time - 0.12)
         return math.atan2(ahead[0], ahead[1])
 
@@ -69,7 +70,9 @@ class WalkPath:
         )  # fmt: skip
 
     def _foot(self, side: int, time: float) -> FootPose:
-        """Returns a foot that alternately stands for one step and swings for one; side 0 is the left."""
+        """Returns a foot that alternately stands for one step and swings for one step. ``side`` 0 is the
+        left.
+        """
         stride = 2 * self._pace
         count, share = divmod(time / stride + 0.5 * side, 1.0)
         middle = (count - 0.5 * side) * stride
@@ -87,8 +90,9 @@ class WalkPath:
         return (time / (2 * self._pace) + 0.5 * side) % 1.0 < _STANCE_FRACTION
 
     def _print(self, side: int, time: float) -> tuple[Float, float]:
-        """Returns the position (x, z) in metres and the yaw of a footprint. It is next to the body's position
-        halfway through the foot's stance.
+        """Returns the position (x, z) in metres and the yaw in radians of a footprint.
+
+        It is next to the body's position halfway through the foot's stance.
         """
         at = time + 0.25 * 2 * self._pace
         yaw = self.yaw(at)
@@ -99,7 +103,7 @@ class WalkPath:
 
 
 def _signed_rotation(start: float, stop: float) -> float:
-    """Returns the shorter signed rotation from one direction to another, radians."""
+    """Returns the shorter signed rotation from one direction to another in radians."""
     return (stop - start + math.pi) % (2 * math.pi) - math.pi
 
 

@@ -22,23 +22,23 @@ from enliven_synthesis.sensor.render import DepthRenderer
 from enliven_synthesis.sensor.scene import ROOM, Box, cast_room
 
 _STANDING_HEIGHT_M = 0.02
-"""Maximum height of a standing foot's sole above the floor, metres. It is less than a sensor's noise."""
+"""Maximum height in metres of a standing foot's sole above the floor. It is less than a sensor's noise."""
 _STANDING_SPEED = 0.35
-"""Maximum speed of the slowest part of a standing foot, metres per second. All parts of a swinging foot are
+"""Maximum speed in metres per second of the slowest part of a standing foot. All parts of a swinging foot are
 faster."""
 
 
 @dataclass(frozen=True)
 class Appearance:
-    """One performer's part in a scene.
+    """One performer in a scene, with a motion, a position and a time.
 
     Attributes:
-        performer: the performer, which has the build.
+        performer: the performer.
         motion: the motion, created for that performer.
-        place: (x, z) position where the motion begins, metres, world.
+        place: (x, z) position in metres, world frame, where the motion begins.
         yaw: radians about +Y; 0 faces a camera that looks along -Z.
-        start: scene time at which the motion begins, seconds.
-        present: (from, to) interval of scene time in which the performer is in the room, seconds.
+        start: scene time in seconds at which the motion begins.
+        present: (from, to) interval of scene time in seconds in which the performer is in the room.
     """
 
     performer: Performer
@@ -49,7 +49,7 @@ class Appearance:
     present: tuple[float, float] = (-math.inf, math.inf)
 
     def figure(self, time: float) -> Figure | None:
-        """Returns the figure at a time of the scene; None while the performer is absent."""
+        """Returns the figure at a scene time in seconds, or None while the performer is absent."""
         if not self.present[0] <= time < self.present[1]:
             return None
         return place_figure(self.motion.figure(time - self.start), self.place, self.yaw)
@@ -61,11 +61,10 @@ class GroundTruth:
 
     Attributes:
         present: (P,) True if the performer is in the room.
-        joints: (P, 20, 3) metres, world; NaN for an absent performer.
-        visible: (P, 20) True if a joint is in the image, in range, and not occluded by anything but its own
-            body.
+        joints: (P, 20, 3) metres, world frame; NaN for an absent performer.
+        visible: (P, 20) True if a joint is in the image and in range, and only its own body occludes it.
         contacts: (P, 2) True if the left and the right foot stand on the floor.
-        owner: (H, W) int32 number of the performer visible at each pixel; -1 for the room.
+        owner: (H, W) int32 number of the performer that is visible at each pixel; -1 for the room.
     """
 
     present: Bool
@@ -75,8 +74,10 @@ class GroundTruth:
     owner: Int32
 
     def bodies(self) -> list[Body]:
-        """Returns the bodies of the present performers, with IDs from 1. Confidence is 1 for visible joints,
-        else 0."""
+        """Returns the bodies of the present performers, with ids from 1.
+
+        Confidence is 1 for visible joints, and 0 for others.
+        """
         return [
             Body(int(p) + 1, self.joints[p], self.visible[p].astype(float))
             for p in np.flatnonzero(self.present)
@@ -88,13 +89,13 @@ class Ensemble:
 
     Args:
         profile: the sensor.
-        cast: the performers' parts.
-        height, tilt: height of the sensor above the floor, metres, and its downward tilt, degrees.
+        cast: the performers in the scene.
+        height, tilt: height of the sensor above the floor in metres, and its downward tilt in degrees.
         room: the furniture.
-        rate: frames per second; None for the profile's rate.
-        roll: rotation of the sensor about its optical axis, degrees; 180 is upside down.
+        rate: frames per second, or None for the profile's rate.
+        roll: rotation of the sensor about its optical axis in degrees. 180 is upside down.
         told: whether frames contain the sensor's pose ``world_from_camera``.
-        place, yaw: position (x, z) of the sensor, metres, and its rotation about +Y, degrees.
+        place, yaw: position (x, z) of the sensor in metres, and its rotation about +Y in degrees.
     """
 
     def __init__(
@@ -131,7 +132,7 @@ class Ensemble:
         self._room, self._room_material = cast_room(self.intrinsics, self.world_from_camera, room)
 
     def time_ns(self, index: int) -> int:
-        """Returns the sensor's timestamp of a frame, integer nanoseconds."""
+        """Returns the sensor's timestamp of a frame in nanoseconds, as an integer."""
         return round(index * 1_000_000_000 / self.rate)
 
     def frame(self, index: int) -> tuple[DepthFrame, GroundTruth]:
@@ -176,8 +177,10 @@ class Ensemble:
         return GroundTruth(np.array([f is not None for f in figures], bool), joints, visible, contacts, owner)
 
     def _find_standing_feet(self, p: int, figure: Figure, time: float) -> Bool:
-        """Returns (2,) True for each foot of performer ``p`` that stands: touches the floor and is at
-        rest."""
+        """Returns (2,) True for each foot of performer ``p`` that stands.
+
+        A standing foot touches the floor and is at rest.
+        """
         performer, step = self.cast[p].performer, 1.0 / 120.0
         soles = performer.soles(figure)
         later = self.cast[p].figure(time + step)

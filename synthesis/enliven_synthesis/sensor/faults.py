@@ -8,8 +8,7 @@ from enliven.arrays import AnyArray, Float, UInt8, UInt16
 from enliven.kernels import njit
 
 _MIN_DEPTH_STEP = 0.035
-"""Minimum depth difference, as a fraction of the depth, for two neighbouring pixels to be on different
-surfaces."""
+"""Minimum depth difference between neighbouring pixels on different surfaces, as a fraction of the depth."""
 _RANGE_MARGIN = 1.25
 """Surfaces beyond this multiple of the sensor's range are not measured. Otherwise noise might move them into
 the range."""
@@ -20,8 +19,8 @@ def cast_shadow(depth: Float, parallax: float, shadow: AnyArray) -> None:
     """Marks in ``shadow`` the pixels with a surface occluded from the second imager or the projector.
 
     The second imager sees the surface at pixel u at its column u - parallax / z. The loop visits the pixels
-    in the direction in which these columns increase. A nearer surface occludes a pixel if its column is not
-    larger than those before.
+    in the direction in which these columns increase. If the column of a pixel is not larger than all previous
+    ones, a nearer surface occludes the pixel.
     """
     height, width = depth.shape
     for v in range(height):
@@ -38,7 +37,10 @@ def cast_shadow(depth: Float, parallax: float, shadow: AnyArray) -> None:
 
 @njit(cache=True, nogil=True)
 def mark_edges(depth: Float, reach: int, zone: AnyArray) -> None:
-    """Marks in ``zone`` the pixels within ``reach`` (a square) of an edge between two surfaces."""
+    """Marks in ``zone`` the pixels near an edge between two surfaces.
+
+    Near means within a square of ``reach`` pixels to each side.
+    """
     height, width = depth.shape
     for v in range(height):
         for u in range(width):
@@ -55,8 +57,9 @@ def mark_edges(depth: Float, reach: int, zone: AnyArray) -> None:
 
 @njit(cache=True, nogil=True, forceinline=True)
 def _is_edge(before: float, here: float, there: float, beyond: float) -> bool:
-    """Returns True if the depth from ``here`` to ``there`` jumps more than the slopes of the surfaces
-    explain."""
+    """Returns True if the depth jumps from ``here`` to ``there`` by more than the slopes of the surfaces
+    explain.
+    """
     jump = abs(there - here)
     if jump < _MIN_DEPTH_STEP * min(here, there):
         return False
@@ -69,10 +72,11 @@ def sample_surfaces(
     reach: int, blobs: Float, patches: Float, random_bytes: UInt8, losses: Float, flying: float, far: float,
     seen: Float, slant: Float,
 ) -> None:  # fmt: skip
-    """Fills ``seen``, (H, W) depth in metres of the surface that each pixel measures; 0 if no light returns.
+    """Fills ``seen`` with the (H, W) depth in metres of the surface that each pixel measures; 0 if no light
+    returns.
 
-    Pixels near an edge measure the depth at a displaced position. If that is another pixel, their ``slant``
-    is set to 0.
+    Pixels near an edge measure the depth at a displaced position. If this position is in another pixel,
+    ``slant`` is set to 0.
     """
     height, width = depth.shape
     for v in range(height):
@@ -93,8 +97,11 @@ def _sample_edge_pixel(
     depth: Float, shadow: AnyArray, across: Float, down: Float, lateral: float, reach: int, blobs: Float,
     random_bytes: UInt8, losses: Float, flying: float, far: float, seen: Float, slant: Float, v: int, u: int,
 ) -> None:  # fmt: skip
-    """Fills one pixel near an edge. The pixel may sample the other side of the edge, measure nothing, or mix
-    the depths of both sides (flying pixel)."""
+    """Fills one pixel near an edge.
+
+    The pixel may sample the other side of the edge, measure nothing, or mix the depths of both sides (flying
+    pixel).
+    """
     height, width = depth.shape
     x = min(max(int(np.rint(u + lateral * across[v, u])), 0), width - 1)
     y = min(max(int(np.rint(v + lateral * down[v, u])), 0), height - 1)
@@ -116,10 +123,10 @@ def _sample_edge_pixel(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def compute_slants(depth: Float, ray: Float, pitch: Float, out: Float) -> None:
-    """Fills ``out``, (H, W) tan^2 of the angle between each pixel's ray and its surface's normal.
+    """Fills ``out`` with (H, W) tan^2 of the angle between each pixel's ray and its surface's normal.
 
-    The horizontal and vertical slopes are one-sided differences to the neighbour that is closer in depth, so
-    that edges do not count.
+    The horizontal and vertical slopes are one-sided differences to the neighbour that is closer in depth. So
+    edges have no effect.
     """
     height, width = depth.shape
     for v in range(height):
@@ -140,11 +147,12 @@ def compute_slants(depth: Float, ray: Float, pitch: Float, out: Float) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def measure(seen: Float, slant: Float, noise: Float, limits: Float, sigma: Float, out: UInt16) -> None:
-    """Fills ``out``, (H, W) noisy depth in whole millimetres, quantised to the sensor's steps; 0 out of
-    range.
+    """Fills ``out`` with (H, W) noisy depth in whole millimetres, quantised to the sensor's steps.
+
+    Depth out of range becomes 0.
 
     The published standard deviations include quantisation. Quantisation with the step q contributes q^2 / 12
-    to the variance, so the noise that is added before has the remaining variance.
+    to the variance. The noise that is added before quantisation has the remaining variance.
     """
     near, far, step, unit, steepest = limits[0], limits[1], limits[2], limits[3], limits[4]
     by_disparity = unit > 0.0

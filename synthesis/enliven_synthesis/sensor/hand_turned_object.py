@@ -13,13 +13,13 @@ from enliven.meshes import Mesh
 from enliven_synthesis.sensor.moved_object import make_arm
 
 _LIFT_TIME_S = 1.5
-"""Time in which the object is picked up before it turns, seconds."""
+"""Seconds in which the object is picked up before it turns."""
 _TREMOR_M = 0.01
-"""Amplitude of the hands' tremor, metres."""
+"""Amplitude of the hands' tremor in metres."""
 _ARM_LENGTH_M = 0.6
-"""Visible length of an arm from the hand, metres."""
+"""Visible length of an arm in metres, from the hand."""
 _SWAY_M = 0.03
-"""Sway amplitude of the person holding the object, metres."""
+"""Sway amplitude in metres of the person that holds the object."""
 _TRUNK_THICKNESS_RATIO = 4.0
 """Thickness of the trunk relative to an arm: 28 cm."""
 
@@ -29,14 +29,14 @@ class HandTurnedPath:
     """The path of an object that rests, is picked up by two hands, and is turned once in front of the camera.
 
     Attributes:
-        begins: time for which the object rests at first, seconds.
-        period: duration of a full turn, seconds.
-        lift: height of the held object above its resting position, metres.
-        tilt: amplitude of the object's tilt back and forth while it turns, radians.
+        begins: seconds for which the object rests at first.
+        period: duration of a full turn in seconds.
+        lift: height in metres of the held object above its resting position.
+        tilt: amplitude in radians of the object's tilt back and forth while it turns.
         grips: number of times that each hand changes its grip in a turn.
-        reach: position of the grip: distance from the object's axis, and height above its lowest point,
-            metres.
-        behind: distance of the person behind the object, metres; 0: only the arms are in view.
+        reach: position of the grip in metres: distance from the object's axis, and height above its lowest
+            point.
+        behind: distance in metres of the person behind the object. If 0, only the arms are in view.
     """
 
     begins: float = 1.5
@@ -64,13 +64,15 @@ class HandTurnedPath:
         return pose
 
     def _rotation_angle(self, time: float) -> float:
-        """Returns the object's rotation angle, radians."""
+        """Returns the object's rotation angle in radians."""
         passed = max(time - self.begins - _LIFT_TIME_S, 0.0)
         return 2.0 * math.pi * min(passed, self.period) / self.period
 
     def arms(self, time: float) -> list[Mesh]:
-        """Returns the meshes of trunk and arms in world coordinates. A hand keeps its grip until it changes
-        it."""
+        """Returns the meshes of trunk and arms in world coordinates.
+
+        A hand holds the object at the same point until it changes its grip.
+        """
         arms = list[Mesh]()
         if self.behind:
             feet = np.array([_SWAY_M * math.sin(1.9 * time), 0.0, -self.behind])

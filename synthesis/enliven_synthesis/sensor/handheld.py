@@ -33,16 +33,16 @@ STUDIO: tuple[Box, ...] = (
 _SHADES = np.array([[168, 150, 128], [196, 190, 178]], np.uint8)
 """(2, 3) sRGB of the two kinds of squares on floor and walls."""
 _SQUARE_SIDE_M = 0.25
-"""Side of a square of the floor pattern, metres. Several squares are in view at a time."""
+"""Side in metres of a square of the floor pattern. Several squares are in view at a time."""
 _SWAY_WAVES = 4
 """Number of sine waves that make up the motion of the hand, from slow sway to tremor."""
 _MIN_SWAY_HZ = 0.3
-"""Frequency of the slowest wave, Hz. An arm sways about once in three seconds."""
+"""Frequency of the slowest wave in Hz. An arm sways about once in three seconds."""
 _MAX_SWAY_HZ = 6.0
-"""Frequency of the fastest wave, Hz. It is below a hand's tremor of 8 to 12 Hz, which a depth camera hardly
+"""Frequency of the fastest wave in Hz. It is below a hand's tremor of 8 to 12 Hz, which a depth camera hardly
 measures."""
 _NO_DEPTH_M = 65.0
-"""Maximum depth in metres. A depth image in 16-bit millimetres cannot store larger ones."""
+"""Maximum depth in metres. A depth image in 16-bit millimetres cannot store larger values."""
 
 
 @dataclass(frozen=True)
@@ -50,13 +50,13 @@ class HandheldPath:
     """The path of a camera that is carried round an object and looks at it.
 
     Attributes:
-        target: (x, y, z) point that the camera looks at, metres.
-        radius: horizontal distance from the target, metres.
-        height: minimum and maximum height above the floor, metres.
+        target: (x, y, z) point in metres that the camera looks at.
+        radius: horizontal distance from the target in metres.
+        height: minimum and maximum height above the floor in metres.
         turns: number of turns round the target.
         seconds: duration of the whole path.
-        sway: hand motion, standard deviation of each coordinate, metres.
-        shake: rotation of the hand, standard deviation about each axis, radians.
+        sway: standard deviation in metres of each coordinate of the hand motion.
+        shake: standard deviation in radians of the hand's rotation about each axis.
         seed: random seed of the hand motion.
     """
 
@@ -90,7 +90,7 @@ class HandheldPath:
         """Returns (6,) hand motion as sums of slow and fast waves, with unit variance."""
         random = np.random.default_rng(self.seed)
         rates = _MIN_SWAY_HZ * (_MAX_SWAY_HZ / _MIN_SWAY_HZ) ** random.random((_SWAY_WAVES, 6))
-        # Let the amplitude fall with the frequency, so that all waves have about the same speed.
+        # The amplitude falls with the frequency, so that all waves have about the same speed.
         amplitudes = 1.0 / rates
         amplitudes *= math.sqrt(2.0) / np.sqrt(np.square(amplitudes).sum(0))
         phases = 2.0 * math.pi * random.random((_SWAY_WAVES, 6))
@@ -110,14 +110,14 @@ class HandheldScan:
     """Renders the frames of a scan by number. The same arguments and number always give the same frame.
 
     Args:
-        scanned_mesh: the mesh of the scanned object, metres, world.
+        scanned_mesh: the mesh of the scanned object in metres, world frame.
         profile: the camera.
         path: the path of the camera.
         room: the boxes around the object.
-        width: width of the images, pixels; None for the profile's width.
+        width: width of the images in pixels, or None for the profile's width.
         noise: True to add the faults of the profile.
         colour: True to add a colour image with the same pixels.
-        seed: random seed: another seed is another camera of the same model.
+        seed: random seed. Another seed simulates another camera of the same model.
     """
 
     def __init__(
@@ -152,8 +152,10 @@ class HandheldScan:
         return self.path.world_from_camera(index / self.profile.camera.fps)
 
     def frame(self, index: int, scanned_mesh: Mesh | None = None) -> DepthFrame:
-        """Returns the frame with that number. If ``scanned_mesh`` is given, it replaces the scanned
-        object."""
+        """Returns the frame with that number.
+
+        If ``scanned_mesh`` is given, it replaces the scanned object.
+        """
         scanned_mesh, pose = scanned_mesh or self.scanned_mesh, self.pose(index)
         depth, material = cast_room(self.intrinsics, pose, self._room)
         drawing = draw_mesh(scanned_mesh, self.intrinsics, pose)
@@ -175,8 +177,10 @@ class HandheldScan:
     def _render_colours(
         self, scanned_mesh: Mesh, face: Int32, shares: Float, before: Bool, depth: Float, pose: Float
     ) -> UInt8:
-        """Returns the (H, W, 3) sRGB image, without lighting: the mesh's colours, and squares on other
-        surfaces."""
+        """Returns the (H, W, 3) sRGB image without lighting.
+
+        It shows the mesh's colours, and squares on other surfaces.
+        """
         height, width = depth.shape
         rows, columns = np.mgrid[0:height, 0:width]
         i, z = self.intrinsics, np.minimum(depth, _NO_DEPTH_M)
@@ -190,7 +194,7 @@ class HandheldScan:
 
 
 def _to_millimetres(depth: Float) -> UInt16:
-    """Returns a depth in metres as (H, W) uint16 millimetres; 0 for rays that hit no surface."""
+    """Converts a depth in metres to (H, W) uint16 millimetres. Rays that hit no surface get 0."""
     return np.where(depth < _NO_DEPTH_M, np.rint(np.minimum(depth, _NO_DEPTH_M) * 1000.0), 0.0).astype(
         np.uint16
     )

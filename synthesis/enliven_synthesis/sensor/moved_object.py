@@ -19,15 +19,15 @@ from enliven.meshes import Mesh
 from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan
 
 _LIFT_HEIGHT_M = 0.2
-"""Height of an object above its rest in the middle of a move, metres."""
+"""Height in metres of an object above its resting position in the middle of a move."""
 _GRIP_TIME_S = 0.4
-"""Time that the hands hold the object before it moves and after it comes to rest, seconds."""
+"""Seconds for which the hands hold the object before it moves, and after it comes to rest."""
 _ARM_LENGTH_M = 0.7
-"""Visible length of an arm from the hand, metres."""
+"""Visible length of an arm in metres, from the hand."""
 _ARM_RADIUS_M = 0.035
-"""Radius of an arm, metres."""
+"""Radius of an arm in metres."""
 _HAND_RADIUS_M = 0.05
-"""Radius of a closed hand, metres."""
+"""Radius of a closed hand in metres."""
 _ARM_CORNERS = 12
 """Number of corners of an arm's cross-section. The polygon is within a millimetre of a circle."""
 _SKIN_COLOUR = (205, 150, 125)
@@ -40,9 +40,9 @@ class MovedObjectPath:
 
     Attributes:
         rests: (4, 4) world_from_object, the object's pose at each rest.
-        times: (begin, end) of each move between two rests, seconds.
-        grips: points of the object at which the hands hold it, in its own frame, metres.
-        towards: direction from the object to the person that moves it, world.
+        times: (begin, end) in seconds of each move between two rests.
+        grips: points in metres, in the object's frame, at which the hands hold the object.
+        towards: direction from the object to the person that moves it, world frame.
     """
 
     rests: Sequence[Float]
@@ -57,7 +57,7 @@ class MovedObjectPath:
             if time <= begin:
                 break
             share = min((time - begin) / (end - begin), 1.0)
-            # Ease the move, so that it starts and stops without a jolt.
+            # Ease the move, so that it starts and stops smoothly.
             share = share * share * (3.0 - 2.0 * share)
             turn = rotation.slerp(
                 rotation.from_matrix(start[:3, :3]), rotation.from_matrix(stop[:3, :3]), np.array(share)
@@ -73,7 +73,7 @@ class MovedObjectPath:
         return any(begin - _GRIP_TIME_S < time < end + _GRIP_TIME_S for begin, end in self.times)
 
     def arms(self, time: float) -> list[Mesh]:
-        """Returns the meshes of the arms that hold the object, world."""
+        """Returns the meshes of the arms that hold the object, world frame."""
         if not self.is_held(time):
             return []
         pose, away = self.world_from_object(time), rotation.unit(np.array(self.towards))
@@ -86,11 +86,11 @@ class FollowingPath(HandheldPath):
     """The path of a camera that turns to another point after the object was moved.
 
     Attributes:
-        later: (x, y, z) point that the camera looks at after the move, metres.
-        turning: (begin, end) of the turn to that point, seconds.
-        nod: amplitude of the vertical oscillation of the camera's target, metres, for objects larger than the
-            image.
-        nods: frequency of that oscillation, Hz.
+        later: (x, y, z) point in metres that the camera looks at after the move.
+        turning: (begin, end) in seconds of the turn to that point.
+        nod: amplitude in metres of the vertical oscillation of the camera's target, for objects larger than
+            the image.
+        nods: frequency of that oscillation in Hz.
     """
 
     later: tuple[float, float, float] = (0.0, 0.4, 0.0)
@@ -112,13 +112,13 @@ class FollowingPath(HandheldPath):
 
 
 class MovingObject(Protocol):
-    """The pose of an object at each time in seconds, and the arms that hold it."""
+    """Protocol of a moving object: its pose at each time in seconds, and the arms that hold it."""
 
     def world_from_object(self, time: float) -> Float:
         """Returns the (4, 4) pose of the object."""
 
     def arms(self, time: float) -> list[Mesh]:
-        """Returns the meshes of the arms, world."""
+        """Returns the meshes of the arms, world frame."""
 
 
 class MovedObjectScan(HandheldScan):
@@ -145,7 +145,10 @@ class MovedObjectScan(HandheldScan):
 
 
 def lie_on_back_pose(scanned_mesh: Mesh, place: tuple[float, float] = (0.0, 0.0)) -> Float:
-    """Returns the (4, 4) pose of an object that faced +Z and now lies on its back on y = 0 at (x, z)."""
+    """Returns the (4, 4) pose of an object that lies on its back on y = 0 at (x, z).
+
+    The object originally faced +Z.
+    """
     pose = np.eye(4)
     pose[:3, :3] = rotation.to_matrix(rotation.from_rotation_vector(np.array([-math.pi / 2, 0.0, 0.0])))
     turned = scanned_mesh.vertices @ pose[:3, :3].T
@@ -155,7 +158,10 @@ def lie_on_back_pose(scanned_mesh: Mesh, place: tuple[float, float] = (0.0, 0.0)
 
 
 def merge_meshes(meshes: Sequence[Mesh]) -> Mesh:
-    """Returns the meshes merged into one. If some have colours, those without become grey."""
+    """Merges meshes into one.
+
+    If some have colours, those without become grey.
+    """
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
     colours = None
@@ -169,10 +175,11 @@ def merge_meshes(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def make_arm(hand: Float, shoulder: Float, thick: float = 1.0) -> Mesh:
-    """Returns the mesh of an arm that starts with a closed hand (3,): a row of rings, closed at both ends.
+    """Returns the mesh of an arm that starts with a closed hand at ``hand`` (3,). The mesh is a row of rings,
+    closed at both ends.
 
     Args:
-        thick: thickness relative to an arm; 4 for a trunk.
+        thick: thickness relative to an arm. A trunk has 4.
     """
     along = rotation.unit(shoulder - hand)
     turn = rotation.to_matrix(rotation.swing(np.array([0.0, 0.0, 1.0]), along))

@@ -24,14 +24,15 @@ from enliven_synthesis.sensor.faults import cast_shadow, compute_slants, mark_ed
 from enliven_synthesis.sensor.profile import SensorProfile
 
 _BYTE_DEVIATION = math.sqrt((256.0**2 - 1.0) / 12.0)
-"""Standard deviation of a uniform byte."""
+"""Standard deviation of a uniformly distributed byte."""
 _FROZEN_FRAME = -1
 """Frame number for the noise that is constant over time. It is lower than the number of any frame."""
 _FROZEN_PATCHES = 0.9
 """Fraction of the variance of the lost patches on dark and mirroring surfaces that is constant over time.
-Nearly all of it is."""
+
+It is close to 1, because such patches hardly change."""
 _NO_HIT_DEPTH_M = 1e3
-"""Depth of a ray that hits nothing, metres. It is beyond the range of any sensor."""
+"""Depth in metres of a ray that hits nothing. It is beyond the range of any sensor."""
 
 
 class DepthNoise:
@@ -39,7 +40,7 @@ class DepthNoise:
 
     Args:
         intrinsics: intrinsics of the images. Fault sizes in pixels are scaled from the profile's width.
-        seed: random seed: another seed is another sensor of the same model.
+        seed: random seed. Another seed simulates another sensor of the same model.
     """
 
     def __init__(self, profile: SensorProfile, intrinsics: Intrinsics, seed: int = 0) -> None:
@@ -67,11 +68,11 @@ class DepthNoise:
         ]
 
     def add_noise(self, depth: Float, material: UInt8, index: int) -> UInt16:
-        """Returns (H, W) uint16 millimetres; 0 for pixels without a measurement.
+        """Returns (H, W) uint16 millimetres, with 0 for pixels without a measurement.
 
         Args:
             depth: (H, W) metres along the optical axis, inf for rays without a surface.
-            material: (H, W) 0 ordinary, 1 dark, 2 mirroring.
+            material: (H, W) 0 for ordinary, 1 for dark, 2 for mirroring surfaces.
             index: the frame's number. Together with the seed it determines all random numbers.
         """
         axial, blobs, patches = (
@@ -99,7 +100,9 @@ class DepthNoise:
         return out
 
     def _partly_frozen_noise(self, index: int, stream: int) -> Float:
-        """Returns (H, W) noise of unit variance, of which a fixed fraction is constant over all frames."""
+        """Returns (H, W) noise of unit variance. A fixed fraction of the variance is constant over all
+        frames.
+        """
         frozen = self._frozen[stream]
         return self._still[stream] + math.sqrt(1.0 - frozen) * self._noise_field(
             index, stream, self._windows[stream]

@@ -15,7 +15,7 @@ from enliven_edge.sensors import profile_names, profiles_folder
 
 @dataclass(frozen=True)
 class CameraProfile:
-    """The lens and the image."""
+    """The properties of the lens and the image."""
 
     width: int = data_field(doc="Width of the depth image.", unit="px", low=16, high=4096)
     height: int = data_field(doc="Height of the depth image.", unit="px", low=16, high=4096)
@@ -93,7 +93,7 @@ class NoiseProfile:
 
 @dataclass(frozen=True)
 class FaultProfile:
-    """Missing and wrong depth."""
+    """Missing and wrong depth of a sensor."""
 
     edge: float = data_field(
         2.0, "Distance from an edge within which faults occur.", unit="px", low=0, high=12
@@ -143,14 +143,18 @@ class SensorProfile:
         return full if width is None or width == c.width else full.scaled(width / c.width)
 
     def sigma(self, z: float) -> float:
-        """Returns the standard deviation (m) of the depth of a surface at ``z`` metres that faces the
-        sensor."""
+        """Returns the standard deviation in metres of the depth of a surface at ``z`` metres.
+
+        The surface faces the sensor.
+        """
         n = self.noise
         return n.constant + n.linear * max(z - n.start, 0.0) + n.quadratic * (z - n.start) ** 2
 
     def step(self, z: float) -> float:
-        """Returns the difference (m) between two neighbouring depth values that the sensor can report near
-        ``z`` metres."""
+        """Returns the difference in metres between neighbouring depth values near ``z`` metres.
+
+        Only multiples of this step can be reported.
+        """
         r = self.range
         if r.disparity_step == 0.0:
             return r.depth_step

@@ -26,11 +26,12 @@ from enliven_synthesis.body.sphere_tracing import (
 )
 
 _BLEND = np.array(GROUP_BLEND_WIDTHS_M)
-"""(6,) Widths of the smooth unions within the groups, metres, in the form that compiled kernels accept."""
+"""(6,) widths in metres of the smooth unions within the groups, in the form that compiled kernels accept."""
 _REACH = np.array([GROUP_BLEND_WIDTHS_M[piece.group] + 0.5 * BLEND_BETWEEN_GROUPS_M for piece in PIECES])
-"""(P,) Maximum distance in metres from each primitive at which it still influences the smooth union."""
+"""(P,) maximum distance in metres at which each primitive still influences the smooth union."""
 _MIN_DISTANCE_M = 0.15
-"""Minimum distance from the camera at which bodies are drawn, metres. Sensors measure no closer."""
+"""Minimum distance in metres from the camera at which bodies are drawn. Sensors do not measure nearer
+surfaces."""
 
 
 class DepthRenderer:
@@ -48,9 +49,9 @@ class DepthRenderer:
         self._counts = np.zeros((rows, columns), np.int64)
 
     def _tile_bounds(self) -> Float:
-        """Returns (R, C, 3): centre (x/z, y/z) and radius of every tile, in the plane at depth 1."""
+        """Returns (R, C, 3): centre (x/z, y/z) and radius of every tile in the plane at depth 1."""
         height, width = self.ray.shape[:2]
-        # A tile that crosses the image border repeats the last pixels. This changes neither the box nor the
+        # A tile that crosses the image border repeats the last pixels. This does not change the box or the
         # radius of the tile.
         whole = np.pad(self.ray, ((0, -height % SIDE), (0, -width % SIDE), (0, 0)), mode="edge")
         blocks = whole.reshape(len(whole) // SIDE, SIDE, -1, SIDE, 2)
@@ -60,7 +61,10 @@ class DepthRenderer:
         return np.concatenate([centre[:, 0, :, 0], radius[..., None]], -1)
 
     def draw(self, sdf: BodySdf, depth: Float, material: UInt8) -> None:
-        """Draws a body in place over ``depth`` (H, W) metres (inf: no surface) and ``material`` (H, W)."""
+        """Draws a body in place over ``depth`` (H, W) in metres and ``material`` (H, W).
+
+        Depth is infinite without a surface.
+        """
         _sort_into_tiles(sdf.hull, _REACH, self._tiles, self._bands, self._lists, self._spans, self._counts)
         _draw(
             sdf.shape, sdf.kind, sdf.group, sdf.material, self._lists, self._spans, self._counts,
@@ -72,7 +76,9 @@ class DepthRenderer:
 def _sort_into_tiles(
     hull: Float, reach: Float, tiles: Float, bands: Float, lists: Int, spans: Float, counts: Int
 ) -> None:
-    """Writes for each tile the primitives that may be visible in it, and the depth range (m) of them all."""
+    """Writes the primitives that may be visible in each tile, and the depth range in metres of all of
+    them.
+    """
     counts[:] = 0
     spans[:, :, 0], spans[:, :, 1] = np.inf, 0.0
     for i in range(len(hull)):
@@ -124,8 +130,10 @@ def _draw(
     shape: Float, kind: Int, group: Int, stuff: Int, lists: Int, spans: Float, counts: Int, ray: Float,
     blend: Float, between: float, depth: Float, material: UInt8,
 ) -> None:  # fmt: skip
-    """Traces the rays of every tile that has primitives. Writes hits that are nearer than the current
-    depth."""
+    """Traces the rays of every tile that has primitives.
+
+    Writes hits that are nearer than the current depth.
+    """
     clear, lanes = np.empty(len(shape)), np.empty(LANES_SIZE)
     for r in range(lists.shape[0]):
         for c in range(lists.shape[1]):
@@ -143,7 +151,7 @@ def _draw(
 
 @njit(cache=True, nogil=True)
 def _aim(lanes: Float, ray: Float, depth: Float, top: int, left: int, far: float) -> None:
-    """Sets the rays of a tile, their lengths and their end depths. Rays outside the image end at once."""
+    """Sets the rays of a tile, their lengths and their end depths. Rays outside the image end immediately."""
     height, width = depth.shape
     for k in range(LANES):
         v, u = top + k // SIDE, left + k % SIDE

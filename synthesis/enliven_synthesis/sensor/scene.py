@@ -1,4 +1,6 @@
-"""The empty room behind the performer. It consists of boxes, which are ray-cast once per camera."""
+"""The empty room behind the performer. It consists of boxes. Their depth is computed once per camera by ray
+casting.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,7 @@ MIRROR = 2
 
 @dataclass(frozen=True)
 class Box:
-    """An axis-aligned box between two corners, metres, world."""
+    """An axis-aligned box between two corners in metres, world frame."""
 
     low: tuple[float, float, float]
     high: tuple[float, float, float]
@@ -60,8 +62,9 @@ ROOM: tuple[Box, ...] = (
 def cast_room(
     intrinsics: Intrinsics, world_from_camera: Float, room: tuple[Box, ...] = ROOM
 ) -> tuple[Float, UInt8]:
-    """Returns (H, W) float64 depth along the optical axis, metres (inf outside the room), and (H, W)
-    material.
+    """Returns (H, W) float64 depth in metres along the optical axis, and (H, W) material.
+
+    Outside the room the depth is infinite.
 
     Args:
         world_from_camera: (4, 4) pose of the camera.
@@ -78,8 +81,10 @@ def cast_room(
 def _cast(
     ray: Float, world_from_camera: Float, corners: Float, stuff: UInt8, depth: Float, material: UInt8
 ) -> None:
-    """Writes the depth and material of the nearest box along every ray (H, W, 2); ``corners`` is (B, 2,
-    3)."""
+    """Writes the depth and material of the nearest box along every ray (H, W, 2).
+
+    ``corners`` is (B, 2, 3).
+    """
     along = np.empty(3)
     for v in range(depth.shape[0]):
         for u in range(depth.shape[1]):
@@ -94,11 +99,12 @@ def _cast(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _entry(world_from_camera: Float, along: Float, corners: Float, b: int, nearest: float) -> float:
-    """Returns the ray parameter at which a direction (3,) from the camera enters a box; inf if it misses
-    (slab method).
+    """Returns the ray parameter at which a ray from the camera enters a box (slab method).
 
-    It is also inf beyond ``nearest``, the nearest earlier hit. A ray that lies in a side of the box gives NaN
-    for that slab, which is ignored.
+    ``along`` is the (3,) direction. The result is infinite if the ray misses the box.
+
+    It is also infinite beyond ``nearest``, the nearest earlier hit. If a ray lies in a side of the box, the
+    parameters of this slab are NaN and ignored.
     """
     enter, leave = -np.inf, nearest
     for axis in range(3):

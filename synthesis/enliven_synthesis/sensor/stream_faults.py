@@ -1,6 +1,6 @@
 """Simulates faults of a stream: frames that are late, repeated, missing or partly empty.
 
-Each function takes the frames of a scene in order and returns them as a reader would receive them. Each frame
+Each function takes the frames of a scene in order. It returns them as a reader would receive them. Each frame
 keeps its ground truth.
 """
 
@@ -45,8 +45,9 @@ def slow_frames(frames: Sequence[FrameAndTruth[T]], fps: float = 5.0) -> list[Fr
 def reorder_frames(
     frames: Sequence[FrameAndTruth[T]], part: float = 0.15, seed: int = 0
 ) -> list[FrameAndTruth[T]]:
-    """Moves a random fraction of the frames one to three places back in the order. Their timestamps stay the
-    same."""
+    """Delays a random fraction of the frames by one to three places in the order. Their timestamps stay the
+    same.
+    """
     random = np.random.default_rng(seed)
     delay = np.where(random.random(len(frames)) < part, random.integers(1, 4, len(frames)), 0)
     order = np.argsort(np.arange(len(frames)) + delay + 0.5 * (delay > 0), kind="stable")
@@ -80,7 +81,9 @@ def cover_lens(frames: Sequence[FrameAndTruth[T]], start: float, stop: float) ->
 def remove_depth(
     frames: Sequence[FrameAndTruth[T]], part: float = 0.4, seed: int = 0
 ) -> list[FrameAndTruth[T]]:
-    """Clears a fraction of every image: half of it as single pixels, half as patches."""
+    """Clears a fraction of every image. Half of the cleared area is single pixels, the other half is
+    patches.
+    """
     random = np.random.default_rng(seed)
     single = 1.0 - np.sqrt(1.0 - part)
     out = []

@@ -86,7 +86,7 @@ class SyntheticStudio:
         return round(self.choreography.duration * self.profile.camera.fps)
 
     def time_ns(self, index: int) -> int:
-        """Returns the sensor's timestamp of a frame, integer nanoseconds."""
+        """Returns the sensor's timestamp of a frame in nanoseconds, as an integer."""
         return round(index * 1_000_000_000 / self.profile.camera.fps)
 
     def figure(self, time: float) -> Figure:
@@ -120,12 +120,12 @@ def _invert_pose(rigid: Float) -> Float:
 
 
 def _to_millimetres(depth: Float) -> UInt16:
-    """Returns a depth in metres as (H, W) uint16 millimetres; 0 for rays without a surface."""
+    """Converts a depth in metres to (H, W) uint16 millimetres. Rays without a surface get 0."""
     return np.where(depth < 65.0, np.rint(np.minimum(depth, 65.0) * 1000.0), 0.0).astype(np.uint16)
 
 
 def _check_width(profile: SensorProfile, width: int) -> int | None:
-    """Returns the width of the images, pixels; None for the profile's width."""
+    """Returns the width of the images in pixels, or None for the profile's width."""
     if width == 0:
         return None
     if width < 16 or width * profile.camera.height % profile.camera.width:

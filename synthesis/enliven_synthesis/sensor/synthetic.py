@@ -23,7 +23,7 @@ class SyntheticSensor(Sensor):
         profile: the camera, by name or by the path of its TOML file (see ``firmware_configs/sensors``).
         choreography: "chair", "walk", "wave", "idle" or "wander".
         seed: determines all random numbers.
-        width: width of the images, pixels; None for the profile's width.
+        width: width of the images in pixels, or None for the profile's width.
         realtime: True to deliver frames at the profile's rate.
         loop: True to repeat the choreography, with new noise.
         more: any other field of :class:`SyntheticSettings`, such as ``camera_height`` or ``noise``.
@@ -53,10 +53,10 @@ class SyntheticSensor(Sensor):
         self._started: float | None = None
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
-        """Returns the next frame when it is due; None after the last frame, or after closing.
+        """Returns the next frame when it is due, or None after the last frame or after closing.
 
         Raises:
-            TimeoutError: if it is not due within ``timeout`` seconds.
+            TimeoutError: if the frame is not due within ``timeout`` seconds.
         """
         if self._realtime and not self._closed:
             self._wait(timeout)
@@ -67,7 +67,10 @@ class SyntheticSensor(Sensor):
         return frame
 
     def truth(self, time_ns: int) -> Body:
-        """Returns the performer at a time of the sensor's clock, with (20, 3) true joints, metres, world."""
+        """Returns the performer at a time of the sensor's clock.
+
+        It has (20, 3) true joints in metres, world frame.
+        """
         return self.studio.body(time_ns)
 
     def close(self) -> None:

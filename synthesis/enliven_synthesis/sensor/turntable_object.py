@@ -12,7 +12,7 @@ from enliven.arrays import Float
 from enliven.meshes import Mesh
 
 _START_TIME_S = 0.5
-"""Time in which the turntable reaches its speed, seconds."""
+"""Seconds in which the turntable reaches its speed."""
 
 
 @dataclass(frozen=True)
@@ -20,9 +20,9 @@ class TurntablePath:
     """The path of an object on a turntable. No hands hold it.
 
     Attributes:
-        place: (x, z) position of the axis, metres, world.
-        begins: time for which the turntable stands at first, seconds.
-        period: duration of a full turn, seconds.
+        place: (x, z) position of the axis in metres, world frame.
+        begins: seconds for which the turntable stands at first.
+        period: duration of a full turn in seconds.
     """
 
     place: tuple[float, float] = (0.0, 0.0)
@@ -32,7 +32,7 @@ class TurntablePath:
     def world_from_object(self, time: float) -> Float:
         """Returns the (4, 4) pose of the object at a time in seconds."""
         passed = max(time - self.begins, 0.0)
-        # Let the speed of the turntable grow linearly at first.
+        # The speed of the turntable grows linearly at first.
         even = passed - _START_TIME_S / 2 if passed > _START_TIME_S else passed * passed / (2 * _START_TIME_S)
         pose, axis = np.eye(4), np.array([self.place[0], 0.0, self.place[1]])
         turn = np.array([0.0, 2.0 * math.pi * even / self.period, 0.0])
@@ -41,5 +41,5 @@ class TurntablePath:
         return pose
 
     def arms(self, time: float) -> list[Mesh]:
-        """Returns an empty list: no arms are in view."""
+        """Returns an empty list, because no arms are in view."""
         return []

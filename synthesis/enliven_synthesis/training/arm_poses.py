@@ -1,4 +1,4 @@
-"""Random arm poses: hanging, out, overhead, folded, on the hips, at the face, or anywhere."""
+"""Random arm poses: hanging, out, overhead, folded, on the hips, at the face, or at any position."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _ANGLES: dict[str, tuple[tuple[float, float], ...]] = {
     "wave": ((-0.2, 0.4), (0.8, 1.7), (-2.0, -1.2), (0.8, 2.1)),
     "back": ((-0.8, -0.3), (0.1, 0.5), (0.0, 1.2), (0.1, 1.4)),
 }
-"""Ranges of flex, abduct, twist and elbow, radians, with the meaning of
+"""Ranges of flex, abduct, twist and elbow in radians, as defined in
 :class:`enliven_synthesis.body.posture.ArmPose`."""
 _TARGETS: dict[str, tuple[float, float, float]] = {
     "hip": (0.16, -0.48, 0.03),
@@ -36,7 +36,7 @@ _TARGETS: dict[str, tuple[float, float, float]] = {
     "small of the back": (0.03, -0.42, -0.17),
     "other shoulder": (-0.16, -0.05, 0.1),
 }
-"""Positions of the left wrist for a person of 1.75 m, metres, chest's frame."""
+"""Positions of the left wrist in metres for a person of 1.75 m, chest's frame."""
 _HOLDS = (*_ANGLES, *_TARGETS)
 """Names of the holds (arm poses) that each arm can have independently of the other."""
 HOLDS = (*_HOLDS, *CLOSE_HOLDS, "anywhere")
@@ -49,7 +49,7 @@ _MAX_TRIES = 12
 the arm is held outward. Nearly every hold succeeds within these attempts."""
 
 _OUTWARD_STEP_M = 0.01
-"""Distance that arms held close move away from the trunk with each attempt, metres."""
+"""Distance in metres that arms held close move away from the trunk with each attempt."""
 
 
 def random_arms(performer: Performer, rotations: Float, rng: Generator, hold: str | None = None) -> None:
@@ -92,7 +92,7 @@ def _draw_hold(rng: Generator) -> str:
 
 
 def _turn_arm(performer: Performer, rotations: Float, rng: Generator, name: str, side: int) -> None:
-    """Rotates upper arm, forearm and hand of one side; 0 is the left."""
+    """Rotates upper arm, forearm and hand of one side. ``side`` 0 is the left."""
     chest, sign = rotations[Limb.CHEST], 1.0 - 2.0 * side
     if name in _TARGETS:
         upper, elbow = _arm_towards(performer, chest, rng, _TARGETS[name], side)
@@ -112,8 +112,10 @@ def _turn_arm(performer: Performer, rotations: Float, rng: Generator, name: str,
 
 
 def _place_arm(rotations: Float, rng: Generator, upper: Float, elbow: float, side: int) -> None:
-    """Writes the rotations of upper arm, forearm and hand. The elbow's bend is in radians; the hand is
-    random."""
+    """Writes the rotations of upper arm, forearm and hand.
+
+    The elbow's bend is in radians. The rotation of the hand is random.
+    """
     sign = 1.0 - 2.0 * side
     fore = upper @ rotation_about_x(-elbow)
     palm = rotation_about_y(-sign * rng.uniform(-0.8, 1.6)) @ rotation_about_z(-sign * rng.normal(0, 0.3))
@@ -125,7 +127,10 @@ def _place_arm(rotations: Float, rng: Generator, upper: Float, elbow: float, sid
 def _arm_towards(
     performer: Performer, chest: Float, rng: Generator, target: tuple[float, float, float], side: int
 ) -> tuple[Float, float]:
-    """Returns (3, 3) upper-arm rotation and the elbow's bend, radians, that bring the wrist near a target."""
+    """Returns the (3, 3) rotation of the upper arm and the bend of the elbow in radians.
+
+    They bring the wrist near a target.
+    """
     sign = np.array([1.0 - 2.0 * side, 1.0, 1.0])
     wrist_target = (np.array(target) * performer.scale + rng.normal(0, 0.05, 3)) * sign
     # Point the elbow down, outward and back, because most people hold it this way most of the time.

@@ -40,8 +40,10 @@ class LegPose:
 
 @dataclass(frozen=True)
 class TrunkAndLegs:
-    """The angles of legs and trunk in a posture: pitch and roll of the pelvis, forward and sideways bend of
-    the spine."""
+    """The angles of legs and trunk in a posture.
+
+    The trunk has pitch and roll of the pelvis, and forward and sideways bend of the spine.
+    """
 
     left: LegPose
     right: LegPose
@@ -103,10 +105,10 @@ def _kneeling_leg(rng: Generator) -> LegPose:
 
 def _kneeling_pose(rng: Generator) -> TrunkAndLegs:
     left, right = _kneeling_leg(rng), _kneeling_leg(rng)
-    if rng.random() < 0.25:  # sitting on the heels
+    if rng.random() < 0.25:  # The person sits on the heels.
         flex = rng.uniform(0.7, 1.4)
         left = right = LegPose(flex, abs(rng.normal(0.1, 0.1)), 0.0, min(2.5, flex + 1.5), -0.9)
-    elif rng.random() < 0.55:  # on one knee
+    elif rng.random() < 0.55:  # The person kneels on one knee.
         front = _leg_with_level_sole(rng.uniform(1.1, 1.7), rng.uniform(1.2, 1.8), rng, 0.15)
         left, right = (front, right) if rng.random() < 0.5 else (left, front)
     return TrunkAndLegs(left, right, rng.normal(0.05, 0.15), rng.normal(0, 0.05), rng.uniform(-0.1, 0.6),
@@ -183,7 +185,7 @@ def _all_fours_pose(rng: Generator) -> TrunkAndLegs:
 
 
 def _lying_pose(rng: Generator) -> TrunkAndLegs:
-    """Returns a person lying on the back or the belly, or falling into such a pose."""
+    """Returns a person lying on the back or the belly, or falling into this posture."""
     on_back = rng.random() < 0.5
     legs = [
         LegPose(rng.uniform(-0.1, 1.2) if on_back else rng.normal(0.0, 0.15), abs(rng.normal(0.1, 0.2)),
@@ -208,7 +210,10 @@ def _leaping_pose(rng: Generator) -> TrunkAndLegs:
 
 
 def _high_leg_pose(rng: Generator) -> TrunkAndLegs:
-    """Returns a leg raised sideways or forward, as high as dancers can. The trunk leans away from it."""
+    """Returns a posture with one leg raised sideways or forward, as high as dancers can.
+
+    The trunk leans away from the leg.
+    """
     knee = abs(rng.normal(0.05, 0.1))
     ground = _leg_with_level_sole(0.5 * knee, knee, rng, 0.06)
     abduction = rng.uniform(0.3, 1.7)
@@ -237,7 +242,7 @@ _POSTURE_FAMILIES: dict[str, tuple[float, Callable[[Generator], TrunkAndLegs]]] 
     "lie": (0.02, _lying_pose),
     "leap": (0.05, _leaping_pose),
 }
-"""Every family of postures with its probability. Rare postures are more frequent than in life, so that the
+"""Every family of postures with its probability. Rare postures are more frequent than in reality, so that the
 network learns them."""
 FAMILIES = tuple(_POSTURE_FAMILIES)
 """Names of all families."""
@@ -249,7 +254,7 @@ def random_figure(
     """Returns a performer in a random posture above the world's origin, touching the floor.
 
     Args:
-        yaw: facing of the pelvis, radians about +Y; 0 is +Z.
+        yaw: facing of the pelvis in radians about +Y. 0 is +Z.
         family: a name of :data:`FAMILIES`; None draws one by its probability.
         arms: a name of :data:`enliven_synthesis.training.arm_poses.HOLDS`; None draws one at random.
     """
@@ -268,7 +273,7 @@ def random_figure(
 
 
 def _arms_hang(family: str, rng: Generator) -> bool:
-    """Decides at random whether the arms hang, as they often do in postures that reach for the floor."""
+    """Returns at random whether the arms hang, as they often do in postures that reach for the floor."""
     return family == "bow" and rng.random() < 0.4
 
 
@@ -302,11 +307,11 @@ def _turn_leg(rotations: Float, heading: Float, leg: LegPose, side: int) -> None
 
 
 _SOLE = np.array([[0.0, -0.08, -0.06], [0.0, -0.08, 0.15], [0.0, -0.06, 0.19]])
-"""Heel, ball and toe-cap of a sole for a person of 1.75 m, metres, foot's frame."""
+"""Heel, ball and toe-cap of a sole in metres, for a person of 1.75 m, foot's frame."""
 
 
 def _lowest_height(figure: Figure, scale: float) -> float:
-    """Returns the height of the lowest point of soles, knees, hands and seat, metres."""
+    """Returns the height in metres of the lowest point of soles, knees, hands and seat."""
     low = []
     for limb in (Limb.FOOT_LEFT, Limb.FOOT_RIGHT):
         frame = figure.frames[limb]

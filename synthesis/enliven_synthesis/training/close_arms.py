@@ -1,8 +1,8 @@
 """Random poses of both arms close in front of the trunk or towards the sensor, and all poses in between.
 
-The holds are: folded, hands on hips, on the belly, at the chin, in a boxer's guard, on the lap, a runner's,
-towards the lens. In a depth image these limbs are only centimetres in front of the body, so the network needs
-many examples.
+A hold is a named pose of both arms: folded, hands on the hips, on the belly, at the chin, in a boxer's guard,
+on the lap, of a runner, or towards the lens. In a depth image these limbs are only centimetres in front of
+the body, so the network needs many examples.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class WristPlace:
     """The position of a wrist for a person of 1.75 m: the left one, or the right one mirrored.
 
     Attributes:
-        place: position in the chest's frame, metres: outward, up, ahead.
+        place: position in metres in the chest's frame: outward, up, ahead.
         elbow: direction in which the elbow points, chest's frame: outward, up, ahead.
     """
 
@@ -42,8 +42,10 @@ _POINTING = WristPlace((0.12, -0.08, 0.50))
 _BELLY = WristPlace((0.01, -0.35, 0.20))
 _RUN_AHEAD = WristPlace((0.06, -0.18, 0.27), (0.4, -0.6, -0.8))
 _RUN_BEHIND = WristPlace((0.15, -0.34, 0.04), (0.4, 0.0, -1.0))
-"""Wrists of these arm poses, in order: hanging, on the hips, at the chin, in a guard, striking, on the lap,
-bent, pointing ahead, on the belly, and swinging in a run."""
+"""Wrist positions of arm poses.
+
+In order: hanging, on the hips, at the chin, in a guard, striking, on the lap, bent, pointing ahead, on the
+belly, and swinging in a run."""
 
 _HOLDS: dict[str, tuple[WristPlace, WristPlace]] = {
     "folded": (WristPlace((-0.12, -0.20, 0.20)), WristPlace((-0.10, -0.26, 0.165))),
@@ -61,15 +63,15 @@ _HOLDS: dict[str, tuple[WristPlace, WristPlace]] = {
     "one hand at the chest": (WristPlace((-0.03, -0.12, 0.19)), _HANGING),
     "hanging": (_HANGING, _HANGING),
 }  # fmt: skip
-"""Every hold with the positions of both wrists. Which arm gets the first one is drawn at random."""
+"""Every hold with the positions of both wrists. The arm with the first position is drawn at random."""
 CLOSE_HOLDS = tuple(_HOLDS)
 """Names of all holds with both arms close to the trunk."""
 _PURE_HOLD_FRACTION = 0.6
-"""Fraction of the poses that are exactly one of the holds. The others are interpolated between two."""
+"""Fraction of the poses that are exactly one of the holds. The others are interpolated between two holds."""
 _WRIST_SPREAD_M = 0.04
-"""Standard deviation of a wrist's position along each axis, metres: about half a hand's length."""
+"""Standard deviation in metres of a wrist's position along each axis: about half a hand's length."""
 _HEIGHT_SPREAD_M = 0.06
-"""Standard deviation of the common height of both wrists, metres. People fold their arms at different
+"""Standard deviation in metres of the common height of both wrists. People fold their arms at different
 heights."""
 _ELBOW_SPREAD = 0.3
 """Standard deviation of the elbow's direction along each axis."""
@@ -78,13 +80,13 @@ _ELBOW_SPREAD = 0.3
 def draw_close_wrists(
     performer: Performer, rng: Generator, hold: str | None = None, ahead: float = 0.0
 ) -> Float:
-    """Returns (2, 6) positions of both wrists, metres, and directions of both elbows, chest's frame.
+    """Returns (2, 6): positions of both wrists in metres, and directions of both elbows, chest's frame.
 
     The axes are those of the arm's own side: outward, up, ahead. The left arm is first.
 
     Args:
         hold: a name of :data:`CLOSE_HOLDS`; None draws one at random, or a pose between two of them.
-        ahead: additional distance of both wrists from the trunk, metres, for a person of 1.75 m.
+        ahead: additional distance in metres of both wrists from the trunk, for a person of 1.75 m.
     """
     wrists = _hold_wrists(hold or _draw_hold(rng), rng)
     if hold is None and rng.random() > _PURE_HOLD_FRACTION:
@@ -100,12 +102,13 @@ def draw_close_wrists(
 
 
 def reach_close(performer: Performer, rotations: Float, wrist: Float, side: int) -> tuple[Float, float]:
-    """Returns (3, 3) upper-arm rotation and the elbow's bend, radians, for one row of
-    :func:`draw_close_wrists`.
+    """Returns the (3, 3) rotation of the upper arm and the elbow's bend in radians for a close wrist.
+
+    ``wrist`` is one row of the result of :func:`draw_close_wrists`.
 
     Args:
         rotations: (16, 3, 3) world_from_limb.
-        side: 0 the left arm, 1 the right one.
+        side: 0 for the left arm, 1 for the right arm.
     """
     mirror = np.array([1.0 - 2.0 * side, 1.0, 1.0])
     return solve_arm(performer, rotations[Limb.CHEST], wrist[:3] * mirror, wrist[3:] * mirror, side)
@@ -116,7 +119,9 @@ def _draw_hold(rng: Generator) -> str:
 
 
 def _hold_wrists(hold: str, rng: Generator) -> Float:
-    """Returns (2, 6) wrist positions and elbow directions of a hold. In half of the draws the arms are
-    exchanged."""
+    """Returns (2, 6) wrist positions and elbow directions of a hold.
+
+    In half of the draws the arms are exchanged.
+    """
     both = np.array([[*wrist.place, *wrist.elbow] for wrist in _HOLDS[hold]])
     return both[::-1].copy() if rng.random() < 0.5 else both

@@ -1,4 +1,4 @@
-"""Random clutter without people: furniture, pillars, stacks, coat racks, pieces of walls.
+"""Random clutter without people: furniture, pillars, stacks, coat racks, and pieces of walls.
 
 The tracker passes every blob of pixels that may be a person to the network, so the network must recognise
 blobs that are not people.
@@ -16,9 +16,9 @@ from enliven.arrays import Bool, Float
 from enliven_synthesis.body.rotations import rotation_about_x, rotation_about_y, rotation_about_z
 
 _LEG_RADIUS_M = 0.025
-"""Half the thickness of a table leg of ordinary furniture, metres."""
+"""Half the thickness in metres of a table leg of ordinary furniture."""
 _OUTLINE_SMOOTHING_PX = (3.0, 14.0)
-"""Range of the standard deviation, in pixels, of the Gaussian that smooths the outline of a piece of wall."""
+"""Range of the standard deviation in pixels of the Gaussian that smooths the outline of a piece of wall."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,10 @@ class ClutterSolid:
     round: bool = False
 
     def entry(self, eye: Float, direction: Float) -> Float:
-        """Returns the (h, w) ray parameters at which rays from the eye along (h, w, 3) ``direction`` enter
-        the solid, else inf."""
+        """Returns the (h, w) ray parameters at which rays enter the solid; infinite if they miss it.
+
+        The rays start at the eye and have the (h, w, 3) ``direction``.
+        """
         start = (eye - self.centre) @ self.turn / self.half
         along = direction @ self.turn / self.half
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -54,7 +56,7 @@ def _cube_crossings(start: Float, along: Float) -> tuple[Float, Float]:
 
 
 def _ball_crossings(start: Float, along: Float) -> tuple[Float, Float]:
-    """Returns the parameters at which rays enter and leave the unit ball; NaN if they miss it."""
+    """Returns the parameters at which rays enter and leave the unit ball. They are NaN if a ray misses it."""
     a, b = (along**2).sum(-1), (along * start).sum(-1)
     root = np.sqrt(b**2 - a * ((start**2).sum() - 1.0))
     return (-b - root) / a, (-b + root) / a
@@ -116,7 +118,7 @@ def _random_table(rng: Generator) -> list[ClutterSolid]:
 
 
 def _random_rack(rng: Generator) -> list[ClutterSolid]:
-    """Returns a pole with arms, a lamp or a coat, like a plant, a coat rack or a tripod."""
+    """Returns a pole with arms, a lamp or a coat. It resembles a plant, a coat rack or a tripod."""
     tall = rng.uniform(0.8, 2.1)
     pole = rng.uniform(0.01, 0.05)
     solids = [_box((-pole, 0.0, -pole), (pole, tall, pole))]
@@ -131,11 +133,12 @@ def _random_rack(rng: Generator) -> list[ClutterSolid]:
 
 
 def random_wall_piece(shape: tuple[int, int], middle: Float, size: Float, rng: Generator) -> Bool:
-    """Returns (h, w) pixels within a random outline: a piece of a wall that is missing from the background
-    model.
+    """Returns the (h, w) pixels within a random outline.
+
+    They simulate a piece of a wall that is missing from the background model.
 
     Args:
-        middle, size: (2,) row and column of its middle, and its approximate size, pixels.
+        middle, size: (2,) row and column of its middle, and its approximate size in pixels.
     """
     v, u = np.indices(shape)
     down, right = (v - middle[0]) / (0.5 * size[0] + 1.0), (u - middle[1]) / (0.5 * size[1] + 1.0)

@@ -18,10 +18,10 @@ from enliven_synthesis.training.rendering import PersonRenderer
 from enliven_synthesis.training.samples import LABEL_COLUMNS, LABEL_ROWS, training_sample
 
 SHARD_SAMPLES = 2000
-"""Number of samples that one random generator produces. So the samples do not depend on the number of
-processes."""
+"""Number of samples that one random generator produces. It is fixed, so that the samples do not depend on the
+number of processes."""
 _RANDOM_STREAM = 77
-"""Number in the seeds of the samples' random generators, so that they differ from other generators."""
+"""Number in the seeds of the samples' random generators. It makes them differ from other generators."""
 _COMPLETION_FILE = "complete.txt"
 """Name of the file that is written last. Without it the data set is incomplete and is not used."""
 _ARRAYS = {
@@ -31,9 +31,9 @@ _ARRAYS = {
     "facing": (np.float32, ()),
     "cell": (np.float32, ()),
 }
-"""Each array of the data set, with the type and the shape of one sample."""
+"""Type and shape of one sample in each array of the data set."""
 MIRRORED_LABELS = np.array([*MIRRORED, *([NOBODY] * (256 - PARTS))], np.uint8)
-"""(256,) The label of the mirrored body part for each label."""
+"""(256,) for each label, the label of the mirrored body part."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Batch:
         parts: (N, 40, 32) the body part at each label cell, or the background label.
         joints: (N, 20, 3) metres, crop coordinates.
         facing: (N,) radians; NaN in samples without a person.
-        cell: (N,) metres of a cell of the crop.
+        cell: (N,) size of a cell of the crop in metres.
     """
 
     image: Float32
@@ -64,7 +64,7 @@ class Dataset:
     """Training samples in a folder, read on demand.
 
     Attributes:
-        arrays: the arrays by name, memory-mapped copy-on-write: changes are not saved.
+        arrays: the arrays by name. They are memory-mapped copy-on-write, so changes are not saved.
     """
 
     def __init__(self, folder: Path) -> None:

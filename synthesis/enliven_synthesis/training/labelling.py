@@ -11,7 +11,7 @@ from enliven_synthesis.body.body_sdf import PIECES
 from enliven_synthesis.body.performer import Figure
 
 _TRUNK_MIDDLE = 0.04
-"""Height above the spine joint of the border between belly and chest, metres, for a person of 1.75 m."""
+"""Height in metres of the border between belly and chest above the spine joint, for a person of 1.75 m."""
 
 
 def _parts_by_limb() -> Int:
@@ -23,9 +23,9 @@ def _parts_by_limb() -> Int:
 
 
 _LIMB_OF_PIECE = np.array([piece.limb for piece in PIECES])
-"""(P,) The limb of every piece of the body."""
+"""(P,) the limb of every piece of the body."""
 _PART_OF_PIECE = _parts_by_limb()[_LIMB_OF_PIECE]
-"""(P,) The body part of every piece; -1 for pieces of the trunk."""
+"""(P,) the body part of every piece; -1 for pieces of the trunk."""
 
 
 def label_pixels(pieces: UInt8, points: Float, figure: Figure, scale: float) -> UInt8:

@@ -28,25 +28,25 @@ from enliven_synthesis.training.labelling import label_pixels
 SENSORS = ("kinect1", "kinect2", "oak-d", "oak-d-lite", "realsense-d415", "tof")
 """Profiles of the sensors that people are rendered for, one of each kind."""
 WIDTH = 200
-"""Width of the images, pixels. About the width at which the tracker works."""
+"""Width of the images in pixels. It is about the width at which the tracker works."""
 _PIECE_NUMBERS = np.arange(len(PIECES), dtype=np.int64)
-"""(P,) The numbers of the body pieces, which the renderer writes instead of materials."""
+"""(P,) numbers of the body pieces, which the renderer writes instead of materials."""
 _WALL_FRACTION = 0.35
 """Fraction of the clutter images that show a piece of a wall. The others show furniture and similar
 objects."""
 _SUNK_FEET_FRACTION = 0.08
-"""Fraction of images in which feet or shanks are missing, as if the background model's floor were too
-high."""
+"""Fraction of images in which feet or shanks are missing. It simulates a background model with a floor that
+is too high."""
 _STRAY_DISTANCE_M = 0.12
-"""Distance from the true surface beyond which the tracker usually discards a measurement, metres."""
+"""Distance in metres from the true surface beyond which the tracker usually discards a measurement."""
 
 
 @dataclass(frozen=True)
 class RenderedPerson:
-    """A sensor's view of one person, or of clutter in place of a person.
+    """A sensor's view of one person, or of clutter instead of a person.
 
     Attributes:
-        z: (h, w) float32 metres along the optical axis at the person's pixels, 0 elsewhere.
+        z: (h, w) float32 depth in metres along the optical axis at the person's pixels, and 0 elsewhere.
         around: (h, w) float32 depth in metres at all pixels, including occluders and background.
         label: (h, w) the body part, or the background label.
         camera: (4,) fx, fy, cx, cy.
@@ -80,8 +80,9 @@ class PersonRenderer:
     def render_person(
         self, rng: Generator, family: str | None = None, arms: str | None = None, frontal: float = 0.0
     ) -> RenderedPerson:
-        """Renders a random person in a random posture from a random viewpoint, with at least 60 visible
-        pixels.
+        """Renders a random person in a random posture from a random viewpoint.
+
+        At least 60 pixels of the person are visible.
 
         Args:
             family: a name of :data:`enliven_synthesis.training.body_poses.FAMILIES`; None draws one at
@@ -95,7 +96,7 @@ class PersonRenderer:
                 return rendered
 
     def render_clutter(self, rng: Generator) -> RenderedPerson:
-        """Renders clutter in place of a person, with at least 60 visible pixels."""
+        """Renders clutter instead of a person, with at least 60 visible pixels."""
         while True:
             _, figure, sensor, pose = self._random_view(rng, None, None, 0.0)
             rendered = _hide_part(self.render_clutter_at(figure, sensor, pose, rng), rng)
@@ -140,7 +141,7 @@ class PersonRenderer:
         )
 
     def render_clutter_at(self, instead: Figure, sensor: int, pose: Float, rng: Generator) -> RenderedPerson:
-        """Renders clutter in place of a figure; sensor and pose as in :meth:`render_figure`."""
+        """Renders clutter instead of a figure. For ``sensor`` and ``pose`` see :meth:`render_figure`."""
         _, ray, _, _, _ = self._cameras[sensor]
         depth = _room_depth(ray, pose, instead, rng)
         if rng.random() < _WALL_FRACTION:
@@ -169,8 +170,10 @@ class PersonRenderer:
     def _add_sensor_faults(
         self, depth: Float, stuff: UInt8, mask: Bool, sensor: int, pose: Float, rng: Generator
     ) -> RenderedPerson:
-        """Adds the faults of sensor and tracker to (h, w) depth in metres, materials, and the person's
-        mask."""
+        """Adds the faults of sensor and tracker to a rendered image.
+
+        The image consists of (h, w) depth in metres, materials, and the person's mask.
+        """
         _, ray, _, noise, _ = self._cameras[sensor]
         z = noise.add_noise(depth, stuff, int(rng.integers(2**31))).astype(np.float64) * 1e-3
         height = (pose[1, 0] * ray[..., 0] + pose[1, 1] * ray[..., 1] + pose[1, 2]) * z + pose[1, 3]
@@ -182,7 +185,7 @@ class PersonRenderer:
 
 
 def _draw_floor_band(rng: Generator) -> float:
-    """Returns the height above the floor, metres, below which the tracker assigns no pixels to the person.
+    """Returns the height in metres above the floor below which the tracker assigns no pixels to the person.
 
     It is larger if the background was learnt while the person stood there.
     """
@@ -192,7 +195,10 @@ def _draw_floor_band(rng: Generator) -> float:
 
 
 def _hide_part(rendered: RenderedPerson, rng: Generator) -> RenderedPerson:
-    """Hides a part of the person in some of the images (occlusion)."""
+    """Hides a part of the person in some of the images.
+
+    This simulates occlusion.
+    """
     hidden = _draw_occlusion(rendered.z > 0, rng)
     return dataclasses.replace(
         rendered,
@@ -216,10 +222,10 @@ def random_build(rng: Generator) -> Proportions:
 
 
 def _camera_pose(figure: Figure, camera: Intrinsics, near: float, far: float, rng: Generator) -> Float:
-    """Returns the (4, 4) pose of a sensor that sees the whole person, or sometimes a part."""
+    """Returns the (4, 4) pose of a sensor that sees the whole person, or sometimes only a part."""
     low, high = figure.joints.min(0), figure.joints.max(0)
     middle = 0.5 * (low + high)
-    if rng.random() < 0.25:  # a close-up of the upper body
+    if rng.random() < 0.25:  # This is a close-up of the upper body.
         distance = rng.uniform(near, max(near + 0.3, 1.4))
         target = figure.joints[int(rng.choice([0, 1, 2, 3]))] + rng.normal(0, 0.1, 3)
     else:
@@ -255,13 +261,16 @@ def _room_depth(ray: Float, pose: Float, figure: Figure, rng: Generator) -> Floa
 
 
 def _draw_occluder_depth(z: Float32, rng: Generator) -> float:
-    """Returns the depth of the object that occludes a person, metres; 0 if it is not measured."""
+    """Returns the depth in metres of the object that occludes a person; 0 if it is not measured."""
     seen = z[z > 0]
     return 0.0 if len(seen) == 0 or rng.random() < 0.3 else float(seen.min()) * rng.uniform(0.5, 0.95)
 
 
 def _draw_occlusion(seen: Bool, rng: Generator) -> Bool:
-    """Returns the occluded pixels (h, w): in one image of five by an object, in some by missing depth."""
+    """Returns the occluded pixels (h, w).
+
+    In one of five images an object occludes the person. In some images depth is missing.
+    """
     hidden = np.zeros(seen.shape, bool)
     rows, columns = np.nonzero(seen)
     if len(rows) == 0:

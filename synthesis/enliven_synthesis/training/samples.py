@@ -19,16 +19,18 @@ from enliven_edge.tracking.estimator.labels import NOBODY, BodyPart, facing_in_p
 from enliven_synthesis.training.rendering import PersonRenderer, RenderedPerson
 
 LABEL_ROWS, LABEL_COLUMNS = ROWS // 2, COLUMNS // 2
-"""Rows and columns of the part labels: half the crop's resolution, the network's output resolution."""
+"""Rows and columns of the part labels. They are half the crop's resolution, which is the network's output
+resolution."""
 _CROP_DEVIATIONS = np.array([0.05, 0.05, 0.06, 0.06])
-"""Standard deviations of a crop's errors, similar to a tracker's: three for its position, in metres, and one
-for the logarithm of its size."""
+"""Standard deviations of a crop's errors, similar to those of a tracker.
+
+Three are for the position in metres, and one for the logarithm of the size."""
 _FLOOR_ERROR_M = 0.02
-"""Standard deviation of the error of the floor's height, metres, similar to a tracker's."""
+"""Standard deviation in metres of the error of the floor's height, similar to that of a tracker."""
 _JUMP_FRACTION = 0.1
 """Fraction of samples in which people jump, or stand on an object."""
 _MAX_JUMP_HEIGHT_M = 0.6
-"""Maximum height at which people jump, or stand above the floor, metres: a high jump, or a chair."""
+"""Maximum height in metres at which people jump or stand above the floor: a high jump, or a chair."""
 _LOSABLE_PARTS = (
     BodyPart.HAND_LEFT,
     BodyPart.FOREARM_LEFT,
@@ -37,9 +39,9 @@ _LOSABLE_PARTS = (
     BodyPart.SHANK_LEFT,
     BodyPart.HEAD,
 )
-"""Body parts that a tracker may lose: the head, and the parts of the left side, which represent both
-sides.
-"""
+"""Body parts that a tracker may lose: the head, and parts of the left side.
+
+The parts of the left side represent both sides."""
 _CLUTTER_FRACTION = 0.12
 """Fraction of samples without a person: one in eight."""
 _LOST_LIMB_FRACTION = 0.1
@@ -50,12 +52,12 @@ _WALL_PIECE_FRACTION = 0.12
 """Fraction of samples in which the wall next to the person is assigned to the person. If the person is close
 to the wall, the depth has no step there."""
 _WALL_DISTANCES_M = (0.0, 0.6)
-"""Distance of such a wall behind the person's middle, metres (minimum, maximum)."""
+"""Minimum and maximum distance in metres of such a wall behind the person's middle."""
 _WALL_SLOPE = 0.006
-"""Standard deviation of the slope of such a wall, metres per pixel. This is about 30 degrees."""
+"""Standard deviation of the slope of such a wall in metres per pixel. It is about 30 degrees."""
 _WALL_REST_FRACTION = 0.3
-"""Fraction of the samples without a person that show a piece of a wall next to a person. The person's outline
-bounds this piece, so that it has a person's outline and height."""
+"""Fraction of the samples without a person that show a piece of a wall next to a person. The piece ends at
+the person, so it has a person's outline and height."""
 _STRAIGHT_EDGE_FRACTION = 0.6
 """Fraction of these pieces that end at a straight edge, such as a door's, on the other side."""
 _MIN_WALL_PIXELS = 60
@@ -70,9 +72,10 @@ class TrainingSample:
 
     Attributes:
         image: (4, 80, 64) float32, channels as in :class:`Crop`.
-        cell: size of a cell, metres.
+        cell: size of a cell in metres.
         joints: (20, 3) float32 metres, crop coordinates, ordered by :class:`enliven.person.body.Joint`.
-        facing: radians, as returned by :func:`facing_in_plan`; NaN without a person (joints are then 0).
+        facing: radians, as returned by :func:`facing_in_plan`. Without a person it is NaN, and the joints are
+            0.
         parts: (40, 32) uint8 the body part at every second cell, or the background label.
     """
 
@@ -182,7 +185,9 @@ def _add_wall(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
 
 
 def _add_wall_alone(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
-    """Adds the wall next to the person to the depth, (h, w). Returns it with a mask of that wall alone."""
+    """Adds the wall next to the person to the (h, w) depth. Returns the depth with a mask of the wall
+    alone.
+    """
     out, new_mask = _add_wall(z, mask, rng)
     piece = new_mask & ~mask
     if piece.any() and rng.random() < _STRAIGHT_EDGE_FRACTION:
@@ -209,6 +214,6 @@ def _label_crop(crop: Crop, rendered: RenderedPerson, mask: Bool) -> UInt8:
 
 
 def crop_coordinates(crop: Crop, points: Float) -> Float:
-    """Returns (N, 3) crop coordinates of (N, 3) points in the camera's frame (x right, y down, z ahead)."""
+    """Converts (N, 3) points in the camera's frame (x right, y down, z ahead) to (N, 3) crop coordinates."""
     flat = (points[:, :2] / points[:, 2:] @ crop.axes.T - crop.centre) * crop.depth
     return np.concatenate([flat, points[:, 2:] - crop.depth], 1)

@@ -55,11 +55,11 @@ def opened(port: Port):
 def test_a_port_is_no_panel_before_it_has_greeted(port, monkeypatch, caplog):
     monkeypatch.setattr(serial_panel, "_GREETING_TIMEOUT_S", 0.3)
     with opened(port) as controls:
-        until(lambda: "the panel says nothing. Is its firmware on it" in caplog.text)
+        until(lambda: "the panel does not answer. Is its firmware on it" in caplog.text)
         port.send(b"AT+GMM\r\n\xff\x00$P0000\n$H01P*0000\n")
-        assert controls.missing == ["panel"] and "is there" not in caplog.text
+        assert controls.missing == ["panel"] and "is connected" not in caplog.text
         assert port.edge_says() == [], "what may be a modem or a boot loader is not spoken to"
-    assert caplog.text.count("says nothing") == 1, "it is said once, however often it is tried"
+    assert caplog.text.count("does not answer") == 1, "it is said once, however often it is tried"
 
 
 def test_a_panel_that_runs_already_is_asked_for_its_greeting(port):

@@ -53,20 +53,20 @@ def test_a_line_is_a_press(pedal, caplog):
     caplog.set_level(logging.INFO)
     with opened(pedal) as controls:
         ear = Ear(controls)
-        until(lambda: "is there" in caplog.text)
+        until(lambda: "is connected" in caplog.text)
         pedal.send(b"A\r\n  left foot\nnobody\nB")
         until(lambda: ear.heard(2))
         pedal.send(b"\n")
         until(lambda: ear.heard(3))
     assert ear.words == ["possess", "join", "next"]
-    assert "sent 'nobody', which its map does not have" in caplog.text
+    assert "sent 'nobody', which is not in its map" in caplog.text
 
 
 def test_a_byte_is_a_press(pedal, caplog):
     caplog.set_level(logging.INFO)
     with opened(pedal, sends="byte") as controls:
         ear = Ear(controls)
-        until(lambda: "is there" in caplog.text)
+        until(lambda: "is connected" in caplog.text)
         pedal.send(b"AB\x1b")
         until(lambda: ear.heard(3))
     assert ear.words == ["possess", "next", "release"]
@@ -76,17 +76,17 @@ def test_unplugged_pedal_is_found_again_and_both_are_reported_once(pedal, caplog
     caplog.set_level(logging.INFO)
     with opened(pedal) as controls:
         ear = Ear(controls)
-        until(lambda: caplog.text.count("is there") == 1)
+        until(lambda: caplog.text.count("is connected") == 1)
         pedal.send(b"A\nhalf a li")
         until(lambda: ear.heard(1))
         pedal.unplug()
-        until(lambda: "is not there" in caplog.text)
+        until(lambda: "is missing" in caplog.text)
         pedal.plug()
-        until(lambda: caplog.text.count("is there") == 2)
+        until(lambda: caplog.text.count("is connected") == 2)
         pedal.send(b"B\n")
         until(lambda: ear.heard(2))
     assert ear.words == ["possess", "next"]
-    assert caplog.text.count("is not there") == 1
+    assert caplog.text.count("is missing") == 1
 
 
 def test_a_pedal_may_come_after_the_edge(tmp_path, caplog):
@@ -95,9 +95,9 @@ def test_a_pedal_may_come_after_the_edge(tmp_path, caplog):
     pedal.unplug()
     with opened(pedal) as controls:
         ear = Ear(controls)
-        until(lambda: "is not there" in caplog.text)
+        until(lambda: "is missing" in caplog.text)
         pedal.plug()
-        until(lambda: "is there" in caplog.text)
+        until(lambda: "is connected" in caplog.text)
         pedal.send(b"A\n")
         until(lambda: ear.heard(1))
     pedal.close()
@@ -116,7 +116,7 @@ def test_a_bouncing_contact_is_heard_once(pedal, caplog):
     caplog.set_level(logging.INFO)
     with opened(pedal, debounce=5.0) as controls:
         ear = Ear(controls)
-        until(lambda: "is there" in caplog.text)
+        until(lambda: "is connected" in caplog.text)
         pedal.send(b"A\nA\nA\nB\n")
         until(lambda: ear.heard(2))
     assert ear.words == ["possess", "next"]

@@ -206,7 +206,7 @@ def test_a_loop_is_closed_with_less_error_than_its_worst_pair():
 
 def test_one_sensor_or_one_name_twice_is_refused():
     a, b = seen_by_both()
-    with pytest.raises(InputError, match="one sensor only"):
+    with pytest.raises(InputError, match="there is only one sensor"):
         calibrate([a])
     with pytest.raises(InputError, match="two sensors are called 'a'"):
         calibrate([a, dataclasses.replace(b, sensor="a")])

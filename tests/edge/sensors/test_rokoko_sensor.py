@@ -178,7 +178,7 @@ def test_the_newest_of_waiting_packets_is_read():
 def test_another_version_is_named_with_advice(data, shown):
     with open_sensor("rokoko", port=0) as sensor:
         send(sensor, data)
-        with pytest.raises(InputError, match=rf"JSON of version {shown} came.*choose.*JSON v3"):
+        with pytest.raises(InputError, match=rf"JSON of version {shown}.*choose.*JSON v3"):
             sensor.read(WAIT)
         for version in ("3,0", "3.1", 3, 3.0):
             send(sensor, packet(("A", T_POSE), version=version))

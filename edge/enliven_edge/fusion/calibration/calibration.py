@@ -23,17 +23,17 @@ from enliven_edge.fusion.calibration.tracks import BodyStream
 from enliven_edge.fusion.settings import CalibrationSettings
 
 _MISSED_BODY_COST_M = 0.5
-"""Cost in metres of a body that only one sensor saw although the other saw people at that time."""
+"""Cost in metres of a body that only one sensor saw, although the other sensor saw people at that time."""
 _MAX_REFINED_PLACEMENTS = 4
-"""Number of placements that are refined fully. The best guess after a quick fit is not always the best in the
-end."""
+"""Number of placements that are refined fully. The best placement after a quick fit is not always the best
+after refinement."""
 _EQUAL_COST_RATIO = 1.25
 """Factor on the best cost up to which another placement counts as an equally good explanation."""
 
 
 @dataclass(frozen=True)
 class SensorPair:
-    """The result for two sensors. ``fit`` is None if they never saw the same person."""
+    """The result for two sensors. ``fit`` is None if both sensors never saw the same person."""
 
     a: str
     b: str
@@ -42,7 +42,7 @@ class SensorPair:
 
     @property
     def is_good(self) -> bool:
-        """True if the result may be used."""
+        """Returns True if the result may be used."""
         return self.quality.verdict is Verdict.GOOD
 
 
@@ -52,8 +52,9 @@ class Calibration:
 
     Attributes:
         sensors: their identities; the first one's frame is the world.
-        world_from_sensor: by sensor, (4, 4) world from its own level frame, in which its bodies are given.
-        clock_offset_ns: by sensor, nanoseconds to add to its clock to get the first one's.
+        world_from_sensor: by sensor, the (4, 4) transform to the world from the sensor's level frame, in
+            which its bodies are given.
+        clock_offset_ns: by sensor, nanoseconds to add to its clock to get the first sensor's clock.
         pairs: the result of every pair of sensors.
         loop_cm, loop_deg: maximum loop closure error, in position and rotation, of chains of sensors that
             form a loop.
@@ -81,10 +82,10 @@ class Calibration:
         return tuple(name for name in self.sensors if name not in connected)
 
     def space(self, level_from_camera: Mapping[str, Float] | None = None) -> Space:
-        """Returns the space for the file.
+        """Returns the calibrated space that is written to the file.
 
         Args:
-            level_from_camera: by depth sensor, (4, 4) the pose of its camera in its own level frame.
+            level_from_camera: by depth sensor, the (4, 4) pose of its camera in the sensor's level frame.
         """
         cameras = level_from_camera or {}
         places = {}
@@ -97,7 +98,7 @@ class Calibration:
     def advice(self) -> list[str]:
         """Returns advice: one sentence for each pair that an unconnected sensor needs.
 
-        The list is empty if all is good.
+        The list is empty if the calibration is good.
         """
         unconnected = self.find_unconnected(lambda pair: pair.is_good)
         return [p.quality.advice for p in self.pairs if p.quality.advice and {p.a, p.b} & set(unconnected)]
@@ -112,7 +113,7 @@ def calibrate(
 
     Args:
         streams: the bodies of each sensor.
-        settings: the settings; None: the defaults.
+        settings: the settings. If None, uses the defaults.
         progress: called with the names of each pair.
 
     Raises:
@@ -145,7 +146,7 @@ def calibrate(
 
 
 def calibrate_pair(a: BodyStream, b: BodyStream, settings: CalibrationSettings) -> SensorPair:
-    """Finds the pose of sensor b relative to sensor a, from the best of all first guesses."""
+    """Finds the pose of sensor b relative to sensor a, starting from each of the first guesses."""
     known_lag = (b.first_ns - a.first_ns) * 1e-9
     ranked_fits: list[tuple[float, Fit]] = []
     for guess in generate_guesses(a, b, known_lag, settings):
@@ -172,7 +173,7 @@ def calibrate_pair(a: BodyStream, b: BodyStream, settings: CalibrationSettings) 
 
 
 def _select_distinct(ranked_fits: list[tuple[float, Fit]]) -> list[tuple[float, Fit]]:
-    """Returns the best few guesses that differ from every better one."""
+    """Returns the best few guesses, without those that are similar to a better one."""
     distinct: list[tuple[float, Fit]] = []
     for score, fit in ranked_fits:
         if all(are_different(fit, other) or abs(fit.lag - other.lag) > 0.1 for _, other in distinct):
@@ -185,7 +186,9 @@ def _select_distinct(ranked_fits: list[tuple[float, Fit]]) -> list[tuple[float, 
 def _refine_guess(
     a: BodyStream, b: BodyStream, quick: Fit, settings: CalibrationSettings
 ) -> tuple[Fit, tuple[BodyMatch, ...]] | None:
-    """Refines a guess with all people matched, twice, because a better placement gives better matches."""
+    """Refines a guess. It matches all people and refines twice, because a better placement gives better
+    matches.
+    """
     fit = quick
     matches: tuple[BodyMatch, ...] = ()
     for _ in range(2):
@@ -202,7 +205,7 @@ def _compute_score(
 ) -> float:
     """Returns the disagreement in metres per body, with a cost for bodies that only one sensor saw.
 
-    Short overlaps agree by chance more easily, so they must agree better.
+    Short overlaps agree more easily by chance, so their score is increased.
     """
     times = np.arange(0.0, a.duration + 1e-9, 0.1)
     common_people = np.minimum(_count_people(a, times), _count_people(b, times - fit.lag)).sum()
@@ -235,7 +238,7 @@ def _shared_duration(match: BodyMatch, b: BodyStream, lag: float) -> float:
 
 def _check_names(names: Sequence[str]) -> None:
     if len(names) < 2:
-        raise InputError("there is one sensor only", where="calibration", remedy="Give two or more.")
+        raise InputError("there is only one sensor", where="calibration", remedy="Give two or more.")
     duplicates = [name for name in names if names.count(name) > 1]
     if duplicates:
         raise InputError(

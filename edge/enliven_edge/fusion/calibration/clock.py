@@ -1,7 +1,7 @@
 """Estimates the clock offset of two sensors roughly, from signals that are invariant under rigid motion.
 
-Distances between joints and the speed of the hips are the same in every frame of reference. They do not
-depend on the names of the sides either. The lag with the best correlation of two such signals is the clock
+Distances between joints and the speed of the hips are the same in every frame of reference. They also stay
+the same if left and right are confused. The lag with the best correlation of two such signals is the clock
 offset. If a walk repeats itself, there are several such lags, and geometry decides between them.
 """
 
@@ -18,11 +18,11 @@ from enliven_edge.fusion.settings import MAX_TRACK_GAP_S, CalibrationSettings
 _SAMPLE_RATE_HZ = 50.0
 """Sampling rate of the signals in hertz: above every sensor's frame rate."""
 _MAX_CANDIDATES = 5
-"""Number of lags that are tried. A walk that repeats itself has a few peaks of equal height."""
+"""Number of lags that are tried. The correlation of a repetitive walk has a few peaks of equal height."""
 _MIN_PEAK_DISTANCE_S = 0.15
 """Minimum distance of two peaks in seconds. Closer peaks count as the same peak."""
 _SPEED_WINDOW_S = 0.12
-"""Seconds over which speeds are computed, so that noise of the joints does not hide them."""
+"""Seconds over which speeds are computed. It is long enough to suppress the noise of the joints."""
 
 
 def find_likely_lags(
@@ -33,8 +33,8 @@ def find_likely_lags(
     Args:
         a, b: the tracks.
         settings: the settings.
-        known: the lag (seconds) according to synchronised clocks. It is also tried if the tracks overlap with
-            it. None if the clocks are not synchronised.
+        known: the lag in seconds according to synchronised clocks, or None if they are not synchronised. It
+            is also tried if the tracks overlap with this lag.
     """
     signal_a, seen_a = _compute_signals(a)
     signal_b, seen_b = _compute_signals(b)
@@ -86,7 +86,7 @@ def _compute_signals(track: BodyTrack) -> tuple[Float, Float]:
 
 
 def _correlate(a: Float, seen_a: Float, b: Float, seen_b: Float) -> tuple[Float, Float]:
-    """Returns the normalised correlation (L,) and the number (L,) of common samples at every lag."""
+    """Returns (L,) the normalised correlation and (L,) the number of common samples at each of L lags."""
     if not len(a) or not len(b):
         return np.zeros(0), np.zeros(0)
     product = sum(correlate(a[:, k], b[:, k], method="fft") for k in range(a.shape[1]))

@@ -16,14 +16,15 @@ from enliven_edge.fusion.live.side_assignment import OTHER_SIDE, midline_points,
 from enliven_edge.fusion.settings import MAX_TRACK_GAP_S, CalibrationSettings
 
 _MAX_FRAMES = 240
-"""Number of frames in a first guess. More cost time and do not add accuracy, because refinement follows."""
+"""Number of frames in a first guess. More frames take time and do not add accuracy, because refinement
+follows."""
 _RANSAC_DRAWS = 60
 """Number of random pairs of frames tried for each guess (RANSAC). Some of them contain no wrong match."""
 _MAX_TRACKS = 4
-"""Number of people per sensor, the longest seen, for first guesses. The number of pairs grows with the
-square."""
+"""Number of people per sensor for first guesses. Those with the longest tracks are used. The number of pairs
+grows with the square."""
 _SAME_PERSON_M = 0.35
-"""Maximum distance in metres between the trunks of one person in two roughly placed sensors."""
+"""Maximum distance in metres between the trunks of one person as seen by two roughly placed sensors."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,9 @@ class BodyMatch:
 
 @dataclass(frozen=True)
 class InitialTransform:
-    """A first estimate of a_from_b (4, 4), and of the seconds to add to b's times to get a's."""
+    """A first estimate of a_from_b (4, 4), and of the lag: the seconds to add to b's times to get a's
+    times.
+    """
 
     a_from_b: Float
     lag: float
@@ -74,7 +77,9 @@ def generate_guesses(
 
 
 def _estimate_transforms(p: Float, q: Float, w: Float, upright: bool) -> list[Float]:
-    """Returns transforms between (N, 20, 3) joints: by the midline, and by both assignments of the sides."""
+    """Returns transforms between (N, 20, 3) joints: by the midline, and by both assignments of left and
+    right.
+    """
     by_midline = _ransac_transform(midline_points(p), midline_points(q), midline_weights(w), upright)
     flat_weights = w.reshape(-1)
     by_sides = fit_rigid(q.reshape(-1, 3), p.reshape(-1, 3), flat_weights, upright=upright)
@@ -109,7 +114,10 @@ def _ransac_transform(p: Float, q: Float, w: Float, upright: bool) -> Float:
 
 
 def match_bodies(a: BodyStream, b: BodyStream, a_from_b: Float, lag: float) -> tuple[BodyMatch, ...]:
-    """Matches people at every moment, once the sensors are roughly placed (Hungarian algorithm, gated)."""
+    """Matches people at every moment, after the sensors are roughly placed.
+
+    Uses the Hungarian algorithm with a maximum distance.
+    """
     times = np.unique(np.concatenate([t.times for t in a.tracks]))
     distances: list[list[Float]] = []
     for track_a in a.tracks:
@@ -129,7 +137,9 @@ def match_bodies(a: BodyStream, b: BodyStream, a_from_b: Float, lag: float) -> t
 
 
 def _trunk_distances(p: Float, q: Float, w: Float) -> Float:
-    """Returns the mean distance (N,) of the midline points in metres, inf if both see none."""
+    """Returns the mean distance (N,) of the midline points in metres; inf if only one sensor sees the
+    person.
+    """
     weights = midline_weights(w)
     total = weights.sum(1)
     distances = (weights * np.linalg.norm(midline_points(p) - midline_points(q), axis=2)).sum(1)
@@ -137,8 +147,10 @@ def _trunk_distances(p: Float, q: Float, w: Float) -> Float:
 
 
 def _assign(distances: Float) -> Bool:
-    """Returns (A, B, N) flags: True if two tracks are one person at a time. Each track has at most one
-    partner."""
+    """Returns (A, B, N) flags: True if two tracks are one person at a time.
+
+    Each track has at most one partner at a time.
+    """
     assignment = np.zeros(distances.shape, bool)
     for n in np.flatnonzero((distances < _SAME_PERSON_M).any((0, 1))):
         cost = np.where(distances[:, :, n] < _SAME_PERSON_M, distances[:, :, n], 10.0)

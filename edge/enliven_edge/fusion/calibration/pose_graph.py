@@ -1,8 +1,7 @@
 """Pose graph optimisation: places many sensors from measurements between pairs of them.
 
-Every pair measured a_from_b with its precision. Least squares finds the placements world_from_sensor that
-contradict the measurements least, with the first sensor fixed. If not all views overlap, chains of pairs
-connect the rest.
+Every pair measured a_from_b with its precision. Least squares finds the placements world_from_sensor with the
+smallest residuals. The first sensor is fixed. Chains of pairs connect sensors with views that do not overlap.
 """
 
 from __future__ import annotations
@@ -31,8 +30,8 @@ Edge = tuple[str, str, Fit, bool]
 class SensorPlacement:
     """The placement (4, 4) and the lag in seconds of each sensor that is connected to the first one.
 
-    ``loop_error_m`` (metres) and ``loop_error_rad`` (radians) are the maximum residuals of a measurement: the
-    loop closure error.
+    ``loop_error_m`` (metres) and ``loop_error_rad`` (radians) are the loop closure error: the maximum
+    residual of a measurement.
     """
 
     world_from_sensor: dict[str, Float]
@@ -57,12 +56,12 @@ def solve_pose_graph(names: Sequence[str], edges: list[Edge]) -> SensorPlacement
 
 
 def _edge_priority(edge: Edge) -> tuple[bool, float]:
-    """Returns a sort key of edges: good ones first, then those with the most certain direction."""
+    """Returns a sort key of edges: good edges first, then those with the most certain direction."""
     return edge[3], float(np.linalg.eigvalsh(edge[2].precision[:6, :6])[0])
 
 
 def _select_edges(names: Sequence[str], edges: list[Edge]) -> list[Edge]:
-    """Returns all good edges, and of the others the fewest that connect all sensors (Kruskal's algorithm)."""
+    """Returns all good edges, and the fewest other edges that connect all sensors (Kruskal's algorithm)."""
     group = {name: name for name in names}
     selected = []
     for edge in sorted(edges, key=_edge_priority, reverse=True):

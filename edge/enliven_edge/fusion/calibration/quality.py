@@ -1,4 +1,4 @@
-"""Evaluates a calibration and advises the user, so that no bad result is accepted silently."""
+"""Evaluates a calibration and advises the user. A bad result is therefore not accepted silently."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from enliven_edge.fusion.calibration.refinement import Fit, refine
 from enliven_edge.fusion.settings import MAX_TRACK_GAP_S, CalibrationSettings
 
 _MAX_RESIDUAL_M = 0.15
-"""Largest root mean square distance between the sensors' joints that is accepted."""
+"""Maximum root mean square distance in metres between the joints of two sensors that is accepted."""
 _MAX_POSITION_SIGMA_CM = 5.0
-"""Largest accepted uncertainty of a sensor's position."""
+"""Maximum accepted uncertainty of a sensor's position in centimetres."""
 _MAX_DIRECTION_SIGMA_DEG = 2.0
-"""Largest accepted uncertainty of a sensor's direction."""
+"""Maximum accepted uncertainty of a sensor's direction in degrees."""
 
 _JACKKNIFE_BLOCKS = 8
-"""Number of jackknife blocks, both of the walk and of facing directions. Each still contains seconds of
-walking."""
+"""Number of jackknife blocks, both of the walk and of facing directions. Each block still contains several
+seconds of walking."""
 _FLOOR_CELL_M = 0.5
 """Cell size in metres for counting the walked floor."""
 _LEFTS, _RIGHTS = [Joint.SHOULDER_LEFT, Joint.HIP_LEFT], [Joint.SHOULDER_RIGHT, Joint.HIP_RIGHT]
@@ -46,13 +46,14 @@ class Quality:
 
     Attributes:
         verdict: the permitted use of the calibration.
-        rms: robust root mean square distance in metres between the joints of both; nan without a match.
-        doubt_cm, doubt_deg, doubt_ms: standard deviations of position (where people walked), direction,
-            clock.
-        seconds: time for which both saw the same person.
+        rms: robust root mean square distance in metres between the joints of both sensors; nan without a
+            match.
+        doubt_cm, doubt_deg, doubt_ms: standard deviations in centimetres, degrees and milliseconds, of the
+            position (where people walked), the direction and the clock.
+        seconds: time for which both sensors saw the same person.
         length, breadth: extent of the walked floor in metres, in its long and its narrow direction.
         cells: number of walked squares of 0.5 m.
-        swapped: fraction of the moments at which the two sensors named left and right differently.
+        swapped: fraction of the moments at which the two sensors exchanged left and right.
         advice: one sentence to the user; empty if the quality is good.
     """
 
@@ -120,7 +121,7 @@ def no_match_quality(a: str, b: str, blind: str | None) -> Quality:
 
     Args:
         a, b: the names of the sensors.
-        blind: the sensor that saw no person at all, if any.
+        blind: the sensor that never saw a person, or None.
     """
     nan = float("nan")
     advice = f"{a} and {b} never saw a performer at the same time: walk where both see you, for longer"
@@ -132,11 +133,13 @@ def no_match_quality(a: str, b: str, blind: str | None) -> Quality:
 def _estimate_uncertainty(
     fit: Fit, matches: tuple[BodyMatch, ...], settings: CalibrationSettings
 ) -> tuple[float, float, float]:
-    """Returns centimetres, degrees and milliseconds of one standard deviation.
+    """Returns one standard deviation each of position, direction and clock: centimetres, degrees and
+    milliseconds.
 
-    It is the largest of three estimates: the formal one of the normal equations, and two jackknives, over
-    eighths of the walk and over eight facing directions of the people. A tracker's errors change slowly and
-    depend on its viewing direction of the person. The formal estimate does not include that.
+    Each is the largest of three estimates: the formal one of the normal equations, and two jackknives. One
+    jackknife leaves out eighths of the walk, the other leaves out each of eight facing directions. They are
+    needed because a tracker's errors change slowly and depend on the viewing direction, which the formal
+    estimate ignores.
     """
     covariance = np.linalg.pinv(fit.precision + 1e-9 * np.eye(7))
     formal = np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -154,8 +157,9 @@ def _estimate_uncertainty(
 def _jackknife(
     fit: Fit, matches: tuple[BodyMatch, ...], blocks: list[Int], settings: CalibrationSettings
 ) -> Float:
-    """Returns (3,) one standard deviation in metres, radians and seconds, by the jackknife: each block is
-    left out once.
+    """Returns (3,) one standard deviation in metres, radians and seconds, by the jackknife.
+
+    The fit is repeated with each block left out once.
 
     Args:
         fit: the fit to all blocks.
@@ -182,7 +186,7 @@ def _jackknife(
 
 
 def _facing_octants(match: BodyMatch) -> Int:
-    """Returns the person's facing direction (N,), one of eight, by the first sensor."""
+    """Returns the person's facing direction (N,) as seen by the first sensor, one of eight."""
     joints, _, _ = match.a.at(match.times, MAX_TRACK_GAP_S)
     left_axis = joints[:, _LEFTS].mean(1) - joints[:, _RIGHTS].mean(1)
     angles = np.arctan2(left_axis[:, 2], left_axis[:, 0]) / (2 * np.pi)
@@ -190,7 +194,9 @@ def _facing_octants(match: BodyMatch) -> Int:
 
 
 def _measure_walk(hips: Float) -> tuple[float, float, Float]:
-    """Returns length and breadth of the walked floor in metres, and (3,) the unit vector of its breadth."""
+    """Returns the length and breadth of the walked floor in metres, and the (3,) unit vector along its
+    breadth.
+    """
     floor_points = hips[:, [0, 2]]
     _, axes = np.linalg.eigh(
         np.cov((floor_points - floor_points.mean(0)).T) if len(floor_points) > 1 else np.eye(2)
@@ -200,14 +206,15 @@ def _measure_walk(hips: Float) -> tuple[float, float, Float]:
 
 
 def _count_seconds(times: Float) -> float:
-    """Returns the observed time in seconds: the number of tenths of a second that contain an element of
-    ``times``, divided by ten.
+    """Returns the observed time in seconds.
+
+    It is the number of tenths of a second that contain an element of ``times``, divided by ten.
     """
     return 0.1 * len(np.unique(np.floor(times / 0.1)))
 
 
 def _advise_walk(fit: Fit, narrow_axis: Float, name: str) -> str:
-    """Returns advice on where to walk so that the narrow direction becomes wider, from sensor b's view."""
+    """Returns advice on where to walk to widen the narrow direction, from sensor b's view."""
     b_from_a = invert(fit.a_from_b)
     centre, direction = transform_points(b_from_a, fit.centre), b_from_a[:3, :3] @ narrow_axis
     if abs(direction[0]) >= abs(direction[2]):

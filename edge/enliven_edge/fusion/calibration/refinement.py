@@ -2,8 +2,8 @@
 
 It minimises  sum_f sum_j w_fj rho(|R q_fj(t_f - lag) + t - p_fj|) + |tilt|^2 / s_tilt^2 + t_y^2 / s_floor^2
 over the rotation R, the translation t and the clocks' lag, with iterative re-weighting (Geman and McClure's
-rho). The joints of a frame may be matched with exchanged sides. The two priors express the accuracy of each
-sensor's floor.
+rho). The joints of a frame may be matched with left and right exchanged. The two priors represent the
+accuracy of each sensor's floor.
 """
 
 from __future__ import annotations
@@ -28,21 +28,22 @@ from enliven_edge.fusion.live.side_assignment import OTHER_SIDE
 from enliven_edge.fusion.settings import MAX_TRACK_GAP_S, CalibrationSettings
 
 _ROBUST_WIDTH_M = 0.15
-"""Robust width: joints that differ by more than this between sensors have little influence."""
+"""Robust width in metres. Joints that differ by more than this between sensors have little influence."""
 _FLOOR_TILT_SIGMA_DEG = 1.5
-"""Standard deviation of the tilt of a sensor's floor."""
+"""Standard deviation of the tilt of a sensor's floor in degrees."""
 _FLOOR_HEIGHT_SIGMA_M = 0.04
-"""Standard deviation of the height of a sensor's floor."""
+"""Standard deviation of the height of a sensor's floor in metres."""
 
 _MAX_FRAMES = 900
-"""Maximum number of frames. Neighbouring frames contain the same information."""
+"""Maximum number of frames. More frames add little, because neighbouring frames contain the same
+information."""
 _CORRELATION_TIME_S = 0.5
 """Correlation time of one sensor's errors in seconds: each such interval counts as one independent
 observation."""
 _INDEPENDENT_POINTS = 3.0
 """Number of independent points per observation of a body. The errors of its 20 joints are correlated."""
 _NOISE_M = 0.02
-"""Disagreement in metres below which no joint is down-weighted: a tracker's noise."""
+"""Disagreement in metres below which a joint's weight is not reduced: a tracker's noise."""
 
 
 @dataclass(frozen=True)
@@ -51,12 +52,12 @@ class Fit:
 
     Attributes:
         a_from_b: (4, 4).
-        lag: seconds to add to b's times to get a's.
+        lag: seconds to add to b's times to get a's times.
         residuals: (N, 20) metres between the joints at each moment used.
-        weights: (N, 20) confidence of both sensors, 0..1, before robust weighting.
-        robust_weights: (N, 20) the robust weight, 0..1.
-        times: (N,) seconds of a's stream; hips: (N, 3) metres, the hip centres in a's frame.
-        swapped: (N,) whether the two sensors named the sides differently.
+        weights: (N, 20) combined confidence of both sensors in [0, 1], before robust weighting.
+        robust_weights: (N, 20) the robust weights in [0, 1].
+        times, hips: (N,) seconds of a's stream, and (N, 3) hip centres in metres, a's frame.
+        swapped: (N,) whether the two sensors exchanged left and right.
         precision: (7, 7) inverse covariance of (rotation about the centre, shift, lag) [rad, m, s].
         centre: (3,) the centre of rotation in ``precision``, in a's frame.
     """
@@ -113,7 +114,9 @@ def refine(
 
 @dataclass(frozen=True)
 class _JointPairs:
-    """The joints of both sensors at their common moments: p and q (N, 20, 3), q's velocity, weights."""
+    """The joints of both sensors at their common moments: p and q (N, 20, 3), the velocity of q, and
+    weights.
+    """
 
     times: Float
     p: Float
@@ -131,7 +134,7 @@ def _sample_joints(
 ) -> _JointPairs | None:
     """Returns the joints of both sensors at the matches' moments.
 
-    ``joints_of_a`` are the first sensor's, by match.
+    ``joints_of_a`` contains the first sensor's joints, one entry per match.
     """
     samples = []
     for match, (p, _, seen_a) in zip(matches, joints_of_a, strict=True):
@@ -162,7 +165,9 @@ def _sample_joints(
 
 
 def _find_swapped(times: Float, p: Float, q: Float, seen_a: Float, seen_b: Float, width: float) -> Bool:
-    """Returns (N,) flags: True if exchanged sides agree better, over a few neighbouring frames."""
+    """Returns (N,) flags: True if the joints agree better with left and right exchanged, over a few
+    neighbouring frames.
+    """
     same_cost, swapped_cost = (
         (seen_a * seen * np.minimum(_vector_lengths(p - joints_b), 2 * width)).sum(1)
         for seen, joints_b in ((seen_b, q), (seen_b[:, OTHER_SIDE], q[:, OTHER_SIDE]))
@@ -229,11 +234,12 @@ def _robust_width(residuals: Float, weights: Float, widest: float) -> float:
 def normal_equations(arm: Float, velocity: Float, error: Float, weights: Float) -> tuple[Float, Float]:
     """Returns J^T W J (7, 7) and J^T W e (7,) for rotation (about the centre), shift and lag.
 
-    A joint's J is (-[arm]x, 1, -v). A larger lag evaluates an earlier q, so d q(t - lag) / d lag = -v. Only
-    sums of products of these numbers are needed, which one matrix product computes.
+    A joint's Jacobian J is (-[arm]x, 1, -v). A larger lag evaluates q at an earlier time, so d q(t - lag) / d
+    lag = -v. The result needs only sums of products of these numbers, which one matrix product computes.
 
     Args:
-        arm, velocity, error: (N, 20, 3) metres from the centre, m/s, metres of disagreement.
+        arm, velocity, error: (N, 20, 3) the joint relative to the centre in metres, its velocity in m/s, and
+            the disagreement in metres.
         weights: (N, 20).
     """
     flat_weights = weights.reshape(-1)
@@ -263,7 +269,10 @@ def _vector_lengths(vectors: Float) -> Float:
 
 
 def _add_priors(h: Float, g: Float, a_from_b: Float, centre: Float, settings: CalibrationSettings) -> None:
-    """Adds the priors that both floors are level and at y = 0, with the precision of each sensor's floor."""
+    """Adds the priors that both floors are level and at y = 0.
+
+    Their weights follow from the precision of each sensor's floor.
+    """
     if not settings.floor_known:
         return
     tilt = 1.0 / (2 * np.deg2rad(_FLOOR_TILT_SIGMA_DEG) ** 2)
@@ -280,7 +289,7 @@ def _add_priors(h: Float, g: Float, a_from_b: Float, centre: Float, settings: Ca
 
 
 def _floor_point_below(a_from_b: Float, centre: Float) -> Float:
-    """Returns the point (3,) of b's floor below a point of a's frame, in b's frame."""
+    """Returns the point (3,) of b's floor below ``centre``, a point of a's frame, in b's frame."""
     point = a_from_b[:3, :3].T @ (centre - a_from_b[:3, 3])
     return np.array([point[0], 0.0, point[2]])
 

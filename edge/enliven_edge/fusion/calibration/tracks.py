@@ -42,9 +42,9 @@ class BodyTrack:
     def at(self, times: Float, longest_gap: float) -> tuple[Float, Float, Float]:
         """Returns joints (N, 20, 3), velocities (N, 20, 3) m/s and confidence (N, 20) at times (N,).
 
-        It interpolates linearly between neighbouring frames. The confidence is 0 if they are farther apart
-        than ``longest_gap`` seconds (or the usual interval of a slow sensor). It is also 0 before the first
-        and after the last frame.
+        It interpolates linearly between neighbouring frames. The confidence is 0 if these frames are farther
+        apart than ``longest_gap`` seconds (or the usual interval of a slow sensor). It is also 0 before the
+        first and after the last frame.
         """
         longest_gap = max(longest_gap, min(1.6 * self.step, _MAX_INTERPOLATION_GAP_S))
         if len(self.times) < 2:
@@ -67,10 +67,12 @@ class BodyTrack:
 
     @cached_property
     def _velocities(self) -> Float:
-        """Returns (F - 1, 20, 3) m/s between two frames, from the frames around the two.
+        """Returns (F - 1, 20, 3) velocities in m/s between consecutive frames, from the frames around each
+        pair.
 
-        The difference of the two frames themselves would share their noise. A fit of the clocks with it would
-        converge where interpolation hides most noise: halfway between frames.
+        The difference of the two frames of a pair would contain the noise of the interpolated joints. A clock
+        fit with such velocities would converge to halfway between frames, where interpolation suppresses most
+        noise.
         """
         before = np.arange(len(self.times) - 1)
         early, late = np.maximum(before - 1, 0), np.minimum(before + 2, len(self.times) - 1)
@@ -85,7 +87,7 @@ class BodyStream:
     Attributes:
         sensor: its identity.
         first_ns: the sensor's clock at time 0 of the tracks.
-        tracks: by person, longest first.
+        tracks: one track per person, the longest first.
     """
 
     sensor: str
@@ -127,7 +129,7 @@ class Collector(SensorThread):
         name: the sensor's identity.
         sensor: the sensor.
         tracker: its tracker.
-        seconds: time by the sensor's clock after which it stops; None to continue while frames come.
+        seconds: time by the sensor's clock after which it stops. If None, it continues until the frames end.
 
     Attributes:
         frames: number of tracked frames.
@@ -148,7 +150,7 @@ class Collector(SensorThread):
         return next((mount for _, mount in reversed(self._kept) if mount is not None), None)
 
     def stream(self) -> BodyStream:
-        """Returns all bodies up to now, in the present estimate of the level frame.
+        """Returns all bodies up to now, in the current estimate of the level frame.
 
         A sensor may detect its floor only after some frames, or refine it later. Earlier bodies are then
         corrected.
@@ -156,7 +158,7 @@ class Collector(SensorThread):
         return stream_from_frames(self.name, self.frames_in_level())
 
     def frames_in_level(self) -> list[BodyFrame]:
-        """Returns the same bodies as body frames."""
+        """Returns the bodies of :meth:`stream` as body frames."""
         recorded_frames = list(self._kept)
         final_mount = self.level_from_camera
         return [_correct_mounting(frame, mount, final_mount) for frame, mount in recorded_frames]

@@ -1,4 +1,4 @@
 """Live fusion: the sensors' bodies are aligned in time, grouped by person and blended joint by joint.
 
-The fused set is read like one sensor that tracks bodies itself.
+The result is read like one sensor that tracks bodies itself.
 """

@@ -1,13 +1,13 @@
-"""Compiled blending of one joint from several sensors, without jumps when sensors appear, disappear or err.
+"""Compiled blending of one joint from several sensors, without jumps when sensors appear, disappear or fail.
 
 Every sensor s reports x_s for a joint with the weight w_s. The weighted mean m jumps when weights change. So
 every sensor has an offset d_s, a low-pass of x_s - m. The joint is
 
     f = sum_s w_s (x_s - d_s) / sum_s w_s.
 
-While the weights stay constant, sum w d = 0 and f = m, without any lag. When a sensor falls silent, the
-others continue from the last f because of their d. Their offsets then decay with the time constant of the
-low-pass.
+While the weights stay constant, sum w d = 0 and f = m, without any lag. When a sensor stops sending, the
+result continues from the last f, because of the offsets of the other sensors. Their offsets then decay with
+the time constant of the low-pass.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ import numpy as np
 from enliven.kernels import njit
 
 _OUTLIER_DISTANCE_M = 0.1
-"""Distance in metres from a joint's prediction at which a sensor that disagrees with the others is
-down-weighted."""
+"""Distance in metres from a joint's prediction. A sensor that is farther away and disagrees with the others
+gets a lower weight."""
 _HALVING_DISTANCE_M = 0.12
 """Disagreement between sensors in metres that halves a joint's confidence."""
 _FULL_WEIGHT_FRACTION = 0.3
-"""Minimum fraction of the weight for a sensor's own confidence to count in full."""
+"""Minimum fraction of the total weight for which a sensor's own confidence counts fully."""
 
 
 @njit(cache=True, nogil=True)
@@ -30,11 +30,11 @@ def blend(x, w, predicted, known, before, d, share, out):
     """Computes ``out`` (20, D) from the values of S sensors.
 
     Args:
-        x: (S, 20, D) values; w: (S, 20) weights, 0 if a sensor has no value.
-        predicted: (20, D) the predicted values; known: whether they are valid.
-        before: (S, 20) bool, in and out: whether the sensor had a value last time.
-        d: (S, 20, D) offsets, in and out.
-        share: weight of the new value in the low-pass, 0..1.
+        x, w: (S, 20, D) values and (S, 20) weights. A weight is 0 if a sensor has no value.
+        predicted, known: (20, D) the predicted values, and whether they are valid.
+        before: (S, 20) whether the sensor had a value last time; updated in place.
+        d: (S, 20, D) offsets; updated in place.
+        share: weight of the new value in the low-pass, in [0, 1].
         out: (20, D) receives the result.
     """
     count, joints, width = x.shape
@@ -102,7 +102,7 @@ def fuse_confidence(x, w, told, joints, out):
 
     Args:
         x: (S, 20, 3) metres.
-        w: (S, 20) weights, 0 if a sensor has no value; told: (S, 20) each sensor's own confidence.
+        w, told: (S, 20) weights, 0 if a sensor has no value, and (S, 20) each sensor's own confidence.
         joints: (20, 3) the fused joints.
         out: (20,) receives the result.
     """
@@ -140,11 +140,12 @@ def _apart(a, b):
 
 @njit(cache=True, nogil=True)
 def trunk_distances(a, a_sure, b, b_sure, pairs, out):
-    """Computes (A, B) mean distances of bodies in metres, by the 12 midpoints that stay in place if left and
-    right are exchanged.
+    """Writes (A, B) mean distances between bodies in metres into ``out``.
+
+    It uses 12 midpoints that do not change if left and right are exchanged.
 
     Args:
-        a: (A, 20, 3), b: (B, 20, 3) joints; a_sure, b_sure: (A, 20), (B, 20) confidence.
+        a, b: (A, 20, 3) and (B, 20, 3) joints in metres. a_sure, b_sure: (A, 20) and (B, 20) confidence.
         pairs: (12, 2) the two joints of each point.
         out: (A, B) receives the result.
     """
@@ -164,8 +165,9 @@ def trunk_distances(a, a_sure, b, b_sure, pairs, out):
 
 @njit(cache=True, nogil=True)
 def side_costs(x, sure, expected, other):
-    """Returns the mean distances (metres) of the limb joints from the expected ones, with the present and
-    with exchanged sides.
+    """Returns two mean distances in metres of the limb joints from the expected ones.
+
+    The first is for the present sides, the second for left and right exchanged.
     """
     plain, crossed, weight = 0.0, 0.0, 0.0
     for j in range(len(other)):

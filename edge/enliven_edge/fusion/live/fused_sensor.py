@@ -27,23 +27,25 @@ _SEVERITY = {
     SensorState.LOST: (HealthKind.NO_FRAMES, Severity.WARNING, "Start the edge again."),
     SensorState.SILENT: (HealthKind.NO_FRAMES, Severity.WARNING, "Check its cable."),
 }
-"""Kind, severity and remedy of the health message of each sensor state. None is worse than a warning, because
-the other sensors continue."""
+"""Kind, severity and remedy of the health message of each sensor state. No severity is above a warning,
+because the other sensors continue."""
 
 
 class FusedSensors(Sensor):
-    """One sensor made of several. A thread for each reads and tracks it, and ``read`` fuses their bodies.
+    """One sensor that combines several. A thread per sensor reads and tracks it, and ``read`` fuses the
+    bodies.
 
     Bodies of live sensors are fused as they arrive. Recordings wait for one another, so that they stay
     synchronised at any playback speed. The stream ends when the last sensor ends.
 
     Args:
-        sensors: the opened sensors by identity; they are closed with this one.
+        sensors: the opened sensors by identity. They are closed together with this one.
         trackers: the tracker of each sensor, by identity.
         space: the pose of each sensor.
         settings: the settings of the fusion.
-        health: the health monitor of each sensor, by identity; None creates them.
-        once: end at the first fault of any sensor; otherwise it is reopened while the others continue.
+        health: the health monitor of each sensor, by identity. If None, they are created.
+        once: whether to end at the first fault of any sensor. If False, a faulty sensor is reopened while the
+            others continue.
 
     Raises:
         InputError: if the space does not contain a sensor.
@@ -101,7 +103,7 @@ class FusedSensors(Sensor):
 
     @property
     def is_waiting(self) -> bool:
-        """True if each sensor waits, or has ended."""
+        """Returns True if each sensor is waiting or has ended."""
         return all(thread.ended or thread.sensor.is_waiting for thread in self._threads)
 
     def read(self, timeout: float | None = None) -> BodyFrame | None:
@@ -120,7 +122,7 @@ class FusedSensors(Sensor):
                 return frame
 
     def learn_room(self) -> None:
-        """Makes all sensors that measure depth learn the room again. Returns at once."""
+        """Makes all sensors that measure depth learn the room again. Does not wait for the result."""
         for thread in self._threads:
             thread.learn_room()
 
@@ -146,7 +148,9 @@ class FusedSensors(Sensor):
                 self._changed.wait(wait)
 
     def _next_thread(self) -> TrackingThread | None:
-        """Returns the sensor with the oldest bodies. Recordings count only when each of them has some."""
+        """Returns the sensor with the oldest bodies. Recordings are considered only when each of them has
+        bodies.
+        """
         live_threads = [w for w in self._threads if w.seen and not w.recorded]
         recordings = [w for w in self._threads if w.recorded and w.name not in self._gone]
         candidates = live_threads + (recordings if all(w.seen for w in recordings) else [])

@@ -19,32 +19,33 @@ from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture
 
 _SILENCE_S = 1.0
-"""A sensor that sends nothing for this many seconds counts as silent: 15 to 30 missing frames."""
+"""Seconds without frames after which a sensor counts as silent: 15 to 30 missing frames."""
 _MAX_SAME_PERSON_DISTANCE_M = 0.45
-"""Bodies farther apart than this are different people."""
+"""Maximum distance in metres between two bodies of one person. Bodies farther apart are different people."""
 
 _GATE_GROWTH = 1.5
-"""Growth of the gate of an unseen person in metres per second, because people may walk on."""
+"""Growth of an unseen person's maximum matching distance in metres per second, because people may walk on."""
 _MOVED_SENSOR_M = 0.2
 """Mean displacement in metres of the people of one sensor for it to count as moved: more than the usual
 difference between trackers."""
 _MOVED_TIME_CONSTANT_S = 3.0
-"""Time constant in seconds of the low-pass of that displacement. A short tracking error must not mark a
-sensor as moved."""
+"""Time constant in seconds of the low-pass of the displacement. It is long, because a short tracking error
+must not mark a sensor as moved."""
 _DUPLICATE_DISTANCE_M = 0.35
-"""Horizontal distance in metres to a person within which a body seen by fewer sensors is not a second
+"""Horizontal distance in metres to a person. Within it, a body that fewer sensors see is not a second
 person."""
 
 
 class Fuser:
     """Tracks all people in a space that several sensors watch.
 
-    Bodies are given in world coordinates with times of the common clock, in any order of sensors. Fused
-    bodies are available for any moment, usually that of the newest frame. Identities are the fuser's own.
+    The input bodies are in world coordinates with times of the common clock, in any order of sensors. Fused
+    bodies are available for any moment, usually that of the newest frame. The fuser assigns its own
+    identities.
 
     Args:
-        eyes: by sensor, (3,) the position of its lens, metres of the world.
-        settings: the settings; None: the defaults.
+        eyes: by sensor, the (3,) position of its lens in metres, world frame.
+        settings: the settings. If None, uses the defaults.
     """
 
     def __init__(self, eyes: Mapping[str, Float], settings: FusionSettings | None = None) -> None:
@@ -57,8 +58,9 @@ class Fuser:
         self._now_ns: int | None = None
 
     def update(self, sensor: str, bodies: list[Body], time_ns: int, *, frozen: bool = False) -> bool:
-        """Takes in a sensor's bodies at a time of the common clock. Returns False if the bodies came too
-        late."""
+        """Adds a sensor's bodies at a time of the common clock. Returns False if the bodies arrived too
+        late.
+        """
         view = self.views[self._numbers[sensor]]
         old_state = view.state
         is_new = view.update(bodies, time_ns, _SILENCE_S, frozen=frozen)
@@ -72,7 +74,7 @@ class Fuser:
         self._add_warning(view, old_state, time_ns)
 
     def bodies(self, time_ns: int) -> list[Body]:
-        """Returns all people at a time of the common clock, by identity."""
+        """Returns all people at a time of the common clock, sorted by identity."""
         s = self.settings
         self._drop_silent_sensors(time_ns)
         groups = group_by_person(self.views, time_ns, MAX_BODY_AGE_S, _MAX_SAME_PERSON_DISTANCE_M, s.loyalty)
@@ -109,7 +111,9 @@ class Fuser:
         return recognised_people
 
     def _new_person(self, group: Group) -> FusedPerson:
-        """Returns a new person, or one that has returned if the sensors of the group agree on an identity."""
+        """Returns a new person, or an earlier one that has returned if the sensors of the group agree on its
+        identity.
+        """
         identities = [s.person for s in group.sightings.values() if s.person]
         active = {p.id for p in self.people}
         number = max(identities, key=identities.count, default=0)
@@ -119,14 +123,15 @@ class Fuser:
         person = FusedPerson(number, len(self.views), self.settings)
         s = self.settings
         if any(p.hits >= s.sure_after for p in self.people):
-            # A sensor that was covered may report one person twice for a moment after it sees again. So a
-            # further person is confirmed later than the first one.
+            # A sensor that was covered may report one person twice for a moment after it sees again. So
+            # additional people are confirmed later than the first one.
             person.hits = min(0, s.sure_after - s.sure_beside)
         return person
 
     def _compute_costs(self, groups: list[Group], time_ns: int) -> Float:
-        """Returns (G, P) distances in metres between groups and people, reduced for groups that were the same
-        person before.
+        """Returns (G, P) distances in metres between groups and people.
+
+        They are reduced for groups that were the same person before.
         """
         s = self.settings
         cost = body_distances(
@@ -148,7 +153,7 @@ class Fuser:
         return np.where(max_distance, np.minimum(cost, 10.0) - s.loyalty * votes + age, FORBIDDEN_COST)
 
     def _forget(self, time_ns: int) -> None:
-        """Drops people that were not seen for long, and unconfirmed ones at once."""
+        """Drops people that were not seen for long. Drops unconfirmed people immediately."""
         s = self.settings
         self.people = [
             p
@@ -166,7 +171,9 @@ class Fuser:
                 self._add_warning(view, old_state, time_ns)
 
     def _check_placement(self, group: Group, person: FusedPerson, time_ns: int) -> None:
-        """Marks a sensor as moved if it sees people elsewhere than the others for a long time."""
+        """Marks a sensor as moved if it has seen people at other positions than the other sensors for a long
+        time.
+        """
         if len(group.joints) < 2 or self._now_ns is None:
             return
         seconds = max(0.0, (time_ns - self._now_ns) * 1e-9)
@@ -198,8 +205,8 @@ class Fuser:
 def _is_duplicate(group: Group, others: list[Group]) -> bool:
     """Returns True if a group is a duplicate of another person: a partial body, or a false detection.
 
-    This is so if other sensors that see the same place see only one person there. A confirmed person is never
-    dropped for it, because people do stand close and occlude each other.
+    It is a duplicate if other sensors that see the same place see only one person there. A confirmed person
+    is never dropped for this reason, because people may stand close and occlude each other.
     """
     hips = group.mean[0]
     for other in others:

@@ -18,9 +18,10 @@ FORBIDDEN_COST = 1e3
 _BONES = np.array([(0, 2), (2, 3), (12, 13), (16, 17), (13, 14), (17, 18)])
 """(6, 2) joints of the bones that are measured: trunk, neck and head, thighs and shanks."""
 _MIN_BONE_LENGTHS_M = np.array([0.15, 0.05, 0.1, 0.1, 0.1, 0.1])
-"""Minimum lengths of these bones of a person, in metres."""
+"""(6,) minimum lengths in metres of a person's bones in ``_BONES``."""
 _MAX_BONE_LENGTHS_M = np.array([0.9, 0.5, 0.8, 0.8, 0.8, 0.8])
-"""Maximum lengths of these bones of a person, in metres. A guessed joint may be wrong."""
+"""(6,) maximum lengths in metres of a person's bones in ``_BONES``. They are generous, because a guessed
+joint may be wrong."""
 
 
 @dataclass
@@ -28,8 +29,8 @@ class Group:
     """The bodies of one person at one moment.
 
     Attributes:
-        sightings: by the sensor's number.
-        joints: by the sensor's number, (20, 3) predicted to this moment.
+        sightings: the body of each sensor, by the sensor's number.
+        joints: by the sensor's number, (20, 3) joints in metres, predicted to this moment.
     """
 
     sightings: dict[int, BodySighting] = field(default_factory=dict)
@@ -55,13 +56,16 @@ class Group:
 
 
 def is_plausible(body: Body) -> bool:
-    """Returns True if a body may be a person's. A tracker that lost a person may deliver collapsed joints."""
+    """Returns True if a body may belong to a person. A tracker that lost a person may deliver collapsed
+    joints.
+    """
     return bool(bones_within(body.joints, _BONES, _MIN_BONE_LENGTHS_M, _MAX_BONE_LENGTHS_M))
 
 
 def body_distances(a: Float, a_sure: Float, b: Float, b_sure: Float) -> Float:
-    """Returns (A, B) distances in metres between bodies (A, 20, 3) and (B, 20, 3). Exchanged sides do not
-    matter.
+    """Returns (A, B) distances in metres between bodies (A, 20, 3) and (B, 20, 3).
+
+    The distance does not change if left and right are exchanged.
     """
     result = np.empty((len(a), len(b)))
     trunk_distances(a, a_sure, b, b_sure, MIDDLES, result)
@@ -73,9 +77,9 @@ def group_by_person(
 ) -> list[Group]:
     """Groups the bodies of all sensors by person, at most one body of each sensor.
 
-    Sensors are added one after another, those that see most people first. Bodies that were one person in the
-    last update stay together, unless another body is clearly nearer. So if a sensor mixes up two people, the
-    identities stay with their people. A body that its sensor only predicts, because the person is hidden, is
+    Sensors are added one after another, starting with those that see most people. Bodies that were one person
+    in the last update stay together, unless another body is clearly nearer. So if a sensor confuses two
+    people, they keep their identities. A body that its sensor only predicts, because the person is hidden, is
     dropped if another sensor sees that person.
 
     Args:
@@ -111,7 +115,9 @@ def group_by_person(
 def _find_partners(
     groups: list[Group], seen: list[tuple[BodySighting, Float]], gate: float, loyalty: float
 ) -> dict[int, Group]:
-    """Returns the group of each body of one sensor, or None if none is near enough."""
+    """Returns the group of each body of one sensor, by the body's index. Bodies without a near group are left
+    out.
+    """
     group_distances = body_distances(
         np.array([g.mean for g in groups]),
         np.array([g.sure for g in groups]),

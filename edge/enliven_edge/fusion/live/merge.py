@@ -1,8 +1,9 @@
-"""Merges live sensors' body frames into one stream: clocks by arrival, bodies in the world, the fastest rate.
+"""Merges the body frames of live sensors into one stream in the world frame, with one clock and the fastest
+frame rate.
 
-The age of the youngest frame over an interval is the sensor's latency, which is constant. So a change of the
-difference between two sensors' youngest frames is drift of one of their clocks. Clocks drift apart by seconds
-per day.
+The minimum age of a sensor's frames over an interval is its latency, which is constant. So if the difference
+between the minimum ages of two sensors changes, one of their clocks drifts. Clocks drift apart by seconds per
+day.
 """
 
 from __future__ import annotations
@@ -23,11 +24,11 @@ from enliven_edge.tracking.settings import TrackerSettings
 log = logging.getLogger(__name__)
 
 _MAX_CLOCK_DIFFERENCE_NS = 300_000_000
-"""Difference of two sensors' youngest frames in nanoseconds beyond which the clocks are not those of the
-calibration."""
+"""Maximum difference in nanoseconds between the minimum frame ages of two sensors. A larger difference means
+that the clocks have changed since the calibration."""
 _AGE_INTERVAL_NS = 10_000_000_000
-"""Interval in nanoseconds for the youngest frame: some hundred frames, in which clocks drift by less than a
-millisecond."""
+"""Interval in nanoseconds over which the minimum frame age is measured. It contains some hundred frames, and
+clocks drift by less than a millisecond in it."""
 
 
 @dataclass
@@ -40,7 +41,7 @@ class _Ages:
 
 
 class ArrivalClocks:
-    """Offsets of every live sensor's time in addition to the calibration's.
+    """Clock offsets of live sensors that are added to those of the calibration.
 
     The first sensor is the reference.
     """
@@ -72,7 +73,9 @@ class ArrivalClocks:
             ages.last_minimum, ages.started_ns, ages.minimum = ages.minimum, read_ns, age
 
     def _set(self, sensor: str, ages: _Ages, first: _Ages) -> None:
-        """Sets the shift by comparing the ages with those of the first sensor."""
+        """Sets the shift of a sensor from the difference between its frame ages and those of the first
+        sensor.
+        """
         if ages.last_minimum is None or first.last_minimum is None:
             difference_ns = ages.minimum - first.minimum
             if abs(difference_ns - self.shift(sensor)) > _MAX_CLOCK_DIFFERENCE_NS:
@@ -85,9 +88,10 @@ class ArrivalClocks:
 
 
 _MAX_LEADER_DELAY = 1.7
-"""Maximum delay of the leading sensor before another one leads, in frame intervals."""
+"""Maximum delay of the leading sensor in frame intervals. After a longer delay another sensor leads."""
 _FASTER_RATIO = 0.8
-"""Fraction of the leading sensor's frame interval below which another sensor's interval makes it lead."""
+"""Another sensor becomes the leading one if its frame interval is below this fraction of the leading sensor's
+interval."""
 
 
 class OutputSchedule:
@@ -134,8 +138,8 @@ def settings_before_fusion(settings: TrackerSettings) -> TrackerSettings:
     """Returns settings for a tracker that sends its bodies to the fuser.
 
     Smoothing, mirroring and prediction are off, because they are applied after fusion. The sensor's height
-    without a floor is fixed, not guessed from people, because the placements of the sensors were calibrated
-    with it.
+    without a floor is fixed and not guessed from people, because the sensors were calibrated with this
+    height.
     """
     smoothing = dataclasses.replace(settings.smoothing, amount=0.0, amounts=())
     output = dataclasses.replace(settings.output, mirror=False, predict=0.0)
@@ -144,7 +148,7 @@ def settings_before_fusion(settings: TrackerSettings) -> TrackerSettings:
 
 
 def transform_bodies(bodies: list[Body], world_from_sensor: Float) -> list[Body]:
-    """Returns bodies of a sensor's own level frame, in the world."""
+    """Transforms the bodies from a sensor's level frame to the world."""
     rotation = from_matrix(world_from_sensor[:3, :3])
     return [
         dataclasses.replace(

@@ -14,35 +14,35 @@ from enliven_edge.fusion.live.side_assignment import OTHER_SIDE, SideAssignment,
 from enliven_edge.fusion.settings import MAX_BODY_AGE_S, FusionSettings
 
 _BLEND_TIME_CONSTANT_S = 0.25
-"""Seconds, the time constant for blending from one sensor to another: no visible jump, little lag."""
+"""Time constant in seconds for blending from one sensor to another: no visible jump, little lag."""
 _SIDE_SWAP_S = 1.0
-"""Time for which a majority must disagree before left and right are exchanged."""
+"""Seconds for which a majority must disagree before left and right are exchanged."""
 _NUMBER_TRUST_S = 30.0
-"""Time after an absence for which a sensor's own number still identifies a person."""
+"""Seconds after an absence for which a sensor's own id still identifies a person."""
 _NEAR_SIGMA_M = 0.015
-"""Standard deviation of a joint close to its sensor."""
+"""Standard deviation in metres of a joint close to its sensor."""
 _SIGMA_GROWTH_PER_M = 0.004
-"""Increase of this standard deviation with the squared distance to the sensor, in 1/m."""
+"""Increase of ``_NEAR_SIGMA_M`` with the squared distance to the sensor, in 1/m."""
 
 _MAX_GLIDE_S = 0.5
-"""Maximum seconds unseen after which joints blend smoothly from their last position to the new one instead of
-jumping.
-"""
+"""If a person was unseen for at most this many seconds, joints blend smoothly from their last to their new
+position. After a longer time they jump."""
 _MOVED_SENSOR_WEIGHT = 0.02
 """Relative weight of a sensor that was moved."""
 _CONFIDENCE_RISE_RATE = 3.0
-"""Maximum gain of a joint's confidence per second, so that a sudden certainty counts little at first."""
+"""Maximum increase of a joint's confidence per second. It limits the weight of a joint that has just become
+certain."""
 _SURPRISE_TIME_CONSTANT_S = 0.7
-"""Time constant in seconds of the low-pass of a sensor's prediction error: how long a surprising sensor is
-down-weighted."""
+"""Time constant in seconds of the low-pass of a sensor's prediction error. It determines how long an erratic
+sensor has a low weight."""
 _USUAL_ERROR_M2 = 0.05**2
-"""Usual squared prediction error in square metres: 5 cm of a tracker's noise."""
+"""Usual squared prediction error in square metres. It corresponds to a tracker's noise of 5 cm."""
 _UNSEEN_WEIGHT = 1e-3
-"""Weight of a joint that no sensor sees, so that it keeps a position."""
+"""Weight of a joint that no sensor sees. It is above 0, so that the joint keeps a position."""
 
 
 class FusedPerson:
-    """The state of one person."""
+    """The state of one fused person."""
 
     def __init__(self, number: int, sensors: int, settings: FusionSettings) -> None:
         self.id, self.settings = number, settings
@@ -60,7 +60,9 @@ class FusedPerson:
         self._offsets, self._turn_habit = np.zeros((sensors, 20, 3)), np.zeros((sensors, 20, 4))
 
     def seconds_unseen(self, time_ns: int) -> float:
-        """Returns seconds since any sensor saw this person. Infinite before the first time."""
+        """Returns seconds since any sensor saw this person. The result is infinite if no sensor has seen the
+        person.
+        """
         return (time_ns - self.last_ns) * 1e-9 if self.hits else np.inf
 
     def expected(self, time_ns: int) -> Float:
@@ -148,7 +150,7 @@ class FusedPerson:
     def _weigh_observations(
         self, bodies: dict[int, Body], views: list[SensorView], seconds: float
     ) -> tuple[Float, Float]:
-        """Returns (S, 20, 3) joints and (S, 20) weights: confident and near observations weigh most.
+        """Returns (S, 20, 3) joints and (S, 20) weights. Confident and near observations weigh most.
 
         The confidence of a joint rises only gradually, so a joint that a sensor has just found again has a
         low weight.
@@ -169,7 +171,10 @@ class FusedPerson:
     def _fuse_orientations(
         self, bodies: dict[int, Body], w: Float, has_prediction: bool, share: float
     ) -> Float | None:
-        """Returns the weighted mean (20, 4) of the orientations (of quaternions of one sign), or None."""
+        """Returns the weighted mean (20, 4) of the orientations, with quaternions of one sign.
+
+        Returns None if the bodies have no orientations.
+        """
         available = {s: b.orientations for s, b in bodies.items() if b.orientations is not None}
         if not available:
             self._has_orientation = False
@@ -188,7 +193,7 @@ class FusedPerson:
 
 
 def group_bodies(group: Group) -> dict[int, Body]:
-    """Returns by sensor the bodies predicted to this moment, with the sides as named by the sensors."""
+    """Returns by sensor the bodies predicted to this moment, with left and right as named by the sensors."""
     return {s: _replace_joints(sighting.body, group.joints[s]) for s, sighting in group.sightings.items()}
 
 
@@ -223,7 +228,7 @@ def _fuse_contacts(bodies: dict[int, Body], w: Float) -> Float | None:
 
 
 def _fuse_stature(bodies: dict[int, Body], w: Float) -> float | None:
-    """Returns metres: the mean of the sensors that have measured it."""
+    """Returns the mean stature in metres over the sensors that have measured it, or None."""
     available = [(float(w[s].sum()), b.stature) for s, b in bodies.items() if b.stature is not None]
     total = sum(weight for weight, _ in available)
     return sum(weight * stature for weight, stature in available) / total if total else None

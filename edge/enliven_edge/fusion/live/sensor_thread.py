@@ -1,4 +1,4 @@
-"""One of several sensors in its own thread: reads, tracks and queues its bodies."""
+"""One of several sensors in its own thread: reads frames, tracks people and queues the bodies."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class SensorThread(ABC):
     A failure is stored for the user, and the other sensors continue.
 
     Attributes:
-        ended: whether no more frames will come.
-        failure: the reason, if it was not an ordinary end.
+        ended: whether no more frames will arrive.
+        failure: the reason of the end, if it was a failure.
         recorded: whether it is a recording. If so, its frames may wait for the frames of other sensors.
     """
 
@@ -71,7 +71,7 @@ class SensorThread(ABC):
 
 
 _MAX_QUEUED = 2
-"""Maximum number of queued sets of bodies. The sensor is read no faster than they are fused."""
+"""Maximum number of queued sets of bodies. So the sensor is read no faster than its bodies are fused."""
 
 
 @dataclass(frozen=True)
@@ -79,9 +79,9 @@ class SensorBodies:
     """The bodies of one sensor at one moment.
 
     Attributes:
-        bodies: in the world.
+        bodies: the bodies in the world frame.
         time_ns: time of the bodies on the common clock.
-        read_ns: monotonic clock when the frame was read.
+        read_ns: time of the monotonic clock at which the frame was read.
         frozen: whether the sensor's frames have been bitwise identical for a while.
     """
 
@@ -99,10 +99,10 @@ class TrackingThread(SensorThread):
         name: the sensor's identity in the space.
         sensor: the sensor.
         tracker: its tracker.
-        place: its pose.
-        health: monitors the sensor.
-        changed: notified after every change.
-        once: end at the sensor's first fault, instead of continuing with its next good frame.
+        place: the sensor's pose.
+        health: the health monitor of the sensor.
+        changed: the condition that is notified after every change.
+        once: whether to end at the sensor's first fault. If False, it continues with the next good frame.
 
     Attributes:
         health_states: the sensor's current health states, the most severe first.
@@ -128,7 +128,7 @@ class TrackingThread(SensorThread):
         self._learns_room = threading.Event()
 
     def learn_room(self) -> None:
-        """Makes the tracker learn the room again from the next frame on. Returns at once."""
+        """Makes the tracker learn the room again from the next frame on. Does not wait for the result."""
         self._learns_room.set()
 
     def stop(self) -> None:
@@ -171,7 +171,7 @@ class TrackingThread(SensorThread):
             self.health_states = self._health.states
 
     def _end_at_fault(self) -> None:
-        """Raises ResourceError after a fault if ``once`` was requested."""
+        """Raises ResourceError after a fault if ``once`` is set."""
         if self._once and self._health.fault:
             raise ResourceError(self._health.fault, where=f"sensor {self.name}")
 
@@ -184,7 +184,7 @@ class TrackingThread(SensorThread):
             self._changed.notify_all()
 
     def _bodies(self, frame: Frame) -> list[Body]:
-        """Returns the people of a frame, in the world."""
+        """Returns the people of a frame in the world frame."""
         if isinstance(frame, BodyFrame):
             self._health.judge(frame, frame.bodies)
             return transform_bodies(frame.bodies, self.place.level)

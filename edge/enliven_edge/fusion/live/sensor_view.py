@@ -15,20 +15,19 @@ class SensorState(StrEnum):
     """The state of one of several sensors. Every state except LIVE gives a warning."""
 
     WAITING = "waiting"
-    """It has not sent any frame yet."""
+    """The sensor has not sent any frame yet."""
     LIVE = "live"
     SILENT = "silent"
-    """Its frames have stopped coming."""
+    """The sensor no longer sends frames."""
     FROZEN = "frozen"
-    """Its frames come, but all are equal."""
+    """The sensor sends frames, but all are equal."""
     MOVED = "moved"
-    """It sees people at other positions than the other sensors do: it was moved by a knock, or is not
-    calibrated.
-    """
+    """The sensor sees people at other positions than the other sensors do: it was moved, or is not
+    calibrated."""
     LOST = "lost"
-    """It was unplugged, or failed."""
+    """The sensor was unplugged, or failed."""
     ENDED = "ended"
-    """Its recording is over."""
+    """The sensor's recording has ended."""
 
 
 @dataclass(frozen=True)
@@ -61,14 +60,14 @@ STATE_SENTENCES = {
 
 
 _SLOW_WEIGHT = 0.2
-"""Weight of a new velocity if it changes little, per frame. Small changes are mostly noise."""
+"""Weight per frame of a new velocity that changes little. Small changes are mostly noise."""
 _FAST_WEIGHT = 0.7
-"""Weight of a new velocity if it changes much, per frame: a start or a stop."""
+"""Weight per frame of a new velocity that changes much: a start or a stop."""
 _START_SPEED = 1.5
 """Change of velocity in metres per second that fully counts as a start or a stop."""
 _MAX_TRUNK_SPEED = 8.0
-"""Maximum speed of a trunk in metres per second. A faster one is another person, whatever identity the sensor
-reports."""
+"""Maximum speed of a trunk in metres per second. A faster trunk belongs to another person, even if the sensor
+reports the same identity."""
 _VELOCITY_RESET_S = 0.5
 """Seconds without a frame after which a velocity restarts at zero."""
 
@@ -78,7 +77,7 @@ class BodySighting:
     """One body of one sensor.
 
     Attributes:
-        body: the last report, in the world.
+        body: the last reported body, world frame.
         time_ns: the time of the report on the common clock.
         velocity: (20, 3) m/s.
         person: the last assigned identity, or 0.
@@ -90,7 +89,7 @@ class BodySighting:
     person: int = 0
 
     def age(self, time_ns: int) -> float:
-        """Returns the seconds since the sensor sent it."""
+        """Returns the seconds since the sensor sent the body."""
         return (time_ns - self.time_ns) * 1e-9
 
     def joints(self, time_ns: int, longest: float) -> Float:
@@ -104,7 +103,7 @@ class SensorView:
 
     Args:
         name: its identity.
-        eye: (3,) the position of its lens, metres of the world.
+        eye: (3,) the position of its lens in metres, world frame.
     """
 
     def __init__(self, name: str, eye: Float) -> None:
@@ -118,13 +117,13 @@ class SensorView:
         self._person_by_body: dict[int, tuple[int, int]] = {}
 
     def update(self, bodies: list[Body], time_ns: int, silence: float, *, frozen: bool = False) -> bool:
-        """Takes in a sensor's bodies. Returns False if they are late and contain nothing new.
+        """Updates the view with a sensor's bodies. Returns False if they are late and contain nothing new.
 
         Args:
-            bodies: in the world.
+            bodies: the bodies in the world frame.
             time_ns: time of the bodies on the common clock.
             silence: seconds of unchanged bodies after which the sensor counts as frozen.
-            frozen: whether the sensor is known to repeat the same image.
+            frozen: whether the sensor repeats the same image.
         """
         if self.last_ns is not None and time_ns <= self.last_ns:
             return False
@@ -156,7 +155,7 @@ class SensorView:
             self._person_by_body = {body: b for body, b in self._person_by_body.items() if b[1] >= oldest}
 
     def _repeats(self, bodies: list[Body]) -> bool:
-        """Returns True if there are people and all their joints equal the previous ones bit for bit."""
+        """Returns True if there are people, and all their joints are bitwise equal to the previous ones."""
         previous, self._last_bodies = self._last_bodies, bodies
         return (
             bool(bodies)

@@ -19,17 +19,18 @@ mapped to themselves.
 MIDDLES = np.array([(j, MIRROR[j]) for j in range(J) if j <= MIRROR[j]])
 """(12, 2) pairs of joints with a midpoint that stays in place if left and right are exchanged."""
 _HALF_TURN = np.array([0.0, 0.0, 1.0, 0.0])
-"""(4,) the quaternion of half a turn about a bone's length."""
+"""(4,) quaternion of a rotation by 180 degrees about a bone's length."""
 
 
 def midline_points(joints: Float) -> Float:
-    """Returns the points (..., 12, 3) of a body that do not move if the sides are exchanged."""
+    """Returns the (..., 12, 3) points of a body that do not move if left and right are exchanged."""
     return np.asarray(0.5 * (joints[..., MIDDLES[:, 0], :] + joints[..., MIDDLES[:, 1], :]))
 
 
 def midline_weights(weights: Float) -> Float:
-    """Returns (..., 12) weights of the midpoints from (..., 20) weights of joints: the smaller of the two
-    joints' weights.
+    """Returns (..., 12) weights of the midpoints from (..., 20) weights of joints.
+
+    The weight of a midpoint is the smaller one of its two joints.
     """
     return np.minimum(weights[..., MIDDLES[:, 0]], weights[..., MIDDLES[:, 1]])
 
@@ -37,8 +38,8 @@ def midline_weights(weights: Float) -> Float:
 def swap_sides(body: Body) -> Body:
     """Returns the body with left and right exchanged. Applied twice it returns the same body.
 
-    Positions only change their names. Every bone is also rotated by half a turn about its length, because the
-    person was taken to face the other way.
+    The positions are assigned to the joints of the other side. Every bone is also rotated by half a turn
+    about its length, because the person was taken to face the other way.
     """
     orientations = body.orientations
     return dataclasses.replace(
@@ -55,7 +56,7 @@ _MIN_SIDE_SWAP_GAIN_M = 0.06
 _MIN_WALK_SPEED = 0.4
 """Minimum speed of the hips in metres per second at which walking shows the facing direction."""
 _SETTLED_AFTER_S = 3.0
-"""Time after which the left and right side of a new person count as known, in seconds."""
+"""Seconds after which the left and right side of a new person count as known."""
 
 
 class SideAssignment:
@@ -72,18 +73,20 @@ class SideAssignment:
         self._doubt, self._watched = 0.0, 0.0
 
     def put_right(self, bodies: Mapping[int, Body]) -> dict[int, Body]:
-        """Returns the bodies with the decided sides."""
+        """Returns the bodies with the decided assignment of left and right."""
         return {s: self._restore_names(s, body) for s, body in bodies.items()}
 
     def compare(self, bodies: Mapping[int, Body], expected: Float, spoke: Bool, known: bool) -> None:
-        """Decides for every sensor whether it has exchanged the sides, by the expected joints.
+        """Decides for every sensor whether it has exchanged left and right, by comparison with the expected
+        joints.
 
         If two sensors contradict each other after that, the one with the smaller margin is exchanged.
 
         Args:
-            bodies: by sensor, its body for this person.
-            expected: (20, 3); for a new person, the joints of any of the sensors.
-            spoke: (S,) whether a sensor saw this person in the last update; then the margin must be clear.
+            bodies: by sensor, its body of this person.
+            expected: (20, 3) joints in metres. For a new person, the joints of any of the sensors.
+            spoke: (S,) whether a sensor saw this person in the last update. If so, its assignment changes
+                only with a clear margin.
             known: whether this person was seen before.
         """
         margins = {}
@@ -105,12 +108,13 @@ class SideAssignment:
     def vote(self, weights: Mapping[int, float], backward: float, seconds: float, known: bool) -> bool:
         """Returns True if the sides are exchanged for all sensors, after a long enough majority vote.
 
-        If sensors disagree, the walking direction decides, because people mostly walk forward. A new person
-        is not decided yet, because a first observation is wrong more often than a long one.
+        If sensors disagree, the walking direction decides, because people mostly walk forward. For a new
+        person nothing is decided yet, because first observations are less reliable.
 
         Args:
             weights: by sensor, the weight of its vote.
-            backward: 1 for a person that walks backward with the present sides, -1 forward, 0 standing.
+            backward: 1 if the person walks backward with the present sides, -1 if it walks forward, 0 if it
+                stands.
             seconds: time since the last vote.
             known: whether this person was seen before.
         """
@@ -136,10 +140,10 @@ class SideAssignment:
 
 
 def walking_direction_sign(joints: Float, velocity: Float) -> float:
-    """Returns 1 for walking backward with the present sides, -1 forward, 0 standing.
+    """Returns 1 if a person walks backward with the present sides, -1 if it walks forward, 0 if it stands.
 
     Args:
-        joints: (20, 3) metres; velocity: (20, 3) metres per second.
+        joints, velocity: (20, 3) metres and (20, 3) metres per second.
     """
     left = joints[[Joint.SHOULDER_LEFT, Joint.HIP_LEFT]].mean(0)
     left_axis = left - joints[[Joint.SHOULDER_RIGHT, Joint.HIP_RIGHT]].mean(0)

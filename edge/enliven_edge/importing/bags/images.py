@@ -17,7 +17,7 @@ from enliven.frames import TIME_LIMIT_NS
 from enliven_edge.importing.bags.ros1 import Fields
 
 _MAX_IMAGE_SIDE_PX = 8192
-"""Maximum pixels of an image's side; the makers' largest have 1,600."""
+"""Maximum side of an image in pixels. The largest images of the manufacturers have 1,600."""
 _PNG_OFFSET = 12
 """Number of bytes that ROS writes before the PNG of a compressed depth image."""
 _DEPTHS = ("mono16", "16uc1", "z16")
@@ -85,7 +85,7 @@ def check_time(time_ns: int, where: str) -> int:
     """Returns a plausible time of a recording in nanoseconds.
 
     Raises:
-        InputError: if it is beyond all calendars.
+        InputError: if the time is not a possible date.
     """
     if abs(time_ns) >= TIME_LIMIT_NS:
         raise InputError(

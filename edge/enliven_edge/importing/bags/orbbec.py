@@ -1,7 +1,7 @@
 """Reads recordings of OrbbecSDK 2.4 and later.
 
-Its image messages have a field that is missing in their written definition. A reader that follows the
-definition therefore cannot read them.
+Their image messages have a field that is missing in the message definition. So a reader that follows the
+definition cannot read them.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _IMAGES, _STREAM, _DEVICE, _PROPERTY = (
 _VERSION = 0
 """Orbbec's property number of the file's version."""
 _PRECISION = 75
-"""Orbbec's property number of the depth step as a level, an index of the steps below."""
+"""Orbbec's property number of the depth step as a level, an index into ``_STEPS``."""
 _UNIT = 176
 """Orbbec's property number of the depth step in millimetres."""
 _DEPTH_IN_DEVICE = 85
@@ -50,15 +50,13 @@ _MODELS = ("none", "modified", "inverse", "brown conrady", "brown conrady", "fis
 _MEASURES_DEPTH = (0x0669, 0x06C0, 0x066B)
 """USB product ids of Femto Mega and Bolt, which measure by time of flight and have no disparities."""
 _DEPTH_COMPUTING_CAMERAS = re.compile(r"Gemini [3-9]\d\d|Astra 2")
-"""Cameras that can compute depth from disparities themselves. A property of the recording states if they did.
-Their depth steps are those above. Orbbec's library plays recordings of a Gemini 2 with a quarter of the
-recorded numbers. Older cameras were not tested.
-"""
+"""Cameras that can compute depth from disparities themselves. A property of the recording states whether they
+did. Their depth steps are in ``_STEPS``. Orbbec's library plays recordings of a Gemini 2 with a quarter of
+the recorded numbers. Older cameras were not tested."""
 _PLAY_HINT = "Let Orbbec's library play it: enliven record --sensor orbbec --set rehearse={} -o take.mcap"
 _RATIONAL = 4
-"""Orbbec's number of the distortion model with six radial coefficients. With three of them, it equals
-enliven's model.
-"""
+"""Orbbec's number of the distortion model with six radial coefficients. If only three of them are used, it
+equals enliven's model."""
 _NONE = (0.0,) * 5
 """Distortion coefficients k1, k2, p1, p2, k3 of an image without distortion."""
 
@@ -69,9 +67,10 @@ class _BagContents:
 
     Attributes:
         camera: the intrinsics of the delivered images.
-        places: (H*W,) the source pixel of each delivered pixel in the recorded image. None: unchanged.
+        places: (H*W,) the source pixel of each delivered pixel in the recorded image; None if the image is
+            unchanged.
         name, product, serial: the camera's own name, USB product id and serial number.
-        properties: its settings, as bytes, by Orbbec's numbers.
+        properties: the camera's settings as bytes, by Orbbec's property numbers.
     """
 
     camera: Intrinsics | None = None
@@ -86,7 +85,7 @@ def frames(path: Path, device: str | None) -> Iterator[DepthFrame]:
     """Yields the depth images of a recording.
 
     Args:
-        device: the name to give the sensor. None for a name with its serial number.
+        device: the name to give the sensor, or None for a name with its serial number.
 
     Raises:
         InputError: if it contains no depth images, or has an unsupported format.
@@ -107,10 +106,10 @@ def frames(path: Path, device: str | None) -> Iterator[DepthFrame]:
 
 
 def check_playback(path: Path) -> None:
-    """Checks that Orbbec's library can play a recording: it hangs on one of another version.
+    """Checks that Orbbec's library can play a recording. It hangs on recordings of another version.
 
     Raises:
-        InputError: if it cannot.
+        InputError: if the library cannot play it.
     """
     _read_contents(path)
 
@@ -168,8 +167,10 @@ def _depth_step_mm(contents: _BagContents, path: Path) -> float:
 
 
 def _read_camera(fields: Fields) -> tuple[Intrinsics, Int | None]:
-    """Reads ``custom_msg/OBStreamProfileInfo``: the intrinsics, and the undistortion of an unsupported
-    model."""
+    """Reads ``custom_msg/OBStreamProfileInfo``.
+
+    Returns the intrinsics, and the undistortion of an unsupported model or None.
+    """
     fields.numbers("BB12f")
     width, height, _fps = (int(value) for value in fields.numbers("HHH"))
     fx, fy, cx, cy, k1, k2, k3, k4, k5, k6, p1, p2 = fields.numbers("12f")

@@ -1,4 +1,4 @@
-"""Reads recordings of librealsense: a .bag until 2.56, a .db3 since."""
+"""Reads recordings of librealsense: .bag files up to version 2.56, .db3 files since 2.57."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ _DESCRIPTION_TOPICS = re.compile(
     r"/device_\d+(/info|/sensor_\d+/(option/Depth[_ ]Units/value|Depth_\d+(/info)?/camera_info))"
 )
 _DEFAULT_STEP_MM = 1.0
-"""Depth step if none was recorded, in millimetres: that of the D400 family."""
+"""Depth step in millimetres if none was recorded: that of the D400 family."""
 Read = Callable[[Path, Callable[[str], bool]], Iterator[Message]]
 
 
 @dataclass
 class _BagContents:
-    """The descriptions of a recording's cameras, by the prefixes of their topics."""
+    """The descriptions of a recording's cameras, by the prefixes of their topic names."""
 
     cameras: dict[str, Intrinsics] = field(default_factory=dict)
     steps: dict[str, float] = field(default_factory=dict)
@@ -44,7 +44,7 @@ def frames(path: Path, read_messages: Read, device: str | None) -> Iterator[Dept
 
     Args:
         read_messages: returns the messages of the file.
-        device: its serial number, or the name to give the sensor. None for the only camera.
+        device: the camera's serial number, or a name for the sensor. If None, the only camera is read.
 
     Raises:
         InputError: if the recording has no depth camera, or several cameras and ``device`` is not given.
@@ -71,7 +71,9 @@ def frames(path: Path, read_messages: Read, device: str | None) -> Iterator[Dept
 
 
 def _read_frame(topic: str, fields: Fields, camera: Intrinsics, step: float, name: str) -> DepthFrame:
-    """Reads an image of a recording. The image's number precedes it in a .bag, and follows it in a .db3."""
+    """Reads an image of a recording. The frame number precedes the image in a .bag, and follows it in a
+    .db3.
+    """
     number = None if isinstance(fields, AlignedFields) else fields.count()
     seconds, rest = fields.numbers("II")
     fields.text()
@@ -81,7 +83,9 @@ def _read_frame(topic: str, fields: Fields, camera: Intrinsics, step: float, nam
 
 
 def _add_number(frame: DepthFrame, fields: dict[str, str]) -> DepthFrame:
-    """Returns an image of a .db3 with its number and the camera's own time, which follow it in the file."""
+    """Returns an image of a .db3 with its frame number and the camera's time. Both follow the image in the
+    file.
+    """
     try:
         time_ns = check_time(round(1e6 * float(fields["timestamp"])), frame.sensor)
         return replace(frame, sequence=int(fields["Frame number"]), time_ns=time_ns)
@@ -108,7 +112,7 @@ def _read_contents(path: Path, read_messages: Read) -> _BagContents:
 def _is_small(topic: str) -> bool:
     """Returns True if a topic describes a camera.
 
-    A .db3 also repeats its intrinsics as text with each image.
+    In addition, a .db3 repeats the camera's intrinsics as text with each image.
     """
     return _DESCRIPTION_TOPICS.fullmatch(topic) is not None
 

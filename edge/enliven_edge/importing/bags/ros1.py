@@ -1,7 +1,7 @@
 """Reads the messages of a ROS bag of version 2.0 from its beginning, without its index.
 
-This is a parser of its own because the library rosbags (0.11.9) trusts the sizes in a file. It allocated
-4.3 GB for a damaged bag of 26 kB, and raised errors of five types. It cannot read a bag without an index.
+The library rosbags (0.11.9) is not used, because it trusts the sizes in a file. It allocated 4.3 GB for a
+damaged bag of 26 kB, and raised errors of five types. It also cannot read a bag without an index.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _MAX_TEXT_BYTES = 4096
 
 
 class Fields:
-    """A message in the format of ROS 1: packed numbers; texts and blocks are preceded by their size.
+    """A message in the format of ROS 1: packed numbers. Strings and blocks are preceded by their size.
 
     Args:
         data: the message.
@@ -42,7 +42,7 @@ class Fields:
         return int(self.number("I"))
 
     def numbers(self, kinds: str) -> tuple[float, ...]:
-        """Reads the next numbers, one for each letter.
+        """Reads the next numbers, one for each letter of ``kinds``.
 
         Raises:
             InputError: if the message is too short.
@@ -97,9 +97,8 @@ MAGIC = b"#ROSBAG V2.0\n"
 _MAX_HEADER_BYTES = 1 << 16
 """Maximum bytes of a record's header, which may contain a topic's name."""
 _MAX_CHUNK_BYTES = 1 << 27
-"""Maximum bytes of a decompressed chunk. The manufacturers' chunks contain one message or 768 KiB, an image
-up to 50 MB.
-"""
+"""Maximum bytes of a decompressed chunk. The chunks of manufacturers contain either one message or 768 KiB.
+An image has up to 50 MB."""
 _MESSAGE = 2
 """Record kind (op) of message data in a bag."""
 _CHUNK = 5
@@ -120,7 +119,7 @@ def messages(path: Path, is_requested: Callable[[str], bool]) -> Iterator[Messag
     """Yields the messages of the requested topics, in the order of the file.
 
     Raises:
-        InputError: if the file is damaged, cut off, or would not fit into memory.
+        InputError: if the file is damaged or truncated, or would not fit into memory.
     """
     with open_file(path) as file:
         if file.read(len(MAGIC)) != MAGIC:
@@ -167,7 +166,7 @@ def _chunk_messages(
 
 
 def _find_part(chunk: bytes, offset: int, path: Path) -> tuple[int, int]:
-    """Returns the start and the end of a sized part of a chunk."""
+    """Returns the start and the end of a chunk's next part, which is preceded by its size."""
     start = offset + 4
     end = start + int.from_bytes(chunk[offset:start], "little")
     if start > len(chunk) or end > len(chunk):

@@ -1,4 +1,4 @@
-"""Reads the messages of a ROS 2 recording in a database, as librealsense writes them since 2.57."""
+"""Reads the messages of a ROS 2 recording in an SQLite database, as librealsense writes them since 2.57."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ def messages(path: Path, is_requested: Callable[[str], bool]) -> Iterator[Messag
 _TOPICS = f"SELECT id, name FROM topics LIMIT {_MAX_TOPICS}"
 _MESSAGES = "SELECT topic_id, data FROM messages WHERE topic_id IN ({}) ORDER BY id"
 _TABLES = "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name IN ('topics', 'messages')"
-"""Query that counts real tables only: a view with one of these names could run endlessly."""
+"""Query that counts real tables only, because a view with one of these names could run endlessly."""
 
 
 def _open_database(path: Path) -> sqlite3.Connection:
     """Opens the database for reading.
 
     Raises:
-        sqlite3.Error: if it is not a database, or lacks these tables.
+        sqlite3.Error: if the file is not a database, or lacks the tables of a recording.
     """
     database = sqlite3.connect(f"file:{quote(str(path))}?mode=ro&immutable=1", uri=True)
     try:

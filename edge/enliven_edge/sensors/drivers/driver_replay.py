@@ -1,4 +1,6 @@
-"""Driver replay: a driver reads a recording's images through its own library, not those of a device."""
+"""Driver replay: a driver reads the images of a recording, instead of those of a device, through its own
+library.
+"""
 
 from __future__ import annotations
 
@@ -19,32 +21,33 @@ log = logging.getLogger(__name__)
 _POLL_INTERVAL_S = 0.1
 """Seconds between two checks whether the rehearsal has ended."""
 MAX_WAITING_IMAGES = 4
-"""Maximum number of images waiting in a library. The next is sent after the driver has taken one."""
+"""Maximum number of images waiting in a library. The next image is sent after the driver has taken one."""
 _DRIVER_TIME_S = 0.002
-"""Time that the driver gets for an image before the next one is decoded, in seconds. A real device needs no
-decoding here."""
+"""Seconds that the driver gets for an image before the next one is decoded. A real device needs no decoding
+on this machine."""
 _MAX_PAUSE_S = 0.5
-"""Maximum seconds of silence: after one second a driver would count as lost, and restart endlessly."""
+"""Maximum seconds without an image. After one second a driver would count as lost, and restart endlessly."""
 _DRAIN_TIME_S = 0.5
-"""Time in which the last images pass through a library, in seconds, also on a busy machine."""
+"""Seconds in which the last images pass through a library, even on a busy machine."""
 _CLOCK_NS = 2_000
-"""Nanoseconds of rounding by a library's clock: a frame interval is several thousand times longer."""
+"""Rounding error of a library's clock in nanoseconds. A frame interval is several thousand times longer."""
 _MAX_FRAME_NUMBER = 1 << 31
 """An image number that every library can represent."""
 
 
 class DriverReplay:
-    """Plays a recording of a depth camera on its own thread, at its recorded pace.
+    """Plays a recording of a depth camera on a separate thread, at its recorded pace.
 
     Args:
         path: the recording.
-        send: called on that thread with each image and its number, which is the recorded one if known.
-        loop: start again at the end.
-        paced: lose no image if the driver is slow. The driver reports each image that it has taken by
-            :meth:`record_taken`, and at most :data:`MAX_WAITING_IMAGES` images wait.
+        send: called on that thread with each image and its number. The number is the recorded one if there is
+            one.
+        loop: whether to start again at the end.
+        paced: whether to lose no image if the driver is slow. The driver reports each image that it has taken
+            by :meth:`record_taken`, and at most :data:`MAX_WAITING_IMAGES` images wait.
 
     Attributes:
-        first: its first image, which contains the camera's properties.
+        first: the first image, which contains the camera's properties.
         fps: images per second.
 
     Raises:
@@ -71,7 +74,7 @@ class DriverReplay:
     def is_over(self) -> bool:
         """Returns True after the last image has passed.
 
-        The first call starts the images, so that none is lost.
+        The first call starts the playback, so that no image is lost.
         """
         if self._thread.ident is None:
             self._thread.start()
@@ -81,7 +84,8 @@ class DriverReplay:
         """Records that the driver has taken the images up to this time out of its library.
 
         Returns:
-            the recorded time of the image: a library may count in microseconds.
+            the recorded time of the image in nanoseconds. It may differ from ``time_ns``, because a library
+            may count in microseconds.
         """
         while self._sent and self._sent[0] <= time_ns + _CLOCK_NS:
             sent = self._sent.popleft()
@@ -91,7 +95,7 @@ class DriverReplay:
         return time_ns
 
     def condition(self) -> Condition | None:
-        """Returns the condition of the recorded device. None if it was not recorded."""
+        """Returns the condition of the recorded device, or None if it was not recorded."""
         return self._sensor.condition()
 
     def stop(self) -> None:

@@ -1,4 +1,6 @@
-"""Typical intrinsics and range of a camera model that does not report them: ``firmware_configs/sensors``."""
+"""Typical intrinsics and range of camera models that do not report them, from
+``firmware_configs/sensors``.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,8 @@ from enliven.errors import InputError
 from enliven_edge.sensors.profile import typical_camera
 
 _MIN_FOCAL_LENGTH_PX = 10.0
-"""Minimum focal length in pixels. Below it a camera has reported none: depth cameras have 150 to 1,000."""
+"""Minimum focal length in pixels. A camera with a smaller value has reported none, because depth cameras have
+150 to 1,000."""
 _MAX_DEPTH_MM = 65535
 """Largest depth in an image, in millimetres."""
 
@@ -22,7 +25,7 @@ def profile_from_name(name: str, kinds: Mapping[str, str], otherwise: str) -> st
     """Returns the profile of a camera with a given name.
 
     Args:
-        kinds: the profile by a regular expression that matches part of the name. The first match counts.
+        kinds: the profile by a regular expression that matches part of the name. The first match is used.
         otherwise: the profile of a camera without a match.
     """
     fits = (profile for words, profile in kinds.items() if re.search(words, name, re.IGNORECASE))

@@ -1,5 +1,7 @@
-"""Cameras of a Raspberry Pi, and others that libcamera supports: one for bodies from colour, two for
-depth."""
+"""Cameras of a Raspberry Pi, and others that libcamera supports.
+
+One camera gives bodies from colour, two give depth.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,8 @@ from enliven_edge.sensors.stereo.pairing import CameraImage, Pairing
 from enliven_edge.sensors.stereo.rectification import Rectification, import_opencv
 
 _MAX_TEMPERATURE_C = 75.0
-"""Maximum degrees Celsius of the image sensor in the specification of the IMX296 (Global Shutter Camera)."""
+"""Maximum temperature of the image sensor in degrees Celsius, from the specification of the IMX296 (Global
+Shutter Camera)."""
 
 
 class LibcameraSensor(Sensor):
@@ -32,9 +35,9 @@ class LibcameraSensor(Sensor):
         width, height: pixels of one camera's images. Two cameras use the size of the calibration.
         fps: images per second.
         near, far: metres, range of valid depth.
-        apart_ms: maximum milliseconds between the times of a pair. A hand at 1 m/s moves 1 mm in one, which
-            is 2 cm of its depth at 2 m if the cameras are 10 cm apart.
-        exposure_us: microseconds of exposure. 0: automatic.
+        apart_ms: maximum milliseconds between the two images of a pair. In 1 ms a hand at 1 m/s moves 1 mm.
+            At a distance of 2 m this is a depth error of 2 cm if the cameras are 10 cm apart.
+        exposure_us: microseconds of exposure; 0 for automatic exposure.
         gain: gain of the image sensor, if the exposure is given.
         tuning: a tuning file for the Raspberry Pi's image processor.
         rehearse: a folder of image pairs that replace the cameras' images.
@@ -43,7 +46,7 @@ class LibcameraSensor(Sensor):
         tilt: degrees that the single camera looks down.
         body_height: metres, height of the performers in front of the single camera.
         python, model: location of MediaPipe, as for the webcam.
-        source: detects the landmarks, in place of MediaPipe.
+        source: detects the landmarks instead of MediaPipe.
 
     Raises:
         InputError: for a calibration, folder or option that cannot be used.

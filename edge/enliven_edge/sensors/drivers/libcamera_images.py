@@ -1,4 +1,4 @@
-"""Images of cameras that libcamera supports, by its own Python binding."""
+"""Images of cameras that libcamera supports, read with libcamera's Python binding."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from enliven_edge.sensors.drivers.libcamera_library import COLOUR, GREY, Layout,
 from enliven_edge.sensors.stereo.pairing import CameraImage
 
 _BUFFERS = 4
-"""Number of image buffers of a camera: one is filled, one is read, two are in between."""
+"""Number of image buffers of a camera: one is being filled, one is being read, and two are queued."""
 _SERVER = 1
 """Value of the Raspberry Pi's control SyncMode for the first camera, which provides the clock."""
 _CLIENT = 2
@@ -30,10 +30,11 @@ class LibcameraImages:
         cameras: for each a number, counted from 0 in libcamera's order, or a part of its id.
         size: (width, height) of the images.
         fps: images per second, if the camera supports setting it.
-        colour: deliver colour instead of grey.
-        exposure_us: microseconds of exposure. 0: automatic.
+        colour: whether to deliver colour instead of grey.
+        exposure_us: microseconds of exposure; 0 for automatic exposure.
         gain: gain of the sensor, if the exposure is given.
-        tuning: a tuning file for the Raspberry Pi's image processor. Empty: the sensor's own.
+        tuning: a tuning file for the Raspberry Pi's image processor. If empty, uses the file of the image
+            sensor.
 
     Attributes:
         name: the cameras' ids.
@@ -68,7 +69,7 @@ class LibcameraImages:
                     _OpenCamera(self._lib, camera, len(self._open_cameras), size, self._formats)
                 )
             controls = _initial_controls(fps, exposure_us, gain)
-            # The followers wait for the clock of the leader, so start them first.
+            # Start the followers first, because they wait for the clock of the leader.
             for eye in reversed(self._open_cameras):
                 beat = {} if len(devices) == 1 else {"SyncMode": _CLIENT if eye.number else _SERVER}
                 eye.start({**controls, **beat})
@@ -81,7 +82,7 @@ class LibcameraImages:
         """Returns the next image of any of the cameras, copied out of the camera's memory.
 
         Raises:
-            TimeoutError: if none came in time.
+            TimeoutError: if none arrived in time.
             InputError: for an image that the camera reports as damaged.
             ResourceError: if a camera was lost.
         """
@@ -98,7 +99,7 @@ class LibcameraImages:
         return picture
 
     def temperature(self) -> float | None:
-        """Returns the degrees Celsius of the image sensor, if it reports them."""
+        """Returns the temperature of the image sensor in degrees Celsius, or None if it is not reported."""
         return self._celsius
 
     def close(self) -> None:
@@ -130,12 +131,12 @@ class LibcameraImages:
             devices.append(matching[0])
         if len({camera.id for camera in devices}) < len(devices):
             remedy = f"Give the left and the right one; connected: {listed}."
-            raise InputError("the two cameras are one", where="sensor libcamera", remedy=remedy)
+            raise InputError("both names mean the same camera", where="sensor libcamera", remedy=remedy)
         return devices
 
 
 _MAX_BUFFERS = 64
-"""Maximum number of buffers of a camera. A request's id is the camera's number times this, plus the
+"""Maximum number of buffers of a camera. A request's id is the camera's number times this value, plus the
 buffer's number."""
 
 
@@ -165,7 +166,7 @@ class _OpenCamera:
             raise
 
     def start(self, settings: dict[str, Any]) -> None:
-        """Starts the image stream. Settings that the camera does not support are left out."""
+        """Starts the image stream. Settings that the camera does not support are ignored."""
         controls = {control.name: control for control in self._camera.controls}
         self._camera.start({controls[name]: value for name, value in settings.items() if name in controls})
         self._running = True
@@ -191,7 +192,7 @@ class _OpenCamera:
         request.reuse()
         self._camera.queue_request(request)
         if image is None:
-            raise InputError("the camera calls an image damaged", where=self._camera.id)
+            raise InputError("the camera reports a damaged image", where=self._camera.id)
         return CameraImage(self.number, image, time_ns, sequence)
 
     def close(self) -> None:
@@ -249,7 +250,7 @@ class _OpenCamera:
 
 
 def _initial_controls(fps: float, exposure_us: int, gain: float) -> dict[str, Any]:
-    """Returns the settings of the cameras at the start, by libcamera's names of its controls."""
+    """Returns the initial settings of the cameras, by the names of libcamera's controls."""
     step = round(1e6 / fps)
     controls: dict[str, Any] = {"FrameDurationLimits": (step, step)}
     if exposure_us > 0:

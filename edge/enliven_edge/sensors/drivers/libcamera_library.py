@@ -1,8 +1,8 @@
 """Libcamera's own Python binding, its list of cameras, and the memory layout of their images.
 
-The binding is used directly instead of Picamera2, which builds on it. It runs wherever libcamera does, also
-on the kernel's virtual camera, and needs nothing else. There is no wheel of it: the system's package manager
-installs it.
+The binding is used directly instead of Picamera2, which builds on it. The binding runs wherever libcamera
+runs, including on the kernel's virtual camera, and needs no other package. The system's package manager must
+install it, because it has no wheel.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from enliven.arrays import UInt8
 from enliven.errors import InputError, ResourceError
 
 _SYSTEM = Path("/usr/lib")
-"""Folder of the Python modules of Debian and Raspberry Pi OS. Debian 12 has them below its architecture."""
+"""Folder of the Python modules of Debian and Raspberry Pi OS. Debian 12 has them in a subfolder for the
+architecture."""
 _INSTALL = (
     "Type: sudo apt install python3-libcamera; and use the system's Python: "
     "python3 -m venv --system-site-packages .venv"
@@ -48,9 +49,10 @@ class ListedCamera:
 
 
 def list_cameras() -> list[ListedCamera]:
-    """Returns the cameras in libcamera's order. Empty if it is not installed, except on a Raspberry Pi.
+    """Returns the cameras in libcamera's order. The list is empty if libcamera is not installed, except on a
+    Raspberry Pi.
 
-    The list is made in a separate process, since libcamera terminates its process on internal errors.
+    A separate process lists them, because libcamera terminates its process on internal errors.
 
     Raises:
         ResourceError: if libcamera does not load or does not answer, or is missing on a Raspberry Pi.
@@ -78,7 +80,7 @@ def list_cameras() -> list[ListedCamera]:
 
 
 def libcamera_library(tuning: str) -> Any:
-    """Imports the binding, also if the system has it outside of this Python's search path.
+    """Imports the binding, even if the system has it outside of this Python's search path.
 
     Raises:
         InputError: if the tuning file does not exist.
@@ -151,18 +153,20 @@ GREY = {
     "XBGR8888": Layout(4, (1,)),
     "XRGB8888": Layout(4, (1,)),
 }
-"""Formats with usable grey, the best first. Of RGB formats the green channel is used: it has most light."""
+"""Formats with usable grey, the best first. In RGB formats the green channel is used, because it receives the
+most light."""
 COLOUR = {
     "BGR888": Layout(3, (0, 1, 2)),
     "RGB888": Layout(3, (2, 1, 0)),
     "XBGR8888": Layout(4, (0, 1, 2)),
     "XRGB8888": Layout(4, (2, 1, 0)),
 }
-"""Formats with usable colour. Libcamera names them from the highest byte down."""
+"""Formats with usable colour. Libcamera names the channels from the highest byte to the lowest."""
 
 
 def copy_image(plane: UInt8, size: tuple[int, int], stride: int, layout: Layout) -> UInt8 | None:
-    """Returns a copy of the image in a plane's bytes, (H, W) or (H, W, 3). None if there are too few bytes.
+    """Returns a copy of the image in a plane's bytes, (H, W) or (H, W, 3). Returns None if there are too few
+    bytes.
 
     Args:
         size: (width, height) of the image.

@@ -1,4 +1,4 @@
-"""OAK depth cameras of Luxonis, by depthai 3."""
+"""OAK depth cameras of Luxonis, read with depthai 3."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ from enliven_edge.sensors.drivers.refusals import choose_device, convert_error
 log = logging.getLogger(__name__)
 
 _SEARCH_MS = "1500"
-"""Time for which the library searches for a camera, in milliseconds (its default is 10 s). A connected camera
-answers immediately."""
+"""Milliseconds for which the library searches for a camera (its default is 10 s). It can be short, because a
+connected camera answers immediately."""
 _NOT_FOUND_MESSAGES = ("No available devices", "Cannot find any device with given deviceInfo")
 """The library's messages if it finds no camera at all, or not the requested one."""
 _ACCELEROMETER_HZ = 100
-"""Readings of the accelerometer per second. The mean over a second is gravity."""
+"""Readings of the accelerometer per second. The mean over one second is used as gravity."""
 _KINDS = {"LITE": "oak-d-lite"}
-"""The profile of a camera, by a part of its product name. The others have the stereo pair of the OAK-D."""
+"""The profile of a camera, by a part of its product name. Other cameras have the stereo pair of the OAK-D."""
 _MAX_TEMPERATURE_C = 105.0
-"""Chip temperature at which the chip throttles and then stops, in degrees Celsius (RVC2 data sheet)."""
+"""Chip temperature in degrees Celsius at which the chip throttles and then stops (RVC2 data sheet)."""
 
 
 class OakSensor(Sensor):
-    """An OAK with a stereo pair, or the images of a recording through the same library.
+    """An OAK with a stereo pair, or the images of a recording that pass through the same library.
 
     The arguments that all drivers share are described in :mod:`enliven_edge.sensors.drivers`.
 
     Args:
-        device: its id, USB port or network address. Empty: the only camera.
+        device: its id, USB port or network address; empty for the only camera.
         preset: "default", "accuracy", "density", "robotics", "high_detail" or "face".
         subpixel: finer depth steps, at the cost of some speed.
         left_right_check: remove pixels that only one of the two cameras sees.
@@ -138,8 +138,8 @@ class OakSensor(Sensor):
     ) -> tuple[Any, Any]:
         """Opens the device and builds the DepthAI pipeline.
 
-        Starts the accelerometer, if the device has an accelerometer. Returns the pipeline's depth output, and
-        the output of the camera that aligned colour comes from (None without colour).
+        Starts the accelerometer, if the device has one. Returns the pipeline's depth output, and the output
+        of the colour camera for the alignment (None without colour).
 
         Args:
             checks: subpixel, and left-right check.
@@ -228,7 +228,7 @@ class OakSensor(Sensor):
     def _measure_gravity(self) -> tuple[float, float, float] | None:
         """Returns gravity's direction in the depth camera's frame.
 
-        A resting accelerometer measures the opposite.
+        It is opposite to the acceleration that a resting accelerometer measures.
         """
         if self._accelerometer is None:
             return None
@@ -243,10 +243,11 @@ class OakSensor(Sensor):
         return x, y, z
 
     def _open_rehearsal(self, path: str, colour: bool) -> tuple[Any, Any]:
-        """Returns a recording's images, from a node on this machine that replaces the camera's stereo node.
+        """Returns the output of a node that replaces the camera's stereo node and sends the images of a
+        recording.
 
         Returns:
-            depth, and colour or None.
+            the depth output, and the colour output or None.
         """
         dai = self._dai
 
@@ -258,7 +259,7 @@ class OakSensor(Sensor):
                 self.out, self.colour = self.createOutput(), self.createOutput()
 
             def run(self) -> None:
-                """Does nothing: the rehearsal has its own thread."""
+                """Does nothing, because the rehearsal has its own thread."""
 
         self._pipeline = dai.Pipeline(createImplicitDevice=False)
         self._node = self._pipeline.create(Recorded)
@@ -273,7 +274,9 @@ class OakSensor(Sensor):
         return self._node.out, self._node.colour if colour else None
 
     def _send(self, frame: DepthFrame, number: int) -> None:
-        """Sends an image of the recording as a camera's stereo node would, and its colour."""
+        """Sends a depth image of the recording, and its colour, in the same form as a camera's stereo
+        node.
+        """
         dai, camera = self._dai, frame.intrinsics
         self._last_colour = self._last_colour if frame.colour is None else frame.colour
         if self._coloured and self._last_colour is not None:

@@ -1,5 +1,7 @@
-"""The colour of an OAK in addition to its depth: registered to the colour camera, and synchronised by
-time."""
+"""The colour of an OAK in addition to its depth.
+
+Depth is registered to the colour camera, and the images are synchronised by time.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,7 @@ def create_aligned_outputs(
 def synchronise(dai: Any, pipeline: Any, depth: Any, colour: Any, fps: float) -> Any:
     """Returns groups of a "depth" and a "colour" image, taken within half a frame interval.
 
-    Joined on this machine.
+    The images are grouped on this machine and not on the device.
     """
     sync = pipeline.create(dai.node.Sync)
     sync.setRunOnHost(True)

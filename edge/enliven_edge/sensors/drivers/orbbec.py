@@ -1,4 +1,4 @@
-"""Depth cameras of Orbbec (Gemini, Astra 2, Femto Mega, Femto Bolt), by OrbbecSDK 2."""
+"""Depth cameras of Orbbec (Gemini, Astra 2, Femto Mega, Femto Bolt), read with OrbbecSDK 2."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from enliven_edge.sensors.drivers.playback import playbacks
 from enliven_edge.sensors.drivers.refusals import convert_error
 
 _GRAVITY_READINGS = 100
-"""Number of accelerometer readings, one second at 100 Hz. Their mean is gravity."""
+"""Number of accelerometer readings: one second at 100 Hz. Their mean is used as gravity."""
 _SYNC_MODES = ("free_run", "standalone", "primary", "secondary", "secondary_synced", "hardware_triggering")
-"""Synchronisation of several cameras: the modes of OBMultiDeviceSyncMode that need only a cable."""
+"""Modes of OBMultiDeviceSyncMode that synchronise several cameras with only a cable."""
 _KINDS = {
     r"Gemini (2|210|215)\b": "orbbec-gemini2",
     r"Gemini (3\d\d|435)": "orbbec-gemini335",
@@ -34,18 +34,21 @@ _KINDS = {
 
 
 class OrbbecSensor(Sensor):
-    """A depth camera of Orbbec, or a recording through the same library.
+    """A depth camera of Orbbec, or a recording that is played through the same library.
 
     The arguments that all drivers share are described in :mod:`enliven_edge.sensors.drivers`.
 
     Args:
-        device: its serial number, name, USB path or network address. Empty: the only camera.
-        width, height: pixels of the depth image. 0: the camera's default.
-        fps: images per second. 0: the camera's default.
-        near, far: metres, range of valid depth. 0: the range that its maker specifies.
-        preset: the name of one of the camera's own presets, such as "High Accuracy". Empty: unchanged.
-        sync: synchronisation of several cameras, such as "primary" and "secondary". Empty: unchanged.
-        rehearse: a recording of ours or Orbbec's (.bag), played through the library in place of a camera.
+        device: its serial number, name, USB path or network address; empty for the only camera.
+        width, height: pixels of the depth image; 0 for the camera's default.
+        fps: images per second; 0 for the camera's default.
+        near, far: range of valid depth in metres; 0 for the range that the manufacturer specifies.
+        preset: the name of one of the camera's own presets, such as "High Accuracy"; empty to leave it
+            unchanged.
+        sync: synchronisation of several cameras, such as "primary" and "secondary"; empty to leave it
+            unchanged.
+        rehearse: a recording of enliven or Orbbec (.bag) that is played through the library instead of a
+            camera.
     """
 
     isolated = True
@@ -114,8 +117,10 @@ class OrbbecSensor(Sensor):
             raise convert_error("orbbec", error, self.name, self._rehearsed) from None
 
     def condition(self) -> Condition:
-        """Returns the link, the temperature (no limit is published), and gravity if it has an
-        accelerometer."""
+        """Returns the link, the temperature, and gravity if there is an accelerometer.
+
+        No temperature limit is published.
+        """
         slow, usb = self._link.startswith("USB2"), self._link.replace("USB", "USB ")
         return Condition(usb, slow, self._celsius(), None, self._measure_gravity(), self._calibrated)
 
@@ -184,7 +189,7 @@ class OrbbecSensor(Sensor):
             self._device.set_multi_device_sync_config(config)
 
     def _start(self) -> None:
-        """Starts the images. A recording starts with the first call of ``read``, so that no image is lost."""
+        """Starts the stream. A recording starts with the first call of ``read``, so that no image is lost."""
         if self._started:
             return
         self._started = True
@@ -216,7 +221,7 @@ class OrbbecSensor(Sensor):
     def _measure_gravity(self) -> tuple[float, float, float] | None:
         """Returns gravity's direction in the depth camera's frame.
 
-        A resting accelerometer measures the opposite.
+        It is opposite to the acceleration that a resting accelerometer measures.
         """
         acceleration = list(self._accelerations)
         if not acceleration:

@@ -13,13 +13,13 @@ from enliven_edge.sensors.drivers.refusals import choose_device, convert_error
 _PORT = 8090
 """The network port of Orbbec's cameras."""
 _MIN_SDK_VERSION = (2, 0)
-"""Oldest supported version: OrbbecSDK 1 has another interface."""
+"""Minimum version of OrbbecSDK. Version 1 has another interface."""
 _MODES_SHOWN = 8
 """Maximum number of modes that an error message lists."""
 
 
 def orbbec_library() -> Any:
-    """Imports pyorbbecsdk, and turns its log files off."""
+    """Imports pyorbbecsdk, and turns off its log files."""
     ob = import_library("pyorbbecsdk", "orbbec", "--no-deps pyorbbecsdk2")
     sdk_version = (
         tuple(int(part) for part in ob.get_version().split(".")[:2]) if hasattr(ob, "get_version") else (0,)
@@ -34,7 +34,9 @@ def orbbec_library() -> Any:
 
 
 def open_device(ob: Any, context: Any, requested_name: str, last_serial: str = "") -> Any:
-    """Opens a camera by its serial number, name, USB path or network address. Without one, the only camera.
+    """Opens a camera by its serial number, name, USB path or network address.
+
+    If no name is given, opens the only camera.
 
     Args:
         last_serial: the serial number of the camera that was open last, which is preferred.
@@ -68,7 +70,7 @@ def open_device(ob: Any, context: Any, requested_name: str, last_serial: str = "
 def depth_mode(ob: Any, pipeline: Any, mode: tuple[int, int, int], name: str) -> Any:
     """Returns the depth stream of a width, height and rate.
 
-    0 stands for any; the camera's default is preferred.
+    0 matches any value, and the camera's default is preferred.
 
     Raises:
         InputError: if no such mode exists. The message lists the nearest ones.

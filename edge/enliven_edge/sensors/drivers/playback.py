@@ -1,8 +1,8 @@
-"""Writes Orbbec's playback files from our recordings, so that Orbbec's own library can rehearse with them.
+"""Writes Orbbec's playback files from enliven's recordings, so that Orbbec's library can rehearse with them.
 
 The layout is that of OrbbecSDK 2 (``RosWriter``): a ROS bag of version 2.0 with messages of Orbbec's own. Its
-image messages have fields that their written definition lacks, and some checksums of types are arbitrary. The
-library compares all of them.
+image messages have fields that are missing in the message definition, and some checksums of types are
+arbitrary. The library compares all checksums.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from enliven_edge.sensors.replay import ReplaySensor
 log = logging.getLogger(__name__)
 
 BEGINNING_US = 1_000_000
-"""Microseconds at which a playback starts: ROS has no time 0."""
+"""Time in microseconds at which a playback starts. It is not 0, because ROS has no time 0."""
 _MAX_IMAGE_BYTES = 1 << 30
-"""Maximum bytes of images in a playback, more than a minute of 640x400 at 30: it is written before it is
-played."""
+"""Maximum bytes of images in a playback: more than a minute of 640x400 at 30 frames per second. It bounds the
+file, which is written completely before it is played."""
 _HEADER_SIZE = 4096
-"""Size of the first record, in bytes. It is rewritten at the end."""
+"""Size of the first record in bytes. It is written again at the end."""
 _OP_MESSAGE, _OP_HEADER, _OP_INDEX, _OP_CHUNK, _OP_CHUNK_INFO, _OP_CONNECTION = (
     b"\2",
     b"\3",
@@ -50,8 +50,9 @@ _Y16 = 8
 _BROWN_CONRADY = 3
 """Orbbec's number of the distortion model that enliven uses."""
 _CAMERA = (0x2BC5, 0x0669, b"Femto Mega")
-"""USB vendor, USB product and name of the camera that a playback claims to be: the library plays the depth
-of a Femto without changes."""
+"""USB vendor, USB product and name of the camera that a playback claims to be.
+
+It is a Femto, because the library plays the depth of a Femto without changes."""
 _FILE_VERSION = 2.0
 """The file version that OrbbecSDK 2.4 and later write and accept."""
 _MADE_UP = "0123456789abcdef0123456789abcdef"
@@ -80,10 +81,10 @@ class Playback:
 
 
 def write_playback(recording: str, path: Path) -> list[Playback]:
-    """Writes the depth images of our recording as an Orbbec playback, which has one set of intrinsics.
+    """Writes the depth images of an enliven recording as Orbbec playbacks.
 
-    Images of another size or intrinsics go into further files next to it. Images of another sensor are left
-    out.
+    A playback has one set of intrinsics. Images with another size or other intrinsics are written to further
+    files next to it. Images of another sensor are skipped.
 
     Raises:
         InputError: if it is not a recording, or has no depth camera.
@@ -106,8 +107,9 @@ def write_playback(recording: str, path: Path) -> list[Playback]:
 def _write(
     path: Path, camera: Intrinsics, fps: int, frames: Iterator[DepthFrame], image_offset: int
 ) -> Playback:
-    """Writes the images of one camera into one file. ``image_offset`` counts the images of the files before
-    it."""
+    """Writes the images of one camera into one file. ``image_offset`` is the number of images in the previous
+    files.
+    """
     first, images = next(frames), 0
     shift_ns = first.time_ns - 1000 * BEGINNING_US
     with _Bag(path) as bag:
@@ -137,7 +139,7 @@ def _depth_images(sensor: ReplaySensor, recording: str) -> Iterator[DepthFrame]:
 
 
 def _read_next(sensor: ReplaySensor) -> Frame | None:
-    """Returns the next frame that can be used. None at the end."""
+    """Returns the next frame that can be used. Returns None at the end."""
     while True:
         try:
             return sensor.read()
@@ -167,7 +169,7 @@ class _Bag:
         self._file.close()
 
     def write(self, messages: list[tuple[str, int, bytes]]) -> None:
-        """Writes one chunk of messages: their kind, time (microseconds) and content."""
+        """Writes one chunk of messages: for each its kind, time in microseconds and content."""
         body, where = b"", dict[int, list[bytes]]()
         for kind, time_us, content in messages:
             if kind not in self._connections:
@@ -224,13 +226,15 @@ def _time(time_us: int) -> bytes:
 
 
 def _ros_header(time_us: int = BEGINNING_US) -> bytes:
-    """Returns the ROS header of a message: a count, a time and a name."""
+    """Returns the ROS header of a message: a counter, a time and a name."""
     return struct.pack("<I", 0) + _time(time_us) + _with_size(b"")
 
 
 def _image_message(depth: np.ndarray, time_us: int, number: int) -> bytes:
-    """Returns ``sensor_msgs/Image``, followed by Orbbec's fields: bits per pixel, number, times and
-    metadata."""
+    """Returns ``sensor_msgs/Image``.
+
+    It is followed by Orbbec's fields: bits per pixel, number, times and metadata.
+    """
     height, width = depth.shape
     shape = struct.pack("<II", height, width) + _with_size(b"mono16") + struct.pack("<BI", 0, 2 * width)
     pixels = _with_size(np.ascontiguousarray(depth, "<u2").tobytes())
@@ -269,7 +273,7 @@ def _property_message(number: int, value: bytes) -> bytes:
 
 
 def playbacks(ob: Any, path: str) -> list[tuple[Any, int]]:
-    """Returns devices that play a recording of ours or Orbbec's, one for each set of intrinsics.
+    """Returns devices that play a recording of enliven or Orbbec, one for each set of intrinsics.
 
     Returns:
         each device with the nanoseconds to add to a played time to get the recording's time.
@@ -286,7 +290,7 @@ def playbacks(ob: Any, path: str) -> list[tuple[Any, int]]:
         else:
             written = write_playback(path, Path(folder) / "rehearsal.bag")
             files = [(part.path, part.shift_ns) for part in written]
-        # The library keeps the files open, so they disappear when their last user closes them.
+        # The library keeps the files open. So the files disappear when their last user closes them.
         try:
             return [(ob.PlaybackDevice(str(file)), shift_ns) for file, shift_ns in files]
         except ob.OBError as error:

@@ -1,4 +1,4 @@
-"""Intel and RealSense depth cameras, by pyrealsense2."""
+"""Intel and RealSense depth cameras, read with pyrealsense2."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ from enliven_edge.sensors.drivers.realsense_library import (
 from enliven_edge.sensors.drivers.refusals import choose_device, convert_error
 
 _GRAVITY_READINGS = 100
-"""Number of accelerometer readings, half a second at 200 Hz. Their mean is gravity."""
+"""Number of accelerometer readings: half a second at 200 Hz. Their mean is used as gravity."""
 _MAX_TEMPERATURE_C = 90.0
-"""Maximum degrees Celsius of the vision processor in the makers' data sheet (D400 family)."""
+"""Maximum temperature of the vision processor in degrees Celsius, from the data sheet of the D400 family."""
 _KINDS = {"D41": "realsense-d415", "D45": "realsense-d455", "D405": "realsense-d405"}
-"""The profile of a camera, by a part of its name. The others have the stereo pair of the D435."""
+"""The profile of a camera, by a part of its name. Other cameras have the stereo pair of the D435."""
 
 
 class RealSenseSensor(Sensor):
-    """A depth camera of the D400 family, or the images of a recording through the same library.
+    """A depth camera of the D400 family, or the images of a recording that pass through the same library.
 
     The arguments that all drivers share are described in :mod:`enliven_edge.sensors.drivers`.
 
     Args:
-        serial: the serial number. Empty: the only camera.
+        serial: the serial number; empty for the only camera.
         preset: "default", "high_accuracy", "high_density", "medium_density" or "hand".
         laser: True turns the pattern projector on.
         colour: adds colour, registered to the depth. Pixels without depth have no colour.
@@ -182,7 +182,7 @@ class RealSenseSensor(Sensor):
         # A software device does not report the size of its data.
         there = image.get_data_size() or 2 * width * height
         if image.get_stride_in_bytes() != 2 * width or there < 2 * width * height:
-            raise InputError(f"an image of it lacks some of its {width}x{height} pixels", where=self.name)
+            raise InputError(f"an image has fewer than {width}x{height} pixels", where=self.name)
         if not math.isfinite(seconds):
             raise InputError(f"the camera sent an image with the invalid time {seconds}", where=self.name)
         if size != (self._camera.width, self._camera.height):
@@ -210,7 +210,7 @@ class RealSenseSensor(Sensor):
     def _measure_gravity(self) -> tuple[float, float, float] | None:
         """Returns gravity's direction, the mean of the last readings.
 
-        A resting accelerometer measures the opposite.
+        It is opposite to the acceleration that a resting accelerometer measures.
         """
         while (frame := self._accelerations.poll_for_frame()) and len(self._gravity) < 4 * _GRAVITY_READINGS:
             acceleration = frame.as_motion_frame().get_motion_data()

@@ -1,4 +1,6 @@
-"""librealsense, its depth streams and intrinsics, and the colour that it registers to the depth."""
+"""Functions around librealsense: its depth streams and intrinsics, and the colour that it registers to the
+depth.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,7 @@ _MODES_SHOWN = 8
 def realsense_library() -> Any:
     """Imports pyrealsense2, which needs libusb.
 
-    The wheel libusb-package provides libusb if the system does not have it.
+    If the system has no libusb, the wheel libusb-package provides it.
     """
     usb = import_library("libusb_package", "realsense")
     ctypes.CDLL(str(usb.get_library_path()), ctypes.RTLD_GLOBAL)
@@ -56,7 +58,8 @@ def intrinsics(lens: Any, rs: Any, kind: str, name: str, rehearsed: bool) -> tup
     """Returns the intrinsics from the library or the model's profile, and whether the library had them.
 
     Raises:
-        InputError: for another distortion model. The coefficients of the inverse model have another meaning.
+        InputError: for an unsupported distortion model, such as the inverse model. Its coefficients have
+            another meaning.
     """
     supported = (rs.distortion.none, rs.distortion.brown_conrady)
     if lens.model not in supported and any(lens.coeffs):
@@ -74,23 +77,23 @@ def intrinsics(lens: Any, rs: Any, kind: str, name: str, rehearsed: bool) -> tup
 def round_depth_step(millimetres: float) -> float:
     """Returns millimetres per depth step.
 
-    Values that differ from 1 by float32 rounding only become exactly 1.
+    A value that differs from 1 only by float32 rounding becomes exactly 1.
     """
     return 1.0 if abs(millimetres - 1.0) < 1e-6 else millimetres
 
 
 _MAX_COLOUR_WAIT_MS = 15
-"""Longest time that a depth image waits for its colour image, in milliseconds: half a frame interval at 30
-fps."""
+"""Maximum milliseconds that a depth image waits for its colour image: half a frame interval at 30 frames per
+second."""
 _MAX_ALIGNMENT_MS = 10_000
-"""Maximum milliseconds in which the library joins or aligns two available images."""
+"""Maximum milliseconds that the library takes to combine or align two available images."""
 
 
 class AlignedColour:
     """Pairs colour images with depth images by their times, and registers them to the depth.
 
-    Depth stays unchanged. A pixel without depth has no colour, because its place in the colour image is not
-    known.
+    Depth stays unchanged. A pixel without depth has no colour, because its position in the colour image is
+    unknown.
 
     Args:
         rs: the library.
@@ -107,9 +110,9 @@ class AlignedColour:
         self._align = rs.align(rs.stream.depth)
 
     def align_to(self, depth: Any) -> UInt8 | None:
-        """Returns the colour (H, W, 3) of a depth image of the library, of its size.
+        """Returns the colour (H, W, 3) of one of the library's depth images, registered to it.
 
-        None if none came with it.
+        Returns None if no colour image belongs to it.
         """
         colour = self._colour_at(depth.get_timestamp())
         if colour is None:
@@ -139,7 +142,7 @@ class AlignedColour:
 
 
 def find_colour_mode(rs: Any, device: Any, size: tuple[int, int], fps: float, name: str) -> tuple[Any, Any]:
-    """Returns the sensor and the stream profile of a device's colour, of the nearest size at this rate.
+    """Returns the colour sensor of a device, and its stream profile of the nearest size at this frame rate.
 
     Raises:
         InputError: if the device has no such profile.

@@ -1,5 +1,7 @@
-"""Error messages of camera libraries that cannot open a camera, as sentences with advice, from
-``refusals.toml``."""
+"""Converts error messages of camera libraries that cannot open a camera to sentences with advice.
+
+The sentences are in ``refusals.toml``.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,7 @@ REHEARSE = "Rehearse with another recording: --set rehearse=OTHER.mcap; enliven 
 
 
 def _read() -> dict[str, tuple[tuple[str, Sentence], ...]]:
-    """Returns the table of the file, by sensor and for "system"."""
+    """Returns the table of the file: message parts and sentences by sensor, and for "system"."""
     table = tomllib.loads(files(__package__).joinpath("refusals.toml").read_text("utf-8"))
     sentences = {name: (each["what"], each["remedy"]) for name, each in table.pop("sentences").items()}
     sentences["not allowed"] = (FORBIDDEN, ALLOW)
@@ -31,9 +33,11 @@ def _read() -> dict[str, tuple[tuple[str, Sentence], ...]]:
 
 
 LIBRARY_MESSAGES = _read()
-"""By sensor: parts of a library's message, and their meaning. The first match counts."""
+"""Parts of a library's messages, and their meaning, by sensor. The first match is used."""
 SYSTEM_MESSAGES = LIBRARY_MESSAGES.pop("system")
-"""Parts of the system's messages, which libraries pass on. They apply to every sensor, after its own."""
+"""Parts of the operating system's messages, and their meaning.
+
+Libraries pass these messages on. They apply to every sensor, after the sensor's own entries."""
 
 
 def convert_error(sensor: str, error: Exception, where: str = "", rehearsed: bool = False) -> ResourceError:
@@ -42,7 +46,7 @@ def convert_error(sensor: str, error: Exception, where: str = "", rehearsed: boo
     Args:
         sensor: the driver's name, such as "oak".
         where: the device, if it is known.
-        rehearsed: True if a recording is played, so that no cable, port or other program is at fault.
+        rehearsed: True if a recording is played. The cause is then no cable, port or other program.
     """
     message, where = one_line_message(error), where or f"sensor {sensor}"
     if rehearsed:
@@ -58,7 +62,7 @@ def convert_error(sensor: str, error: Exception, where: str = "", rehearsed: boo
 
 
 def one_line_message(error: Exception) -> str:
-    """Returns the message of an error, in one line without a full stop."""
+    """Returns the message of an error in one line, without a full stop."""
     return " ".join(str(error).split()).rstrip(".") or "it gives no reason"
 
 
@@ -75,7 +79,7 @@ def choose_device(
     Args:
         common_name: the common name of a device of this kind, with its article.
         devices: the connected devices by identity.
-        requested_name: the requested identity. Empty: none.
+        requested_name: the requested identity; empty if none is requested.
         option: the name of the option that requests it.
         last_name: the identity of the device that was open last, which is preferred.
 
@@ -105,7 +109,7 @@ def choose_device(
 
 
 def _missing_device_error(sensor: str, which: str) -> ResourceError:
-    """Returns the error of a library that finds no device, with details that the system reports."""
+    """Returns the error for the case that a library finds no device, with details that the system reports."""
     where = f"sensor {sensor}"
     for camera in list_attached():
         if camera.kind.sensor == sensor:

@@ -1,4 +1,4 @@
-"""Arducam's time-of-flight camera on a Raspberry Pi, by ArducamDepthCamera.
+"""Arducam's time-of-flight camera on a Raspberry Pi, read with ArducamDepthCamera.
 
 The library cannot play a file, and its frames cannot be created without a camera. A rehearsal therefore
 replaces the one call that reads a frame. All code after it is the same as with a camera.
@@ -27,7 +27,7 @@ _PROFILE = "arducam-tof"
 _MODES = {2: 2000, 4: 4000}
 """Value of the range control in millimetres, by the requested range in metres."""
 _INTRINSICS_SCALE = 100.0
-"""The library reports intrinsics in hundredths of a pixel."""
+"""Divisor of the intrinsics, because the library reports them in hundredths of a pixel."""
 _REASONS = {
     "ArducamNoPermission": (
         "your user may not open it",
@@ -42,7 +42,7 @@ _REASONS = {
         "Close other programs that use it.",
     ),
 }
-"""Meaning and remedy of the library's error codes. All other codes mean that no camera was found."""
+"""Meaning and remedy of the library's error codes. Other codes are reported as a missing camera."""
 _NONE_FOUND = (
     "no Arducam ToF camera is found",
     "Plug it into the camera port, add dtoverlay=arducam-pivariety to /boot/firmware/config.txt and restart; "
@@ -62,7 +62,7 @@ class _FrameContent:
 
 
 class TofSensor(Sensor):
-    """Arducam's camera at a Raspberry Pi's camera port, or the images of a recording in its place.
+    """Arducam's camera at a Raspberry Pi's camera port, or the images of a recording instead.
 
     The arguments that all drivers share are described in :mod:`enliven_edge.sensors.drivers`.
 
@@ -70,7 +70,7 @@ class TofSensor(Sensor):
         device: the number of the port, 0 or 1.
         range: measured range in metres, 2 (finer) or 4.
         confidence: minimum confidence of a depth, 0 to 255. Depths below it count as unknown.
-        near, far: metres, range of valid depth. 0: 0.2 m and the range.
+        near, far: range of valid depth in metres. 0 selects 0.2 m for ``near``, and ``range`` for ``far``.
     """
 
     isolated = True
@@ -122,8 +122,7 @@ class TofSensor(Sensor):
         return DepthFrame(depth, self._lens, time_ns, self.name, sequence=number)
 
     def condition(self) -> Condition:
-        """Returns that it is at a camera port, and whether it reports its intrinsics: it reports nothing
-        more."""
+        """Returns the link, which is the camera port, and whether the camera reports its intrinsics."""
         if self._driver_replay is not None and (condition := self._driver_replay.condition()):
             return condition
         return Condition("CSI" if self._camera is not None else "", calibrated=self._calibrated)
@@ -167,7 +166,9 @@ class TofSensor(Sensor):
             raise
 
     def _request(self, timeout: float) -> Any:
-        """Returns the next frame of the library or of a rehearsal. None if none came in time."""
+        """Returns the next frame of the library or of a rehearsal. Returns None if no frame arrived in
+        time.
+        """
         if self._driver_replay is not None:
             try:
                 return self._played.get(timeout=max(timeout, 1e-3))
@@ -180,7 +181,7 @@ class TofSensor(Sensor):
         return None
 
     def _release(self, frame: Any) -> None:
-        """Returns a frame of the library to it."""
+        """Gives a frame of the library back to it."""
         if self._camera is not None and frame is not None:
             self._camera.releaseFrame(frame)
 
@@ -195,20 +196,21 @@ class TofSensor(Sensor):
         return trusted
 
     def _send_recorded(self, frame: DepthFrame, number: int) -> None:
-        """Passes on an image of a recording as the library would measure it: unknown depth has no
-        confidence."""
+        """Queues an image of a recording as the library would measure it. Unknown depth has confidence 0."""
         depth = frame.depth.astype(np.float32)
         sure = np.where(frame.depth > 0, np.float32(255.0), np.float32(0.0))
         self._queue_frame(_FrameContent(depth, sure, frame.time_ns, number, frame.intrinsics))
 
     def _queue_frame(self, measured: _FrameContent) -> None:
-        """Queues an image in the library's place. A paced rehearsal ensures that few images wait."""
+        """Queues an image instead of the library. A paced rehearsal ensures that few images wait."""
         self._played.put(measured)
 
 
 @njit(cache=True, nogil=True)
 def _trust(depth: Any, confidence: Any, least: float, low: int, high: int, trusted: Any) -> None:
-    """Writes rounded millimetres (H, W), 0 for pixels outside the limits or with low confidence."""
+    """Writes depths in rounded millimetres (H, W) into ``trusted``, and 0 for pixels outside the limits or
+    with low confidence.
+    """
     for i in range(depth.shape[0]):
         for j in range(depth.shape[1]):
             millimetres = np.rint(depth[i, j])

@@ -1,2 +1,4 @@
-"""Process isolation of sensors with libraries that may crash or hang: a helper process, images in shared
-memory."""
+"""Process isolation: a helper process reads a sensor with a library that may crash or hang.
+
+The images are in shared memory.
+"""

@@ -1,4 +1,7 @@
-"""Python's traceback of a crashed process, through a pipe: a process that ends normally leaves no file."""
+"""Transfers Python's traceback of a crashed process through a pipe.
+
+So a process that ends normally leaves no file.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +12,11 @@ from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnContext
 
 _MAX_BYTES = 1 << 16
-"""Maximum bytes of a report: a pipe holds this much without a reader."""
+"""Maximum bytes of a report. A pipe can buffer this number without a reader."""
 
 
 class CrashTraceback:
-    """The edge's end of the pipe. On systems without such pipes there is never a report."""
+    """The edge's end of the pipe. On systems without such pipes it never has a report."""
 
     def __init__(self, context: SpawnContext) -> None:
         self._near: Connection | None = None
@@ -23,12 +26,15 @@ class CrashTraceback:
             os.set_blocking(self._near.fileno(), False)
 
     def started(self) -> None:
-        """Closes the process's end in the edge, since the process has its own now."""
+        """Closes the process's end of the pipe in the edge, because the process now has its own copy."""
         if self.far is not None:
             self.far.close()
 
     def read(self) -> str:
-        """Returns the report, empty without a crash. Call once, after the process has ended."""
+        """Returns the report, or an empty string without a crash.
+
+        Call it once, after the process has ended.
+        """
         if self._near is None:
             return ""
         report = b""
@@ -44,7 +50,7 @@ class CrashTraceback:
 
 
 def enable_crash_report(pipe: Connection | None) -> None:
-    """Sends the report of a crash of this process through the pipe, which must be kept open."""
+    """Makes Python write the report of a crash of this process to the pipe, which must be kept open."""
     if pipe is not None:
         # Do not block on writing, because the reader of a crashing process may be missing.
         os.set_blocking(pipe.fileno(), False)

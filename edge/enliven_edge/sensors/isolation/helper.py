@@ -1,6 +1,7 @@
 """The helper process: runs one driver and sends its frames to the edge.
 
-It handles the edge's requests from a pipe, and ends with the pipe, so that no process outlives its edge.
+It handles the edge's requests from a pipe. It ends when the pipe is closed, so that it does not outlive the
+edge.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from enliven_edge.sensors.isolation.slots import FrameSlots
 _READ_TIMEOUT_S = 0.1
 """Seconds that the driver may wait for an image before the next request is handled."""
 _SLOT_POLL_S = 0.005
-"""Seconds between two checks for a free slot if every image is wanted: half a fast camera's frame
+"""Seconds between two checks for a free slot if no frame may be dropped. It is half a fast camera's frame
 interval. A request that arrives in the meantime is handled first."""
 _CONDITION_INTERVAL_S = 1.0
 """Seconds between two reports of temperature, link and gravity."""
@@ -42,7 +43,7 @@ def serve(
 ) -> None:
     """Runs a sensor of the class ``kind`` until the edge closes the pipe. The entry point of the process.
 
-    Python's report of a crash is written to ``words``.
+    ``kind`` creates the sensor from ``options``. Python's report of a crash is written to ``words``.
     """
     enable_crash_report(words)
     # Ignore Ctrl-C here, because it reaches all processes of a terminal. The edge first releases the device,
@@ -92,7 +93,9 @@ class _Helper:
         self._pipe.send(("opened", self._device.name, self._device.fps, dict(self._device.again)))
 
     def _start_frames(self) -> None:
-        """Request: starts reading frames. Earlier frames would be old when the edge takes them."""
+        """Handles the request to start reading frames. Earlier frames would be outdated when the edge reads
+        them.
+        """
         self._reading = True
 
     def _close(self) -> None:
@@ -102,12 +105,12 @@ class _Helper:
         self._pipe.send(("closed",))
 
     def _memory(self, name: str, size: int, count: int) -> None:
-        """Request: attaches to shared memory for ``count`` images of ``size`` bytes."""
+        """Handles the request to attach to shared memory for ``count`` images of ``size`` bytes."""
         self._slots = FrameSlots.attach(name, size, count)
         self._pipe.send(("attached",))
 
     def _read(self, device: Sensor) -> None:
-        """Sends the next frame, or the event in its place, to the edge."""
+        """Sends the next frame to the edge, or the error that occurred instead."""
         try:
             frame = device.read(_READ_TIMEOUT_S)
         except TimeoutError:
@@ -154,7 +157,9 @@ class _Helper:
 
 
 class _Pipe:
-    """The pipe to the edge, with a lock: the threads of a library may log into it while a frame is sent."""
+    """The pipe to the edge. It has a lock, because the threads of a library may log into it while a frame is
+    sent.
+    """
 
     def __init__(self, pipe: Connection) -> None:
         self.poll, self.recv = pipe.poll, pipe.recv
@@ -167,7 +172,7 @@ class _Pipe:
 
 
 class _PipeLogHandler(logging.Handler):
-    """Sends log lines to the edge, which has the user's log settings."""
+    """Sends log lines to the edge, where the user's log settings apply."""
 
     def __init__(self, pipe: _Pipe) -> None:
         super().__init__()

@@ -20,14 +20,15 @@ from enliven_edge.sensors.isolation.helper import serve
 from enliven_edge.sensors.isolation.slots import SLOTS, FrameSlots, slots_for_all
 
 SILENCE_TIMEOUT_S = 1.0
-"""Time without an image after which a device counts as lost, in seconds, whatever its library reports: thirty
+"""Seconds without an image after which a device counts as lost, even if its library reports no error: thirty
 frames."""
 OPEN_TIMEOUT_S = 45.0
-"""Maximum seconds for opening: a library that searches a network needs some twenty."""
+"""Maximum seconds for opening. A library that searches a network needs about twenty."""
 _CLOSE_TIMEOUT_S = 0.4
-"""Time that a driver gets to close its device before its process is killed, in seconds."""
+"""Seconds that a driver has to close its device before its process is killed."""
 _MAX_WAITING_IMAGES = 3
-"""Maximum number of images that wait for the edge. Older ones are dropped, so that a pause causes no lag."""
+"""Maximum number of images that wait for the edge. If there are more, the oldest are dropped, so that a pause
+causes no lag."""
 
 
 class HelperProcess:
@@ -59,7 +60,7 @@ class HelperProcess:
 
     @property
     def is_alive(self) -> bool:
-        """True while the process runs."""
+        """Returns True while the process runs."""
         return self._process.is_alive()
 
     def open(self) -> tuple[str, float | None, dict[str, Any]]:
@@ -91,7 +92,7 @@ class HelperProcess:
         self._send_request("start_frames")
 
     def receive(self, timeout: float) -> tuple[Any, ...] | None:
-        """Returns the next message for the sensor. Returns None if no message comes within ``timeout``
+        """Returns the next message for the sensor. Returns None if no message arrives within ``timeout``
         seconds.
 
         Raises:
@@ -126,7 +127,7 @@ class HelperProcess:
         return DepthFrame(depth, self._camera, time_ns, name, seen, pose, sequence)
 
     def end(self) -> None:
-        """Closes the device and ends the process, by force if it does not end itself."""
+        """Closes the device and ends the process. Kills the process if it does not end."""
         with contextlib.suppress(SensorFault):
             self._send_request("close")
             self._answer(_CLOSE_TIMEOUT_S, "closed")
@@ -141,7 +142,7 @@ class HelperProcess:
     def _skip(
         self, slots: FrameSlots, slot: int, _shape: Any, _colour: Any, camera: Intrinsics | None, _about: Any
     ) -> None:
-        """Drops a frame that is too old. Its intrinsics are kept, since they may be new."""
+        """Drops a frame that is too old. Its intrinsics are stored, because they may be new."""
         self._camera = camera or self._camera
         slots.release(slot)
 
@@ -152,7 +153,7 @@ class HelperProcess:
             raise self._end_fault() from None
 
     def _answer(self, seconds: float, *words: str) -> tuple[Any, ...] | None:
-        """Returns the next message that starts with one of ``words``. None if none comes in time."""
+        """Returns the next message that starts with one of ``words``, or None if none arrives in time."""
         deadline = time.monotonic() + seconds
         while (remaining := deadline - time.monotonic()) > 0:
             message = self.receive(remaining)
@@ -161,7 +162,7 @@ class HelperProcess:
         return None
 
     def _fetch(self, timeout: float) -> None:
-        """Takes all messages that have arrived. Waits up to ``timeout`` seconds for the first."""
+        """Receives all messages that have arrived. Waits up to ``timeout`` seconds for the first."""
         while self._pipe.poll(0 if self._waiting else timeout):
             try:
                 message = self._pipe.recv()
@@ -184,7 +185,7 @@ class HelperProcess:
                     self._waiting.append(message)
 
     def _make_room(self, size: int) -> None:
-        """Creates shared memory for images of ``size`` bytes. Earlier memory stays until it is unused."""
+        """Creates shared memory for images of ``size`` bytes. Earlier memory is kept while frames use it."""
         count = slots_for_all(size) if self._every else SLOTS
         self._slots = FrameSlots.make(size, count)
         self._send_request("memory", self._slots.name, size, count)
@@ -199,7 +200,7 @@ class HelperProcess:
         self._slots.forget()
 
     def _end_fault(self) -> SensorFault:
-        """Returns the fault of a process that has ended. Stores a report if it crashed."""
+        """Returns the error for a process that has ended. Stores a report if the process crashed."""
         self._process.join(_CLOSE_TIMEOUT_S)
         code = self._process.exitcode
         reason = f"its driver crashed (signal {-code})" if code and code < 0 else "its driver ended"
@@ -211,7 +212,10 @@ class HelperProcess:
 def error_from_helper(
     said: tuple[str, str, str, str], name: str, kind: type[InputError] | type[ResourceError]
 ) -> InputError | ResourceError:
-    """Returns a driver's error as the edge raises it: of its own class if that is one of the two."""
+    """Converts a driver's error, received as strings, to an exception.
+
+    An InputError keeps its class. All other errors become ``kind``.
+    """
     error_class, problem, where, remedy = said
     error_type = {"InputError": InputError, "ResourceError": kind}.get(error_class, kind)
     if kind is InputError:

@@ -1,5 +1,7 @@
-"""The edge's side of a sensor in a helper process: frames come from shared memory, silence counts as a
-loss."""
+"""The edge's side of a sensor in a helper process.
+
+Frames are read from shared memory, and silence counts as a loss.
+"""
 
 from __future__ import annotations
 
@@ -15,20 +17,21 @@ from enliven_edge.sensors.base import CHECK_IT, Condition, Sensor, SensorFault
 from enliven_edge.sensors.isolation.helper_process import SILENCE_TIMEOUT_S, HelperProcess, error_from_helper
 
 FIRST_IMAGE_TIMEOUT_S = 10.0
-"""Maximum seconds until the first image: firmware is loaded and exposure is adjusted."""
+"""Maximum seconds until the first image. In this time firmware is loaded and exposure is adjusted."""
 
 
 class IsolatedOpener:
     """Opens a sensor in a helper process, with a new process for each device.
 
     Thus a library's state does not outlive its device. If several devices match the options, the same one is
-    opened again: the attribute ``again`` of a driver contains the options for that.
+    opened again, with the options in the driver's attribute ``again``.
 
     Args:
         name: name of the sensor, for errors before it is open.
         kind: the sensor's class, at the top of a module that the helper process can import.
         options: arguments of the class.
-        every_frame: images wait for a slow reader, up to the memory limit. Otherwise the oldest are dropped.
+        every_frame: whether images wait for a slow reader, up to the memory limit. If False, the oldest are
+            dropped.
     """
 
     def __init__(
@@ -40,7 +43,7 @@ class IsolatedOpener:
         self._reuses_process = False
 
     def reuse_process(self) -> None:
-        """Makes later attempts that fail share one process, which :meth:`close` ends."""
+        """Makes later failing attempts share one process, which :meth:`close` ends."""
         self._reuses_process = True
 
     def __call__(self) -> IsolatedSensor:
@@ -114,7 +117,7 @@ class IsolatedSensor(Sensor):
             self._helper.end()
 
     def _frame_from_message(self, word: str, *rest: Any) -> Frame | None:
-        """Returns the frame of a message, or None for other messages."""
+        """Returns the frame in a message, or None for a message without a frame."""
         match word:
             case "frame":
                 self._last_image_at, self._patience = time.monotonic(), SILENCE_TIMEOUT_S

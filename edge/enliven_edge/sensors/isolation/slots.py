@@ -1,6 +1,6 @@
 """Images in shared memory: one process writes them, another reads them in place.
 
-The writer occupies a slot. It is free again when the reader's last array over it is gone.
+The writer fills a slot. The slot is free again when the reader's last array over its memory is deleted.
 """
 
 from __future__ import annotations
@@ -14,20 +14,23 @@ import numpy as np
 from enliven.arrays import UInt8, UInt16
 
 SLOTS = 8
-"""Number of images in memory: one being written, two waiting, the others for readers that keep some."""
+"""Number of images in memory: one is being written, two are queued, and the others are for readers that keep
+some."""
 MAX_SLOTS = 64
-"""Maximum number of images in memory if every image is wanted: two seconds, in which a disk catches up."""
+"""Maximum number of images in memory if no frame may be dropped. They cover two seconds, in which a slow disk
+catches up."""
 _MAX_SLOTS_BYTES = 32 << 20
-"""Maximum bytes of these images, except that :data:`SLOTS` images always fit. Containers often have 64 MiB
-of shared memory for all programs."""
+"""Maximum bytes of all images. :data:`SLOTS` images are allowed even if they need more. Containers often have
+64 MiB of shared memory for all programs."""
 MIN_FREE_SLOTS = 3
-"""Number of slots that stay free for the writer. If fewer are left, the reader copies its image out."""
+"""Number of slots that stay free for the writer. If fewer are left, the reader copies its image and releases
+the slot."""
 _HEADER_BYTES = 64
 """Bytes before the first slot, one flag for each of :data:`MAX_SLOTS`. Images start at a cache line."""
 
 
 def slots_for_all(size: int) -> int:
-    """Returns the number of slots for images of ``size`` bytes if every image is wanted."""
+    """Returns the number of slots for images of ``size`` bytes if no frame may be dropped."""
     return min(max(_MAX_SLOTS_BYTES // size, SLOTS), MAX_SLOTS)
 
 
@@ -51,21 +54,24 @@ class FrameSlots:
 
     @classmethod
     def attach(cls, name: str, size: int, count: int = SLOTS) -> FrameSlots:
-        """Attaches to the block of that name."""
+        """Attaches to the existing block called ``name``."""
         return cls(_Memory(name), size, count)
 
     @property
     def name(self) -> str:
-        """The name of the block. The writer attaches by it."""
+        """Returns the name of the block. The writer attaches with this name."""
         return self._memory.name
 
     @property
     def free(self) -> int:
-        """The number of free slots."""
+        """Returns the number of free slots."""
         return self.count - int(self._taken.sum())
 
     def forget(self) -> None:
-        """Removes the name: the memory is freed with the processes that have it, however they end."""
+        """Removes the name of the block.
+
+        The system then frees the memory when both processes have ended for any reason.
+        """
         with contextlib.suppress(OSError):
             self._memory.unlink()
 
@@ -85,7 +91,9 @@ class FrameSlots:
     def read(
         self, slot: int, shape: tuple[int, int], colour: tuple[int, ...] | None
     ) -> tuple[UInt16, UInt8 | None]:
-        """Returns the depth and the colour image of a slot, read-only, in place if enough slots are free."""
+        """Returns the depth and the colour image of a slot, read-only. They are not copied if enough slots
+        are free.
+        """
         place = self._place(slot)
         if self.free < MIN_FREE_SLOTS:
             place = place.copy()
@@ -109,8 +117,10 @@ class FrameSlots:
 
 
 class _Memory(SharedMemory):
-    """Shared memory that may be deleted while arrays over it are alive: the system unmaps it with the
-    process."""
+    """Shared memory that may be deleted while arrays over it exist.
+
+    The system unmaps it when the process ends.
+    """
 
     def __del__(self) -> None:
         with contextlib.suppress(BufferError):

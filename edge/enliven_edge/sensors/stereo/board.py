@@ -13,17 +13,17 @@ from enliven.errors import InputError
 from enliven_edge.sensors.stereo.rectification import import_opencv
 
 _MARKER_RATIO = 0.75
-"""Side of a marker relative to the side of its square: OpenCV needs a white margin around it."""
+"""Side of a marker relative to the side of its square. OpenCV needs a white margin around the marker."""
 _MARKER_CELLS = 6
-"""Number of cells along a marker's side of the dictionary 4x4, including its black border."""
+"""Number of cells along a marker's side in the dictionary 4x4, including the marker's black border."""
 _MARKER_COUNT = 50
-"""Number of markers in that dictionary."""
+"""Number of markers in the dictionary 4x4."""
 _UNITS_PER_MM = 72 / 25.4
 """PDF units per millimetre."""
 _PAPERS = {"A4": (297.0, 210.0), "A3": (420.0, 297.0), "A2": (594.0, 420.0)}
-"""Sizes of sheets in landscape orientation, in millimetres, the smallest first."""
+"""Sizes of paper sheets in landscape orientation in millimetres, the smallest first."""
 _PRINT_MARGIN_MM = 8.0
-"""Margin that a printer may leave white, in millimetres."""
+"""Margin in millimetres that a printer may leave white."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class CalibrationBoard:
     """A ChArUco board of ``columns`` x ``rows`` squares.
 
     Attributes:
-        square: metres, side of a square.
+        square: side of a square in metres.
     """
 
     columns: int = 7
@@ -51,9 +51,9 @@ class CalibrationBoard:
             )
 
     def find(self, image: UInt8) -> dict[int, Float]:
-        """Returns the visible inner corners in a grey image (H, W), pixels by number.
+        """Returns the visible inner corners in a grey image (H, W): pixels by corner number.
 
-        Empty if there are none.
+        The result is empty if there are none.
         """
         corners, numbers, *_ = self._detector.detectBoard(image)
         if numbers is None or corners is None:
@@ -63,12 +63,12 @@ class CalibrationBoard:
 
     @cached_property
     def points(self) -> Float:
-        """(N, 3) the inner corners in the board's frame, metres, by number."""
+        """Returns (N, 3) the inner corners in metres in the board's frame, by corner number."""
         return np.reshape(self.drawing.getChessboardCorners(), (-1, 3)).astype(np.float64)
 
     @cached_property
     def drawing(self) -> Any:
-        """OpenCV's board."""
+        """Returns OpenCV's board."""
         cv = import_opencv()
         markers = cv.aruco.getPredefinedDictionary(cv.aruco.DICT_4X4_50)
         size = (self.columns, self.rows)
@@ -82,8 +82,10 @@ class CalibrationBoard:
         return cv.aruco.CharucoDetector(self.drawing, cv.aruco.CharucoParameters(), settings)
 
     def rectangles(self) -> Float:
-        """Returns (N, 4) left, top, width, height of all black rectangles, metres from the board's upper
-        left corner."""
+        """Returns (N, 4) left, top, width and height of all black rectangles.
+
+        They are in metres from the board's upper left corner.
+        """
         cv, side = import_opencv(), self.square
         black = [
             (column * side, row * side, side, side)
@@ -99,7 +101,7 @@ class CalibrationBoard:
         return np.array(black, np.float64)
 
     def pdf(self) -> bytes:
-        """Returns a sheet with the board in its exact size, and its dimensions as text.
+        """Returns a PDF of a sheet with the board in its exact size, and with its dimensions as text.
 
         Raises:
             InputError: if no paper format is large enough.

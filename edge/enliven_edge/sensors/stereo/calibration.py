@@ -14,10 +14,10 @@ from enliven.files import write_file
 from enliven.settings import TOML_VERSION, data_field, load_settings, refuse_later_toml
 
 _BASELINE_TOLERANCE_M = 1e-3
-"""Tolerated difference between the baseline and the length of the translation, in metres. A mistake in an
+"""Tolerated difference in metres between the baseline and the length of the translation. A mistake in an
 edited file is larger."""
 _ROTATION_TOLERANCE = 1e-3
-"""Tolerance of a rotation's orthonormality."""
+"""Tolerance of the entries of R' R - I for a rotation R."""
 _Row = tuple[float, float, float]
 
 
@@ -47,7 +47,9 @@ class StereoLens:
 
 @dataclass(frozen=True)
 class StereoCalibration:
-    """Two sets of intrinsics, and the pose of the right camera relative to the left one."""
+    """The calibration of a camera pair: two sets of intrinsics, and the pose of the right camera relative to
+    the left one.
+    """
 
     width: int = data_field(doc="Width of both images.", unit="px", low=32, high=16384)
     height: int = data_field(doc="Height of both images.", unit="px", low=32, high=16384)
@@ -102,7 +104,7 @@ def save_calibration(path: Path, calibration: StereoCalibration, remarks: list[s
 
 
 def _find_contradiction(calibration: StereoCalibration) -> str:
-    """Returns a contradiction in a calibration. Empty if there is none."""
+    """Returns a description of a contradiction in a calibration, or an empty string if there is none."""
     rotation, translation = np.array(calibration.right_from_left), np.array(calibration.translation)
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > _ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
         return "right_from_left is not a rotation"

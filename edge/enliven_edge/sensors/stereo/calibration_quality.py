@@ -23,7 +23,7 @@ _MIN_SHARED_CORNERS = 8
 
 
 class PairSelector:
-    """Keeps pairs in which both cameras see the board, held still in a new place or at a new angle.
+    """Keeps image pairs in which both cameras see the board, held still at a new position or angle.
 
     Attributes:
         kept: the sightings.
@@ -51,9 +51,9 @@ class PairSelector:
 
 
 def _corner_motion(first: BoardSighting, second: BoardSighting) -> float:
-    """Returns the mean pixels between shared corners, the larger of both cameras'.
+    """Returns the mean distance in pixels between shared corners, in the camera in which it is larger.
 
-    Infinite if too few are shared.
+    The result is infinite if too few are shared.
     """
     motions = []
     for side in ("left", "right"):
@@ -66,30 +66,31 @@ def _corner_motion(first: BoardSighting, second: BoardSighting) -> float:
 
 
 _GOOD_REPROJECTION_PX = 0.35
-"""Maximum reprojection error that still counts as good, in pixels. A sharp image gives corners to 0.1 to 0.3
-px."""
+"""Maximum reprojection error in pixels that still counts as good. In a sharp image corners are accurate to
+0.1 to 0.3 pixels."""
 _MAX_REPROJECTION_PX = 1.0
-"""Maximum pixels of reprojection error: beyond it, the lens model does not fit."""
+"""Maximum reprojection error in pixels. With a larger error, the lens model does not fit."""
 _GOOD_EPIPOLAR_PX = 0.3
-"""Maximum distance between matching rows that still counts as good, in pixels. The matcher searches only
-along one row."""
+"""Maximum distance in pixels between matching rows that still counts as good. The matcher searches only along
+one row."""
 _MAX_EPIPOLAR_PX = 0.6
-"""Maximum pixels between matching rows: half a pixel off its row the matcher loses fine texture."""
+"""Maximum distance in pixels between matching rows. The matcher loses fine texture at half a pixel."""
 _REPORT_DISTANCE_M = 2.0
 """Distance in metres for which the expected error is reported."""
 _GOOD_ERROR = 0.01
-"""Expected relative depth error that still counts as good: 20 mm at 2 m, similar to a depth camera's."""
+"""Expected relative depth error that still counts as good: 20 mm at 2 m, similar to that of a depth
+camera."""
 _MAX_ERROR = 0.03
-"""Maximum expected relative depth error: beyond it, limbs are hardly thicker than the error."""
+"""Maximum expected relative depth error. With a larger one, limbs are hardly thicker than the error."""
 _MATCHER_ERROR_PX = 0.12
 """Median disparity error of the matcher on rendered people, in pixels (benchmark sensors.stereo_error_mm)."""
 _MIN_COVERED = 0.6
-"""Minimum fraction of the image's fields with corners. In the other fields the lens distortion is only
-extrapolated."""
+"""Minimum fraction of the image's grid fields that contain corners. In the other fields the lens distortion
+is only extrapolated."""
 _MIN_TILT_DEG = 20.0
-"""Minimum degrees between two boards: parallel boards do not separate focal length from distance."""
+"""Minimum angle in degrees between two boards. Parallel boards do not separate focal length from distance."""
 _ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "centre left", "centre right", "right")
-"""Names of the fields of an image."""
+"""Names of the grid fields of an image."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,7 @@ class CalibrationQuality:
     Attributes:
         verdict: "good", "fair" or "not good enough".
         facts: lines of name and value.
-        advice: one sentence per remedy. Empty if it is good.
+        advice: one sentence per remedy; empty if the calibration is good.
     """
 
     verdict: str
@@ -108,7 +109,7 @@ class CalibrationQuality:
 
     @property
     def is_usable(self) -> bool:
-        """True if it may be used without doubt."""
+        """Returns True if the calibration may be used without the user's confirmation."""
         return self.verdict != "not good enough"
 
 
@@ -154,7 +155,7 @@ def expected_depth_error(calibration: StereoCalibration, disparity_error: float,
 def _create_advice(
     calibration: StereoCalibration, solution: StereoSolution, error: float, covered: dict[str, Float]
 ) -> tuple[list[str], bool]:
-    """Returns the advice, and whether the calibration is unusable until it is followed."""
+    """Returns the advice, and whether the calibration is unusable without following it."""
     advice, bad = [], False
     if calibration.translation[0] > 0:
         advice.append("The left and the right camera are exchanged: swap them, seen from behind the cameras.")

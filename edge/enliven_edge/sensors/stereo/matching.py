@@ -14,23 +14,26 @@ from enliven_edge.sensors.stereo.rectification import Rectification, import_open
 STEPS = 16
 """Subpixel steps per pixel of the matcher's disparity."""
 _BLOCK_SIDE_PX = 5
-"""Pixels, side of the window that is compared."""
+"""Side in pixels of the window that is compared."""
 _SMALL_STEP_PENALTY = 6
-"""Penalty of a one-pixel step between neighbours (P1), per pixel of the window. See below."""
+"""Penalty of a one-pixel disparity step between neighbours (OpenCV's P1), per pixel of the window. For its
+value see ``_LARGE_STEP_PENALTY``."""
 _LARGE_STEP_PENALTY = 20
-"""Penalty of a larger step (P2), per pixel of the window. With OpenCV's advice of 8 and 32, half as many
-pixels again next to a person get the person's depth."""
+"""Penalty of a larger disparity step (OpenCV's P2), per pixel of the window. With OpenCV's suggestion of 8
+and 32, 50 % more pixels next to a person get the person's depth."""
 _MAX_GRADIENT = 63
-"""Maximum grey value gradient that counts, the highest that OpenCV accepts."""
+"""Maximum grey value gradient, at which larger gradients are clipped. It is the highest value that OpenCV
+accepts."""
 _UNIQUENESS_PERCENT = 10
-"""Percent that the best disparity must be better than the second best."""
+"""Minimum margin of the best disparity over the second best, in percent."""
 _MAX_LEFT_RIGHT_PX = 1
-"""Maximum pixels between the match from the right and that from the left (left-right check)."""
+"""Maximum distance in pixels between the match from the right image and that from the left image (left-right
+check)."""
 _MIN_ISLAND_PX = 150
-"""Minimum area of an island of one depth, in pixels. Smaller ones are noise. A hand at 3 m has 400 pixels in
-an image of 640 x 400."""
+"""Minimum area in pixels of an island: connected pixels of similar depth. Smaller islands are noise. A hand
+at 3 m has 400 pixels in an image of 640 x 400."""
 _MAX_ISLAND_STEP_PX = 1
-"""Maximum pixels of disparity between neighbours of one island."""
+"""Maximum disparity difference in pixels between neighbours of one island."""
 _MAX_DISPARITIES = 256
 """Maximum search range in pixels. With a larger range the matcher takes longer than a frame."""
 
@@ -40,7 +43,7 @@ class StereoMatcher:
 
     Args:
         rectification: rectification of the pair.
-        near, far: metres, range of valid depth. A small ``near`` costs time.
+        near, far: range of valid depth in metres. A small ``near`` takes more time.
 
     Raises:
         InputError: for a range that cannot be measured.
@@ -81,7 +84,7 @@ class StereoMatcher:
         self._millimetres = depth_table(focal_baseline, near, far, self._margin)
 
     def depth(self, left: UInt8, right: UInt8) -> UInt16:
-        """Returns (H, W) uint16 millimetres along the rectified left camera's axis, 0 for unknown depth.
+        """Returns (H, W) uint16 millimetres along the rectified left camera's axis, with 0 for unknown depth.
 
         Args:
             left, right: (H, W) unrectified grey images.
@@ -96,12 +99,12 @@ class StereoMatcher:
 
 
 def depth_table(focal_baseline: float, near: float, far: float, disparities: int) -> UInt16:
-    """Returns (disparities * 16 + 1,) uint16 millimetres of each disparity in steps of 1/16 px.
+    """Returns (disparities * 16 + 1,) uint16 depths in millimetres for disparities in steps of 1/16 pixel.
 
-    0 outside the range.
+    Depths outside the range are 0.
 
     Args:
-        focal_baseline: focal length times baseline, pixels times metres.
+        focal_baseline: focal length in pixels times baseline in metres.
     """
     steps = np.arange(disparities * STEPS + 1)
     with np.errstate(divide="ignore"):

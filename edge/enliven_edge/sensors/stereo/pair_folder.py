@@ -17,13 +17,16 @@ from enliven_edge.sensors.stereo.pairing import CameraImage
 
 _SUFFIXES = (".png", ".jpg", ".jpeg")
 _MAX_PAIRS = 10_000
-"""Maximum number of pairs in a folder: five minutes at 30 per second."""
+"""Maximum number of pairs in a folder: more than five minutes at 30 per second."""
 _MAX_PIXELS = 1 << 26
-"""Maximum pixels of one image, 8192 x 8192: a file of a few kilobytes can declare any size."""
+"""Maximum pixels of one image, 8192 x 8192. A limit is needed, because a file of a few kilobytes can declare
+any size."""
 
 
 def image_pairs(folder: Path) -> list[tuple[Path, Path]]:
-    """Returns the (left, right) files of a folder, or of its folders ``left`` and ``right``, sorted by name.
+    """Returns the (left, right) files of image pairs, sorted by name.
+
+    They are in ``folder``, or in its subfolders ``left`` and ``right``.
 
     Raises:
         InputError: if the folder is missing or has no pair, or a file has no partner.
@@ -65,7 +68,7 @@ def read_grey(path: Path) -> UInt8:
 
 
 class RecordedPairs:
-    """Plays the pairs of a folder at a camera's frame rate, in place of two cameras.
+    """Plays the image pairs of a folder at a camera's frame rate, instead of two cameras.
 
     Raises:
         InputError: if the folder has no pairs.
@@ -77,7 +80,7 @@ class RecordedPairs:
         self._next, self._start_ns = 0, 0
 
     def read(self, timeout: float | None = None) -> CameraImage | None:
-        """Returns the next image, left and right in turn. None after the last.
+        """Returns the next image, alternately left and right, or None after the last.
 
         Raises:
             TimeoutError: if it is not due in time.
@@ -97,7 +100,7 @@ class RecordedPairs:
         return CameraImage(eye, read_grey(self._pairs[number][eye]), number * self._step_ns, number)
 
     def temperature(self) -> float | None:
-        """Returns None: files have no temperature."""
+        """Returns None, because files have no temperature."""
         return None
 
     def close(self) -> None:

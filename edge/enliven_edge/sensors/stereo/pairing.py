@@ -1,4 +1,4 @@
-"""Pairs the images of two cameras that were taken at the same time, by the cameras' clocks."""
+"""Pairs the images of two cameras that were taken at the same time according to the cameras' clocks."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from enliven.errors import ResourceError
 
 _SYNC_TIMEOUT_NS = 5_000_000_000
 """Maximum nanoseconds until two cameras are synchronised. The Raspberry Pi sends a synchronisation message
-every thirty images, and the second camera may need two."""
+every thirty images, and the second camera may need two messages."""
 _LOST_AFTER_NS = 750_000_000
-"""Nanoseconds without a pair after which the sensor is lost. The edge counts a second of silence as a
+"""Nanoseconds without a pair after which the sensor counts as lost. The edge counts a second of silence as a
 loss."""
 _MAX_WAITING = 4
-"""Maximum number of images of one camera that wait for the other's: the library gives each camera four."""
+"""Maximum number of images of one camera that wait for the other camera's. The library has four buffers per
+camera."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,7 @@ class CameraImage:
         eye: index of the camera, 0 for the left or only one, 1 for the right one.
         image: (H, W) uint8 grey or (H, W, 3) uint8 sRGB.
         time_ns: capture time, by a clock that the cameras share.
-        sequence: the camera's own count of its images.
+        sequence: the camera's sequence number of the image.
     """
 
     eye: int
@@ -43,7 +44,8 @@ class Pairing:
         tolerance_ns: maximum difference between the times of a pair.
 
     Attributes:
-        apart_ns: time difference of the last pair, left minus right. None before the first.
+        apart_ns: time difference of the last pair in nanoseconds, left minus right; None before the first
+            pair.
         dropped: number of dropped images.
     """
 
@@ -59,7 +61,8 @@ class Pairing:
         self.dropped = 0
 
     def add(self, image: CameraImage) -> tuple[CameraImage, CameraImage] | None:
-        """Returns the pair (left, right) that an image completes. None if it must wait.
+        """Returns the pair (left, right) that an image completes. Returns None if the image must wait for its
+        partner.
 
         Raises:
             ResourceError: if the cameras have been out of synchronisation for too long.

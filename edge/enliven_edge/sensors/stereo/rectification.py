@@ -1,4 +1,4 @@
-"""OpenCV, an optional library, and stereo rectification: warps two images to parallel cameras."""
+"""Stereo rectification with OpenCV, an optional library: warps two images to parallel cameras."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ def import_opencv() -> Any:
 
 
 class Rectification:
-    """The maps from pixels of the rectified images to those of the cameras, computed once.
+    """The maps from pixels of the rectified images to pixels of the cameras. They are computed once.
 
     Attributes:
-        intrinsics: intrinsics of the rectified left camera. Those of the right one are equal.
-        baseline: metres between the two.
-        rotations: (3, 3) each, rectified from camera, of left and right.
+        intrinsics: intrinsics of both rectified cameras.
+        baseline: distance in metres between the cameras.
+        rotations: two (3, 3) rotations, rectified_from_camera, of the left and the right camera.
 
     Raises:
         ResourceError: if OpenCV is missing.
@@ -56,7 +56,7 @@ class Rectification:
         """Returns the rectified (H, W) images of a pair.
 
         Raises:
-            InputError: for images of another shape than the calibrated one.
+            InputError: for images with another size than the calibrated one.
         """
         shape = (self.intrinsics.height, self.intrinsics.width)
         for image in (left, right):

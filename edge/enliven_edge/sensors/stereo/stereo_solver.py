@@ -1,4 +1,4 @@
-"""Calibrates two cameras, intrinsics and relative pose, from sightings of a board."""
+"""Calibrates two cameras from sightings of a board: intrinsics and relative pose."""
 
 from __future__ import annotations
 
@@ -12,20 +12,21 @@ from enliven_edge.sensors.stereo.calibration import StereoCalibration, StereoLen
 from enliven_edge.sensors.stereo.rectification import Rectification, import_opencv
 
 _MIN_CORNERS = 8
-"""Minimum number of corners that both cameras must see of a board: six fix its pose, the others reveal
+"""Minimum number of a board's corners that both cameras must see. Six determine its pose, the others reveal
 errors."""
 MIN_PAIRS = 8
-"""Minimum number of image pairs: two lenses and a pose have 24 unknowns, and each pair adds another pose."""
+"""Minimum number of image pairs. Two lenses and a pose have 24 unknowns, and each pair adds another board
+pose."""
 _OUTLIER_RATIO = 3.0
-"""Outlier factor: a pair with more than this multiple of the median error is dropped. Its board moved, or
-was bent."""
+"""A pair is dropped as an outlier if its error exceeds the median error by this factor. Its board was moving,
+or was bent."""
 _INLIER_ERROR_PX = 0.3
-"""Error, in pixels, below which no pair is dropped."""
+"""Error in pixels below which no pair is dropped."""
 
 
 @dataclass(frozen=True)
 class BoardSighting:
-    """One pair of images: the board's corners in each, pixels by number."""
+    """One pair of images, and the pixels of the board's corners in each, by corner number."""
 
     name: str
     left: dict[int, Float]
@@ -43,12 +44,13 @@ class StereoSolution:
     """The calibration from a set of sightings.
 
     Attributes:
-        calibration: None if there were too few sightings.
+        calibration: the calibration; None if there were too few sightings.
         used: the sightings that were used.
-        left_out: names of dropped pairs, each with the reason.
-        disparity_error: root mean square pixels between measured and expected disparities of the boards. It
-            is cross-validated: each half of the pairs is tested with a calibration from the other half.
-        tilt: the largest angle between two boards' normals, degrees.
+        left_out: reasons for dropping pairs, by the name of the pair.
+        disparity_error: root mean square difference in pixels between measured and expected disparities of
+            the boards. It is cross-validated: each half of the pairs is tested with a calibration from the
+            other half.
+        tilt: the largest angle in degrees between the normals of two boards.
     """
 
     calibration: StereoCalibration | None
@@ -91,7 +93,8 @@ def disparity_offset(
 ) -> float:
     """Returns the mean difference in pixels between a board's disparities and the expected ones.
 
-    The distance comes from the left image alone, by the board's size in it.
+    The expected disparity follows from the board's distance, which is measured in the left image by the
+    board's size.
     """
     cv, lens = import_opencv(), calibration.left
     points, left, right = sighting.common_corners(board)
@@ -103,7 +106,7 @@ def disparity_offset(
 
 
 def _explain_unusable(sighting: BoardSighting) -> str:
-    """Returns why a stereo pair cannot be used; empty if it can be used."""
+    """Returns why a stereo pair cannot be used, or an empty string if it can be used."""
     for side in ("left", "right"):
         if not getattr(sighting, side):
             return f"the {side} camera does not see the board"
@@ -114,7 +117,7 @@ def _explain_unusable(sighting: BoardSighting) -> str:
 def _fit(
     board: CalibrationBoard, used: list[BoardSighting], size: tuple[int, int]
 ) -> tuple[StereoCalibration, Float]:
-    """Returns the calibration from all these sightings, and the error of each, (N,) pixels."""
+    """Returns the calibration from all these sightings, and the error in pixels of each, (N,)."""
     cv = import_opencv()
     lenses = []
     for side in ("left", "right"):
@@ -163,7 +166,7 @@ def _lens(matrix: Float, distortion: Float) -> StereoLens:
 def _rectify_points(
     rectification: Rectification, calibration: StereoCalibration, left: Float, right: Float
 ) -> tuple[Float, Float]:
-    """Returns (N, 2) and (N, 2), the given pixels of both cameras in the rectified images."""
+    """Converts (N, 2) pixels of both cameras to (N, 2) and (N, 2) pixels of the rectified images."""
     camera = rectification.intrinsics
     matrix = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
     sides = zip((left, right), (calibration.left, calibration.right), rectification.rotations, strict=True)
@@ -176,8 +179,10 @@ def _rectify_points(
 
 
 def _cross_validate(board: CalibrationBoard, used: list[BoardSighting], size: tuple[int, int]) -> float:
-    """Returns the cross-validated disparity error, root mean square pixels: each half is tested with the
-    other."""
+    """Returns the cross-validated root mean square disparity error in pixels.
+
+    Each half of the sightings is tested with a calibration from the other half.
+    """
     off = []
     for training in (0, 1):
         calibration, _ = _fit(board, used[training::2], size)
@@ -187,7 +192,7 @@ def _cross_validate(board: CalibrationBoard, used: list[BoardSighting], size: tu
 
 
 def _widest_tilt(board: CalibrationBoard, used: list[BoardSighting], calibration: StereoCalibration) -> float:
-    """Returns the largest angle between two boards' normals, degrees."""
+    """Returns the largest angle in degrees between the normals of two boards."""
     cv = import_opencv()
     lens = calibration.left
     normals = []

@@ -1,1 +1,3 @@
-"""Motion from other programs as sensors: VMC bones, Rokoko actors and OSC trackers become bodies."""
+"""Sensors that receive motion from other programs: VMC bones, Rokoko actors and OSC trackers become
+bodies.
+"""

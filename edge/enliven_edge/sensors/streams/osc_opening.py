@@ -1,4 +1,4 @@
-"""Opens the OSC port of a sensor. Its library is optional."""
+"""Opens the OSC port of a sensor. The library that it needs is optional."""
 
 from __future__ import annotations
 

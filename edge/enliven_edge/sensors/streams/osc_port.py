@@ -1,4 +1,4 @@
-"""A UDP port that receives OSC, and collects the messages of one frame from several packets."""
+"""A UDP port that receives OSC. It collects the messages of one frame from several packets."""
 
 from __future__ import annotations
 
@@ -14,21 +14,22 @@ from enliven_edge.sensors.streams.stream_sensor import Message
 from enliven_edge.sensors.streams.udp_port import MAX_PACKET_BYTES, listen_udp
 
 _QUIET_S = 0.004
-"""Seconds without a packet after which a frame is complete. Senders write the packets of a frame at once."""
+"""Seconds without a packet after which a frame is complete. Senders send all packets of a frame without a
+pause."""
 _MAX_FRAME_S = 0.05
-"""Longest time in seconds to collect one frame, for senders that never pause."""
+"""Maximum seconds for collecting one frame, for senders that never pause."""
 _BUNDLE_START = b"#bundle\0"
 """The first bytes of a bundle."""
 _BUNDLE_HEAD_BYTES = 16
-"""Bytes of a bundle before its first element: its start and its time."""
+"""Bytes of a bundle before its first element: the start marker and the time."""
 _SIZE_BYTES = 4
 """Bytes of the size in front of each element of a bundle."""
 _MAX_BUNDLE_DEPTH = 8
-"""Maximum number of bundles in each other. Senders of motion use one."""
+"""Maximum nesting depth of bundles. Senders of motion do not nest them."""
 
 
 class _DropOscWarnings(logging.Filter):
-    """Drops the messages of python-osc, which logs each malformed packet: a flood would fill the disk."""
+    """Drops the log messages of python-osc. It logs each malformed packet, so a flood would fill the disk."""
 
     def filter(self, record: logging.LogRecord) -> bool:
         return "pythonosc" not in record.pathname
@@ -44,7 +45,7 @@ class OscPort(Closeable):
     Args:
         host: the address to listen on. "0.0.0.0" also accepts other machines.
         port: the UDP port. 0 picks a free one.
-        where: the sensor, for messages.
+        where: the name of the sensor, for error messages.
 
     Attributes:
         malformed: number of packets that were not OSC.
@@ -62,10 +63,11 @@ class OscPort(Closeable):
         self._early: list[Message] = []
 
     def frame(self, timeout: float | None) -> list[Message]:
-        """Returns the messages of one frame: up to a pause of the sender, or until a message repeats.
+        """Returns the messages of one frame. A frame ends at a pause of the sender, or when a message
+        repeats.
 
         Raises:
-            TimeoutError: if nothing came in time.
+            TimeoutError: if nothing arrived in time.
         """
         messages, self._early = self._early, []
         names = {_name_of(message) for message in messages}
@@ -89,7 +91,7 @@ class OscPort(Closeable):
         self._socket.close()
 
     def _receive(self, timeout: float | None) -> Iterator[Message]:
-        """Yields the messages of the next packet. A packet that is not OSC is counted, and yields nothing."""
+        """Yields the messages of the next packet. A packet that is not OSC is only counted."""
         self._socket.settimeout(timeout)
         data = self._socket.recv(MAX_PACKET_BYTES)
         try:
@@ -99,7 +101,7 @@ class OscPort(Closeable):
 
 
 def unpack_osc(data: bytes) -> list[Message]:
-    """Returns the messages of a packet, also those in bundles, in the order of the packet.
+    """Returns the messages of a packet, including those in bundles, in the order of the packet.
 
     Raises:
         InputError: for a packet that is not OSC.
@@ -138,6 +140,8 @@ def _split_bundle(data: bytes, depth: int = 0) -> Iterator[bytes]:
 
 
 def _name_of(message: Message) -> Hashable:
-    """Returns the name of a message within a frame: its address, with its first argument if it is a text."""
+    """Returns the name of a message within a frame: its address, with its first argument if that is a
+    string.
+    """
     address, arguments = message
     return (address, arguments[0]) if arguments and isinstance(arguments[0], str) else address

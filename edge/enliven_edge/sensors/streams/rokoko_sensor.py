@@ -31,15 +31,15 @@ from enliven_edge.sensors.streams.udp_port import MAX_PACKET_BYTES, listen_udp
 LZ4_START = b"\x04\x22\x4d\x18"
 """The first bytes of an LZ4 frame."""
 _MAX_JSON_BYTES = 1 << 20
-"""Largest decompressed packet. Five actors with faces and fingers have 0.1 MB."""
+"""Maximum bytes of a decompressed packet. Five actors with faces and fingers have 0.1 MB."""
 _MAX_ACTORS = 8
 """Maximum number of actors. Rokoko Studio sends up to five."""
 _MAX_NAMES = 64
-"""Maximum number of actors for which an id is kept."""
+"""Maximum number of actors with a remembered id."""
 _TOE_END = ROKOKO_JOINTS.index("leftToeEnd"), ROKOKO_JOINTS.index("rightToeEnd")
-"""Joints that are the end of a bone and not the beginning of one."""
+"""Indices of joints that are only the end of a bone, not the start of another one."""
 _NUMBERS = {name: k for k, name in enumerate(ROKOKO_JOINTS) if k not in _TOE_END}
-"""Number in the stream of each joint at which a bone begins."""
+"""The index in the stream of each joint at which a bone starts."""
 
 
 class _Vector(msgspec.Struct):
@@ -84,7 +84,7 @@ _READ_HEAD = msgspec.json.Decoder(_Head)
 
 
 class RokokoSensor(StreamSensor[list[HumanPose]]):
-    """Delivers the actors that Rokoko Studio streams, from its suits or videos.
+    """Delivers the actors that Rokoko Studio streams. Their motion comes from its suits or from videos.
 
     Args:
         port: UDP port to listen on. Rokoko Studio sends to 14043 by default.
@@ -135,7 +135,7 @@ class _RokokoPort(Closeable):
         """Returns the human figures of the newest packet.
 
         Raises:
-            TimeoutError: if no readable packet came in time.
+            TimeoutError: if no readable packet arrived in time.
             InputError: if the packet has another version of the format.
         """
         end = None if timeout is None else time.monotonic() + timeout
@@ -156,7 +156,7 @@ class _RokokoPort(Closeable):
         self._socket.close()
 
     def _newest(self, data: bytes) -> bytes:
-        """Returns the last of the packets that wait. Older ones would only add delay."""
+        """Returns the last of the queued packets. Older ones would only add delay."""
         self._socket.setblocking(False)
         try:
             while True:
@@ -172,7 +172,7 @@ class RokokoVersionError(InputError):
 def unpack_rokoko(data: bytes) -> list[HumanPose]:
     """Returns the actors of a packet, JSON or JSON in an LZ4 frame.
 
-    Actors without a hip are left out, and so are joints with unusable numbers.
+    Actors without a hip and joints with invalid numbers are dropped.
 
     Raises:
         RokokoVersionError: for JSON v1, v2 or v2.5.
@@ -197,7 +197,7 @@ def unpack_rokoko(data: bytes) -> list[HumanPose]:
 
 
 def _decompress(data: bytes) -> bytes:
-    """Returns the content of an LZ4 frame, of a limited size.
+    """Returns the content of an LZ4 frame, up to a maximum size.
 
     Raises:
         InputError: for a damaged frame, or a content that is too large.
@@ -215,16 +215,20 @@ def _decompress(data: bytes) -> bytes:
 
 
 def _check_version(head: _Head) -> None:
-    """Raises RokokoVersionError for another version than 3. JSON v2.5 names itself 3, and has trackers."""
+    """Raises RokokoVersionError for another version than 3. JSON v2.5 also states version 3, but contains
+    trackers.
+    """
     version = str(head.version).replace(".", ",").partition(",")[0]
     if version != "3" or bytes(head.trackers):
         remedy = "In Rokoko Studio, choose the data format JSON v3 for this receiver."
         shown = "2.5" if version == "3" else str(head.version)[:20]
-        raise RokokoVersionError(f"JSON of version {shown} came", where="sensor rokoko", remedy=remedy)
+        raise RokokoVersionError(
+            f"a packet has JSON of version {shown}", where="sensor rokoko", remedy=remedy
+        )
 
 
 def _figure_from_actor(name: str, joints: Iterable[tuple[str, _Placement]]) -> HumanPose | None:
-    """Returns the figure of the known joints with usable numbers. None without a hip."""
+    """Returns the figure of the known joints with valid numbers, or None without a hip."""
     rows = {}
     for joint, placement in joints:
         number = _NUMBERS.get(joint)

@@ -1,4 +1,4 @@
-"""The common part of sensors that receive the motion of another program over UDP."""
+"""The base class of sensors that receive the motion of another program over UDP."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from enliven.supervision.closeable import Closeable
 from enliven_edge.sensors.base import Sensor
 
 MAX_METRES = 1000.0
-"""Positions farther away than this are refused, in metres."""
+"""Maximum distance of a position from the origin in metres. Positions farther away are rejected."""
 _MIN_WAIT_S = 1e-3
-"""Shortest wait for a packet, in seconds. A wait of 0 would mean not to wait at all."""
+"""Minimum time in seconds to wait for a packet. With 0, the socket would not wait at all."""
 
 
 Message = tuple[str, list[object]]
@@ -33,7 +33,7 @@ class FramePort(Closeable, Protocol[DataOfPort]):
         """Returns the content of the next frame.
 
         Raises:
-            TimeoutError: if nothing came in time.
+            TimeoutError: if nothing arrived in time.
         """
         ...
 
@@ -43,7 +43,7 @@ class StreamSensor(Sensor, Generic[Data]):
 
     Args:
         kind: the name of the sensor on the command line.
-        items: the expected data, for error messages: "bones".
+        items: the name of the expected data in error messages, such as "bones".
         port: the port, which this sensor closes.
     """
 
@@ -58,7 +58,7 @@ class StreamSensor(Sensor, Generic[Data]):
         self._closed = False
 
     def read(self, timeout: float | None = None) -> BodyFrame | None:
-        """Returns the next frame. Args, return value and errors as for every sensor."""
+        """Returns the next frame. See :meth:`Sensor.read`."""
         if self._closed:
             return None
         end = None if timeout is None else time.monotonic() + timeout
@@ -73,14 +73,14 @@ class StreamSensor(Sensor, Generic[Data]):
                 raise TimeoutError(self._missing)
 
     def close(self) -> None:
-        """Frees the port."""
+        """Releases the port."""
         self._closed = True
         self._port.close()
 
     @abstractmethod
     def _store_motion(self, data: Data) -> bool:
-        """Keeps the motion of a frame of packets. Returns True if it contained some."""
+        """Stores the motion in a frame of packets. Returns True if the frame contained motion."""
 
     @abstractmethod
     def _bodies(self) -> list[Body]:
-        """Returns the bodies of the kept motion."""
+        """Returns the bodies of the stored motion."""

@@ -1,7 +1,7 @@
-"""OSC trackers as a sensor: the points that a program sends for VRChat's full-body tracking become a body.
+"""OSC trackers as a sensor. The points that a program sends for VRChat's full-body tracking become a body.
 
-Only positions are used. The rotation of a tracker depends on how it is strapped on, which VRChat finds by a
-calibration.
+Only positions are used. Rotations are ignored, because they depend on how a tracker is strapped on. VRChat
+needs a calibration for them.
 """
 
 from __future__ import annotations
@@ -29,29 +29,30 @@ PLACES = {
         for place, joint in (("foot", "ANKLE"), ("knee", "KNEE"), ("elbow", "ELBOW"))
     },
 }
-"""The joint of each place of a tracker."""
+"""The joint at each place on the body where a tracker can be."""
 USUAL_ORDER = "hip, chest, left foot, right foot, left knee, right knee, left elbow, right elbow"
-"""Places of the trackers 1 to 8, as enliven's own output sends them."""
+"""Places of the trackers 1 to 8 on the body, as enliven's own output sends them."""
 _ADDRESS = re.compile(r"/tracking/trackers/(head|[1-8])/position")
 _MAX_AGE_S = 1.0
-"""Seconds after which a tracker that sends nothing counts as absent."""
+"""Seconds without a message after which a tracker counts as absent."""
 _SPINE_FRACTION = 0.28
-"""Fraction of the way from the hips to the neck where the spine joint lies."""
+"""Relative position of the spine joint between the hips (0) and the neck (1)."""
 _TRUNK_M = 0.43
-"""Metres from the hip centre to the shoulder centre of an adult of 1.75 m. The other offsets belong to it."""
+"""Metres from the hip centre to the shoulder centre of an adult 1.75 m tall. All other offsets are scaled
+with this distance."""
 _UP = np.array([0.0, 1.0, 0.0])
-"""The upward direction."""
+"""(3,) unit vector of the upward direction."""
 
 
 class TrackerSensor(StreamSensor[list[Message]]):
-    """Delivers one person from OSC trackers. Those of hip and chest are required.
+    """Delivers one person from OSC trackers. The trackers of hip and chest are required.
 
     Joints without a tracker are placed by average proportions, and have confidence 0.
 
     Args:
         port: UDP port to listen on. Programs send trackers to 9000 by default.
         host: address to listen on. "0.0.0.0" also accepts other machines.
-        order: places of the trackers 1, 2, ..., separated by commas.
+        order: places on the body of the trackers 1, 2, ..., separated by commas.
 
     Raises:
         InputError: for a wrong port or place.
@@ -64,7 +65,7 @@ class TrackerSensor(StreamSensor[list[Message]]):
         self._points: dict[Joint, tuple[Float, float]] = {}
 
     def _store_motion(self, data: list[Message]) -> bool:
-        """Keeps the positions of a frame. Returns True if there was one."""
+        """Stores the positions in a frame. Returns True if there was a position."""
         counts = False
         for address, arguments in data:
             match = _ADDRESS.fullmatch(address)
@@ -80,7 +81,7 @@ class TrackerSensor(StreamSensor[list[Message]]):
         return counts
 
     def _bodies(self) -> list[Body]:
-        """Returns the person of the newest positions, or none without a hip and a chest."""
+        """Returns the person with the newest positions, or no person without a hip and a chest."""
         now = time.monotonic()
         points = {joint: place for joint, (place, at) in self._points.items() if now - at < _MAX_AGE_S}
         if not {Joint.HIP_CENTER, Joint.SHOULDER_CENTER} <= points.keys():
@@ -89,10 +90,10 @@ class TrackerSensor(StreamSensor[list[Message]]):
 
 
 def body_of_points(points: dict[Joint, Float]) -> Body:
-    """Returns a body with the given joints; the others are placed by average proportions.
+    """Returns a body with the given joints. The other joints are placed by average proportions.
 
     Args:
-        points: (3,) metres by joint, with at least the hip centre and the shoulder centre.
+        points: (3,) position in metres by joint, at least of the hip centre and the shoulder centre.
     """
     hip, chest = points[Joint.HIP_CENTER], points[Joint.SHOULDER_CENTER]
     up = unit(chest - hip)
@@ -140,10 +141,10 @@ _SIDE_JOINTS = ("SHOULDER", "ELBOW", "WRIST", "HAND", "HIP", "KNEE", "ANKLE", "F
 
 
 def _joint_by_tracker(order: str) -> dict[str, Joint]:
-    """Returns the joint of each tracker by its name in the address.
+    """Returns the joint of each tracker, by the tracker's name in its OSC address.
 
     Raises:
-        InputError: for an unknown place, or too many.
+        InputError: for an unknown place, or too many places.
     """
     words = [" ".join(word.lower().replace("_", " ").split()) for word in order.split(",")]
     unknown = [word for word in words if word not in PLACES]

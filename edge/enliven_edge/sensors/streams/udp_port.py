@@ -7,9 +7,9 @@ import socket
 from enliven.errors import InputError, ResourceError
 
 MAX_PACKET_BYTES = 65_536
-"""Largest UDP packet."""
+"""Maximum bytes of a UDP packet."""
 _BUFFER_BYTES = 1 << 20
-"""Size of the system's receive buffer: some frames wait while the edge works."""
+"""Size in bytes of the system's receive buffer. Some frames are queued there while the edge is busy."""
 
 
 def listen_udp(host: str, port: int, where: str) -> socket.socket:
@@ -18,7 +18,7 @@ def listen_udp(host: str, port: int, where: str) -> socket.socket:
     Args:
         host: the address to listen on. "0.0.0.0" also accepts other machines.
         port: the UDP port. 0 picks a free one.
-        where: the sensor, for messages.
+        where: the name of the sensor, for error messages.
 
     Raises:
         InputError: for a number that is not a port.

@@ -1,4 +1,4 @@
-"""VMC as a sensor: the humanoid bones that another program sends become a body."""
+"""VMC as a sensor. The humanoid bones that another program sends become a body."""
 
 from __future__ import annotations
 
@@ -23,17 +23,18 @@ _BONE = "/VMC/Ext/Bone/Pos"
 _ROOT = "/VMC/Ext/Root/Pos"
 _STATUS = "/VMC/Ext/OK"
 _MIN_OFFSET_M = 1e-3
-"""Local positions shorter than this are missing, in metres. Some programs send only rotations."""
+"""Minimum length in metres of a local position. Shorter positions count as missing, because some programs
+send only rotations."""
 
 
 class VmcSensor(StreamSensor[list[Message]]):
     """Delivers the figure that a program sends by the VMC protocol, such as a motion capture suit's software.
 
-    The rotations and positions are those of :mod:`enliven.outputs.vmc`. If a program sends no positions
+    For the meaning of rotations and positions see :mod:`enliven.outputs.vmc`. If a program sends no positions
     of the bones, the body has average proportions.
 
     Args:
-        port: UDP port to listen on. Performers of VMC send to 39539 by default.
+        port: UDP port to listen on. Programs that send VMC use 39539 by default.
         host: address to listen on. "0.0.0.0" also accepts other machines.
         height: metres, height of the person, for programs that send no positions of the bones.
 
@@ -52,7 +53,10 @@ class VmcSensor(StreamSensor[list[Message]]):
         self._is_loaded = True
 
     def _store_motion(self, data: list[Message]) -> bool:
-        """Keeps the bones of a frame. Returns True if there was a bone, or the state that there are none."""
+        """Stores the bones of a frame.
+
+        Returns True if it contained a bone, or a message that bones are missing.
+        """
         counts = False
         for address, arguments in data:
             if address == _STATUS and arguments and isinstance(arguments[0], int):
@@ -73,7 +77,8 @@ class VmcSensor(StreamSensor[list[Message]]):
             return []
         place, turn = self._root
         names, positions, turns = [], list[np.ndarray](), list[np.ndarray]()
-        # A pose with a parent that comes later cannot be composed, so bones are ordered by their depth.
+        # A bone's pose can be computed only after that of its parent. So sort the bones by their depth in the
+        # hierarchy.
         for name in HumanPose.ordered(self._bones):
             offset, own = self._bones[name]
             parent = next((above for above in HumanPose.ancestors(name) if above in names), None)
@@ -91,7 +96,7 @@ class VmcSensor(StreamSensor[list[Message]]):
 
 
 def _parse_bone_placement(arguments: list[object]) -> tuple[str, np.ndarray, np.ndarray] | None:
-    """Returns the name, position and rotation of a bone in enliven's axes. None for unusable arguments."""
+    """Returns the name, position and rotation of a bone in enliven's axes, or None for invalid arguments."""
     if len(arguments) < 8 or not isinstance(arguments[0], str):
         return None
     numbers = arguments[1:8]

@@ -2,7 +2,8 @@
 
 Occluded bones keep their direction.
 
-Directions do not depend on a performer's height, place or facing: a child moves a puppet as an adult does.
+Directions do not depend on a performer's height, position or facing. So a child moves a puppet in the same
+way as an adult.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ _FOOT_DIRECTION = (0.0, -0.5, 0.866)
 """Unit direction from ankle to foot of a level sole: 30 degrees below the horizontal."""
 _PARENT = np.maximum(np.array(PARENTS), 0)
 _MIN_LENGTH_M = 1e-3
-"""Length below which a bone has no direction, in metres. A millimetre is below the noise of joints."""
+"""Minimum length in metres of a bone with a direction. A millimetre is below the noise of joints."""
 
 
 def standing_directions() -> Float:
@@ -50,8 +51,8 @@ class BonePose:
 
     Attributes:
         directions: (20, 3) unit directions of the bones that end at the joints. Front is +Z, left is +X.
-        pelvis, chest, head: (3, 3) rotations, the identity when upright.
-        yaw: radians about +Y from +Z to the facing direction, continuous.
+        pelvis, chest, head: (3, 3) rotations; the identity for an upright performer.
+        yaw: radians about +Y from +Z to the facing direction, without jumps of a whole turn.
     """
 
     directions: Float
@@ -62,7 +63,7 @@ class BonePose:
 
 
 class Bones:
-    """Follows the bones of one performer over time.
+    """Tracks the bones of one performer over time.
 
     Args:
         ease: seconds until a bone has full weight after it became visible again.
@@ -100,7 +101,7 @@ class Bones:
 
     @property
     def seen(self) -> BonePose:
-        """The bones of the last body."""
+        """Returns the bones of the last body."""
         pelvis, chest, head = self._turns
         return BonePose(self._directions, pelvis, chest, head, self._yaw or 0.0)
 
@@ -146,7 +147,7 @@ def _trunk_rotations(body: Body, known: Bool) -> tuple[Float, Bool]:
 
 
 def _frame_from_axes(left: Float, up: Float) -> Float | None:
-    """Returns a (3, 3) rotation with columns left, up, front. None if the vectors are too short."""
+    """Returns a (3, 3) rotation with columns left, up, front. Returns None if the vectors are too short."""
     size = float(np.linalg.norm(up))
     if size < _MIN_LENGTH_M:
         return None
@@ -160,8 +161,10 @@ def _frame_from_axes(left: Float, up: Float) -> Float | None:
 
 
 def _yaw_from_rotation(turn: Float) -> float:
-    """Returns the radians about +Y of a rotation (3, 3), as
-    :func:`enliven.examples.performer.yaw_from_rotation` does."""
+    """Returns the yaw of a (3, 3) rotation in radians about +Y.
+
+    It equals :func:`enliven.examples.performer.yaw_from_rotation`.
+    """
     return float(np.arctan2(turn[0, 2] - turn[2, 0], turn[0, 0] + turn[2, 2]))
 
 

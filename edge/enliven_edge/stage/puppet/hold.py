@@ -14,7 +14,7 @@ from enliven_edge.stage.puppet.locomotion import Feet, Footing, leg_length
 from enliven_edge.stage.puppet.retargeting import Retargeting
 
 _MIRROR = np.zeros(3), np.array([1.0, 0.0, 0.0])
-"""A point and the unit normal of the plane x = 0, in which performers are mirrored."""
+"""Point and unit normal of the plane x = 0, in which performers are mirrored."""
 
 
 @dataclass
@@ -24,9 +24,9 @@ class ControlPointHold:
     Attributes:
         body: the performer's id.
         points: indices of the control points.
-        bones, feet: follow the performer's bones and feet.
+        bones, feet: the trackers of the performer's bones and feet.
         pose: (P, 3) metres, the last positions of all paired joints in the body frame.
-        yaw: radians, the performer's facing direction, continuous.
+        yaw: the performer's facing direction in radians, without jumps of a whole turn.
         footing: the performer's last foot contacts and jump height.
         path_position: the performer's path on the floor as x + iz, in metres, scaled to the performer of the
             key poses.
@@ -71,7 +71,8 @@ class ControlPointHold:
             self._hips = hips
 
     def seconds_away(self, time_ns: int) -> float:
-        """Returns the time in seconds between now and the moment when the performer was last in view. It is
-        never negative, although the sensor's clock may run backwards.
+        """Returns the seconds since the performer was last in view.
+
+        The result is never negative, even if the sensor's clock runs backwards.
         """
         return abs(time_ns - self.seen_ns) * 1e-9

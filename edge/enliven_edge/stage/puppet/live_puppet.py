@@ -1,8 +1,8 @@
 """Runs the mapping of the key poses at a constant rate, independent of the sensor's frame rate.
 
 A performer's poses arrive unevenly, and some are missing. They are resampled to a constant rate. The mapping
-answers ``lag`` samples later, and the shown state is interpolated between the last two answers. The shown
-state is always ``lag + 1`` samples behind the pose.
+has a delay of ``lag`` samples. The shown state is interpolated between its last two results. So it is always
+``lag + 1`` samples behind the pose.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ class PerformerInput:
         yaw: radians about +Y, the direction that the puppet should face.
         footing: foot contacts and jump height of the performer.
         lift_scale_m: rise of the puppet in metres for a lift of 1.
-        path_position: the performer's path on the floor as x + iz, metres, in the puppet's strides and axes.
+        path_position: the performer's path on the floor as x + iz in metres, scaled to the puppet's strides
+            and rotated to its axes.
     """
 
     pose: Float
@@ -46,7 +47,7 @@ class LivePuppet:
 
     Args:
         rate: samples per second.
-        lag: samples from a pose to the answer.
+        lag: delay of the mapping in samples.
 
     Attributes:
         free_points: indices of the control points that no performer moves. They stay at ``rest``.

@@ -2,10 +2,10 @@
 
 A puppet steps with the feet that alternate in its key poses. During contact the anchor foot does not slide on
 the floor (foot lock). The anchor is a foot that supports the performer, until the performer lifts it. If
-contacts are not known, the anchor is the lowest foot until another is clearly lower. In the air the puppet
-keeps its take-off velocity. Its height is then the performer's lift at the puppet's size, because the time of
-landing is not known yet. Every puppet stays near its performer's path, measured in its own strides. The rule
-is the same as for takes.
+contacts are unknown, the anchor is the lowest foot until another is clearly lower. In the air the puppet
+keeps its take-off velocity. Its height is then the performer's lift, scaled to the puppet's size, because the
+time of landing is not known yet. Every puppet stays near its performer's path, which is scaled to the
+puppet's strides. Takes use the same rules.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ _LEGS = (
     (Joint.HIP_RIGHT, Joint.KNEE_RIGHT, Joint.ANKLE_RIGHT),
 )
 _FLOOR_RISE_RATE = 0.01
-"""Maximum speed at which the floor estimate rises, in metres per second. It is slow, because a jump lasts
-less than a second."""
+"""Maximum rise of the floor estimate in metres per second. It is slow, because a jump lasts less than a
+second."""
 _MIN_LIFT = 0.025
-"""Minimum lift of a foot that is in the air, as a fraction of body height. Standing heels lift by less, and
-joints are noisy."""
+"""Minimum lift of a foot that is in the air, as a fraction of body height. The heels of a standing person
+rise less, and joints are noisy."""
 _CONTACT_PROBABILITY = 0.5
-"""Minimum contact probability of a foot that starts to stand: more likely than not."""
+"""Minimum contact probability at which a foot starts to stand. Contact is then likelier than not."""
 _RELEASE_PROBABILITY = 0.3
 """A standing foot is released below this contact probability. It is lower than the probability at which a
 foot starts to stand (hysteresis), so that contacts do not flicker.
@@ -47,18 +47,19 @@ _SPEED_WINDOW_S = 0.1
 _LEG_RATIO = 0.5
 """Length of a leg as a fraction of body height."""
 _MAX_LIFT = 1.0
-"""Maximum lift as a fraction of body height: people do not jump higher."""
+"""Maximum lift as a fraction of body height. People do not jump higher."""
 _DEFAULT_HEIGHT_M = 1.7
-"""Height that is assumed for a performer of unknown height, in metres: that of an average adult."""
+"""Assumed height in metres of a performer of unknown height: that of an average adult."""
 _MIN_HEIGHT_M = 0.3
-"""Minimum plausible height of a performer, in metres. A smaller height comes from missing joints, and counts
+"""Minimum plausible height of a performer in metres. A smaller height comes from missing joints, and counts
 as unknown."""
 LEFT_FOOT = 0
-"""The side of a control point that stands with the left leg: an index into (left, right, either)."""
+"""Side of a control point that stands with the left leg. It is an index into (left, right, either)."""
 RIGHT_FOOT = 1
-"""The side of a control point that stands with the right leg."""
+"""Side of a control point that stands with the right leg. See ``LEFT_FOOT``."""
 EITHER = 2
-"""The side of a control point that belongs to neither leg. It stands if the left or the right foot stands."""
+"""Side of a control point that belongs to neither leg. It stands if the left or the right foot stands. See
+``LEFT_FOOT``."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ class Footing:
     Attributes:
         touches: True if a foot touches the floor.
         lift: height of the feet above the floor, as a fraction of body height.
-        stands: whether the left and the right foot stand. Both are False if that is not known.
+        stands: whether the left and the right foot stand. Both are False if this is unknown.
     """
 
     touches: bool = True
@@ -105,7 +106,9 @@ class Feet:
         return Footing(False, lift - _MIN_LIFT)
 
     def _stand(self, body: Body, at: Float, seen: Bool, above: Float) -> None:
-        """Decides which feet stand: by the tracker's contacts, or else by height and speed, as in a take."""
+        """Decides which feet stand: by the tracker's contacts, or else by height and speed, in the same way
+        as in a take.
+        """
         if body.contacts is not None:
             self._down = self._contacts(body).tolist()
             return
@@ -153,7 +156,7 @@ def side_of_foot(joint: Joint) -> int:
 def leg_length(body: Body) -> float:
     """Returns the length of thigh plus shank in metres, the mean of the visible legs.
 
-    Estimated if no leg is visible.
+    If no leg is visible, the result is an estimate.
     """
     joints = np.array(_LEGS)
     seen = ((body.confidence[joints] > 0) & np.isfinite(body.joints[joints]).all(2)).all(1)
@@ -170,9 +173,10 @@ class Locomotion:
         rest: (P, 3) metres, the control points at rest.
         feet: indices of the control points that the puppet can stand on.
         step: seconds between frames.
-        sides: (F,) the performer's foot for each of ``feet``, see :func:`side_of_foot`. None: either foot for
-            all.
-        travel: the feet with which the puppet steps, and its stride. None: the puppet stays on its spot.
+        sides: (F,) the performer's foot for each of ``feet``, see :func:`side_of_foot`. If None, either foot
+            is used for all.
+        travel: the feet with which the puppet steps, and its stride. If None, the puppet stays at its
+            position.
     """
 
     def __init__(
@@ -208,8 +212,9 @@ class Locomotion:
         self._following, self._from = self._new(), (path_position, complex(complex_from_floor(self.root)))
 
     def stands(self, state: State) -> Float:
-        """Returns the centre of the feet, (3,) in metres, rotated by the yaw and moved to the root, without
-        the puppet's own placement.
+        """Returns the centre (3,) of the feet in metres, rotated by the yaw and moved to the root.
+
+        The puppet's own placement is not applied.
         """
         if len(self._feet) == 0:
             return state.root
@@ -231,7 +236,8 @@ class Locomotion:
             places: (P, 3) metres, control points in the puppet's frame.
             yaw: radians.
             lift_scale_m: rise of the puppet in metres for a lift of 1.
-            path_position: the performer's path on the floor, in the puppet's strides and axes.
+            path_position: the performer's path on the floor as x + iz, scaled to the puppet's strides and
+                rotated to its axes.
         """
         if not self.can_step:
             return places, self.root
@@ -291,8 +297,7 @@ class Locomotion:
         self._roots.append(root.copy())
 
     def _known(self, stands: tuple[bool, bool]) -> Bool:
-        """Returns (F,) flags of the alternating feet that stand because the performer's matching foot
-        does."""
+        """Returns (F,) flags: True for an alternating foot if the performer's matching foot stands."""
         return np.asarray(np.array([*stands, any(stands)])[self._sides] & self._steps)
 
     def _move_in_air(self, root: Float) -> None:

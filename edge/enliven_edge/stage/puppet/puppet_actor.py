@@ -30,14 +30,14 @@ _VISIBLE_EASE_S = 0.4
 _MAX_FRAME_GAP_S = 0.3
 """Gap between frames, in seconds, after which the motion restarts with a blend."""
 _FRAME_NS = 33_333_333
-"""Nanoseconds between the frames of a rehearsal, which warms the code up."""
+"""Nanoseconds between the frames of a rehearsal that compiles and loads the code in advance."""
 
 
 class PuppetActor(Actor):
     """A mesh with control points and key poses.
 
     Args:
-        project: contains the puppet and the takes of its key poses.
+        project: the project with the puppet and the takes of its key poses.
 
     Raises:
         InputError: if the puppet is incomplete, or follows joints that a tracked person does not have.
@@ -146,7 +146,7 @@ class PuppetActor(Actor):
         return ControlPointHold(body, points, Bones(_VISIBLE_EASE_S), feet, seen_ns=self._time_ns)
 
     def _paired_points(self, parts: str) -> frozenset[int]:
-        """Returns the control points that are paired with some parts of the performer's own body."""
+        """Returns the control points that are paired with the given parts of the performer's body."""
         joints = {int(joint) for joint in parse_parts(parts)}
         if self.settings.mirror:
             joints = {MIRROR[joint] for joint in joints}
@@ -157,7 +157,7 @@ class PuppetActor(Actor):
         return sorted({joint.name.lower().replace("_", " ") for joint in self._retargeting.joints})
 
     def _highlight_strengths(self, points: frozenset[int]) -> Float:
-        """Returns (P + 1,) weights, 1 for the transforms of these control points and 0 for the others."""
+        """Returns (P + 1,) weights: 1 for the transforms of these control points, and 0 for the others."""
         strengths = np.zeros(len(self._puppet.points) + 1)
         strengths[[1 + point for point in points]] = 1.0
         return strengths
@@ -182,7 +182,7 @@ class PuppetActor(Actor):
         self._state = still
 
     def _update_holds(self, bodies: list[Body], time_ns: int) -> None:
-        """Updates all holds from the bodies in view. A performer that comes back is blended in."""
+        """Updates all holds from the bodies in view. A performer that returns is blended in."""
         present = {body.id: body for body in bodies}
         for hold in self.holds:
             body = present.get(hold.body)
@@ -213,14 +213,15 @@ class PuppetActor(Actor):
             self._state = self._live.advance(time_ns, sample)
 
     def _leading_hold(self) -> ControlPointHold:
-        """Returns the hold that moves the puppet through the world: the oldest hold with a foot, or else the
-        oldest hold.
+        """Returns the hold that moves the puppet through the world.
+
+        It is the oldest hold with a foot, or else the oldest hold.
         """
         feet = {k for k, point in enumerate(self._puppet.points) if point.foot}
         return next((hold for hold in self.holds if hold.points & feet), self.holds[0])
 
     def _hand_over(self, bodies: list[Body], time_ns: int) -> None:
-        """Gives the hold of a performer that has been out of view for long to the only idle performer in
+        """Transfers the hold of a performer that has been out of view for long to the only idle performer in
         view.
         """
         patience, present = self.settings.hand_over, {body.id for body in bodies}
@@ -233,7 +234,7 @@ class PuppetActor(Actor):
             self._replace_holds([new if hold is old else hold for hold in self.holds])
 
     def _place_beside(self, body: Body) -> None:
-        """Places the puppet next to the first performer, on the right side as the sensor sees it."""
+        """Places the puppet next to the first performer, on the right side in the sensor's view."""
         self._placed = True
         if not self.settings.meet:
             return

@@ -30,8 +30,8 @@ def create_puppet_actor(
     Args:
         spec: a name in ``BUILT_IN_PUPPETS``, a session (.toml), or a project (.enliven). If a project has
             several puppets, append "#" and a name.
-        name: the character's id. If empty, the puppet's id is used.
-        taken: ids that are already in use. A number is appended to the id if it is among them.
+        name: the character's id. If it is empty, the puppet's id is used.
+        taken: ids that are already in use. If the id is one of them, a number is appended to it.
 
     Raises:
         InputError: for a file that cannot be read, and for a puppet that cannot move yet. The message lists
@@ -40,14 +40,16 @@ def create_puppet_actor(
     project, puppet = _read(spec)
     named = puppet.with_changes(id=unused(name or puppet.id, taken or {}))
     actor = create_actor_from_project(project, named, settings, f"puppet {puppet.id!r} of {spec}")
-    character_to_message(actor.character, 0)  # Raises now if the character cannot be sent to viewers.
+    # This raises an error now if the character cannot be sent to viewers.
+    character_to_message(actor.character, 0)
     return actor
 
 
 def create_actor_from_project(
     project: Project, puppet: Puppet, settings: PuppetSettings | None = None, where: str = ""
 ) -> PuppetActor:
-    """Returns the actor of a puppet of a project, with the takes of its key poses. Errors name ``where``.
+    """Returns the actor of a puppet of a project, with the takes of its key poses. Error messages name
+    ``where``.
 
     Raises:
         InputError: if the puppet cannot move yet. The message lists what is missing.

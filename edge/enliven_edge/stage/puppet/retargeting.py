@@ -1,8 +1,8 @@
 """Retargets a tracked person's bone directions onto the skeleton of the key poses.
 
 Takes can have any skeleton. Its bones are paired with a tracked person's bones by anatomy: arms with arms,
-legs with legs, and each bone by its place along the limb. Takes of tracked people have the same bones, which
-are paired one to one.
+legs with legs, and each bone by its relative position along the limb. Takes of tracked people have the same
+bones, which are paired one to one.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ LEGS = (
 )
 """The joints of the left and the right leg, from the trunk outwards."""
 _ARM = np.array([0.29, 0.26, 0.08])
-"""Lengths of an average adult's upper arm, forearm and hand, in metres. They give the places of the joints
-along an arm."""
+"""Lengths of an average adult's upper arm, forearm and hand, in metres. They determine the relative positions
+of the joints along an arm."""
 _LEG = np.array([0.42, 0.42, 0.16])
-"""Lengths of an average adult's thigh, shank and foot, in metres. They give the places of the joints along a
-leg."""
+"""Lengths of an average adult's thigh, shank and foot, in metres. They determine the relative positions of
+the joints along a leg."""
 _PELVIS = 0
 """Index of the pelvis among the rotations of the trunk."""
 _CHEST = 1
@@ -48,12 +48,12 @@ _HEAD = 2
 
 @dataclass(frozen=True)
 class _Bone:
-    """The source of a bone of the take.
+    """The bone of a tracked person that a bone of the take follows.
 
     Attributes:
-        joint: the tracked joint at the end of the bone that is followed or is most similar.
-        turn: the part of the trunk that rotates the bone (pelvis, chest, head). -1: it points along the
-            followed bone.
+        joint: the tracked joint at the end of the bone that it follows or that is most similar.
+        turn: the index of the trunk part that rotates the bone (pelvis, chest, head), or -1 if it points
+            along the followed bone.
     """
 
     joint: Joint
@@ -61,8 +61,9 @@ class _Bone:
 
 
 class Retargeting:
-    """Computes the positions of the joints that control points are paired with, on the skeleton of the key
-    poses.
+    """Computes the positions of the paired joints on the skeleton of the key poses.
+
+    Paired joints are joints that control points follow.
 
     Args:
         skeleton: the skeleton of the takes of the key poses.
@@ -106,8 +107,9 @@ class Retargeting:
             self._chains[row, [used.index(joint) for joint in path]] = 1.0
 
     def pose(self, seen: BonePose) -> Float:
-        """Returns the joints (P, 3) in metres of the body frame, with the bone lengths of the performer of
-        the key poses.
+        """Returns the joints (P, 3) in metres, in the body frame.
+
+        The bone lengths are those of the performer of the key poses.
         """
         turns = np.stack([seen.pelvis, seen.chest, seen.head])[self._turns]
         carried = np.einsum("nab,nb->na", turns, self._rest)
@@ -117,7 +119,9 @@ class Retargeting:
 
 
 def _same_bones(skeleton: Skeleton) -> dict[int, _Bone]:
-    """Returns the bones of a tracked person's skeleton, paired one to one. Empty for other skeletons."""
+    """Returns the bones of a tracked person's skeleton, paired one to one. The result is empty for other
+    skeletons.
+    """
     joints_by_name = {_normalise_name(name): Joint(k) for k, name in enumerate(BODY_NAMES)}
     if {_normalise_name(name) for name in skeleton.names} != set(joints_by_name):
         return {}
@@ -146,7 +150,9 @@ def _normalise_name(name: str) -> str:
 
 
 def _similar_bones(skeleton: Skeleton) -> dict[int, _Bone]:
-    """Returns the bones paired by anatomy. Bones that are not similar to any of a person's are left out."""
+    """Returns the bones paired by anatomy. Bones that are not similar to any bone of a person are left
+    out.
+    """
     anatomy = find_anatomy(skeleton)
     bones: dict[int, _Bone] = {}
     _add_trunk(anatomy, bones)
@@ -162,7 +168,7 @@ def _similar_bones(skeleton: Skeleton) -> dict[int, _Bone]:
 
 
 def _add_trunk(anatomy: Anatomy, bones: dict[int, _Bone]) -> None:
-    """Adds the trunk: the lower half turns with the pelvis, the upper half with the chest."""
+    """Adds the trunk. The lower half rotates with the pelvis, the upper half with the chest."""
     trunk = anatomy.trunk[1:]
     for k, joint in enumerate(trunk):
         low = k < len(trunk) / 2 - 0.5
@@ -174,7 +180,7 @@ def _add_limb(
 ) -> None:
     """Adds a limb.
 
-    Its girdle turns with the trunk; each bone follows the person's bone at the same relative length.
+    Its girdle rotates with the trunk. Each bone follows the person's bone at the same relative length.
     """
     grounded = chain[0] in (Joint.HIP_LEFT, Joint.HIP_RIGHT)
     for joint in limb.girdle[1:]:

@@ -1,4 +1,4 @@
-"""Recognises a puppet's name on a command line, without importing the modules that a puppet needs."""
+"""Recognises the name of a puppet on a command line, without importing the modules for puppets."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ def _cactus() -> Project:
 
 
 BUILT_IN_PUPPETS = {"cactus": _cactus}
-"""The puppets that ship with enliven, which are given by name instead of by path."""
+"""The puppets that are part of enliven. They are given by name instead of by path."""
 ENDINGS = (".toml", ".enliven")
-"""The suffixes of files that a puppet can be read from."""
+"""Suffixes of files that may contain a puppet."""
 
 
 def is_puppet(spec: str) -> bool:
-    """Returns True if a spec names a puppet: a shipped puppet, a session, or a project with an optional name
-    after "#".
+    """Returns True if a spec names a puppet.
+
+    It is a shipped puppet, a session, or a project with an optional name after "#".
     """
     return spec in BUILT_IN_PUPPETS or Path(puppet_file(spec)[0]).suffix.lower() in ENDINGS
 

@@ -17,7 +17,7 @@ from enliven_edge.stage.rig.live_shape import Pair
 from enliven_edge.stage.rig.settings import MatchingSettings
 
 _SENSOR_VIEW = ScreenView(np.array([0.0, 0.0, -1.0]))
-"""The view of a sensor on performers that face +Z."""
+"""The view of a sensor in front of performers that face +Z."""
 _MIRROR_VIEW = ScreenView(np.array([0.0, 0.0, 1.0]))
 """The view from behind the performers, as in a mirror."""
 _NO_PICK = Pick(None, -1)
@@ -27,10 +27,10 @@ _NO_PICK = Pick(None, -1)
 class Chooser:
     """Ranks the matches of one performer at a time, and picks one of them.
 
-    It starts again if the performer or the body parts change.
+    The choice restarts if the performer or the body parts change.
 
     Attributes:
-        body: the performer's id, -1 for none.
+        body: the performer's id, or -1 for none.
         view: the viewer's direction of view.
         pick: the currently picked match.
     """
@@ -46,7 +46,7 @@ class Chooser:
 
     @property
     def total(self) -> int:
-        """The number of matches."""
+        """Returns the number of matches."""
         return 0 if self._ranking is None else self._ranking.total
 
     def rank(self, body: Body | None, parts: str, joints: Float, seconds: float) -> None:
@@ -68,7 +68,7 @@ class Chooser:
         self.pick = self._picker.update(self._ranking, points, seconds)
 
     def browse(self, step: int) -> None:
-        """Picks another match. Step 0 follows the pose again."""
+        """Picks another match. With step 0, the pick follows the pose again."""
         if step == 0:
             self._picker.reset()
         else:
@@ -80,13 +80,14 @@ class Chooser:
         self.body, self._source, self._ranking, self.pick = -1, None, None, _NO_PICK
 
     def restart(self) -> None:
-        """Restarts the choice: the performer must move before holding still accepts a match."""
+        """Restarts the choice. The performer must move first, before holding still can accept a match."""
         self._picker.reset()
 
     def accept(self) -> list[Pair]:
         """Accepts the match.
 
-        Returns pairs of a body chain and the character chain that it drives. Empty without a match.
+        Returns pairs of a body chain and the character chain that it drives. The result is empty without a
+        match.
         """
         match = self._picker.accept()
         if match is None or self._source is None:
@@ -107,7 +108,9 @@ class Chooser:
 
     def rows(self, joints: Float) -> tuple[tuple[MatchRow, ...], int]:
         """Returns the rows of the best matches, including the picked match, and the index of the picked
-        match. The index is -1 without matches.
+        match.
+
+        The index is -1 without matches.
 
         Args:
             joints: (N, 3) metres, the joints of the character.
@@ -127,6 +130,8 @@ class Chooser:
         return MatchRow(name, place, match.score, lines, limbs, self.body)
 
     def _chains_for_source(self, match: Match) -> list[tuple[int, ...]]:
-        """Returns the character's chain for each branch of the source. Empty for unmatched branches."""
+        """Returns the character's chain for each branch of the source. The chain of an unmatched branch is
+        empty.
+        """
         extend = self._settings.extend
         return [() if b is None else b.extended if extend else b.chain for b in match.pairs]

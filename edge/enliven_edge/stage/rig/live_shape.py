@@ -1,4 +1,7 @@
-"""A rigged character that performers drive live: takes are fed frame by frame and bound to its chains."""
+"""A rigged character that performers drive live.
+
+Takes are extended frame by frame, and bound to chains of the character.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ from enliven.takes.capture_clip import clip_of_bodies
 from enliven.takes.positions import rotations_from_positions
 
 _VIEW_DIRECTION = np.array([0.0, 0.0, -1.0])
-"""The unit direction of the sensor's view in the world: performers face +Z."""
+"""(3,) unit direction of the sensor's view in the world, because performers face +Z."""
 Pair = tuple[tuple[int, ...], tuple[int, ...]]
 """A chain of the body, and the chain of the character that it drives."""
 
@@ -31,14 +34,14 @@ class Binding:
     Attributes:
         body: the performer's id.
         pairs: the chains of the body, each with the chain that it drives.
-        take: one frame, the pose at the start of the binding, which is the rest pose.
+        take: a take of one frame, the pose at the start of the binding. It is the rest pose.
         view: the viewer's direction of view at the start.
         mirrored: whether the character moves as in a mirror.
-        still: the performer at the start.
+        still: the body of the performer at the start.
         joints: (20, 3) metres, the performer's last joints.
         turns: (20, 4) rotations of the joints since the start, as quaternions, or None.
         seen_ns: nanoseconds of the sensor's clock when the performer was last in view.
-        trust: (20,) weight with which each joint is followed, 0..1.
+        trust: (20,) weight in [0, 1] with which each joint is followed.
     """
 
     body: int
@@ -59,7 +62,7 @@ class Binding:
         joint becomes visible again, the bone eases towards it.
 
         Args:
-            ease: seconds of that easing.
+            ease: duration of this easing in seconds.
         """
         seconds = max(time_ns - self.seen_ns, 0) * 1e-9
         gain = seconds / ease if ease > 0.0 else 1.0
@@ -102,10 +105,11 @@ class LiveShape:
     def bind(
         self, body: Body, pairs: Sequence[Pair], view: ScreenView, *, mirrored: bool, alone: bool = False
     ) -> None:
-        """Binds chains of the body to chains of the character. The current poses of both are the rest poses.
+        """Binds chains of the body to chains of the character. The current poses of the body and the
+        character become the rest poses.
 
         Args:
-            alone: ends all other bindings. If False, only this performer's earlier binding ends.
+            alone: whether to end all other bindings. If False, only this performer's earlier binding ends.
         """
         self._count += 1
         take = clip_of_bodies([body], np.zeros(1), f"live {self._count}")
@@ -117,14 +121,17 @@ class LiveShape:
         self._easing.restart_fade()
 
     def release(self, body: int | None = None) -> None:
-        """Ends the binding of one performer, or of all. A free character eases back to rest."""
+        """Ends the binding of one performer, or of all. A free character moves smoothly back to its rest
+        pose.
+        """
         self.bindings = [b for b in self.bindings if body is not None and b.body != body]
         self._rebuild()
         self._easing.restart_fade()
 
     def hand_over(self, bodies: Sequence[Body], idle: Sequence[Body], time_ns: int, patience: float) -> None:
-        """Gives the binding of a performer that is away for over ``patience`` seconds to the only idle
-        performer.
+        """Transfers the binding of an absent performer to the only idle performer.
+
+        The performer must be away for more than ``patience`` seconds.
         """
         present = {body.id for body in bodies}
         away = [b for b in self.bindings if b.body not in present and time_ns - b.seen_ns > patience * 1e9]

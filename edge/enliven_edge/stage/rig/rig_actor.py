@@ -29,8 +29,9 @@ from enliven_edge.stage.rig.settings import MatchingSettings
 class RigActor(ChosenActor):
     """A character with its own skeleton.
 
-    A performer that drives nothing yet is choosing: in every frame all matches of the performer's limbs with
-    the character are ranked, as seen by the viewer. Possessing the character accepts the shown match.
+    While a performer drives nothing yet, the performer chooses: in every frame all matches of the performer's
+    limbs with the character are ranked, as seen by the viewer. Possessing the character accepts the shown
+    match.
     """
 
     def __init__(self, shape: Shape, settings: MatchingSettings | None = None) -> None:
@@ -47,7 +48,7 @@ class RigActor(ChosenActor):
 
     @property
     def view(self) -> ScreenView:
-        """The viewer's direction of view."""
+        """Returns the viewer's direction of view."""
         return self.chooser.view
 
     @view.setter
@@ -56,7 +57,7 @@ class RigActor(ChosenActor):
 
     @property
     def holds(self) -> list[Binding]:  # type: ignore[override]
-        """The bindings that drive the character, the oldest first."""
+        """Returns the bindings that drive the character, the oldest first."""
         return self.live_shape.bindings
 
     @property
@@ -80,7 +81,7 @@ class RigActor(ChosenActor):
         return pose
 
     def possess(self, body: Body, parts: str = "all", mode: Mode = "alone") -> None:
-        """Lets the performer drive the shown match. The current pose is the rest pose.
+        """Lets the performer drive the shown match. The current pose becomes the rest pose.
 
         Raises:
             InputError: for an unknown part, or if the body or the character has no match.
@@ -138,14 +139,16 @@ class RigActor(ChosenActor):
             rehearsal.release()
 
     def _place_beside(self, body: Body) -> None:
-        """Places the character next to the first performer, on the right side as the sensor sees it."""
+        """Places the character next to the first performer, on the right side in the sensor's view."""
         self._placed = True
         low, high = self.character.vertices.min(0), self.character.vertices.max(0)
         across = body.joints[0, 0] + self.settings.beside + self.aside - low[0]
         self.live_shape.move_root(np.array([across, 0.0, body.joints[0, 2] - (low[2] + high[2]) / 2]))
 
     def _choose(self, bodies: list[Body]) -> None:
-        """Ranks and picks for the requested performer, or for the first one that drives nothing."""
+        """Ranks and picks matches for the requested performer, or for the first performer that drives
+        nothing.
+        """
         body = next((body for body in bodies if body.id == self._candidate[0]), None)
         if body is None or body.id in {hold.body for hold in self.holds}:
             body = self.next_performer(bodies)
@@ -169,14 +172,14 @@ class RigActor(ChosenActor):
         self.chooser.forget()
 
     def _keep_pairs(self, body: int, pairs: list[Pair]) -> list[Pair]:
-        """Returns a performer's current pairs, without the limbs that now drive something else."""
+        """Returns a performer's current pairs, without limbs that now drive another chain."""
         new_limbs = {source for source, _ in pairs}
         current_pairs = [pair for hold in self.holds if hold.body == body for pair in hold.pairs]
         return [pair for pair in current_pairs if pair[0] not in new_limbs]
 
 
 def _highlight_strengths(count: int, chains: Sequence[Sequence[int]]) -> Float:
-    """Returns (N,) weights, 1 for the bones of the chains, 0 for the others."""
+    """Returns (N,) weights: 1 for the bones of the chains, and 0 for the others."""
     strengths = np.zeros(count)
     for chain in chains:
         strengths[list(chain[1:])] = 1.0

@@ -7,8 +7,9 @@ import numpy as np
 from enliven.kernels import njit
 
 _NUMBER = 31
-"""Bit mask of the last 5 bits of a cost, which store the index of its capsule. So at most 32 capsules are
-possible."""
+"""Bit mask of the lowest 5 bits of a cost. The kernel stores the capsule's index in them, so at most 32
+capsules are possible.
+"""
 FAST = {"nsz", "arcp", "contract", "reassoc", "nnan", "ninf"}
 """LLVM's fast-math flags for kernels without infinite numbers. They allow sums in any order, so that the
 compiler can vectorise loops."""
@@ -16,19 +17,20 @@ compiler can vectorise loops."""
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
 def nearest_capsules(which, seen, affinity, ends, radii, side):
-    """Finds the capsule with the nearest surface for each observed point, into ``which``.
+    """Finds the capsule with the nearest surface for each observed point, and writes its index into
+    ``which``.
 
-    A surface that faces away from the observed normal costs up to twice ``side`` metres more. So a point on
-    the front of an arm is not explained by the chest behind it.
+    The cost of a surface that faces away from the observed normal is up to twice ``side`` metres higher. So a
+    point on the front of an arm is not explained by the chest behind it.
 
     Args:
-        which: (M,) int32.
-        seen: (6, M) float32 the points, world frame, and their outward unit normals. One row per coordinate
-            lets the compiler vectorise the loop.
+        which: (M,) int32 output, the index of each point's capsule.
+        seen: (6, M) float32 the points in metres, world frame, and their outward unit normals. One row per
+            coordinate lets the compiler vectorise the loop.
         affinity: (C, M) float32 metres added to each capsule's cost for points that the network assigns to
             another body part; or (0, 0).
         ends, radii: (C, 2, 3) and (C, 2) metres, world frame; C is at most 32.
-        side: float32 metres.
+        side: float32 metres, half the additional cost of a surface that faces the opposite way.
     """
     which[:] = np.int32(0x7FFFFFFF)
     zero32, one32 = np.float32(0.0), np.float32(1.0)
@@ -51,8 +53,8 @@ def nearest_capsules(which, seen, affinity, ends, radii, side):
             length = np.sqrt(px * px + py * py + pz * pz) + np.float32(1e-9)
             facing = (px * seen[3, i] + py * seen[4, i] + pz * seen[5, i]) / length
             cost = abs(length - (start + t * growth)) + side * max(zero32, one32 - facing) + scale * likes[i]
-            # Costs are not negative, so their bit patterns have the same order as the costs. The last bits
-            # hold the capsule's index. So an integer minimum finds the nearest capsule without a branch.
+            # Costs are not negative, so their bit patterns have the same order as the costs. The lowest bits
+            # contain the capsule's index. So an integer minimum finds the nearest capsule without a branch.
             bits = (np.float32(cost).view(np.int32) & np.int32(~_NUMBER)) | np.int32(c)
             which[i] = min(which[i], bits)
     for i in range(len(which)):
@@ -61,15 +63,18 @@ def nearest_capsules(which, seen, affinity, ends, radii, side):
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
 def misfits(points, ends, radii, far):
-    """Returns (N,) the misfit of N postures in metres, the sum of two mean distances.
+    """Returns (N,) misfits of N postures in metres.
 
-    They are the distance from each point to the nearest capsule, and from each capsule to the nearest point.
+    A misfit is the mean distance from each point to the nearest capsule, plus the mean distance from each
+    capsule to the nearest point.
+
+    Lower values are better.
 
     Args:
-        points: (3, M) float32.
-        ends: (N, C, 2, 3) the capsules of N postures.
+        points: (3, M) float32 metres.
+        ends: (N, C, 2, 3) metres, the ends of the capsules of N postures.
         radii: (C, 2) metres, the same for all postures.
-        far: metres to which a point's distance is capped.
+        far: upper limit in metres to which each point's distance is clipped.
     """
     out = np.empty(len(ends))
     zero32, one32 = np.float32(0.0), np.float32(1.0)
@@ -102,7 +107,8 @@ def misfits(points, ends, radii, far):
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
 def signed_distances(points, ends, radii):
-    """Returns (M,) float32 signed distances in metres of (M, 3) float32 points from some capsules.
+    """Returns (M,) float32 signed distances in metres from (M, 3) float32 points to the nearest of the
+    capsules.
 
     Points inside have negative distances.
     """
@@ -126,13 +132,13 @@ def signed_distances(points, ends, radii):
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
 def ray_clearances(points, eye, near, far, ends, radii):
-    """Returns (M,) float32 signed distances in metres between capsules and a segment of each point's ray.
+    """Returns (M,) float32 signed distances in metres between the capsules and a segment of each point's ray.
 
     The distance is the smallest one between the segment and a capsule's axis, minus the radius there. It is
     negative if the segment enters a capsule.
 
     Args:
-        points: (M, 3) float32.
+        points: (M, 3) float32 metres.
         eye: (3,) origin of the rays.
         near, far: start and end of the segment in metres beyond the point; negative in front of it.
         ends, radii: (C, 2, 3) and (C, 2) metres, world frame.

@@ -14,7 +14,7 @@ from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.posture import rotation
 
 _SIDE = np.diag([-1.0, 1.0, 1.0])
-"""(3, 3) a reflection that reverses x."""
+"""(3, 3) reflection of the x axis. It exchanges left and right."""
 _EXTRA_HIP_FLEXION = 0.4
 """Additional hip flexion in radians for a person that is already tracked. It allows 138 degrees relative to a
 level pelvis."""
@@ -40,7 +40,9 @@ def _range_middles() -> Float:
 
 
 def _with_right_side(rotations: Float) -> Float:
-    """Sets the right limbs' rotations to the mirrored left ones, in place, and returns all."""
+    """Sets the right limbs' rotations to the mirrored left ones, in place, and returns all rotations (13, 3,
+    3).
+    """
     mirror = mirror_rotations(rotations)
     for right in (model.UPPER_ARM_R, model.FOREARM_R, model.THIGH_R, model.SHIN_R, model.FOOT_R):
         rotations[right] = mirror[right]
@@ -48,7 +50,7 @@ def _with_right_side(rotations: Float) -> Float:
 
 
 def _range_half_widths() -> Float:
-    """Returns (13, 3) half the width of every range, radians."""
+    """Returns (13, 3) half widths of the ranges in radians."""
     reach = np.full((13, 3), _NO_LIMIT)
     reach[model.CHEST] = (0.7, 0.75, 0.6)
     reach[model.HEAD] = (0.8, 1.2, 0.6)

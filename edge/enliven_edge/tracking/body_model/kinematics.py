@@ -10,19 +10,21 @@ from enliven_edge.tracking.body_model.model import SHOULDER, UPPER_ARM_L, UPPER_
 MAX_SHOULDER_ELEVATION = 0.3
 """Maximum rotation of a shoulder about the base of the neck in radians, when its arm points straight up."""
 _LEVEL = 0.0
-"""Height of the upper arm's unit vector in the chest's frame above which the shoulder begins to rise."""
+"""The shoulder begins to rise if the y component of the upper arm's unit vector in the chest's frame exceeds
+this value.
+"""
 _SMALL = 1e-4
 """Below this value the sine of an angle is replaced by the angle, or by half a turn minus the angle."""
 
 
 @njit(cache=True, nogil=True)
 def forward_into(world, pivots, position, rotations, lengths, parents, offsets):
-    """Computes forward kinematics, parents first, into the first two arguments.
+    """Computes forward kinematics, parents first, and writes it into ``world`` and ``pivots``.
 
     Args:
         world: (13, 3, 3) receives world_from_frame.
         pivots: (13, 3) receives the frames' origins.
-        position: (3,) metres, of the first frame's origin.
+        position: (3,) metres, the origin of the first frame.
         rotations: (13, 3, 3) parent_from_frame.
         lengths: (12,) metres.
         parents: (13,) the parent of each frame.
@@ -52,7 +54,9 @@ def forward_into(world, pivots, position, rotations, lengths, parents, offsets):
 
 @njit(cache=True, nogil=True)
 def pivots_by_length(out, world, rotations, parents, offsets):
-    """Writes (13, 3, L) the derivatives of the frames' origins by the lengths into ``out``. L is 0 or 12."""
+    """Writes (13, 3, L) derivatives of the frames' origins with respect to the lengths into ``out``. L is 0
+    or 12.
+    """
     out[:] = 0.0
     for f in range(1, len(parents) if out.shape[2] > 0 else 0):
         p = parents[f]
@@ -71,7 +75,7 @@ def pivots_by_length(out, world, rotations, parents, offsets):
 def _dot(row, lengths):
     """Returns the dot product of (L,) and (L,).
 
-    It may sum in any order, so that the compiler can vectorise it.
+    The compiler may reorder the sum and can therefore vectorise it.
     """
     total = 0.0
     for term in range(len(lengths)):
@@ -90,11 +94,11 @@ def _shoulder_shift(offset, rotation, frame):
 
 @njit(cache=True, nogil=True)
 def shoulder_elevation(rotation):
-    """Returns sine and cosine of a shoulder's elevation angle, which follows its arm.
+    """Returns the sine and cosine of the elevation angle of a shoulder, which rises with its arm.
 
     The collar bone has no degree of freedom of its own. It moves with the arm, as it does in people (the
-    scapulohumeral rhythm). The fit treats it as fixed within a step, because it moves a tenth as much as the
-    elbow.
+    scapulohumeral rhythm). The fit treats the shoulder as fixed within a step, because it moves only a tenth
+    as far as the elbow.
     """
     share = max(0.0, (-rotation[1, 1] - _LEVEL) / (1.0 - _LEVEL))
     angle = MAX_SHOULDER_ELEVATION * share * share * (3.0 - 2.0 * share)
@@ -103,14 +107,14 @@ def shoulder_elevation(rotation):
 
 @njit(cache=True, nogil=True)
 def capsules_into(ends, radii, world, pivots, lengths, frames, local, thickness):
-    """Computes the capsules' (C, 2, 3) ends, world frame, and (C, 2) radii of a body in these frames.
+    """Computes the (C, 2, 3) ends and (C, 2) radii of a posture's capsules, world frame.
 
     Args:
         ends, radii: receive the result, metres.
-        world, pivots: (13, 3, 3) and (13, 3) from :func:`forward_into`.
+        world, pivots: (13, 3, 3) and (13, 3), the output of :func:`forward_into`.
         lengths: (12,) metres.
         frames: (C,) the frame of each capsule.
-        local: (C, 2, 3, 12) its ends in that frame, linear in the lengths.
+        local: (C, 2, 3, 12) coefficients of each capsule's ends in its frame, linear in the lengths.
         thickness: (C, 2) radii at girth 1; the girth is the last length.
     """
     girth = lengths[len(lengths) - 1]
@@ -126,7 +130,7 @@ def capsules_into(ends, radii, world, pivots, lengths, frames, local, thickness)
 
 @njit(cache=True, nogil=True)
 def turn(rotations, step, dof_frame, dof_axis):
-    """Right-multiplies every frame's rotation by the exponential of its part of the step."""
+    """Multiplies every frame's rotation from the right by the exponential of its angles in ``step``."""
     k = 0
     while k < len(dof_frame):
         frame = dof_frame[k]
@@ -152,7 +156,7 @@ def extrapolate(rotations, before, share, fastest):
 
 @njit(cache=True, nogil=True)
 def product(a, b):
-    """Returns (3, 3) the matrix product a b, without a BLAS call."""
+    """Returns the (3, 3) matrix product a b, without a BLAS call."""
     out = np.empty((3, 3))
     for i in range(3):
         for j in range(3):
@@ -194,7 +198,7 @@ def deviation_into(out, reference, rotation):
 
 @njit(cache=True, nogil=True)
 def exponential(v):
-    """Returns (3, 3) the rotation by the rotation vector v (Rodrigues' formula)."""
+    """Returns the (3, 3) rotation matrix of the rotation vector v (Rodrigues' formula)."""
     angle = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     a = 1.0 - angle * angle / 6.0 if angle < 1e-4 else np.sin(angle) / angle
     b = 0.5 - angle * angle / 24.0 if angle < 1e-4 else (1.0 - np.cos(angle)) / (angle * angle)

@@ -25,7 +25,7 @@ FRAME_PARENTS = np.array([-1, 0, 1, 1, 3, 1, 5, 0, 7, 8, 0, 10, 11])
 HINGES = frozenset({FOREARM_L, FOREARM_R, SHIN_L, FOOT_L, SHIN_R, FOOT_R})
 """Frames that rotate about their own x axis only."""
 MIRROR = np.array([0, 1, 2, 5, 6, 3, 4, 10, 11, 12, 7, 8, 9])
-"""(13,) the frame on the other side of the body."""
+"""(13,) the index of the mirrored frame on the other side of the body."""
 LENGTHS = (
     "lower spine",
     "upper spine",
@@ -46,7 +46,9 @@ SPINE_LOW, SPINE_UP, NECK, SHOULDER, ARM, FORE, HAND, HIP, THIGH, SHIN, FOOT, GI
 REFERENCE_HEIGHT = 1.75
 """Metres from sole to crown of an adult with the reference lengths."""
 REFERENCE_LENGTHS = np.array([0.12, 0.31, 0.18, 0.185, 0.285, 0.25, 0.085, 0.085, 0.43, 0.41, 0.14, 1.0])
-"""(12,) metres of an adult of the reference height. The girth is a factor on every radius."""
+"""(12,) reference lengths in metres, of an adult of the reference height. The girth is a factor on every
+radius.
+"""
 
 
 def frame_weights(usual: float, others: dict[int, float]) -> Float:
@@ -122,7 +124,7 @@ class Capsules:
         frame: (C,) the frame to which each capsule is fixed.
         ends: (C, 2, 3, 12) both ends in that frame, linear in the lengths.
         radii: (C, 2) metres at girth 1.
-        joint: (C,) the joint that the capsule's observed points support.
+        joint: (C,) the joint that the capsule's observed points support. They raise its confidence.
     """
 
     frame: Int
@@ -203,7 +205,7 @@ def _capsules() -> Capsules:
 
 
 def _joint_offsets() -> tuple[Int, Float]:
-    """Returns (20,) frames and (20, 3, 12) offsets of the tracked joints.
+    """Returns the (20,) frames and (20, 3, 12) offsets of the tracked joints.
 
     A tracked joint is some centimetres away from the model's pivot. The back bends below the spine joint, and
     the middle of the head lies in front of the neck's end.
@@ -236,7 +238,7 @@ lengths."""
 
 
 def _degrees_of_freedom() -> tuple[Int, Int]:
-    """Returns (27,) frames and (27,) local axes of the rotational degrees of freedom, frame by frame."""
+    """Returns the (27,) frames and (27,) local axes of the rotational degrees of freedom, frame by frame."""
     rows = [(f, a) for f in range(13) for a in ((0,) if f in HINGES else (0, 1, 2))]
     return np.array([f for f, _ in rows]), np.array([a for _, a in rows])
 
@@ -248,7 +250,7 @@ DOFS = 3 + len(DOF_FRAME)
 
 
 def _ancestry() -> Int:
-    """Returns (13, 27) 1 if a rotational degree of freedom moves a frame."""
+    """Returns a (13, 27) matrix: 1 if a rotational degree of freedom moves a frame, else 0."""
     moves = np.zeros((13, len(DOF_FRAME)), np.int64)
     for frame in range(13):
         ancestor = frame
@@ -259,7 +261,7 @@ def _ancestry() -> Int:
 
 
 MOVES = _ancestry()
-"""(13, 27) 1 if a rotational degree of freedom moves a frame, else 0."""
+"""(13, 27) matrix: 1 if a rotational degree of freedom moves a frame, else 0."""
 
 
 def _bone_frames() -> Int:

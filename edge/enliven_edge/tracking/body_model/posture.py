@@ -27,7 +27,7 @@ class Posture:
     """A posture of a body: the unknowns of the fit.
 
     Attributes:
-        position: (3,) metres, world frame, of the hip centre.
+        position: (3,) position of the hip centre in metres, world frame.
         rotations: (13, 3, 3) parent_from_frame.
         lengths: (12,) metres, ordered by ``model.LENGTHS``.
     """
@@ -85,7 +85,7 @@ def forward(position: Float, rotations: Float, lengths: Float) -> tuple[Float, F
 def frames_of(position, rotations, lengths, parents, offsets):
     """Computes :func:`forward` in kernels.
 
-    Parents and offsets are those of :func:`kinematics.forward_into`.
+    For the arguments see :func:`kinematics.forward_into`.
     """
     count = len(parents)
     world, pivots = np.empty((count, 3, 3)), np.empty((count, 3))
@@ -118,7 +118,7 @@ def joints_into(joints, world, pivots, lengths, frames, local):
 
 @njit(cache=True, nogil=True)
 def _joints(position, rotations, lengths, parents, offsets, frames, local):
-    """Computes (20, 3) for :meth:`Posture.joints`."""
+    """Computes the (20, 3) result of :meth:`Posture.joints`."""
     world, pivots = frames_of(position, rotations, lengths, parents, offsets)
     joints = np.empty((len(frames), 3))
     joints_into(joints, world, pivots, lengths, frames, local)
@@ -127,7 +127,9 @@ def _joints(position, rotations, lengths, parents, offsets, frames, local):
 
 @njit(cache=True, nogil=True)
 def _turns(position, rotations, lengths, parents, offsets, bones):
-    """Computes (20, 4) for :meth:`Posture.orientations`, w >= 0. ``bones`` are the frames of the bones."""
+    """Computes the (20, 4) result of :meth:`Posture.orientations`, with w >= 0. ``bones`` contains the frame
+    of each bone.
+    """
     world, _ = frames_of(position, rotations, lengths, parents, offsets)
     turns, out = np.empty((len(world), 4)), np.empty((len(bones), 4))
     for f in range(len(world)):
@@ -141,7 +143,7 @@ def _turns(position, rotations, lengths, parents, offsets, bones):
 
 @njit(cache=True, nogil=True)
 def capsules_of(position, rotations, lengths, parents, offsets, frames, local, thickness):
-    """See :meth:`Posture.capsules`, and :func:`kinematics.capsules_into`."""
+    """Computes :meth:`Posture.capsules`. For the arguments see :func:`kinematics.capsules_into`."""
     world, pivots = frames_of(position, rotations, lengths, parents, offsets)
     ends, radii = np.empty((len(frames), 2, 3)), np.empty((len(frames), 2))
     capsules_into(ends, radii, world, pivots, lengths, frames, local, thickness)
@@ -149,7 +151,9 @@ def capsules_of(position, rotations, lengths, parents, offsets, frames, local, t
 
 
 def rotation(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Float:
-    """Returns (3, 3) Rz(z) Ry(y) Rx(x): rotations about the fixed x, then y, then z axis, radians."""
+    """Returns the (3, 3) matrix Rz(z) Ry(y) Rx(x): rotations about the fixed x, then y, then z axis,
+    radians.
+    """
     cx, sx, cy, sy, cz, sz = *_cos_sin(x), *_cos_sin(y), *_cos_sin(z)
     return np.array(
         [
@@ -161,7 +165,7 @@ def rotation(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Float:
 
 
 def _cos_sin(angle: float) -> tuple[float, float]:
-    """Returns cosine and sine."""
+    """Returns the cosine and sine of an angle in radians."""
     return math.cos(angle), math.sin(angle)
 
 
@@ -189,7 +193,7 @@ def predict_next(previous: Posture, current: Posture) -> Posture:
 _USUAL_LEAN_SINE = 0.15
 """Sine of a trunk's usual backward lean. Only a larger lean is penalised."""
 _LYING_SINE = 0.4
-"""If the sine of a trunk's elevation is below this value, the person lies, and no lean is computed."""
+"""If the sine of a trunk's elevation is below this value, the person is lying, and no lean is computed."""
 
 
 @njit(cache=True, nogil=True)
@@ -197,7 +201,7 @@ def chest_axes(rotations):
     """Returns two unit vectors, world frame: towards the chest's left, and up along it.
 
     Args:
-        rotations: (13, 3, 3) parent_from_frame, of a posture.
+        rotations: (13, 3, 3) a posture's rotations, parent_from_frame.
     """
     turn = product(rotations[PELVIS], rotations[CHEST])
     return (turn[0, 0], turn[1, 0], turn[2, 0]), (turn[0, 1], turn[1, 1], turn[2, 1])
@@ -208,7 +212,7 @@ def chest_axes_about(rotations):
     """Returns the chest axes of the flipped posture (:func:`appearance.flip_posture`) without creating it.
 
     The flip mirrors left and right and adds half a turn about the pelvis' upright axis. So the chest is
-    mirrored front to back in the pelvis' frame.
+    mirrored from front to back in the pelvis' frame.
     """
     mirrored = rotations[CHEST].copy()
     for a in range(3):
@@ -219,7 +223,7 @@ def chest_axes_about(rotations):
 
 @njit(cache=True, nogil=True)
 def facing_direction(left):
-    """Returns the unit (x, z) direction that a chest faces, from the line of its shoulders.
+    """Returns the unit (x, z) direction that a chest faces, computed from the line between its shoulders.
 
     It is also valid for a person that bends over.
     """
@@ -231,7 +235,7 @@ def facing_direction(left):
 def backward_lean(left, up):
     """Returns the backward lean of a chest: the sine of its angle beyond the usual lean.
 
-    It is implausible, because people bend forward, not backward.
+    A backward lean is implausible, because people usually bend forward.
     """
     if up[1] < _LYING_SINE:
         return 0.0

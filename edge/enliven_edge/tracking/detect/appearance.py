@@ -1,4 +1,6 @@
-"""The network's estimate at the points that the fit uses: body parts, facing and agreement."""
+"""The network's estimate, sampled at the points of the fit: body parts, facing, and agreement with a
+posture.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ from enliven_edge.tracking.frame.observation import Observation
 
 
 def _capsule_parts() -> Float:
-    """Returns (C, 17): 1 if a capsule belongs to a part, else 0."""
+    """Returns a (C, 17) matrix: 1 if a capsule belongs to a body part, else 0."""
     capsule_parts = np.zeros((len(model.CAPSULES.frame), PARTS))
     for right in (0, 1):
         pelvis, chest, girdle = 3 * right, 3 * right + 1, 3 * right + 2
@@ -36,11 +38,13 @@ def _capsule_parts() -> Float:
 
 
 CAPSULE_PARTS = _capsule_parts()
-"""(20, 17): 1 if a capsule of the model belongs to a part, else 0."""
+"""(20, 17) matrix: 1 if a capsule of the model belongs to a body part, else 0."""
 _PART_INDICES = np.array([[*np.flatnonzero(row), -1, -1][:2] for row in CAPSULE_PARTS])
-"""(20, 2) the one or two parts of each capsule. -1 instead of a missing second one."""
+"""(20, 2) indices of the one or two body parts of each capsule. The second index is -1 if a capsule has one
+part.
+"""
 _SIDELESS_CAPSULE_PARTS = np.maximum(CAPSULE_PARTS, CAPSULE_PARTS[:, MIRRORED])
-"""(20, 17) like ``CAPSULE_PARTS``, with left and right parts treated as one."""
+"""(20, 17) matrix like ``CAPSULE_PARTS`` in which left and right parts count as the same part."""
 _FACING_PRIOR = 0.5
 """Log probability added for facing the sensor, and subtracted for facing away. People usually face the
 sensor."""
@@ -54,7 +58,7 @@ class EstimateAtPoints:
     """The network's estimate of one observation, sampled at its points.
 
     Attributes:
-        estimate: joints, spread, facing and parts.
+        estimate: the network's estimate of joints, spread, facing and parts.
         surface: (6, M) metres, the points of the observation, world frame, and their normals.
         probabilities: (17, M) float32 probabilities of the parts at these points.
         rays: (M, 2) x/z and y/z of the points in the image.
@@ -66,7 +70,7 @@ class EstimateAtPoints:
     rays: Float
 
     def of(self, estimate: Estimate) -> EstimateAtPoints:
-        """Returns another estimate of the same frame, sampled at the same points."""
+        """Samples another estimate of the same frame at the points of this object."""
         return EstimateAtPoints(estimate, self.surface, estimate.parts_at(self.rays), self.rays)
 
     def thin(self, step: int) -> EstimateAtPoints:
@@ -137,7 +141,8 @@ def _rays(pixels, camera):
 def network_agreement(network_output: EstimateAtPoints, posture: Posture) -> float:
     """Returns the mean network probability in [0, 1] of the body parts that the posture has at the points.
 
-    Comparing a posture with its flipped version distinguishes front from back, and left from right.
+    A comparison of a posture with its flipped version shows whether front and back, or left and right, are
+    confused.
     """
     return float(
         _agreement(network_output.surface, network_output.probabilities, _PART_INDICES, *posture.capsules())

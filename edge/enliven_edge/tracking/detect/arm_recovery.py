@@ -1,8 +1,9 @@
-"""Recovery of arms: tries a doubtful arm in several other places, and fits it at the best place.
+"""Recovery of arms: tries a doubtful arm at several other positions, and fits it at the best one.
 
 If a limb is close to the front of the trunk, the fit may confuse the two surfaces and get stuck. In films of
-such limbs, four out of five wrong arms had a higher cost than the true pose. So a fit that starts at another
-place finds the true pose. A few steps on a third of the points show which place is worth a full fit.
+such limbs, four out of five wrong arms had a higher cost than the true pose. So a fit that starts with the
+arm at another position often finds the true pose. A few steps on a third of the points show which start
+deserves a full fit.
 """
 
 from __future__ import annotations
@@ -27,24 +28,28 @@ _ENERGY_RISE_RATE = 0.01
 usual."""
 _MIN_SIGNS = 2
 """Minimum number of signs of a wrong arm, out of three: a higher energy than usual, a doubtful arm, and
-disagreement with the network. Without the network one is enough. Of 954 attempts with one sign 142 were
-accepted, and as many joints got worse as better. Of 583 attempts with two or three signs 191 were accepted,
-and 70 frames got better while 21 got worse."""
+disagreement with the network. Without the network one is enough. Of 954 attempts with one sign, 142 were
+accepted: equal numbers of joints got better and worse. Of 583 attempts with two or three signs, 191 were
+accepted: 70 frames got better and 21 got worse.
+"""
 _TRIALS_PER_FRAME = 4
-"""Number of places tried per frame. With eight, 0.2 % more hands were right, but wrong joints had a higher
-confidence."""
+"""Number of start poses tried per frame. With eight, 0.2 % more hands were right, but wrong joints had a
+higher confidence.
+"""
 _MAX_ATTEMPT_INTERVAL = 3
-"""Maximum number of frames between two attempts while no place is promising."""
+"""Maximum number of frames between two attempts while no start pose is promising."""
 _TRIAL_STEPS = 2
 """Steps of a coarse trial. Three steps did not improve the arms, one step made them worse."""
 _TRIAL_STRIDE = 3
-"""A coarse trial uses every n-th point, because it only compares places."""
+"""A coarse trial uses every n-th point, because it only compares start poses."""
 _MAX_TRIAL_ENERGY = 0.97
-"""Maximum energy of a place after a coarse trial, relative to the present posture, for a full fit there."""
+"""Maximum energy after a coarse trial, relative to the present posture. Only start poses below it get a full
+fit.
+"""
 
 
 class ArmRecovery:
-    """Tries the doubtful arms of one person in other places, a few places per frame."""
+    """Tries the doubtful arms of one person at other positions, a few per frame."""
 
     def __init__(self, fitter: Fitter) -> None:
         self._fitter = fitter
@@ -62,7 +67,8 @@ class ArmRecovery:
         *,
         steps: int,
     ) -> tuple[Posture, FitReport] | None:
-        """Returns a fit with one arm at another place that may be better. None if no place is promising.
+        """Returns a fit with one arm at another position that may be better, or None if no position is
+        promising.
 
         Args:
             observation: the observed person.
@@ -98,9 +104,10 @@ class ArmRecovery:
         return self._fitter.fit(observation, best[0], iterations=steps)
 
     def _costs_more_than_usual(self, energy: float) -> bool:
-        """Records a frame's energy.
+        """Records a frame's energy, and returns True if it is well above the usual energy of this person's
+        frames.
 
-        Returns whether it is well above the usual energy of this person's frames.
+        The usual energy is a running mean.
         """
         if np.isinf(self._usual_energy):
             self._usual_energy = energy
@@ -110,7 +117,7 @@ class ArmRecovery:
 
 
 def _network_disagrees(posture: Posture, arm: Arm, network_output: EstimateAtPoints | None) -> bool:
-    """Returns True if the network's place of a joint of the arm clearly differs from the posture's."""
+    """Returns True if the network's position of a joint of the arm clearly differs from the posture's."""
     joints: Float = posture.joints()
     return (
         network_output is not None and network_output.estimate.count_disagreeing(joints, ARM_JOINTS[arm]) > 0

@@ -19,9 +19,11 @@ from enliven_edge.tracking.fit.alignment import align
 from enliven_edge.tracking.frame.observation import Observation
 
 Arm = tuple[int, ...]
-"""The model's two frames of an arm: upper arm and forearm."""
+"""An arm as the model's two frames: upper arm and forearm."""
 Start = Callable[[], Posture]
-"""Function that creates a start posture. It is called only for the places that are tried in a frame."""
+"""Function that creates a start posture. It is called only for the start postures that are tried in a
+frame.
+"""
 ARM_JOINTS: dict[Arm, Int] = {
     (model.UPPER_ARM_L, model.FOREARM_L): np.array([Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT]),
     (model.UPPER_ARM_R, model.FOREARM_R): np.array([Joint.ELBOW_RIGHT, Joint.WRIST_RIGHT, Joint.HAND_RIGHT]),
@@ -33,8 +35,9 @@ _MAX_RAY_SHIFT_M = 0.25
 """Maximum shift in metres of a joint along its ray towards the measured depth. Depth farther away is another
 part of the body."""
 _MAX_DEPTH_ERROR_M = 0.03
-"""Maximum distance in metres of a joint behind the surface. A larger one means that it was fitted too
-deep."""
+"""Maximum distance in metres of a joint behind the surface. At a larger distance the joint was fitted too
+deep.
+"""
 _ALIGNMENT_STEPS = 8
 """Steps of aligning an arm. Few are enough, because the rest of the body stays."""
 _ROBUST_WIDTH_M = 0.3
@@ -47,7 +50,7 @@ smaller."""
 _TRUNK_INTERVAL_M = (0.06, 0.3)
 """Interval in metres behind a point in which its ray must hit the trunk."""
 _TRUNK = np.flatnonzero(model.CAPSULES.frame <= model.HEAD)
-"""The capsules of trunk, neck and head."""
+"""Indices of the capsules of trunk, neck and head."""
 _GROUP_RADIUS_M = 0.16
 """Radius in metres around a protruding point in which other points belong to the same forearm."""
 _MIN_GROUP_POINTS = 8
@@ -59,7 +62,7 @@ _MIN_GROUP_LENGTH_M = 0.14
 def arm_starts(
     observation: Observation, posture: Posture, network_output: EstimateAtPoints | None, arms: list[Arm]
 ) -> list[Start]:
-    """Returns functions that create the posture with one arm at another place, for each arm and place."""
+    """Returns functions that create start postures with one arm at another position, several for each arm."""
     joints, view = posture.joints(), observation.view
     eye = view.world_from_camera[:3, 3]
     starts: list[Start] = []
@@ -99,7 +102,7 @@ def _with_arm(posture: Posture, joints: Float, arm: Arm, places: Float) -> Postu
 
 
 def _mirror_other_arm(posture: Posture, arm: Arm) -> Posture:
-    """Returns the posture with an arm posed as the mirror image of the other one."""
+    """Returns the posture with an arm posed as the mirror image of the person's other arm."""
     symmetric, index = posture.copy(), list(arm)
     symmetric.rotations[index] = mirror_rotations(posture.rotations)[index]
     return symmetric
@@ -191,7 +194,7 @@ def densest_ball(points, radius):
 def _protruding_points(observation: Observation, posture: Posture) -> Float32:
     """Returns the (N, 3) points that protrude from the whole model, on rays that hit the trunk behind them.
 
-    Furniture next to a person, and another person's arm, protrude too, but next to the trunk.
+    Furniture next to a person and another person's arm protrude, too, but the trunk is not behind them.
     """
     ends, radii = posture.capsules()
     out = observation.points[signed_distances(observation.points, ends, radii) > _MIN_PROTRUSION_M]

@@ -29,8 +29,9 @@ _REFINED_HYPOTHESES = 3
 """Number of hypotheses that are refined. With eight, flipped bodies won on real shots, because coarse fits
 distinguish front from back better than refined ones."""
 _DUPLICATE_DISTANCE_M = 0.12
-"""Maximum distance in metres of all pairs of joints for two hypotheses to count as equal: they would end in
-the same fit."""
+"""Maximum distance in metres between the corresponding joints of two hypotheses that count as equal. Fits of
+both would end in the same posture.
+"""
 _FACING_CANDIDATES = 3
 """Number of likeliest facings for which the network is run again, in addition to runs without a facing and
 with the opposite one."""
@@ -46,7 +47,7 @@ posture to fall back on."""
 _COARSE_STEPS = 8
 """Steps of a coarse fit. With four to six the tuning set lost half a percent of its joints."""
 _COARSE_WIDTH_M = 0.25
-"""Robust width of coarse fits in metres. A limb of a hypothesis may be wrong by as much."""
+"""Robust width of coarse fits in metres. A limb of a hypothesis may be this far from its true position."""
 _FIRST_STEPS = 2
 """Number of steps after which the worse half of the hypotheses is dropped. Hypotheses from this half hardly
 ever win."""
@@ -54,7 +55,7 @@ _MIDDLE_POINTS = 250
 """Number of points in the first half of a refinement of a tracked person. Half of all points suffice to find
 hopeless hypotheses."""
 _MAX_ENERGY_RATIO = 1.6
-"""A half refined hypothesis is dropped as hopeless if its energy exceeds the lowest one by this factor."""
+"""A hypothesis is dropped after half its refinement if its energy exceeds the lowest one by this factor."""
 _HALF_STEPS = 15
 """Steps of each half of a refinement. The fit has converged by then."""
 _HALF_WIDTH = 0.12
@@ -70,11 +71,13 @@ part."""
 _BANK_HYPOTHESES = 8
 """Number of the most similar bank postures that are tried without a network. Each costs a coarse fit."""
 _EXTRA_BANK_HYPOTHESES = 3
-"""Number of hypotheses from the posture bank in addition to those of the network, which are better."""
+"""Number of hypotheses from the posture bank that are added to those of the network. Few are enough, because
+the network's hypotheses are better.
+"""
 _NETWORK_COST = 1
 """Cost of running the network for one likely facing, in coarse fits."""
 _POSTURE_COST = 1
-"""Cost of turning the network's estimates into postures of one build, in coarse fits."""
+"""Cost of converting the network's estimates into postures with one set of bone lengths, in coarse fits."""
 _EXTREMITIES_COST = 3
 """Cost of the geodesic extremities, in coarse fits."""
 _BANK_COST = 4
@@ -98,9 +101,9 @@ def detect(
     by_facing: list[Estimate] | None = None,
     lengths: Float | None = None,
 ) -> Steps[tuple[Posture, FitReport]]:
-    """Finds the posture that explains an observation best, without another frame.
+    """Finds the posture that explains an observation best, using only this frame.
 
-    It is a generator that yields its costs.
+    It is a generator that yields the cost of each step, in coarse fits.
 
     A short coarse fit of every hypothesis ranks them, and the best three are refined with all points.
 
@@ -110,7 +113,7 @@ def detect(
         eye: (3,) the sensor's position, world frame.
         height: metres, the person's height until it is measured.
         network_output: the network's estimate of this observation; None without the network.
-        by_facing: its estimates for each likely facing, see :func:`estimates_by_facing`.
+        by_facing: the network's estimates for each likely facing, see :func:`estimates_by_facing`.
         lengths: (12,) metres, this person's bone lengths if they are known already.
     """
     coarse = _CoarseFits(fitter, observation, network_output, eye, height, _FIRST_POINTS)
@@ -134,11 +137,12 @@ def detect_another(
     by_facing: list[Estimate] | None = None,
     lengths: Float | None = None,
 ) -> Steps[tuple[Posture, FitReport] | None]:
-    """Searches a posture that may explain an observation better than ``present``. Returns None if it finds no
-    such posture.
+    """Searches for a posture that explains an observation better than ``present``. Returns None if it finds
+    none.
 
-    It is a generator that yields its costs. The present posture is fitted as coarsely as all others. A
-    hypothesis that is no better at that stage is hardly ever better in the end, so it is not refined.
+    It is a generator that yields its costs. The present posture is fitted as coarsely as all others.
+    Hypotheses that are not better after the coarse fit are not refined, because they are hardly ever better
+    in the end.
 
     Args:
         fitter, observation, network_output, eye, height, by_facing, lengths: as in :func:`detect`.
@@ -160,7 +164,7 @@ def detect_another(
 
 
 class _CoarseFits:
-    """Fits hypotheses in a few steps to a part of the points, to separate good ones from bad ones."""
+    """Fits hypotheses in a few steps to a subset of the points, to separate good ones from bad ones."""
 
     def __init__(
         self,
@@ -240,7 +244,8 @@ def _create_hypotheses(
         by_facing: the network's estimates.
         eye: (3,) the sensor's position, world frame.
         height: metres.
-        lengths: (12,) metres, of this person; None: of an average person, and of one of the visible height.
+        lengths: (12,) this person's bone lengths in metres. If None, uses those of the likeliest height and
+            those of the visible height.
     """
     z, mask, _, camera, pose = observation.view
     builds = [lengths] if lengths is not None else likely_builds(observation, height)
@@ -263,15 +268,15 @@ def _refine(
     height: float,
     points: int | None = None,
 ) -> Steps[tuple[float, Posture, FitReport]]:
-    """Fits some hypotheses completely, including lengths. Returns the best with its cost.
+    """Fits some hypotheses completely, including lengths. Returns the best posture with its cost and report.
 
     It is a generator that yields its costs.
 
     Args:
         fitter, observation, network_output, height: as in :func:`detect`.
         starts: the hypotheses.
-        points: number of points in the first half of the fit, after which a much worse hypothesis is dropped;
-            None: all points, and none is dropped.
+        points: number of points in the first half of the fit. After it, much worse hypotheses are dropped. If
+            None, uses all points and drops none.
     """
     fewer_points, guide = observation, network_output
     if points is not None:

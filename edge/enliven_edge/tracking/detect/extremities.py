@@ -1,8 +1,9 @@
 """Geodesic extremities of a person's surface: hands, feet and head are farthest along it from the trunk.
 
-After Plagemann et al. 2010: the first extremity has the longest shortest path over the surface from its
-middle. The next one is farthest from both, and so on. A path may cross a depth edge at a cost. So a forearm
-held in front of the chest is far from the chest, although it is near in the image.
+The method follows Plagemann et al. 2010. The first extremity has the greatest geodesic distance from the
+middle of the surface. The next one is farthest from the middle and the first extremity, and so on. A path may
+cross a depth edge at a cost. So a forearm in front of the chest is geodesically far from the chest, although
+both are close in the image.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ class Extremities:
 
     Attributes:
         points: (K, 3) metres, world frame, on the surface.
-        surface_distances: (K,) metres along the surface from the nearest of the middle and every earlier
-            extremity.
+        surface_distances: (K,) geodesic distance in metres to the middle or the nearest earlier extremity,
+            whichever is nearer.
     """
 
     points: Float
@@ -41,7 +42,7 @@ class Extremities:
 def find_extremities(
     z: Float, mask: Bool, camera: Float, pose: Float, count: int = 6, nearest: float = 0.25
 ) -> Extremities:
-    """Finds at most ``count`` extremities, each farther than ``nearest`` metres from all previous ones.
+    """Finds at most ``count`` extremities, each more than ``nearest`` metres from all previous ones.
 
     Args:
         z: (h, w) metres along the optical axis.
@@ -96,7 +97,7 @@ def _is_depth_edge(here, there, step):
 def _solid_pixels(z, mask, step):
     """Returns (h, w) the masked pixels with three neighbours on the same surface.
 
-    It removes stray depth at edges.
+    The condition removes stray depth at edges.
     """
     height, width = mask.shape
     out = np.zeros((height, width), np.bool_)
@@ -119,7 +120,8 @@ def extend_distances(points, z, mask, step, source, distance):
         points: (h, w, 3) metres.
         z: (h, w) metres.
         mask: (h, w) the surface.
-        step: distance of neighbours in pixels of the working image, for detecting depth edges.
+        step: distance between neighbouring pixels, in pixels of the original image, for detecting depth
+            edges.
         source: row * w + column.
         distance: (h, w) metres, updated.
     """

@@ -40,7 +40,7 @@ _WRONG_FACING_LOG = -2.6
 """If a facing's log probability relative to its opposite is below this value, the facing is wrong. It is far
 below 0, because a person must not be flipped without strong evidence."""
 _WRONG_SETTLED_LOG = -3.5
-"""The corresponding limit for a settled facing. A flip then needs even more evidence."""
+"""Like ``_WRONG_FACING_LOG``, for a settled facing. A flip then needs even more evidence."""
 _MIN_WALK_SPEED = 0.45
 """Minimum walking speed in metres per second that indicates the facing. At lower speeds people also step
 sideways and back."""
@@ -54,7 +54,7 @@ _LEAN_LOG = 15.0
 
 
 class Facing:
-    """Decides from many frames whether a posture faces the wrong way."""
+    """Decides over many frames whether a posture faces the wrong way."""
 
     def __init__(self) -> None:
         self._advantage = 0.0
@@ -64,7 +64,7 @@ class Facing:
     def is_wrong(
         self, network_output: EstimateAtPoints, posture: Posture, eye: Float, velocity: Float
     ) -> bool:
-        """Returns True if the posture has been facing the wrong way for a while.
+        """Returns True if the averaged evidence shows that the posture faces the wrong way.
 
         Args:
             network_output: the network's estimate of the frame.
@@ -112,7 +112,7 @@ def _advantage(rotations, place, eye, velocity, ways):
 
 @njit(cache=True, nogil=True)
 def _walk_alignment(velocity, ahead):
-    """Returns how clearly a person walks forward: 1 clearly forward, -1 clearly backward.
+    """Returns how clearly a person walks forward, from 1 (clearly forward) to -1 (clearly backward).
 
     Args:
         velocity: (3,) metres per second.
@@ -179,12 +179,14 @@ def implausibility_cost(
 
 
 def fit_quality(report: FitReport) -> float:
-    """Returns the fraction of points explained minus the fraction of the model seen through, up to 1."""
+    """Returns the fraction of explained points minus the fraction of the model that is in free space; at most
+    1.
+    """
     return report.explained - report.seen_through
 
 
 def likely_builds(observation: Observation, height: float) -> list[Float]:
-    """Returns (12,) lengths of one or two builds: of the likeliest height, and of the visible height.
+    """Returns bone lengths (12,) of one or two builds: for the likeliest height, and for the visible height.
 
     A smaller visible height may come from a child, or from an adult that crouches. A greater visible height
     may come from a tall person, or from raised arms.

@@ -48,7 +48,7 @@ def align_to_estimate(posture: Posture, estimate: Estimate, steps: int = _NEAR_S
 
 
 def _trunk_axes(joints: Float) -> Float:
-    """Returns the (3, 3) axes left, up and ahead, in columns, of the trunk between hips and shoulders."""
+    """Returns the (3, 3) axes of the trunk between hips and shoulders, as columns: left, up and ahead."""
     left = joints[Joint.SHOULDER_LEFT] - joints[Joint.SHOULDER_RIGHT]
     left = left + joints[Joint.HIP_LEFT] - joints[Joint.HIP_RIGHT]
     up = joints[Joint.SHOULDER_CENTER] - joints[Joint.HIP_CENTER]
@@ -68,16 +68,18 @@ _ARMS = (
 _LEFT_ARM = [model.UPPER_ARM_L, model.FOREARM_L]
 _RIGHT_ARM = [model.UPPER_ARM_R, model.FOREARM_R]
 _SIDE_YAW = 1.2
-"""Heading in radians, relative to facing the sensor, of the two postures that are turned sideways. Both arms
-are still visible at it."""
+"""Heading in radians, relative to facing the sensor, of the two postures that are turned sideways. At this
+heading both arms are still visible.
+"""
 _YAWS = (0.0, 1.57, 3.14, -1.57)
 """Headings in radians, relative to facing the sensor, at which each posture of the bank is tried: quarter
 turns."""
 _BANK_POINTS = 100
 """Number of points with which a posture of the bank is compared: enough to rank it."""
 _MAX_MISFIT_M = 0.4
-"""Maximum in metres to which a point's distance from a posture is clipped, so that a stray point does not
-decide."""
+"""Upper limit in metres to which a point's distance from a posture is clipped. It limits the effect of stray
+points.
+"""
 BEHIND_SURFACE = 0.1
 """Metres from the visible surface back to the middle of a standing body: half of a trunk's depth."""
 _BEHIND_POINTS = 0.08
@@ -133,7 +135,7 @@ def _create_bank() -> list[Float]:
 
 
 BANK = _create_bank()
-"""[(13, 3, 3)] postures that do not stand upright, facing +Z."""
+"""[(13, 3, 3)] the bank: rotations of postures other than standing upright, facing +Z."""
 
 
 def standing_starts(observation: Observation, eye: Float, lengths: Float) -> list[Posture]:
@@ -179,7 +181,7 @@ def bank_starts(
 
 
 def _yaw_towards(eye: Float, centre: Float) -> float:
-    """Returns the angle about +Y in radians from +Z to the direction of the eye."""
+    """Returns the angle about +Y in radians from +Z to the direction from ``centre`` to the eye."""
     return float(np.arctan2(eye[0] - centre[0], eye[2] - centre[2]))
 
 
@@ -224,9 +226,11 @@ def _place_under_crown(observation: Observation, centre: Float, rotations: Float
 
 
 def _centre_on_points(points: Float32, centre: Float, ends: Float, radii: Float, eye: Float) -> Float:
-    """Returns (N, 3) positions that align middle, top and bottom of N postures with those of the points.
+    """Returns (N, 3) positions that align the middle, top and bottom of N postures with those of the points.
 
-    They are moved back from the visible surface.
+    The positions are behind the visible surface by half a body's depth.
+
+    Each posture is then inside the body.
 
     Args:
         points: (M, 3) metres.
@@ -264,7 +268,9 @@ more distant extremity belongs to another limb."""
 
 
 def _reach_extremities(posture: Posture, ends: Extremities, eye: Float) -> Posture:
-    """Moves head, hands and feet of a posture to their extremities, assigned at the least total distance."""
+    """Moves head, hands and feet of a posture to the extremities, with the assignment of the least total
+    distance.
+    """
     if len(ends.points) == 0:
         return posture
     capsules, _ = posture.capsules()

@@ -1,8 +1,8 @@
-"""Recovery: tries a limb or body that explains the frame badly at other places, one proposal per frame.
+"""Recovery: tries a doubtful limb or body at other positions, one proposal per frame.
 
-A fit to the nearest surface cannot recover a limb that is stuck on the surface of another one, nor a body
-that faces the wrong way. A nearby part then explains every pixel of the real limb. A proposal that starts at
-another place can recover it. It is accepted if it explains the frame better.
+A fit to the nearest surface cannot free a limb that is stuck to another limb's surface, or turn a body that
+faces the wrong way. In both cases a wrong part of the model already explains the observed pixels. A fit that
+starts at another position can recover the posture. It is accepted if it explains the frame better.
 """
 
 from __future__ import annotations
@@ -70,13 +70,14 @@ _FIT_STEPS = 6
 _WIDE_STEPS = 6
 """Steps of the preceding wide fit of a whole body."""
 _WIDE_WIDTH_M = 0.25
-"""Robust width of the wide fit in metres. A limb of a proposal may be wrong by as much."""
+"""Robust width of the wide fit in metres. A limb of a proposal may be this far from its true position."""
 _MAX_BODY_INTERVAL = 4
 """Maximum number of frames between two failed proposals of a whole body. It is short, so that a falling
 person is recovered soon."""
 _MAX_LIMB_INTERVAL = 6
-"""Maximum number of frames between two failed limb trials if the network sees all joints in place. Of 1,445
-trials in such frames 237 were accepted, and limbs were wrong as often after them as before."""
+"""Maximum number of frames between two failed limb trials if the network agrees with all joints. Of 1,445
+trials in such frames 237 were accepted, and they did not make wrong limbs rarer.
+"""
 _DOUBTFUL_QUALITY = 0.9
 """Minimum quality, see :func:`fit_quality.fit_quality`. Below it the whole body is doubtful."""
 _YAWS = (0.8, -0.8)
@@ -86,7 +87,9 @@ _ANKLE = 0.04
 
 
 class PoseRecovery:
-    """Proposes other places for arms in every frame, and for doubtful limbs and the whole body in turn."""
+    """Proposes other positions for arms in every frame, and alternately for doubtful limbs and for the whole
+    body.
+    """
 
     def __init__(self, fitter: Fitter) -> None:
         self._fitter = fitter
@@ -106,8 +109,7 @@ class PoseRecovery:
         *,
         arms: bool = True,
     ) -> tuple[Posture, FitReport]:
-        """Returns the posture, or one with a doubtful part at another place if that explains the frame
-        better.
+        """Returns the posture, or a better one with a doubtful limb or the whole body at another position.
 
         Args:
             observation: the observed person.
@@ -115,7 +117,7 @@ class PoseRecovery:
             report: the report of its fit.
             confidence: (C,) confidence of every capsule in [0, 1].
             network_output: the network's estimate of the frame; None without the network.
-            arms: whether there is time to try arms elsewhere.
+            arms: whether there is time to try other positions of the arms.
         """
         doubtful = self._find_doubtful_limbs(posture, confidence)
         is_body_doubtful = fit_quality(report) < _DOUBTFUL_QUALITY
@@ -179,8 +181,10 @@ class PoseRecovery:
         network_output: EstimateAtPoints | None,
         max_cost_ratio: float,
     ) -> bool:
-        """Returns True if a posture costs less than ``max_cost_ratio`` of another, both without temporal
-        term."""
+        """Returns True if the candidate's cost is below ``max_cost_ratio`` times that of ``posture``.
+
+        Both costs exclude the temporal term.
+        """
         _, same = self._fitter.fit(observation, posture, iterations=1)
         present_cost, candidate_cost = (
             total_recovery_cost(same, posture, network_output),
@@ -280,7 +284,7 @@ def _face_same_way(first: Posture, second: Posture) -> bool:
 
 
 def _stand_at_points(observation: Observation, posture: Posture, facing: float) -> Posture:
-    """Returns a person that stands at the place of the points, with the heading ``facing`` in radians."""
+    """Returns a standing posture at the position of the points, with the heading ``facing`` in radians."""
     person = Posture(posture.position.copy(), standing_pose(facing), posture.lengths.copy())
     centre = np.median(observation.points.astype(float), axis=0)
     backward = centre - observation.view.world_from_camera[:3, 3]

@@ -22,43 +22,49 @@ ROWS = 80
 COLUMNS = 64
 """Columns of a crop, fixed by the network. Outstretched arms fit into them."""
 _MIN_CELL_M = 0.02
-"""Minimum size of a cell in metres at the person's depth. A finer crop shows no more than the sensor
-measures."""
+"""Minimum size of a cell in metres at the person's depth. A finer crop would exceed the sensor's
+resolution.
+"""
 _MAX_CELL_M = 0.036
 """Maximum size of a cell in metres at the person's depth. 80 cells then cover a tall person with raised
 arms."""
 _CROP_MARGIN = 1.2
-"""Size of a crop relative to the visible part of the person, so that a limb that was missed at first is still
-inside."""
+"""Size of a crop relative to the visible part of the person. The margin includes limbs that the first
+segmentation missed.
+"""
 CHANNELS = 4
 """Channels of a crop: the person, the depth, the height above the floor, and the unknown fraction."""
 _CROP_SAMPLES = 500
-"""Approximate number of pixels that are used to measure a person's place and size: enough for percentiles,
-and quick to sort."""
+"""Approximate number of pixels for measuring a person's position and size. It is enough for percentiles, and
+sorting is fast."""
 _OUTLIER_FRACTION = 0.01
-"""Fraction of the lowest and of the highest samples that is ignored, against wrong depth at edges."""
+"""Fraction of the lowest and of the highest samples that is ignored, because depth at edges may be wrong."""
 _MIN_UP_LENGTH = 0.2
 """Minimum length of the world's up vector projected into the image. With a shorter one the view is from
 above, and no image direction is upright."""
 _OCCLUDER_DISTANCE_M = 0.1
-"""Minimum distance in metres in front of the person's middle for an object to hide the person. Other objects
-are next to the person."""
+"""Minimum distance in metres in front of the person's middle for an object to hide the person. Objects at a
+similar depth are next to the person.
+"""
 _MIN_DEPTH_M = 0.1
-"""Minimum depth of a joint in metres. With less it would be next to or behind the sensor."""
+"""Minimum depth of a joint in metres. A lower value would put the joint next to the sensor or behind it."""
 _FLOOR_BAND_M = 0.08
-"""Points below this height in metres do not hide a person: they are the floor in front of the feet."""
+"""Points below this height in metres do not hide a person, because they belong to the floor in front of the
+feet.
+"""
 
 
 @dataclass(frozen=True)
 class Crop:
     """A person's crop, and the transform from its coordinates to the camera's frame.
 
-    Crop coordinates are metres: right and down from the crop's middle, in the plane at ``depth``, and away
-    from that plane.
+    Crop coordinates are in metres. The first two point right and down from the crop's middle, in the plane at
+    ``depth``. The third is the distance behind that plane.
 
     Attributes:
-        image: (4, 80, 64) float32. The fraction of each cell that is the person; the depth behind ``depth``
-            and the height above the floor, both in metres times that fraction; the unknown fraction.
+        image: (4, 80, 64) float32. Channel 0 is the fraction of each cell that shows the person. Channels 1
+            and 2 are the depth behind ``depth`` and the height above the floor, both in metres times that
+            fraction. Channel 3 is the unknown fraction.
         depth: depth of the person's middle along the optical axis in metres.
         cell: size of a cell in metres, in the plane at ``depth``.
         axes: (2, 2) the crop's right and down in the image.
@@ -140,7 +146,7 @@ def crop_person(
 
 
 def _upright_axes(world_from_camera: Float) -> Float:
-    """Returns the directions right and down of an upright person in the image, (2, 2)."""
+    """Returns the (2, 2) image directions that are right and down for an upright person."""
     x, y = float(world_from_camera[1, 0]), float(world_from_camera[1, 1])
     length = math.hypot(x, y)
     if length < _MIN_UP_LENGTH:
@@ -159,7 +165,9 @@ def _person_extent(z: Float, mask: Bool, camera: Float, axes: Float) -> tuple[Fl
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _samples(z, mask, camera, axes):
-    """Returns (3, N) right and down along the axes at unit depth, and depth, of some masked pixels."""
+    """Returns (3, N) coordinates of some masked pixels: right and down along the axes at unit depth, and
+    depth.
+    """
     pixels, width = pixels_of(mask), mask.shape[1]
     some = pixels[:: max(1, len(pixels) // _CROP_SAMPLES)]
     out = np.empty((3, len(some)))
@@ -174,7 +182,9 @@ def _samples(z, mask, camera, axes):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fill(image, z, mask, camera, pose, axes, centre, depth, cell, raised):
-    """Fills the four channels. Each cell averages the nearest pixels at the centres of its four quarters."""
+    """Fills the four channels. The value of a cell is the mean of four pixels, the nearest to the centres of
+    its quarters.
+    """
     rows, columns = image.shape[1:]
     size, rise = cell / depth, pose[1]
     z, mask, shape = z.ravel(), mask.ravel(), z.shape

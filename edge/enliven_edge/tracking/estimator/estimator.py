@@ -83,7 +83,7 @@ class Estimate:
         return self._landmarks(_MIN_FUSED_SPREAD_M)
 
     def _landmarks(self, min_spread: float) -> Float:
-        """Returns (20, 5) landmarks, each with a spread of at least ``surest`` metres."""
+        """Returns (20, 5) landmarks, each with a spread of at least ``min_spread`` metres."""
         return np.asarray(_landmarks(self.joints, self.expected_errors, min_spread, JOINT_TRUST))
 
     def count_disagreeing(self, joints: Float, which: Int = _ALL_JOINTS) -> int:
@@ -92,7 +92,7 @@ class Estimate:
         return int(_count_disagreeing(joints, self.joints, self.expected_errors, which))
 
     def parts_at(self, rays: Float) -> Float32:
-        """Returns (17, M) probabilities of the parts at (M, 2) rays, x/z and y/z, interpolated bilinearly."""
+        """Returns (17, M) bilinearly interpolated part probabilities at (M, 2) rays, x/z and y/z."""
         return np.asarray(parts_at_rays(self.parts, rays, *self.crop.place))
 
 
@@ -144,12 +144,12 @@ class PoseEstimator:
             ) from None
 
     def estimates(self, crop: Crop, world_from_camera: Float, facings: list[float | None]) -> list[Estimate]:
-        """Runs the network on one crop, conditioned on each of some facings in turn.
+        """Runs the network on one crop, once for each of the given facings.
 
         Args:
             crop: the network's input.
             world_from_camera: (4, 4) the camera's pose.
-            facings: radians relative to facing the sensor, anticlockwise from above; None: unknown.
+            facings: radians relative to facing the sensor, anticlockwise from above; None if unknown.
         """
         condition = np.array(
             [[0.0, 0.0, crop.cell] if f is None else [math.cos(f), math.sin(f), crop.cell] for f in facings],

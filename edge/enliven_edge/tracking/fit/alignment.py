@@ -1,7 +1,7 @@
 """Alignment of the body model with a few targets: compiled damped Gauss-Newton on points fixed to its bones.
 
-It uses neither surface nor silhouette. It moves a posture from anywhere to about the observed places of a
-person's head, hands and feet, so that the actual fit can begin.
+It uses neither the surface nor the silhouette. It moves any posture close to the observed positions of a
+person's head, hands and feet. The fit to depth then starts from the result.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _SKELETON = (
     model.DOF_AXIS,
     model.FRAME_LENGTHS,
 )
-"""The arguments of the compiled alignment that come from the model."""
+"""The model's arrays that the compiled alignment takes as arguments."""
 _LIMITS = (joint_limits.MIDDLE, joint_limits.HALF_RANGES, joint_limits.RELAXED, _REST_WEIGHTS)
 """The middle and half width of the joint ranges, the relaxed posture and its weights."""
 
@@ -77,8 +77,8 @@ def align(
         iterations: maximum number of steps.
     """
     aligned = start.copy()
-    # Copy to a contiguous array, because numba would compile and load a second version for a view of a
-    # column.
+    # Copy to a contiguous array, because numba would compile and load a second version of the kernel for a
+    # view of a column.
     contiguous_weights = np.ascontiguousarray(weights)
     energy = _align(
         aligned.position, aligned.rotations, aligned.lengths, frames, local, targets,

@@ -1,13 +1,13 @@
 """The data term of the fit, compiled: the distances between the body's surface and the observed points.
 
 Consider a point on a capsule with the axis s + t d, outward normal n and parameter t. Its residual is r =
-distance - radius. The residual falls by n . dx if the axis moves by dx, and by dR if the radius R grows. The
-points of a capsule enter the normal equations only by the weighted moments
+distance - radius. The residual decreases by n . dx if the axis moves by dx, and by dR if the radius R grows
+by dR. The points of a capsule enter the normal equations only by the weighted moments
 
     sum t^k n n',  sum t^k n,  sum t^k  (k = 0, 1, 2)   and   sum r t^k n,  sum r t^k  (k = 0, 1):
 
-The reason is that the wrench (n, (s + t d) cross n) is linear in n and t n. The motion by a bone's length is
-linear along the axis. So a point costs a few products, and the rest is done once per capsule.
+This holds because the wrench (n, (s + t d) cross n) is linear in n and t n. The motion by a bone's length is
+linear along the axis. So each point needs only a few products, and the rest is computed once per capsule.
 """
 
 from __future__ import annotations
@@ -68,7 +68,9 @@ def depth_to_model(sums, seen, affinity, surface, weight, width, side, support):
 
 @njit(cache=True, nogil=True)
 def _by_capsule(which, seen, count):
-    """Returns (3, M) the points sorted by capsule, and (C + 1,) the first point of each (counting sort)."""
+    """Sorts the points by capsule (counting sort). Returns (3, M) points and the (C + 1,) index of each
+    capsule's first point.
+    """
     first = np.zeros(count + 1, np.int64)
     for c in which:
         first[c + 1] += 1
@@ -89,8 +91,8 @@ def _moments(squares, firsts, powers, points, span, axis, width):
 
     Returns (energy, points within ``width``).
 
-    Most of a fit's time is spent here. So the sums are written out in single precision, which the compiler
-    can vectorise.
+    Most of a fit's time is spent here. So the sums are written out element by element in single precision,
+    which the compiler can vectorise.
 
     Args:
         squares: (3, 3, 3) receives sum w t^k n n'.
@@ -171,7 +173,7 @@ def _cross(a, x, y, z):
 
 @njit(cache=True, nogil=True)
 def _add_pose_terms(total, pull, squares, firsts, start, way, room):
-    """Adds a capsule's part of the normal equations: sum w phi phi' to ``total``, and -sum w r phi to
+    """Adds a capsule's contribution to the normal equations: sum w phi phi' to ``total``, -sum w r phi to
     ``pull``.
 
     For each point, n, t and r are defined at the top of this module, and w is the robust weight. The
@@ -207,11 +209,11 @@ def _add_pose_terms(total, pull, squares, firsts, start, way, room):
 
 @njit(cache=True, nogil=True)
 def _add_length_terms(cross, own, tug, squares, firsts, powers, axis, lengths, room):
-    """Adds the terms of a capsule's points in the lengths.
+    """Adds the contribution of a capsule's points to the normal equations of the lengths.
 
     A length moves the axis by g + t h and makes the surface thicker by b + t e. The residual changes by the
-    product of n with (g + t h), plus b + t e. For each length the kernel keeps the sum of w n times this
-    change, and the same with t.
+    product of n with (g + t h), plus b + t e. For each length the kernel stores the sum of w n times this
+    change, and the sum of w t n times this change.
 
     Args:
         cross, own, tug: the sums to extend, see :class:`~enliven_edge.tracking.fit.structures.FrameSums`.

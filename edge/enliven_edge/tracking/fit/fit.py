@@ -1,7 +1,7 @@
 """The articulated fit: damped Gauss-Newton of the body model on the observation of one depth frame.
 
-After Ganapathi et al. 2012 (ray-constrained ICP): the fit matches points to surfaces, and keeps the surface
-out of the free space between the camera and the observed depth.
+The method follows Ganapathi et al. 2012 (ray-constrained ICP). The fit matches points to surfaces. It also
+keeps the surface out of the free space between the camera and the observed depth.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def _touching_pairs() -> Int:
 
 
 def create_fit_model() -> FitModel:
-    """Returns the body model in the form that the compiled fit takes."""
+    """Returns the body model in the form that the compiled fit takes as an argument."""
     c = model.CAPSULES
     skeleton = (model.FRAME_PARENTS, model.PIVOTS, model.MOVES, model.DOF_FRAME, model.DOF_AXIS)
     surface = (c.frame, c.ends, c.radii, model.FRAME_LENGTHS, _touching_pairs())
@@ -79,7 +79,8 @@ class FitReport:
         energy: the minimised energy, square centimetres per point.
         explained: the fraction of the person's points within the robust width of the model.
         support: (C,) number of observed points that each capsule explains.
-        violated: (C,) the fraction of each capsule that is in free space: the camera saw through it.
+        violated: (C,) the fraction of each capsule in free space, where the camera measured depth behind the
+            capsule.
         information: (30, 30) the upper triangle of the Gauss-Newton matrix of the frame alone, without the
             temporal prior, with the lengths frozen.
     """
@@ -92,7 +93,9 @@ class FitReport:
 
     @property
     def seen_through(self) -> float:
-        """Returns the fraction of the whole body that is in free space: the camera saw through it."""
+        """Returns the fraction of the whole body in free space, where the camera measured depth behind the
+        body.
+        """
         return sum(self.violated.tolist()) / len(self.violated)
 
 
@@ -103,8 +106,8 @@ class Fitter:
         has_floor: whether limbs must stay above y = 0; False if the floor is guessed, because a wrong floor
             would shorten legs.
         for_tracked_people: the fitter for people that are already tracked. If they crouch, their hips may
-            bend farther. A search does not use this wider range, because one strongly bent body could explain
-            two people next to each other.
+            bend farther. Detection does not use this wider range, because one strongly bent body could
+            explain two people next to each other.
     """
 
     def __init__(self, settings: FitSettings, strict: Fitter | None = None) -> None:
@@ -131,9 +134,9 @@ class Fitter:
             observation: the observed person.
             start: the initial posture.
             predicted: the posture that the temporal prior expects; None in detection.
-            iterations: maximum Gauss-Newton steps; None: from the settings.
-            width: robust width in metres; None: from the settings.
-            proportions: (12,) weights that keep the lengths near those of ``start``; None: the lengths are
+            iterations: maximum number of Gauss-Newton steps. If None, uses the settings' value.
+            width: robust width in metres. If None, uses the settings' value.
+            proportions: (12,) weights that keep the lengths near those of ``start``; If None, the lengths are
                 fixed.
         """
         fitted = start.copy()
@@ -150,8 +153,9 @@ class Fitter:
     def _prior(
         self, start: Posture, predicted: Posture | None, proportions: Float | None
     ) -> tuple[Float, Float, Float, Float]:
-        """Returns the part of the prior that changes per frame, prediction and proportions: see
-        :func:`minimise`."""
+        """Returns the part of the prior that changes per frame: prediction and proportions, see
+        :func:`minimise`.
+        """
         firmness = _NO_LENGTHS if proportions is None else proportions
         if predicted is None:
             return start.rotations, _NO_ROTATION_WEIGHTS, start.lengths, firmness
@@ -163,8 +167,9 @@ class Fitter:
         return self._strict is not None and float(posture.position[1]) < _LOW_HIP_RATIO * leg
 
     def _create_constants(self, width: float | None, bends_far: bool) -> HeldArguments:
-        """Returns the constant data, weights and body, for a robust width in metres; None: that of the
-        settings.
+        """Returns the constant data, weights and body for a robust width in metres.
+
+        If the width is None, uses that of the settings.
         """
         width = float(self.settings.width if width is None else width)
         has_floor = self.has_floor if self._strict is None else self._strict.has_floor

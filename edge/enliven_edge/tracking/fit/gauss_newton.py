@@ -38,7 +38,7 @@ def minimise(
 
     Args:
         position, rotations, lengths: (3,), (13, 3, 3), (12,), as in :class:`Posture`.
-        observed, constants: a :class:`SeenPerson` and :class:`FitConstants`, held.
+        observed, constants: a :class:`SeenPerson` and :class:`FitConstants` as :class:`HeldArguments`.
         predicted, stiffness, reference, firmness: see :class:`FitPrior`.
         iterations: maximum number of steps.
         support: (C,) receives the number of points that each capsule explains.
@@ -145,7 +145,7 @@ def solve_damped(step, factor, matrix, gradient, damping):
 
 @njit(cache=True, nogil=True)
 def apply_step(position, rotations, lengths, step, dof_frame, dof_axis):
-    """Returns (position, rotations, lengths) after a step, which is limited to half a radian per joint."""
+    """Returns (position, rotations, lengths) after a step. Each joint rotates by at most half a radian."""
     largest = 1e-9
     for k in range(3, model.DOFS):
         largest = max(largest, abs(step[k]))

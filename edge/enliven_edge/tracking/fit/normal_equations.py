@@ -1,15 +1,16 @@
-"""The normal equations of an articulated body, from sums by frame.
+"""The normal equations of an articulated body, computed from sums per frame.
 
-A residual r of a point x that is fixed to a frame changes by n . dx, with a vector n. If the frame moves by
-the twist (v, w) about the world's origin, this change is phi . (v, w), with the wrench
+Consider a residual r of a point x that is fixed to a frame. If the point moves by dx, the residual changes by
+n . dx, with a vector n. If the frame moves by the twist (v, w) about the world's origin, this change is phi .
+(v, w), with the wrench
 
     phi = (n, x cross n),
 
 and if a bone's length p moves the point by dx/dp, the change is l_p = n . dx/dp. So the terms of the fit add
-only phi phi', r phi and the corresponding products with l to the sums of the frame. As phi is in the world's
-frame, an unknown has the sums of its frame and of all descendants. This is the method of composite rigid
-bodies (Walker and Orin 1982). Two unknowns share the points of the frame farther from the root. So the normal
-equations are gathered from the sums once, independent of the number of residuals.
+only phi phi', r phi and the corresponding products with l to the sums of the frame. As phi is in the world
+frame, the sums of an unknown are those of its frame plus those of all descendants. This is the method of
+composite rigid bodies (Walker and Orin 1982). Two unknowns share the points of the frame farther from the
+root. So the normal equations are gathered from the sums once, independent of the number of residuals.
 """
 
 from __future__ import annotations
@@ -30,8 +31,9 @@ def empty_sums(frames, lengths):
 
     The number of lengths is 0 if they are frozen.
 
-    Returns (total (F, 6, 6), pull (F, 6), cross (F, 6, L), own (L, L), tug (L,)): by frame the weighted sums
-    of phi phi', r phi and phi l', and over all frames those of l l' and r l.
+    Returns (total (F, 6, 6), pull (F, 6), cross (F, 6, L), own (L, L), tug (L,)). The first three are
+    weighted sums per frame of phi phi', r phi and phi l'. The last two are weighted sums over all frames of l
+    l' and r l.
     """
     total, pull = np.zeros((frames, 6, 6)), np.zeros((frames, 6))
     own, tug = np.zeros((lengths, lengths)), np.zeros(lengths)
@@ -110,7 +112,9 @@ def add_point_residual(sums, frame, point, apart, stretch, lengths_of, weight):
 
 @njit(cache=True, nogil=True)
 def lengths_of_frame(lengths_of, frame, lengths):
-    """Returns the lengths that move the points of a frame. Empty if all are frozen."""
+    """Returns the indices of the lengths that move the points of a frame. The result is empty if all are
+    frozen.
+    """
     return lengths_of[frame, 1 : 1 + (lengths_of[frame, 0] if lengths > 0 else 0)]
 
 
@@ -166,7 +170,7 @@ def _twists(world, pivots, dof_frame, dof_axis):
 
 @njit(cache=True, nogil=True)
 def _add_rotation_sums(matrix, gradient, total, pull, turns, moves, dof_frame):
-    """Adds the part of translation and rotations.
+    """Adds the blocks of translation and rotations to the normal equations.
 
     ``total`` and ``pull`` include all descendants of a frame.
     """
@@ -262,7 +266,10 @@ def ends_by_length(out, body, capsule_frame, capsule_local):
 
 @njit(cache=True, nogil=True)
 def by_length(out, frame, local, body):
-    """Writes (3, L) the derivatives by the lengths of a point that is (3, 12) in its frame into ``out``."""
+    """Writes (3, L) the derivatives of a point with respect to the lengths into ``out``.
+
+    ``local`` (3, 12) contains the point's coefficients in its frame, linear in the lengths.
+    """
     world, of_pivot, lengths_of = body.world, body.by_length, body.lengths_of
     out[:] = 0.0
     for p in lengths_of_frame(lengths_of, frame, out.shape[1]):
@@ -274,9 +281,9 @@ def by_length(out, frame, local, body):
 
 @njit(cache=True, nogil=True)
 def stretch_into(out, normal, by_ends, t, frame, lengths_of):
-    """Writes (L,) normal . d(point)/d(length) at a fraction t of a capsule into ``out``.
+    """Writes (L,) normal . d(point)/d(length) into ``out``, for the point at fraction t along a capsule.
 
-    The girth is left out.
+    The girth's entry is not computed.
     """
     out[:] = 0.0
     for p in lengths_of_frame(lengths_of, frame, len(out)):

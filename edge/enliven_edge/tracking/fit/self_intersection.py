@@ -10,7 +10,9 @@ from enliven_edge.tracking.body_model import model
 
 @njit(cache=True, nogil=True)
 def self_intersection(matrix, gradient, surface, body, pairs, weight, samples):
-    """Adds the term that keeps samples on the first capsule of each pair outside the second capsule."""
+    """Adds the self-intersection term, which moves samples on the first capsule of each pair out of the
+    second one.
+    """
     ends, radii, capsule_frame, by_ends = surface.ends, surface.radii, surface.frame, surface.by_ends
     filled, values = np.empty(matrix.shape[0], np.int64), np.empty(matrix.shape[0])
     normal, point, centre = np.empty(3), np.empty(3), np.empty(3)
@@ -33,7 +35,7 @@ def self_intersection(matrix, gradient, surface, body, pairs, weight, samples):
             for a in range(3):
                 centre[a] = ends[j, 0, a] + along * (ends[j, 1, a] - ends[j, 0, a])
                 square += (point[a] - centre[a]) ** 2
-            # The residual: how far the distance falls below 85 % of the sum of both radii.
+            # The residual is 85 % of the sum of both radii minus the distance, if that is positive.
             reach = radii[i, 0] + t * (radii[i, 1] - radii[i, 0])
             reach += radii[j, 0] + along * (radii[j, 1] - radii[j, 0])
             distance = np.sqrt(square)
@@ -66,7 +68,7 @@ def _add_sparse_row(matrix, gradient, filled, values, count, residual, weight):
 
 @njit(cache=True, nogil=True)
 def _are_bounds_apart(one, thick, other, broad):
-    """Returns True if the bounding balls of two capsules do not meet."""
+    """Returns True if the bounding balls of two capsules do not overlap."""
     apart, first, second = 0.0, 0.0, 0.0
     for a in range(3):
         apart += (0.5 * (one[0, a] + one[1, a] - other[0, a] - other[1, a])) ** 2
@@ -78,15 +80,17 @@ def _are_bounds_apart(one, thick, other, broad):
 
 @njit(cache=True, nogil=True)
 def _separation_row(filled, values, first, second, normal, body):
-    """Writes normal . d(second - first)/d(unknowns) of two points, ``normal`` along the line between them.
+    """Writes normal . d(second - first)/d(unknowns) for two points. Returns the number of filled entries.
 
-    An unknown that moves both points rotates that line without changing its length. So only the unknowns that
-    move one of them count: a few for the forearm against the chest. Returns the number of filled entries.
+    An unknown that moves both points rotates the line between them without changing its length. So only the
+    unknowns that move exactly one of the points have an entry: a few for the forearm against the chest.
+
+    The arrays need room for all unknowns.
 
     Args:
         filled, values: receive the indices and values of the non-zero entries.
-        first, second: the frame, the (3,) point, (2, 3, L) the derivatives of its capsule's ends by the
-            lengths, and the fraction along it.
+        first, second: tuples of the point's frame, the (3,) point, the (2, 3, L) derivatives of its capsule's
+            ends with respect to the lengths, and the fraction along the capsule.
         normal: (3,) unit vector from the second point to the first.
         body: the frames of a posture.
     """

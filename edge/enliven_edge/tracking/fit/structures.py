@@ -1,6 +1,6 @@
 """The named structures of the compiled fit: body model, posture, sums, prior and weights.
 
-Sizes: F frames, C capsules, K rotational unknowns, and L lengths: 12, or 0 if they are frozen.
+Sizes: F frames, C capsules, K rotational unknowns, and L lengths. L is 12, or 0 if the lengths are frozen.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class BodyState(NamedTuple):
 class PlacedFrames(NamedTuple):
     """The frames of a posture: (F, 3, 3) rotations and (F, 3) pivots in metres.
 
-    ``by_length`` (F, 3, L) are the derivatives of the pivots by the lengths.
+    ``by_length`` (F, 3, L) contains the derivatives of the pivots with respect to the lengths.
     """
 
     world: Float
@@ -57,7 +57,8 @@ class PlacedFrames(NamedTuple):
 class CapsuleSurface(NamedTuple):
     """The capsules of a posture: (C, 2, 3) ends and (C, 2) radii in metres, world frame.
 
-    ``by_ends`` (C, 2, 3, L) are the derivatives of the ends by the lengths; ``girth`` scales all radii.
+    ``by_ends`` (C, 2, 3, L) contains the derivatives of the ends with respect to the lengths. ``girth``
+    scales all radii.
     """
 
     ends: Float
@@ -69,7 +70,7 @@ class CapsuleSurface(NamedTuple):
 
 
 class FrameSums(NamedTuple):
-    """The weighted sums of residuals by frame, see :mod:`enliven_edge.tracking.fit.normal_equations`."""
+    """The weighted sums of residuals per frame, see :mod:`enliven_edge.tracking.fit.normal_equations`."""
 
     total: Float
     pull: Float
@@ -114,5 +115,5 @@ term can use."""
 
 
 def create_weights(settings: FitSettings, width: float) -> Any:
-    """Returns the settings as weights for the compiled fit: all floats, with another robust width."""
+    """Returns the settings as weights for the compiled fit: all as floats, with ``width`` as robust width."""
     return FitWeights(*(float(getattr(settings, name)) for name in _NAMES))._replace(width=width)

@@ -1,13 +1,13 @@
 """The terms of the fit, compiled: each adds its squared residuals to the Gauss-Newton normal equations.
 
-The unknowns are ordered translation (3), rotations (27), lengths (12). Consider a residual r with the row J
-of its derivatives and the weight w. It adds w J'J to the matrix, w J'r to the gradient and w r^2 to the
-energy. Residuals of points that are fixed to a frame are added through the sums of :mod:`normal_equations`,
-the others directly.
+The order of the unknowns is translation (3), rotations (27), lengths (12). Consider a residual r with the
+weight w, and the row J of its derivatives. It adds w J'J to the matrix, w J'r to the gradient and w r^2 to
+the energy. Residuals of points that are fixed to a frame are added through the sums of
+:mod:`normal_equations`, other residuals directly.
 
-The structures are named in :mod:`structures`: body, surface, sums, prior and weights. :func:`assemble` adds
-up all terms: **a new term is a kernel and a line here, and a weight in** ``FitSettings``, which every term
-can take by its name. L lengths are 12, or 0 if they are frozen.
+:mod:`structures` defines the arguments: body, surface, sums, prior and weights. :func:`assemble` adds up all
+terms. **A new term needs a kernel and a line here, and a weight in** ``FitSettings``. Every term can read the
+weights by name. The number of lengths L is 12, or 0 if they are frozen.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _SIDE_COST_M = 0.04
 """Cost in metres of a capsule's surface that is seen from the side, see :func:`capsules.nearest_capsules`. It
 is about the radius of a forearm."""
 _FREE_SPACE_WIDTH_M = 0.25
-"""Robust width of the free-space term in metres. A whole forearm may be in the wrong place."""
+"""Robust width of the free-space term in metres. It covers a whole forearm in a wrong position."""
 _CAPSULE_SAMPLES = np.int64(5)
 """Number of points along a capsule that are tested for free space. It is an int64, because Numba would
 compile a second version for an int."""
@@ -62,9 +62,9 @@ _FLOOR_TOLERANCE_M = 0.02
 def free_space(sums, surface, view, weight, width, samples, violated):
     """Adds the free-space term, which moves limbs out of the free space in front of the observed depth.
 
-    Points along every capsule's axis are projected into the image. Points outside the person's silhouette are
-    moved to its nearest pixel, unless a nearer object hides them or the depth is unknown. Inside it, a
-    capsule in front of the observed surface is moved back.
+    Points along every capsule's axis are projected into the image. A point outside the person's silhouette is
+    moved to the nearest silhouette pixel, unless a nearer object hides it or the depth is unknown. A point
+    inside the silhouette is moved back if its capsule is in front of the observed surface.
 
     Args:
         sums: the sums, modified in place.
@@ -73,7 +73,7 @@ def free_space(sums, surface, view, weight, width, samples, violated):
         weight: the weight of the term.
         width: robust width in metres.
         samples: number of points per capsule.
-        violated: (C,) receives the fraction of each capsule's samples through which the camera saw.
+        violated: (C,) receives the fraction of each capsule's samples in free space.
     """
     ends, radii, by_ends, lengths_of = surface.ends, surface.radii, surface.by_ends, surface.lengths_of
     depth, mask, pose = view.depth, view.mask, view.world_from_camera
@@ -133,7 +133,9 @@ def free_space(sums, surface, view, weight, width, samples, violated):
 
 @njit(cache=True, nogil=True)
 def _in_camera(out, pose, point):
-    """Writes (3,) a world point in the frame of a camera at the (4, 4) pose into ``out``."""
+    """Transforms a (3,) world point into the frame of a camera with the (4, 4) pose, and writes it into
+    ``out``.
+    """
     for a in range(3):
         out[a] = 0.0
         for b in range(3):
@@ -142,7 +144,10 @@ def _in_camera(out, pose, point):
 
 @njit(cache=True, nogil=True)
 def above_floor(sums, surface, weight, slack):
-    """Adds the term that keeps the balls at both ends of every capsule above y = -``slack`` metres."""
+    """Adds the term that keeps the balls at both ends of every capsule above the floor, y = 0.
+
+    ``slack`` is the tolerance in metres.
+    """
     ends, radii, lengths_of = surface.ends, surface.radii, surface.lengths_of
     down, stretch = np.array([0.0, -1.0, 0.0]), np.empty(len(sums.tug))
     energy = 0.0
@@ -196,9 +201,9 @@ def near_landmarks(sums, landmarks, frames, local, lengths, body, weight):
 def keep_proportions(matrix, gradient, lengths, reference, firmness, scale):
     """Adds the term that keeps the bone lengths near the reference.
 
-    The size has a lower weight, ``scale`` times that of the proportions. For n bones with the relative
-    changes c, their mean m and the weight f, the energy is f sum (c - m)^2 + scale f n m^2. The girth, the
-    last length, has its own term f c^2.
+    The size has a lower weight, ``scale`` times that of the proportions. For n bones with relative changes c,
+    the mean m of c, and the weight f, the energy is f sum (c - m)^2 + scale f n m^2. The girth, the last
+    length, has its own term f c^2.
 
     Args:
         matrix, gradient: the normal equations, modified in place.
@@ -268,14 +273,14 @@ def assemble(matrix, gradient, state, seen, shape, prior, weights, support, viol
 
     Returns (energy, explained).
 
-    A term is one line here, one kernel above, and one weight in :class:`FitSettings`.
+    Each term consists of one line here, one kernel above, and one weight in :class:`FitSettings`.
 
     Args:
         matrix, gradient: receive the normal equations.
         state, shape, prior, weights: as in :mod:`enliven_edge.tracking.fit.structures`.
         seen: a :class:`~enliven_edge.tracking.frame.observation.ObservationArrays`.
         support: (C,) receives the number of points that each capsule explains.
-        violated: (C,) receives the fraction of each capsule through which the camera saw.
+        violated: (C,) receives the fraction of each capsule in free space.
     """
     rotations, lengths, free = state.rotations, state.lengths, len(prior.firmness)
     frame, axis = shape.dof_frame, shape.dof_axis

@@ -65,7 +65,7 @@ class FrameTiming:
     def rate(self) -> float | None:
         """Returns frames per second by the sensor's own clock over the last 1.5 s.
 
-        None before there are enough frames.
+        Returns None until there are enough frames.
         """
         return self._rate
 

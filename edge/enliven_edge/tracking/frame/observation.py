@@ -37,7 +37,7 @@ class WorkingCamera:
         self.camera = np.array([scaled.fx, scaled.fy, scaled.cx, scaled.cy])
 
     def reduce(self, depth: UInt16) -> Float:
-        """Returns the depth (h, w) in metres along the optical axis. 0 where the depth is unknown."""
+        """Returns the depth (h, w) in metres along the optical axis, with 0 for unknown depth."""
         h, w = self.intrinsics.height, self.intrinsics.width
         return reduce_depth(depth, self.stride, h, w)
 
@@ -75,7 +75,7 @@ class Observation:
 
     Attributes:
         points: (M, 3) float32 metres, world frame, on the person's surface.
-        surface: (6, M) the same points and their outward unit normals, from :func:`stack_rows`.
+        surface: (6, M) the points and their outward unit normals, from :func:`stack_rows`.
         pixels: (M, 2) row and column of the points in the working image.
         view: the depth image of the person.
         cut: whether the person extends beyond the lower border of the image.
@@ -99,7 +99,7 @@ class Observation:
 
     @cached_property
     def held(self) -> HeldArguments:
-        """Returns the arrays as reusable kernel arguments, which are unpacked only once for all fits."""
+        """Returns the arrays as reusable kernel arguments. They are unpacked only once for all fits."""
         return hold(self.arrays)
 
     def with_guides(self, affinity: Float32, landmarks: Float | None = None) -> Observation:
@@ -117,8 +117,8 @@ class Observation:
 
     @property
     def crown(self) -> Float:
-        """Returns the mean of the highest points, on the head or a raised hand, (3,) in metres of the world
-        frame.
+        """Returns the mean (3,) of the highest points in metres, world frame: on the head or a raised
+        hand.
         """
         order = np.argsort(-self.points[:, 1])
         return np.asarray(self.points[order[: max(3, len(order) // 40)]].mean(0))
@@ -157,7 +157,7 @@ def _world_points(z, ray, pose):
 
 @njit(cache=True, nogil=True)
 def nearest_columns(mask):
-    """Returns (h, w) int16: for every pixel, the nearest masked column in its row. -1 if the row has none.
+    """Returns (h, w) int16: for every pixel, the nearest masked column in its row, or -1 if the row has none.
 
     If two columns are equally near, the left one is returned.
     """
@@ -192,9 +192,9 @@ def nearest_columns(mask):
 
 @njit(cache=True, nogil=True)
 def nearest_pixel(v, u, nearest):
-    """Returns (row, column) of the nearest masked pixel, from :func:`nearest_columns`.
+    """Returns (row, column) of the masked pixel nearest to row ``v`` and column ``u``.
 
-    Both are -1 if there is none.
+    Both are -1 if there is none. ``nearest`` is the result of :func:`nearest_columns`.
     """
     height = nearest.shape[0]
     best, row, column = 1 << 60, -1, -1
@@ -232,7 +232,9 @@ def observe_person(
 
 @njit(cache=True, nogil=True)
 def _observed(surface, z, mask, eye, points):
-    """Returns four arrays as in :class:`Observation`: points, surface, pixels and nearest columns."""
+    """Computes :func:`observe_person`: returns points, surface, pixels and nearest columns, as in
+    :class:`Observation`.
+    """
     pixels = sample_pixels(mask, points)
     samples, normals = surface_samples(surface, z, pixels, eye)
     return samples, stack_rows(samples, normals), pixels, nearest_columns(mask)
@@ -256,7 +258,7 @@ def sample_pixels(mask, points):
 def surface_samples(points, z, pixels, eye):
     """Returns (M, 3) float32 points at M pixels, and their unit normals from central differences.
 
-    Normals point to the sensor's side. If a neighbour is unknown or beyond a depth edge, the normal is the
+    Normals point towards the sensor. If a neighbour is unknown or beyond a depth edge, the normal is the
     direction to the sensor.
     """
     height, width = z.shape
@@ -280,7 +282,7 @@ def surface_samples(points, z, pixels, eye):
 
 @njit(cache=True, nogil=True)
 def _difference(a, b):
-    """Returns the vector from one point to another."""
+    """Returns the vector b - a."""
     return b[0] - a[0], b[1] - a[1], b[2] - a[2]
 
 
@@ -307,7 +309,7 @@ class FrameView:
         points: (h, w, 3) world positions of the pixels, metres.
         camera: the working camera.
         world_from_camera: (4, 4) the pose of the sensor.
-        has_floor: whether the height above the floor is known; otherwise it is guessed from the people.
+        has_floor: whether the height above the floor is known. If not, it is guessed from the people.
     """
 
     time_ns: int

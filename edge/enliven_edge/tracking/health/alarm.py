@@ -16,11 +16,11 @@ class MessageTemplate:
 
     Attributes:
         severity: how severe the problem is.
-        what, remedy: the problem and the remedy, one sentence each, with the facts in braces.
+        what, remedy: the problem and the remedy, one sentence each, with placeholders for facts in braces.
         raise_after, clear_after: seconds of trouble before it is reported, and seconds without trouble before
             it is over.
-        remedy_made: the remedy if the sensor is a recording or synthetic, and so has no cable. If empty,
-            it is ``remedy``.
+        remedy_made: the remedy for a recorded or synthetic sensor, which has no cable. If empty, ``remedy``
+            is used.
     """
 
     severity: Severity
@@ -72,7 +72,7 @@ class Alarm:
         """Updates the alarm with the state at one moment. Returns True if the alarm is active now.
 
         Args:
-            wrong: whether there is trouble; None: unknown, and nothing changes.
+            wrong: whether there is trouble. If None, the state is unknown and nothing changes.
             time_ns: the moment.
         """
         if wrong is None:
@@ -139,7 +139,7 @@ class Alarms:
     def is_too_low(
         self, kind: HealthKind, value: float | None, good: float, bad: float, performer: int = NO_PERFORMER
     ) -> bool | None:
-        """Returns True if a value is too low, with hysteresis. None if the value is unknown.
+        """Returns True if a value is too low, with hysteresis, or None if the value is unknown.
 
         The value becomes too low below ``bad``, and stays too low until it is above ``good``.
         """

@@ -16,8 +16,8 @@ _LEVEL_ANGLE_DEG = 4.0
 """Angle in degrees between the detected floor and the accelerometer's level below which they agree again.
 Mounting error and bias are 1 to 3 degrees."""
 _TILTED_ANGLE_DEG = 6.0
-"""Angle in degrees between the detected floor and the accelerometer's level above which they disagree. A ramp
-or a table's edge was then mistaken for the floor."""
+"""Angle in degrees between the detected floor and the accelerometer's level above which they disagree. The
+cause is usually a ramp or a table's edge that was mistaken for the floor."""
 _UPSIDE_DOWN_COSINE = -0.5
 """Cosine between assumed and measured gravity below which a sensor hangs upside down: 120 degrees."""
 
@@ -31,7 +31,7 @@ def check_condition(
         alarms: the alarms to update.
         condition: the device's report.
         world_from_camera: (4, 4) pose of the sensor, from its floor or the settings.
-        floor_known: whether its floor was found.
+        floor_known: whether the sensor's floor was detected.
         now: nanoseconds, the sensor's clock.
     """
     alarms.update(HealthKind.SLOW_LINK, condition.slow_link, now, link=condition.link or "a slow link")

@@ -36,7 +36,7 @@ def find_cut_off(local: Float, camera: Intrinsics) -> tuple[str, str]:
     """Returns the names of a watched joint outside the image and of the crossed border, or two empty strings.
 
     Args:
-        local: (4, 3) metres, the watched joints in the camera frame.
+        local: (4, 3) positions of the watched joints in metres, camera frame.
         camera: the intrinsics.
     """
     z = np.maximum(local[:, 2], _MIN_DEPTH_M)

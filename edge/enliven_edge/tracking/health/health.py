@@ -1,4 +1,4 @@
-"""The health monitor: reports problems of the sensor, its images, and the places of the performers."""
+"""The health monitor: reports problems of the sensor, its images, and the positions of the performers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from enliven_edge.tracking.health.framing import WATCHED, find_cut_off, find_tou
 _FROZEN_NS = 700_000_000
 """Nanoseconds with an unchanged image after which a frozen sensor is reported. Noise changes every image."""
 _MAX_MISSING_FRACTION = 0.28
-"""Fraction of the usual depth pixels that may be missing before it is reported."""
+"""Missing depth is reported if more than this fraction of the usual depth pixels is missing."""
 _LEARNING_S = 2.0
 """While the background model is younger than this, the edge reports that it is still being learnt."""
 _MIN_CONFIDENCE = 0.35
@@ -36,21 +36,26 @@ _REPEATED_FRAMES = 8
 """Minimum number of consecutive frames with the same time for a sensor to count as frozen: it sends one frame
 repeatedly."""
 _USUAL_FALL_S = 60.0
-"""Time constant in seconds for lowering the usual amount of depth. So a changed scene is not a permanent
-fault."""
+"""Time constant in seconds for lowering the usual amount of depth. So a changed scene is reported only for a
+while."""
 _USUAL_RISE_WEIGHT = 0.5
-"""Weight of a frame with more depth than usual in the usual amount, which rises within a few frames."""
+"""Weight of a frame with more depth than usual in the usual amount. The usual amount rises within a few
+frames.
+"""
 _SLOW_RATE = 0.6
 """A sensor is slow below this fraction of its promised frame rate."""
 _SLOW_CLEARED_RATE = 0.75
-"""A sensor is no longer slow above this fraction of its promised frame rate. The gap prevents a flickering
-alarm."""
+"""A sensor is no longer slow above this fraction of its promised frame rate. The gap to ``_SLOW_RATE``
+prevents a flickering alarm.
+"""
 _DROPPED_FRACTION = 0.10
-"""Fraction of lost frames above which the message appears."""
+"""Fraction of lost frames above which they are reported."""
 _DROPPED_CLEARED_FRACTION = 0.05
-"""Fraction of lost frames below which the message disappears. The gap prevents a flickering alarm."""
+"""Fraction of lost frames below which the message disappears. The gap to ``_DROPPED_FRACTION`` prevents a
+flickering alarm.
+"""
 _LATE_SHOWN_NS = 2_000_000_000
-"""Nanoseconds for which late frames are reported after the last of them: long enough to read."""
+"""Nanoseconds for which late frames are reported after the last late frame: long enough to read."""
 _MOVED_SHOWN_NS = 3_000_000_000
 """Nanoseconds for which a moved sensor is reported after the last motion: long enough to read."""
 _COVERED_DEPTH = 0.04
@@ -58,16 +63,21 @@ _COVERED_DEPTH = 0.04
 _UNCOVERED_DEPTH = 0.10
 """Fraction of usable depth above which the lens is free again."""
 _SPECKLE_FRACTION = 0.09
-"""Fraction of small holes in the depth above which depth is missing: sunlight, or another sensor's
-pattern."""
+"""Fraction of small holes in the depth above which missing depth is reported. The cause is sunlight, or
+another sensor's infrared pattern.
+"""
 _SPECKLE_CLEARED_FRACTION = 0.05
-"""Fraction of small holes in the depth below which the message disappears."""
+"""Fraction of small holes in the depth below which the message about missing depth disappears."""
 _DEPTH_MARGIN = 0.1
-"""Fraction of the usual depth that must be available above the limit for the message to disappear."""
+"""The message about missing depth disappears when the depth exceeds the limit by this fraction of the usual
+depth.
+"""
 _UNCLEAR_MARGIN = 0.1
 """A performer is clear again if its mean confidence exceeds the limit by this margin."""
 _PLACE_MARGIN = 0.1
-"""A performer is in range again at this distance inside the limit in metres, because bodies sway."""
+"""A performer is in range again at this distance in metres inside the limit. The margin prevents a flickering
+alarm, because bodies sway.
+"""
 
 
 @dataclass(frozen=True)
@@ -92,7 +102,7 @@ class TrackerState:
     """The tracker's state after a frame, for the health monitor.
 
     Attributes:
-        floor_known: whether the floor was found, or is in the settings.
+        floor_known: whether the floor was detected, or is in the settings.
         room_age: age of the background model in seconds.
         moved: whether this frame showed that the sensor was moved.
         joined: the ids of performers that cannot be distinguished.
@@ -108,8 +118,8 @@ class HealthMonitor:
     """Checks every frame before tracking, and the bodies after tracking.
 
     Args:
-        settings: the limits; None: the defaults.
-        fps: frame rate that the sensor promises; None: the settings' value.
+        settings: the limits. If None, uses the defaults.
+        fps: frame rate that the sensor promises. If None, uses the settings' value.
         far: metres beyond which depth is not used.
         name: name of the sensor, for edges with several sensors.
 
@@ -163,7 +173,7 @@ class HealthMonitor:
 
         Args:
             frame: the frame.
-            fps: frame rate that the sensor promises now; None: unchanged.
+            fps: frame rate that the sensor promises now; None if unchanged.
 
         Returns:
             whether the tracker should use it: False for a frame that is out of order, repeated or unusable.
@@ -203,7 +213,7 @@ class HealthMonitor:
         self._update_faults(kind, reason, remedy)
 
     def silent(self, seconds: float) -> None:
-        """Records that no frame has come for ``seconds``, by the wall clock."""
+        """Records that no frame has arrived for ``seconds``, measured by the wall clock."""
         wrong = seconds >= self.settings.silent
         self._alarms.update(HealthKind.NO_FRAMES, wrong, self._now_ns, seconds=seconds)
         self._alarms.log_changes()
@@ -220,7 +230,8 @@ class HealthMonitor:
         Args:
             frame: the frame.
             bodies: the performers, world frame, not mirrored.
-            world_from_camera: (4, 4) pose of the sensor; None: the places of the performers are not checked.
+            world_from_camera: (4, 4) pose of the sensor. If None, the positions of the performers are not
+                checked.
             tracker: the tracker's own report.
         """
         now = frame.time_ns
@@ -239,14 +250,16 @@ class HealthMonitor:
         self._alarms.log_changes()
 
     def check_device(self, condition: Condition | None, world_from_camera: Float, floor_known: bool) -> None:
-        """Checks the report of the device itself with :func:`check_condition`. None: no report."""
+        """Checks the device's own report with :func:`check_condition`. The report is None if there is
+        none.
+        """
         if condition is not None:
             check_condition(self._alarms, condition, world_from_camera, floor_known, self._now_ns)
 
     # --- the sensor ----------------------------------------------------------------------------------------
 
     def _update_faults(self, kind: HealthKind | None, reason: str, remedy: str = "") -> None:
-        """Updates the alarms of unusable frames and reads. ``kind`` None: the last one was usable."""
+        """Updates the alarms of unusable frames and reads. ``kind`` is None if the last one was usable."""
         self.fault, do = reason, remedy or CHECK_IT
         for each in (HealthKind.SENSOR_LOST, HealthKind.BAD_FRAME, HealthKind.RESIZED):
             # A frame of any kind proves that the sensor is connected. If the sensor is lost, the state of its

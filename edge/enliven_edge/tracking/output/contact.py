@@ -11,7 +11,7 @@ from enliven.person import Joint
 _MAX_STANDING_HEIGHT_M = 0.16
 """Maximum height of a foot joint above the floor while the foot stands."""
 _MAX_STANDING_LIFT_M = 0.035
-"""A foot this far above its standing height counts as lifted."""
+"""A foot that is this far above its standing height counts as lifted."""
 _MAX_STANDING_SPEED_M_S = 0.35
 """A foot that moves at this speed counts as lifted."""
 _STANDING_HYSTERESIS = 1.25
@@ -23,8 +23,9 @@ _POINTS = np.array([[Joint.FOOT_LEFT, Joint.ANKLE_LEFT], [Joint.FOOT_RIGHT, Join
 _JOINT_HEIGHTS_M = np.array([0.0, 0.06])
 """(2,) height in metres of ball and ankle above the ball of a standing foot."""
 _GROUND_RISE_RATE = 0.03
-"""Rate in metres per second at which the remembered ground height of a standing foot may rise. So a single
-frame that is too low has no lasting effect."""
+"""Rate in metres per second at which the remembered ground height of a standing foot may rise. The rise ends
+the effect of a single frame with a foot that is too low.
+"""
 _SPEED_CUTOFF_HZ = 6.0
 """Cut-off in Hz of the low-pass on the speed of a foot. It suppresses the fit's noise, and a step is still
 detected within a few frames."""
@@ -44,8 +45,8 @@ class FootContacts:
     """Computes the probability that each foot of one person stands on the floor.
 
     A foot's height is measured relative to its last standing height, because the fit puts soles a few
-    centimetres too high or too low. Hysteresis: a standing foot must be clearly lifted or moved before it
-    counts as lifted.
+    centimetres too high or too low. Because of hysteresis, a standing foot must be clearly lifted or moved
+    before it counts as lifted.
     """
 
     def __init__(self) -> None:
@@ -56,7 +57,8 @@ class FootContacts:
         self._time_ns = 0
 
     def __call__(self, joints: Float, confidence: Float, time_ns: int) -> Float:
-        """Returns the contact probabilities (2,) of left and right foot. 0 for a foot that is not visible.
+        """Returns the contact probabilities (2,) of left and right foot. The probability of a foot that is
+        not visible is 0.
 
         Args:
             joints: (20, 3) metres, world frame, the floor at y = 0.
@@ -84,7 +86,7 @@ def update_contacts(
         last: (2, 2, 3) metres, the last positions of the points of the feet.
         speed: (2, 2) metres per second, low-passed.
         ground: (2, 2) metres, the height of the points while the foot stands.
-        stands: (2,) whether each foot stands.
+        stands: (2,) whether each foot is standing.
         seconds: time since the last frame; 0 without a last frame.
         floor, lift, fastest, hysteresis: the constants of this module.
     """
@@ -110,7 +112,7 @@ def update_contacts(
 
 @njit(cache=True, nogil=True)
 def _initialise_feet(joints, speed, ground, stands, floor):
-    """Initialises the state of the feet in their first frame: a low foot counts as standing on the ground."""
+    """Initialises the state of the feet in their first frame. A foot near the floor counts as standing."""
     for foot in range(2):
         stands[foot] = False
         for k in range(2):

@@ -46,7 +46,7 @@ class Output:
         self._time_ns: int | None = None
 
     def smooth(self, person: int, amount: float | None) -> None:
-        """Sets the amount of smoothing of one performer. None: uses the amount in the settings."""
+        """Sets the amount of smoothing of one performer. None selects the amount in the settings."""
         self._amounts.pop(person, None)
         if amount is not None:
             self._amounts[person] = max(0.0, amount)
@@ -68,7 +68,7 @@ class Output:
             state.set_amount(self.amount(person))
 
     def amount(self, person: int) -> float:
-        """Returns the amount of smoothing of a performer. 0 is off."""
+        """Returns the amount of smoothing of a performer. 0 means no smoothing."""
         amount = self._amounts.get(person, self.settings.smoothing.amount)
         return amount if amount >= _MIN_AMOUNT else 0.0
 
@@ -86,7 +86,8 @@ class Output:
         Args:
             bodies: the fits of one frame, world frame.
             time_ns: the sensor's clock.
-            world_from_camera: (4, 4) pose of the sensor, for the mirror; None: the world's origin.
+            world_from_camera: (4, 4) pose of the sensor, which defines the mirror plane. If None, the sensor
+                is assumed at the world's origin.
         """
         self._forget(time_ns)
         output_bodies = [self._person(body.id)(body, time_ns, self.ahead) for body in bodies]

@@ -54,8 +54,8 @@ class Predictor:
             turns: (20, 4) unit quaternions, or None.
             time_ns: the sensor's clock.
             seconds: the prediction time.
-            delay: (20,) present lag of the joints in seconds, which is compensated for moving joints.
-            turn_delay: (20,) present lag of the orientations in seconds.
+            delay: (20,) current lag of the joints in seconds. It is compensated for moving joints.
+            turn_delay: (20,) current lag of the orientations in seconds.
         """
         passed = (time_ns - self._time_ns) * 1e-9
         if self._joints is None or not 0.0 < passed < _MAX_GAP_S:
@@ -83,7 +83,7 @@ def predict_joints(joints, before, speed, delay, passed, seconds):
         before: (J, 3) the joints of the previous frame.
         speed: (J, 3) metres per second, updated.
         delay: (J,) seconds that are compensated for moving joints.
-        passed: seconds since the previous frame; 0 without a previous frame: nothing moves then.
+        passed: seconds since the previous frame. Without a previous frame it is 0, and nothing moves.
         seconds: the prediction time.
     """
     share = _share(passed)
@@ -107,7 +107,9 @@ def predict_rotations(turns, before, spin, delay, passed, seconds):
 
 @njit(cache=True, nogil=True)
 def _share(passed):
-    """Returns the weight of a new speed in the low-pass after ``passed`` seconds. 1 for the first one."""
+    """Returns the weight of a new speed in the low-pass after ``passed`` seconds. The first speed has weight
+    1.
+    """
     return 1.0 / (1.0 + 1.0 / (2.0 * np.pi * _CUTOFF_HZ * passed)) if passed > 0.0 else 1.0
 
 
@@ -127,7 +129,7 @@ def prediction_times(velocity, delay, seconds, half):
 
 @njit(cache=True, nogil=True)
 def update_spin(spin, before, turns, passed, share):
-    """Updates the low-pass on (J, 3) angular velocities, in place.
+    """Updates the low-pass filtered (J, 3) angular velocities in place.
 
     They are in radians per second about each bone's own axes.
 

@@ -21,7 +21,7 @@ class _Filter:
     """Base class of both filters: measures the time between values, resets after a gap, is off at amount 0.
 
     Attributes:
-        amount: 0 is off, more is smoother; may be changed at any time.
+        amount: 0 is off, higher values are smoother. It may be changed at any time.
         delay: (J,) lag in seconds of the last result behind its input: the group delay of the low-pass at
             each joint's cut-off.
     """
@@ -34,7 +34,7 @@ class _Filter:
         self._time_ns = 0
 
     def reset(self) -> None:
-        """Forgets earlier values, as after a jump."""
+        """Forgets earlier values. Call it after a jump."""
         self._value = None
 
     def __call__(self, value: Float, time_ns: int) -> Float:
@@ -76,7 +76,7 @@ class OneEuro(_Filter):
 
 
 class OneEuroTurns(_Filter):
-    """The same filter for (20, 4) rotations.
+    """The One-Euro filter for (20, 4) rotations.
 
     Differences are rotation vectors in the filtered bone's own frame. So the result does not depend on the
     axes of the world or of the bone.
@@ -91,7 +91,7 @@ class OneEuroTurns(_Filter):
 
 @njit(cache=True, nogil=True, inline="always")
 def _alpha(cutoff, seconds):
-    """Returns the smoothing factor of a first-order low-pass, equation (5) of the paper."""
+    """Returns the smoothing factor of a first-order low-pass: equation (5) of the One-Euro paper."""
     return 1.0 / (1.0 + 1.0 / (2.0 * np.pi * cutoff * seconds))
 
 

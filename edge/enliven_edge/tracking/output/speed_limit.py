@@ -10,9 +10,9 @@ from enliven.person import PARENTS, Joint
 from enliven.rotation import normalized
 
 _MAX_JOINT_SPEED_M_S = 12.0
-"""Maximum reported speed of a joint, in m/s. Smoothing 0 removes the limit."""
+"""Maximum reported speed of a joint, in m/s. The limit is off if smoothing is 0."""
 _JUMP_HOLD_S = 0.1
-"""Time that a joint waits after a jump above the maximum speed before it follows."""
+"""Time in seconds for which a joint waits after a jump above the maximum speed."""
 
 _PARENTS = np.array([max(p, 0) for p in PARENTS])
 _MAX_GAP_S = 1.0
@@ -42,7 +42,7 @@ def replace_nan_joints(joints: Float, confidence: Float, last: Float | None) -> 
 
 @njit(cache=True, nogil=True)
 def _check_joints(joints, confidence):
-    """Returns (J,) whether each joint is finite, (J,) confidence in [0, 1], and whether all joints are
+    """Returns three values: (J,) whether each joint is finite, (J,) confidence in [0, 1], and whether all are
     finite.
 
     The confidence of a joint that is not finite is 0.
@@ -57,8 +57,10 @@ def _check_joints(joints, confidence):
 
 
 def replace_nan_rotations(orientations: Float, last: Float | None) -> Float:
-    """Returns (20, 4) unit quaternions. Replaces ones that are not finite by the last value or the
-    identity."""
+    """Returns (20, 4) unit quaternions.
+
+    Quaternions that are not finite are replaced by the last value, or by the identity.
+    """
     if _are_units(orientations):
         return orientations
     length = np.einsum("ji,ji->j", orientations, orientations)
@@ -69,7 +71,7 @@ def replace_nan_rotations(orientations: Float, last: Float | None) -> Float:
 
 @njit(cache=True, nogil=True)
 def _are_units(turns):
-    """Returns True if all of (J, 4) quaternions have unit length."""
+    """Returns True if all (J, 4) quaternions have unit length."""
     for j in range(len(turns)):
         w, x, y, z = turns[j]
         # Negate the comparison, so that a length of NaN fails as well.
@@ -82,9 +84,10 @@ class SpeedLimit:
     """Delays a joint that moves faster than a person can.
 
     A joint jumps if it is farther from its last reported position than a limb can move in the time. It then
-    waits there, moved along with the hips, for 0.1 seconds, so that one bad frame does not throw a limb
-    across the room. If it is still far away after that, it follows at the maximum speed. Meanwhile its
-    confidence is lowered: to 0 while it waits, and by the allowed fraction of the distance while it follows.
+    waits for 0.1 seconds and only moves along with the hips. So one bad frame does not throw a limb across
+    the room. If the new position is still far away after that, the joint follows at the maximum speed. Its
+    confidence is 0 while it waits. While it follows, its confidence is multiplied by the fraction of the
+    distance that the limit allows.
     """
 
     def __init__(self) -> None:

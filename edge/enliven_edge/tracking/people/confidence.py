@@ -44,14 +44,16 @@ floor."""
 _UPRIGHT_COSINE = 0.5
 """Minimum cosine between the trunk and the vertical of a sitting person. A lying person has less."""
 _MAX_SEATED_LEG = 0.7
-"""Maximum confidence of a knee, ankle or foot of a person that sits on the floor. Of legs that point to the
-sensor only the feet are visible. Without this limit, 30 % of the joints with a confidence of 0.9 or more had
-an error of 10 cm or more in the tuning films."""
+"""Maximum confidence of a knee, ankle or foot of a person that sits on the floor. If legs point to the
+sensor, only the feet are visible. Without this limit, 30 % of the joints with a confidence of 0.9 or more had
+an error of 10 cm or more in the tuning films.
+"""
 _IS_LEG = np.isin(np.arange(20), [j for j in Joint if j.name.startswith(("KNEE", "ANKLE", "FOOT"))])
 _OUTSIDE = NAMES.index("outside")
 _UNSEEN_FRACTION = 0.99
-"""Fraction of a joint's bone outside the image above which its confidence is 0: all of it, except for
-rounding."""
+"""If more than this fraction of a joint's bone is outside the image, its confidence is 0. The value means the
+whole bone, except for rounding.
+"""
 
 
 def joint_confidences(evidence: Float, *, alone: bool = False) -> Float:
@@ -67,9 +69,7 @@ def joint_confidences(evidence: Float, *, alone: bool = False) -> Float:
 
 
 def limit_when_seated(sure: Float, posture: Posture) -> Float:
-    """Returns (20,) confidence. If the person sits on the floor, y = 0, the confidence of the legs is
-    limited.
-    """
+    """Returns (20,) confidence, in which the legs of a person that sits on the floor, y = 0, are limited."""
     leg = float(posture.lengths[model.THIGH] + posture.lengths[model.SHIN])
     if float(posture.position[1]) > _SEATED_HIP_RATIO * leg:
         return sure
@@ -81,7 +81,7 @@ def limit_when_seated(sure: Float, posture: Posture) -> Float:
 
 @njit(cache=True, nogil=True)
 def _logistic(evidence, weights):
-    """Computes (J,) the logistic function of (J, F) evidence and weights, for :func:`joint_confidences`."""
+    """Computes (J,) the logistic function of (J, F) evidence times weights, for :func:`joint_confidences`."""
     out = np.empty(len(evidence))
     for j in range(len(evidence)):
         score = 0.0
@@ -94,8 +94,10 @@ def _logistic(evidence, weights):
 
 @cache
 def _weights_of_joints(table_name: str) -> Float:
-    """Returns the weight of each of the 17 kinds of evidence for each joint, (20, 17). The joints of a group
-    have equal rows."""
+    """Returns the (20, 17) weights of the 17 kinds of evidence for each joint.
+
+    The joints of a group have equal rows.
+    """
     return np.ascontiguousarray(_evidence_weights(table_name)[GROUP_OF_JOINT])
 
 

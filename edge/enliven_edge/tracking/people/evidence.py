@@ -45,8 +45,9 @@ _JOINT_TOLERANCE_M = 0.02
 """Metres added to the distance between a joint and the network's joint before the logarithm. Differences
 between smaller distances are not informative."""
 _FULL_SUPPORT = 0.35
-"""Fraction of a capsule's expected points that counts as full support. It is a third, because body parts
-occlude each other."""
+"""Fraction of a capsule's expected points that counts as full support. It is only about a third, because body
+parts occlude each other.
+"""
 _CAPSULE_SAMPLES = 5
 """Samples along a capsule for its visible fraction: about 8 cm apart on a thigh."""
 _SURFACE_TOLERANCE_M = 0.07
@@ -115,7 +116,7 @@ def _evidence(
     observed, body, position, rotations, lengths, information, support, violated, explained, unsupported,
     seen, spread,
 ):  # fmt: skip
-    """Computes (20, 17) for :func:`joint_evidence`.
+    """Computes the (20, 17) result of :func:`joint_evidence`.
 
     ``observed`` and ``body`` are reusable kernel arguments, ``body`` from :func:`_held_model`.
     """
@@ -133,7 +134,7 @@ def _evidence(
 def assemble_evidence(
     shares, support, violated, explained, loose, unsupported, joints, seen, spread, first, second
 ):
-    """Assembles (20, 17) for :func:`joint_evidence`.
+    """Assembles the (20, 17) result of :func:`joint_evidence`.
 
     Args:
         shares: (C, 4) from :func:`capsule_visibility`.
@@ -168,7 +169,7 @@ def assemble_evidence(
 @njit(cache=True, nogil=True)
 def capsule_visibility(ends, radii, view):
     """Returns (C, 4) fractions of each capsule's samples that are visible, occluded, seen through or outside.
-    A sample is seen through if the measured depth lies behind it. Outside means outside the image.
+    A sample is seen through if the measured depth is behind it. Outside means outside the image.
 
     Args:
         ends, radii: the capsules.
@@ -206,8 +207,8 @@ def capsule_visibility(ends, radii, view):
 
 
 def capsule_confidence(report: FitReport, observation: Observation, posture: Posture) -> Float:
-    """Returns the confidence (C,) of each capsule in [0, 1]: its support times its fraction not seen
-    through.
+    """Returns the confidence (C,) of each capsule in [0, 1]: its support times its fraction outside free
+    space.
     """
     count = len(observation.points)
     return np.asarray(_capsule_support(report.support, report.violated, *posture.capsules(), count))
@@ -217,8 +218,8 @@ def capsule_confidence(report: FitReport, observation: Observation, posture: Pos
 def _capsule_support(support, violated, ends, radii, count):
     """Computes :func:`capsule_confidence`.
 
-    A capsule's expected number of points is its part of the ``count`` points, by its frontal area. A third of
-    that number supports it fully.
+    A capsule's expected number of points is its share of the ``count`` points, in proportion to its frontal
+    area. A third of that number counts as full support.
     """
     area = np.empty(len(ends))
     for c in range(len(ends)):

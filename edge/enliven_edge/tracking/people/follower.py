@@ -30,8 +30,9 @@ from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import NETWORK_COST, Budget, BudgetedTask, Steps, run_to_end
 
 _MIN_DETECTION_QUALITY = 0.68
-"""Minimum quality in [0, 1], see :func:`detection.quality`, for a detected body to be accepted as a
-person."""
+"""Minimum quality in [0, 1], see :func:`fit_quality.fit_quality`, for a detected body to be accepted as a
+person.
+"""
 _BAD_QUALITY = 0.45
 """Frames up to this quality in [0, 1] are bad. The limit is lower than for a new body, because a tracked
 person may be half hidden."""
@@ -54,7 +55,8 @@ _MAX_COST_RATIO = 0.8
 chance."""
 _FIRST_REDETECTION_FRAMES = 30
 """Initial number of frames between two detections of a doubtful person. A detection takes several frames.
-Twice the number of detections did not improve the tuning, close and held-out films."""
+Doubling the number of detections did not improve the results on the tuning, close and held-out films.
+"""
 _MAX_REDETECTION_INTERVAL = 120
 """Maximum number of frames between two detections. The wait doubles up to this number while no better posture
 is found."""
@@ -67,8 +69,10 @@ _SHAPING_FRAMES = 30
 """Number of well fitted frames, one second, in which every fit includes the bone lengths. They are far from
 correct at first."""
 _SHAPING_INTERVAL = 2
-"""Interval in frames between two fits that include the lengths, after that. Without lengths a fit is a third
-faster, and the joint errors of the tuning, close and held-out films fell by up to a millimetre."""
+"""Interval in frames between two fits that include the lengths, after ``_SHAPING_FRAMES``. Without lengths a
+fit is a third faster. With this interval the joint errors of the tuning, close and held-out films fell by up
+to a millimetre.
+"""
 _NO_AFFINITY, _NO_LANDMARKS = np.zeros((0, 0), np.float32), np.zeros((0, 5))
 _SPEED_WINDOW_S = 0.4
 """Seconds over which the walking speed is averaged: shorter than a step, long enough to suppress the noise of
@@ -85,9 +89,12 @@ _MIN_FLOORLESS_PROBABILITY = 0.3
 unknown."""
 _CLOTHES_DISTANCE_M = 0.12
 """Distance in metres from the model's surface beyond which a point belongs to another object. Clothes stay
-within."""
+within this distance.
+"""
 _MIN_BARE_FRACTION = 0.5
-"""Minimum fraction of a blob's pixels on the model for a second search without the other pixels."""
+"""Minimum fraction of a blob's pixels on the model. If it is reached, a second search leaves out the other
+pixels.
+"""
 MIN_PERSON_PIXELS = 60
 """Minimum number of pixels of the working image in which a posture is visible."""
 
@@ -131,7 +138,9 @@ class Follower:
     def detect(
         cls, view: FrameView, pixels: Bool, settings: TrackerSettings, fitter: Fitter
     ) -> tuple[Follower, float] | None:
-        """Detects a person in the (h, w) ``pixels``. Returns it with its quality, up to 1, or None."""
+        """Detects a person in the (h, w) ``pixels``. Returns a follower and its quality, at most 1, or
+        None.
+        """
         return run_to_end(cls.detect_incrementally(view, pixels, settings, fitter))
 
     @classmethod
@@ -201,7 +210,7 @@ class Follower:
         Args:
             view: the frame.
             pixels: (h, w) the person's pixels.
-            predicted: the result of :meth:`predicted`, if it is already known.
+            predicted: the result of :meth:`predict`, if it is already known.
         """
         self.confidence = np.zeros(20)
         if np.count_nonzero(pixels) < MIN_PERSON_PIXELS:
@@ -245,7 +254,9 @@ class Follower:
     def _fit_frame(
         self, observation: Observation, predicted: Posture, proportions: Float | None
     ) -> tuple[Posture, FitReport]:
-        """Returns the better of two fits: from the prediction, and after a wider fit from the last one."""
+        """Returns the better of two fits: one from the prediction, and a wider one that starts at the last
+        posture.
+        """
         fit = self._fitter.fit
         best = fit(observation, predicted, predicted=predicted, proportions=proportions)
         if best[1].explained > _MIN_EXPLAINED:
@@ -266,7 +277,7 @@ class Follower:
 
         A detection takes several frames. So a new one starts at most every second, less often while
         detections fail, and never while the network agrees with the posture. The result belongs to an earlier
-        frame, so it is also fitted to this frame and must explain it better too.
+        frame. So it is also fitted to this frame, and must explain this frame better, too.
         """
         self._since_detected += 1
         height = self.settings.body_height

@@ -47,7 +47,7 @@ class GuessedFloor:
 
     A person that is visible down to the feet stands on the floor. A person that extends beyond the lower
     image border is assumed to have average height until the bones are measured. After that the floor is
-    placed at the soles of the fitted body, because its proportions predict the ends of unseen legs.
+    placed at the soles of the fitted body, because the body's proportions predict the length of unseen legs.
     """
 
     def __init__(self, settings: TrackerSettings) -> None:
@@ -77,13 +77,13 @@ class GuessedFloor:
         return 0.0
 
     def _is_person(self, view: FrameView, group: Candidate) -> bool:
-        """Returns True if a blob looks like a person after the floor was guessed from this blob."""
+        """Returns True if a blob looks like a person, after the floor was guessed from it."""
         if not self._settings.estimator:
             return group.shape.is_upright
         return person_probability(view, group.pixels) > _MIN_PROBABILITY
 
     def _height_correction(self, person: Candidate, view: FrameView) -> float:
-        """Returns the height correction in metres that puts a blob on the floor as a standing person."""
+        """Returns the height correction in metres. With it, the blob is a person that stands on the floor."""
         shape = person.shape
         lowest = float(quantile(np.sort(view.points[..., 1][person.pixels]), _SOLE_QUANTILE))
         whole = not shape.is_cut_off and shape.occluded_fraction < _MAX_OCCLUDED

@@ -31,24 +31,25 @@ _LEFT_IMAGE_FRACTION = 0.85
 """If more than this fraction of a body is outside the image and few pixels remain, the person has left and is
 not hidden."""
 _HIDDEN_PENALTY_M = 0.06
-"""Metres added to a pixel's distance from a hidden person, so that visible people have priority."""
+"""Metres added to a pixel's distance from a hidden person, because visible people have priority."""
 _COVERED_DEPTH = 0.01
 """Minimum fraction of pixels with depth. Below it the lens is covered. A covered lens still measures a few
 pixels."""
 _LONG_BLIND_NS = 250_000_000
 """Duration in nanoseconds of a covered or frozen image after which all people are searched again, because
-they have moved meanwhile."""
+they may have moved in the meantime."""
 _DOUBT_NS = 4_000_000_000
 """Nanoseconds within which a doubtful person must move; otherwise it is dropped. Few people stand still that
 long."""
 _WHOLE_BODY_TOLERANCE = 0.12
-"""Maximum fraction of a body that is occluded, or outside the image, for the whole body to count as visible:
-a hand or a foot."""
+"""The whole body counts as visible if at most this fraction of it is occluded or outside the image: a hand or
+a foot.
+"""
 _ZONE_MARGIN_M = 0.15
 """A performer has left the zone at this distance outside it in metres, so that people at the border do not
 flicker."""
 _REDETECTION_BUDGET = 0.15
-"""Fraction of a frame's search budget for redetection of tracked people."""
+"""Fraction of a frame's search budget that is reserved for the redetection of tracked people."""
 
 
 @dataclass
@@ -114,13 +115,15 @@ class MultiPersonTracker:
     def sensor_moved(self, time_ns: int) -> None:
         """Drops all people until they are found again.
 
-        The sensor was moved, so their places are meaningless.
+        The sensor was moved, so their positions are invalid.
         """
         self.track_manager.sensor_moved(time_ns)
         self.finder.clear()
 
     def search_again(self, time_ns: int) -> None:
-        """Drops all people until they are found again at their places. The sensor was not moved."""
+        """Drops all people until they are found again at their positions. Use it if the sensor was not
+        moved.
+        """
         self.track_manager.leave_all(time_ns)
         self.finder.clear()
 
@@ -174,7 +177,7 @@ class MultiPersonTracker:
         self.finder.set_budget(Budget(whole))
 
     def _wait_while_covered(self, view: FrameView, kind: UInt8) -> Segments:
-        """Handles a frame of a covered lens: treats all people as hidden."""
+        """Handles a frame with a covered lens: treats all people as hidden."""
         for person in list(self.people):
             person.hide(view.time_ns)
             if person.seconds_hidden(view.time_ns) > _MAX_HIDDEN_S:
@@ -189,7 +192,9 @@ class MultiPersonTracker:
             self._redetect(person, k, view, segments)
 
     def _redetect(self, person: Person, k: int, view: FrameView, segments: Segments) -> None:
-        """Detects a person again in any posture around the last place, after a time without usable images."""
+        """Detects a person again, in any posture, around its last position after a time without usable
+        images.
+        """
         pixels = segments.pixels(k)
         reach = person.search_radius(view.time_ns)
         for group in segments.loose:

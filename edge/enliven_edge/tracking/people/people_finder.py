@@ -24,17 +24,24 @@ _STALE_NS = 200_000_000
 _MIN_FREE_OUTLINE = 0.4
 """Minimum free fraction of a candidate's outline. Pixels of such candidates are not learnt as background."""
 _FRAGMENT_AREA_M2 = 0.12
-"""Maximum visible area in square metres of a fragment of a person: a shank seen apart from its thigh."""
+"""Maximum visible area in square metres of a fragment of a person, such as a shank that is disconnected from
+its thigh.
+"""
 _FRAGMENT_DISTANCE_M = 0.6
 """Maximum horizontal distance in metres between a person and a small blob that is a fragment of the
 person."""
 _MIN_BUDGET = 4
-"""Minimum search budget of every frame in coarse fits, even if measuring the candidates used up the rest."""
+"""Minimum search budget of every frame in coarse fits. It remains even if measuring the candidates used up
+the budget.
+"""
 _TRACKING_BUDGET = 0.6
-"""Fraction of the search budget while people are tracked in a known scene. Their fits take time too."""
+"""Fraction of the search budget while people are tracked in a known scene. The fits of tracked people take
+time, too.
+"""
 _BLOB_BUDGET = 0.35
-"""Fraction of the search budget for each searched blob, and for each union of its parts, up to 1 in total. It
-delays a single person by two frames, and makes the slowest frames a quarter faster."""
+"""Fraction of the search budget for each searched blob and for each union of blobs, up to 1 in total. It
+delays the detection of a single person by two frames, and makes the slowest frames a quarter faster.
+"""
 _SHAPE_COST = 1 / 3
 """Cost of measuring the shape of one candidate, in coarse fits."""
 _MIN_AREA_RATIO = 0.75
@@ -62,7 +69,9 @@ class PeopleFinder:
         return self._candidates.bystanders
 
     def clear(self) -> None:
-        """Forgets all candidates and aborts the search. The next search has a first one's budget."""
+        """Forgets all candidates and aborts the search. The next search has the larger budget of a first
+        search.
+        """
         self._candidates.clear()
         self._search.stop()
         self._first_budget = frame_budget(self.settings.search.first_fits, None)
@@ -72,8 +81,9 @@ class PeopleFinder:
         self._budget = budget
 
     def reject(self, place: Float, time_ns: int) -> None:
-        """Rejects candidates at a (3,) place for a while, because an object there was mistaken for a
-        person."""
+        """Rejects candidates near ``place`` (3,) for a while, because an object there was mistaken for a
+        person.
+        """
         self._candidates.reject(place, time_ns)
 
     def searched_pixels(self, view: FrameView) -> Bool:
@@ -134,12 +144,15 @@ class PeopleFinder:
         return hold
 
     def _has_lost_all(self, view: FrameView) -> bool:
-        """Returns True if no searched candidate was visible recently, because all became background."""
+        """Returns True if no searched candidate was visible recently, because all candidates became
+        background.
+        """
         searched = self._search.searched_candidates
         return bool(searched) and all(view.time_ns - n.seen_ns > _STALE_NS for n in searched)
 
     def _limit_search(self, *, young: bool) -> None:
-        """Sets the rest of the frame's budget for the search. ``young``: the background model is new.
+        """Sets the remaining budget of the frame for the search. ``young`` is True if the background model is
+        new.
 
         The first search in a new scene has a larger budget of its own. So people that are present at the
         start are reported in the first frame.
@@ -157,7 +170,7 @@ class PeopleFinder:
     ) -> Bool:
         """Returns the pixels (h, w) of free candidates, which must not be learnt as background.
 
-        While the background model is young, fragments next to people are added.
+        While the background model is young, the result includes fragments next to people.
         """
         hold = np.zeros(view.z.shape, bool)
         for candidate in free:
@@ -195,7 +208,9 @@ class PeopleFinder:
         segments: Segments,
         background: BackgroundModel,
     ) -> Bool | None:
-        """Fits a found body to this frame and returns its (h, w) pixels. None if it is not visible here."""
+        """Fits a found body to this frame and returns its (h, w) pixels. Returns None if it is not visible in
+        this frame.
+        """
         candidate, follower = body.candidate, body.follower
         if self._search.view is view:
             return body.shown.pixels
@@ -228,7 +243,9 @@ class PeopleFinder:
 
 
 def _find_fragments(segments: Segments, places: list[Float]) -> Bool:
-    """Returns the (h, w) small blobs near (3,) places of people, such as a shank apart from its thigh."""
+    """Returns the (h, w) pixels of small blobs near the (3,) places of people, such as a disconnected
+    shank.
+    """
     fragments = np.zeros(segments.labels.shape, bool)
     for group in segments.loose:
         beside = any(

@@ -15,7 +15,7 @@ from enliven_edge.tracking.people.follower import MIN_PERSON_PIXELS, Follower
 from enliven_edge.tracking.people.reidentification import BodyMeasurements
 
 _MEASURE_INTERVAL = 5
-"""Frames between two measurements of a known person's proportions. Each costs time."""
+"""Frames between two measurements of a known person's proportions. Each measurement takes time."""
 _NEW_PERSON_FRAMES = 10
 """Frames for which a new person is measured in every frame, to be distinguished from others soon."""
 _MIN_TRAVEL_M = 0.15
@@ -38,28 +38,32 @@ _MAX_COAST_M = 0.15
 """Maximum movement per frame in metres of a person that is moved with the mean of its pixels instead of a
 fit. An arm that appears moves the mean too."""
 _HIDDEN_RADIUS_M = 0.35
-"""Search radius in metres around a person's last place directly after disappearing: about a body's width."""
+"""Search radius in metres around a person's last position at the moment of disappearing: about a body's
+width.
+"""
 _HIDDEN_RADIUS_GROWTH = 0.7
-"""Growth of that radius in metres per second. It is slower than walking, because most hidden people stay
-near."""
+"""Growth of ``_HIDDEN_RADIUS_M`` in metres per second. It is slower than walking, because most hidden people
+stay near.
+"""
 _CONFIDENCE_WEIGHT = 0.1
 """Weight of a new frame in the running mean of the confidence: a mean over about ten frames."""
 _CONFIDENT_JOINTS = 6
 """The running mean uses this number of most confident joints, of 20. Even a half hidden person has them."""
 _OBJECT_CONFIDENCE = 0.4
-"""Minimum mean confidence of these joints. With less, hardly any joint is visible, so the body is probably an
-object."""
+"""Minimum mean confidence of the most confident joints. With less, hardly any joint is visible, so the body
+is probably an object."""
 _ACCEPTED_FRAMES = 20
-"""Number of frames with the whole body in view after which low confidence no longer means an object."""
+"""Number of frames with the whole body in view. After them, low confidence no longer means an object."""
 _PROBABILITY_WEIGHT = 0.2
 """Weight of a new frame in the mean probability of being a person: a mean over about five frames."""
 _OBJECT_PROBABILITY = 0.4
 """Minimum mean probability of being a person. New bodies below it are rejected. Of the objects mistaken for
 people, 95 % were below 0.43."""
 _TRIAL_FRAMES = 15
-"""Number of good frames after which an outline or motion no longer outweighs a low probability. A body fitted
-to a strip of wall next to a person slides along the strip. All of 94 people in films were clearly recognised
-after 12 frames."""
+"""Number of good frames after which a low probability decides, even if outline or motion suggest a person. A
+body fitted to a strip of wall next to a person slides along the strip. All of 94 people in films were clearly
+recognised after 12 frames.
+"""
 _HIDDEN_PROBABILITY = 0.8
 """Minimum mean probability of being a person for a briefly seen body to be kept when it becomes hidden."""
 _HARDLY_SEEN_FRAMES = 3
@@ -67,8 +71,9 @@ _HARDLY_SEEN_FRAMES = 3
 _CERTAIN_PROBABILITY = 0.85
 """Mean probability of being a person that nearly every person exceeds, and hardly any object."""
 _CERTAIN_FRAMES = 10
-"""Number of frames above that probability after which a body stays confirmed as a person. The network may
-doubt some of its later postures."""
+"""Number of frames above ``_CERTAIN_PROBABILITY`` after which a body stays confirmed as a person. The network
+may doubt some of its later postures.
+"""
 _HEAD_RADIUS_M = 0.18
 """Horizontal radius in metres around the head's joint that contains the top of the head, even in a nod: a
 head's length."""
@@ -89,8 +94,8 @@ class Person:
         seen_ns: time of the last good frame in nanoseconds.
         found_ns: time of the detection in nanoseconds.
         hidden_ns: time in nanoseconds at which the person became hidden; None while visible.
-        has_moved: whether the person has moved farther than noise, so that it is not an object. is_doubtful:
-            whether the person must still move to be accepted.
+        has_moved: whether the person has moved farther than noise, so that it is not an object.
+        is_doubtful: whether the person must still move to be accepted.
         has_person_outline: whether its pixels had a person's outline at the detection: a head above
             shoulders.
     """
@@ -147,17 +152,17 @@ class Person:
 
     @property
     def is_hidden(self) -> bool:
-        """Returns True if the person was not visible in the last frame."""
+        """Returns True if the person was hidden in the last frame."""
         return self.hidden_ns is not None
 
     def seconds_hidden(self, time_ns: int) -> float:
-        """Returns the seconds since the person became hidden. 0 while visible."""
+        """Returns the seconds since the person became hidden, or 0 while the person is visible."""
         return 0.0 if self.hidden_ns is None else (time_ns - self.hidden_ns) * 1e-9
 
     def search_radius(self, time_ns: int) -> float:
-        """Returns the radius in metres around the last place to search for the person.
+        """Returns the search radius in metres around the person's last position.
 
-        It grows while the person is hidden.
+        The radius grows while the person is hidden.
         """
         return _HIDDEN_RADIUS_M + _HIDDEN_RADIUS_GROWTH * max(0.0, (time_ns - self.seen_ns) * 1e-9)
 
@@ -198,7 +203,9 @@ class Person:
         self._centre = centre
 
     def hide(self, time_ns: int) -> None:
-        """Handles a frame without the person: continues its motion with falling speed and confidence 0."""
+        """Handles a frame without the person: continues its motion with decreasing speed, and sets its
+        confidence to 0.
+        """
         if self.hidden_ns is None:
             self.hidden_ns = time_ns
         seconds = min(_MAX_TIME_STEP_S, max(0.0, (time_ns - self._time_ns) * 1e-9))
@@ -260,7 +267,7 @@ class Person:
     def _crown_height(self, view: FrameView, pixels: Bool) -> float | None:
         """Returns the crown's height above the floor in metres.
 
-        None unless the person is upright with the hands below the crown.
+        Returns None unless the person is upright with both hands below the crown.
         """
         joints, confidence = self.follower.posture.joints(), self.follower.confidence
         head = joints[Joint.HEAD]
@@ -274,7 +281,7 @@ class Person:
 
 
 def _mean_point(view: FrameView, pixels: Bool) -> Float | None:
-    """Returns the (3,) mean of a person's points. None if there are too few."""
+    """Returns the (3,) mean of a person's points. Returns None if there are too few points."""
     if np.count_nonzero(pixels) < MIN_PERSON_PIXELS:
         return None
     return np.asarray(mean_point(view.points, pixels))

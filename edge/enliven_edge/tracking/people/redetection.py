@@ -27,7 +27,8 @@ class Redetection:
 
     Attributes:
         task: the detection, which runs step by step.
-        observation, network_output: the frame in which the detection began, and the network's estimate of it.
+        observation, network_output: the observation in the frame in which the detection began, and the
+            network's estimate for it.
         posture, cost: the ordinary fit to that frame, and its cost.
         known: whether the person's bone lengths were known.
     """
@@ -49,7 +50,8 @@ def start_detection(
     posture: Posture,
     lengths: Float | None,
 ) -> Steps[tuple[Posture, FitReport] | None]:
-    """Generator: runs the network for each likely facing, then :func:`detect_another`. Yields the costs.
+    """Runs the network for each likely facing, then :func:`detect_another`. A generator that yields the
+    costs.
 
     The arguments are those of :func:`detect_another`.
     """
@@ -71,21 +73,25 @@ def create_observation(view: FrameView, pixels: Bool, settings: TrackerSettings)
 def run_network(
     view: FrameView, pixels: Bool, observation: Observation, facing: float | None
 ) -> EstimateAtPoints:
-    """Runs the network on the (h, w) ``pixels``, conditioned on the facing in radians. None: unknown."""
+    """Runs the network on the (h, w) ``pixels``, conditioned on the facing in radians, or on None if it is
+    unknown.
+    """
     camera, pose = view.camera.camera, view.world_from_camera
     estimate = shipped_estimator().estimate(view.z, pixels, camera, pose, facing)
     return estimate_at_points(observation, estimate)
 
 
 def add_guides(observation: Observation, network_output: EstimateAtPoints, affinity: float) -> Observation:
-    """Returns the observation with the network's affinities of its points and landmarks of the joints."""
+    """Returns the observation with affinities of its points and landmarks of its joints, both from the
+    network.
+    """
     return observation.with_guides(network_output.affinity(affinity), network_output.estimate.weak_landmarks)
 
 
 def flip_with_estimate(
     posture: Posture, network_output: EstimateAtPoints, view: FrameView
 ) -> tuple[Posture, EstimateAtPoints]:
-    """Returns the posture flipped by 180 degrees, and the network's estimate for that facing."""
+    """Returns the flipped posture, see :func:`flip_posture`, and the network's estimate for its facing."""
     turned = flip_posture(posture)
     estimate = estimate_with_facing(turned, network_output, view)
     return align_to_estimate(turned, estimate.estimate), estimate

@@ -1,4 +1,6 @@
-"""Re-identification: matches new people to absent ones by stature, proportions and the place of leaving."""
+"""Re-identification: matches new people to absent ones by stature, proportions and the place where they
+left.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +19,15 @@ _STATURE_SPREAD = 0.03
 _PROPORTION_SPREAD = 0.10
 """Standard deviation of one person's fitted bone lengths, as a fraction of each length."""
 _RETURN_SPEED = 2.0
-"""Speed in metres per second at which the radius of an absent person's possible return grows: a brisk
-walk."""
+"""Speed in metres per second at which the radius grows in which an absent person may return: a brisk walk."""
 _RETURN_DISTANCE_M = 0.8
-"""Distance in metres from the place of leaving that costs one squared standard deviation if the person
-returns at once."""
+"""Distance in metres from the place of leaving at which a person that returns at once costs one squared
+standard deviation.
+"""
 _MAX_DISTANCE_COST = 4.0
-"""Maximum cost of a distant place in squared standard deviations. People may also walk around behind the
-sensor."""
+"""Maximum cost of a distant place in squared standard deviations. It is bounded, because people may also walk
+around behind the sensor.
+"""
 _BRIEF_ABSENCE_NS = 2_000_000_000
 """Maximum absence in nanoseconds for a match by place alone, if there is exactly one absent and one new
 person.
@@ -45,9 +48,9 @@ _CERTAIN_LEAD = 3.0
 _MAX_MEAN_FRAMES = 90.0
 """Maximum number of frames in the running mean of the lengths. They may still drift after that."""
 _CROWN_SAMPLES = 240
-"""Number of crown heights that are kept for the stature."""
+"""Number of crown heights for computing the stature."""
 _STATURE_QUANTILE = 0.85
-"""Quantile of these heights that is the stature. People stoop more often than they stretch."""
+"""Quantile of the crown heights that is used as the stature. People stoop more often than they stretch."""
 
 
 @dataclass
@@ -57,7 +60,8 @@ class BodyMeasurements:
     Attributes:
         lengths: (12,) metres, a running mean of the fit's lengths.
         weight: the number of frames in that mean.
-        stature: metres from the floor to the crown when upright; None if it was never visible.
+        stature: metres from the floor to the crown of the upright person; None if the crown was never
+            visible.
     """
 
     lengths: Float = field(default_factory=lambda: model.REFERENCE_LENGTHS.copy())
@@ -110,7 +114,9 @@ class PersonGallery:
         return self._last
 
     def leave(self, identity: int, looks: BodyMeasurements, place: Float | None, time_ns: int) -> None:
-        """Remembers a person that left the view at the (3,) ``place``; None if the place is meaningless."""
+        """Remembers a person that left the view at the (3,) ``place``. The place is None if it is
+        unreliable.
+        """
         self.absent.append(AbsentPerson(identity, looks, place, time_ns))
 
     def forget_old(self, time_ns: int, keep: frozenset[int]) -> None:
@@ -126,12 +132,12 @@ class PersonGallery:
     def match(
         self, newcomers: list[tuple[BodyMeasurements, Float]], time_ns: int
     ) -> list[tuple[AbsentPerson | None, bool]]:
-        """Matches new people, by looks and (3,) place, to absent people or None.
+        """Matches each new person, given by looks and (3,) place, to an absent person or None.
 
-        Returns each match and whether it is certain.
+        Returns each match, and whether the match is certain.
 
-        One least-cost assignment matches all people together. So two people that return at the same time are
-        not confused.
+        A single least-cost assignment matches all people together. So two people that return at the same time
+        are not confused.
         """
         if not self.absent:
             return [(None, True)] * len(newcomers)
@@ -163,7 +169,7 @@ class PersonGallery:
         return matches
 
     def _is_same_place(self, newcomer: tuple[BodyMeasurements, Float], time_ns: int) -> bool:
-        """Returns True if the single new person stands where the single absent one was lost just before."""
+        """Returns True if the single new person is where the single absent person was lost just before."""
         (absent,), (measurements, place) = self.absent, newcomer
         if absent.place is None or not 0 <= time_ns - absent.left_ns < _BRIEF_ABSENCE_NS:
             return False

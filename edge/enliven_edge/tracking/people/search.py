@@ -41,31 +41,36 @@ the time, so the maximum is one."""
 _MIN_EXPLAINED_LEAD = 0.05
 """A less likely blob wins only if its fraction of explained points is higher by at least this value."""
 _MIN_VISIBLE_TRUNK = 0.6
-"""Minimum fraction of the visible trunk that lies on the blob's pixels, for a doubtful body. Most people
-behind objects exceed it."""
+"""Minimum fraction of the visible trunk of a doubtful body that is on the blob's pixels. Most people behind
+objects exceed it.
+"""
 _MIN_CONFIDENCE = 0.36
 """Minimum mean confidence of the joints of a doubtful body. With less, few of its joints are visible."""
 _MAX_HIP_HEIGHT_M = 1.3
-"""Maximum height above the floor in metres of a doubtful body's hip centre. Higher ones are walls or
-shelves."""
+"""Maximum height above the floor in metres of a doubtful body's hip centre. Bodies with higher hips are walls
+or shelves.
+"""
 _UNLIKELY_EXPLAINED = 0.8
-"""Minimum fraction of explained points, and of visible trunk, for an unlikely blob to be a person."""
+"""Minimum fraction of explained points, and minimum fraction of visible trunk, for an unlikely blob to be a
+person.
+"""
 _UNLIKELY_CONFIDENCE = 0.68
 """Minimum mean confidence of the joints for an unlikely blob to be a person. It is high, because a false body
 does more harm than a late one."""
 _MIN_PERSON_PROBABILITY = 0.8
-"""Minimum network probability for a body to be a person's. Nearly all people exceed 0.85."""
+"""Minimum network probability for a body to be a person. Nearly all people exceed 0.85."""
 _CERTAIN_EXPLAINED = 0.9
 """Minimum fraction of explained points that compensates for a lower network probability, if a head is visible
 above shoulders."""
 _SINGLE_PERSON = 0.9
-"""Minimum network probability, and minimum fraction of points explained by one body, for split parts to count
-as one person."""
+"""Minimum network probability, and minimum fraction of points explained by one body, for the split parts of a
+blob to count as one person.
+"""
 _SAME_PERSON_M = 0.25
 """Minimum distance in metres between the hip centres of two people. Raised arms were once detected as a
 second person."""
 _MAX_OVERLAP = 0.5
-"""If more than this fraction of a blob lies on a body that was just found, the blob is not searched."""
+"""If more than this fraction of a blob overlaps a body that was just found, the blob is not searched."""
 ScoredDetection = tuple[Candidate, Follower, float]
 """The candidate in which a body was found, its fitted track, and the quality of the fit (up to 1)."""
 
@@ -92,7 +97,8 @@ class Search:
         alone: bool,
         max_bodies: int,
     ) -> Steps[None]:
-        """Adds found bodies to ``detections``: of the certain candidates, or else the best of the others.
+        """Searches the certain candidates, or else the best of the others. Adds found bodies to
+        ``detections``.
 
         Args:
             view: the frame.
@@ -145,13 +151,13 @@ class Search:
     def _search_body(
         self, view: FrameView, candidate: Candidate, failed_unions: list[Bool]
     ) -> Steps[tuple[Follower, float] | None]:
-        """Searches the candidate joined with parts that were split from it, then the candidate alone.
+        """Searches the union of the candidate with parts that were split from it, then the candidate alone.
 
         Args:
             view: the frame.
-            candidate: the part of the image that is searched.
-            failed_unions: (h, w) unions that were already searched without success. Those of this candidate
-                are added.
+            candidate: the blob to search.
+            failed_unions: (h, w) unions that were already searched without success. Failed unions of this
+                candidate are appended.
         """
         expecting = self._expecting(candidate, view.time_ns)
         for union in candidate.unions if expecting.estimator else []:
@@ -171,8 +177,9 @@ class Search:
     def best_guess(
         self, view: FrameView, due: Sequence[Candidate], *, alone: bool
     ) -> Steps[list[ScoredDetection]]:
-        """Returns the body in the likeliest doubtful candidate, or in one that its body explains clearly
-        better.
+        """Returns the body in the likeliest doubtful candidate.
+
+        A less likely candidate wins if its body explains clearly more points.
 
         The list has at most one item.
         """
@@ -195,8 +202,8 @@ class Search:
 def _is_probably_person(view: FrameView, candidate: Candidate, follower: Follower, explained: float) -> bool:
     """Returns True if a found body is probably a person and not an object.
 
-    An upright shape counts only above a known floor. Above a guessed floor a cupboard may be as tall as a
-    person.
+    An upright shape is evidence only above a known floor. Above a guessed floor a cupboard may be as tall as
+    a person.
     """
     if follower.person_probability > _MIN_PERSON_PROBABILITY:
         return True
@@ -204,7 +211,7 @@ def _is_probably_person(view: FrameView, candidate: Candidate, follower: Followe
 
 
 def _overlaps_detection(candidate: Candidate, detections: list[ScoredDetection]) -> bool:
-    """Returns True if most of the candidate belongs to a person that was just found."""
+    """Returns True if most of the candidate overlaps a person that was just found."""
     size = max(1, int(candidate.pixels.sum()))
     return any(
         int((candidate.pixels & other.pixels).sum()) > _MAX_OVERLAP * size for other, _, _ in detections
@@ -212,7 +219,7 @@ def _overlaps_detection(candidate: Candidate, detections: list[ScoredDetection])
 
 
 def _is_duplicate(follower: Follower, detections: list[ScoredDetection]) -> bool:
-    """Returns True if the same person was just found in another piece of its pixels, at the same place."""
+    """Returns True if the same person was just found in another blob of its pixels, at the same place."""
     place = follower.posture.position
     return any(
         float(np.linalg.norm(other.posture.position - place)) < _SAME_PERSON_M for _, other, _ in detections

@@ -19,9 +19,9 @@ class DetectedBody:
     """A body that was found.
 
     Attributes:
-        candidate: the candidate with the body, in its current state.
+        candidate: the candidate that contains the body, in its current state.
         shown: a copy of the candidate from the frame that was searched.
-        centre: (3,) metres, world frame, of the candidate in that frame.
+        centre: (3,) centre of the candidate in that frame in metres, world frame.
         follower: the fit to that frame.
     """
 
@@ -32,7 +32,7 @@ class DetectedBody:
 
 
 class SpreadSearch:
-    """Searches the candidates of one frame for bodies, with a part of the work in each frame.
+    """Searches the candidates of one frame for bodies, and spreads the work over several frames.
 
     Attributes:
         view: the frame in which the search runs.
@@ -81,10 +81,10 @@ class SpreadSearch:
         self.view = view
 
     def advance(self, budget: Budget) -> list[DetectedBody]:
-        """Continues the search. Returns the bodies that were found, all at once when it is done.
+        """Continues the search. Returns all found bodies when it is done, and an empty list before.
 
-        They are returned together because people may hold hands. The first tracked one would be fitted to the
-        pixels of both.
+        Bodies are returned together, because people may hold hands. Otherwise the first tracked person would
+        be fitted to the pixels of both.
         """
         if self._task is None or not self._task.advance(budget):
             return []

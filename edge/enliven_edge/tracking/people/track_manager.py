@@ -19,8 +19,9 @@ from enliven_edge.tracking.segment.candidate import Candidate
 from enliven_edge.tracking.settings import TrackerSettings
 
 _MAX_UNDECIDED_NS = 1_500_000_000
-"""Maximum time in nanoseconds until a new person gets an id, even if re-identification is not certain.
-Performers must not wait longer."""
+"""Maximum time in nanoseconds until a new person gets an id, even if re-identification is not certain. It
+bounds the waiting time of performers.
+"""
 _RETURN_RADIUS_M = 1.5
 """Horizontal radius in metres around the place of leaving in which a lost person may reappear: two steps."""
 _CROWN_TOLERANCE_M = 0.12
@@ -29,11 +30,9 @@ noise."""
 _KNOWN_FRAMES = 10
 """Number of frames after which a person's proportions are known well enough for a search."""
 _MIN_BODY_HEIGHT_M = 0.5
-"""Minimum body height in metres in the settings of a search: the lower bound of the setting
-``body_height``."""
+"""Minimum body height in metres for a search. It is the lower bound of the setting ``body_height``."""
 _MAX_BODY_HEIGHT_M = 2.5
-"""Maximum body height in metres in the settings of a search: the upper bound of the setting
-``body_height``."""
+"""Maximum body height in metres for a search. It is the upper bound of the setting ``body_height``."""
 
 
 class TrackManager:
@@ -75,7 +74,7 @@ class TrackManager:
             self.people.remove(person)
 
     def forget(self) -> None:
-        """Drops all people, absent ones too. A person that is still present gets a new id."""
+        """Drops all people, including absent ones. A person that is still present gets a new id."""
         self._dropped = [p.place.copy() for p in self.people]
         self.people.clear()
         self.gallery.absent.clear()
@@ -93,7 +92,9 @@ class TrackManager:
             self.gallery.leave(person.id, person.measurements, None, person.seen_ns)
 
     def sensor_moved(self, time_ns: int) -> None:
-        """Treats all people as absent. The sensor was moved, so only proportions can re-identify them."""
+        """Treats all people as absent, because the sensor was moved. So only proportions can re-identify
+        them.
+        """
         self.leave_all(time_ns)
         self.gallery.forget_places()
 
@@ -128,7 +129,7 @@ class TrackManager:
         return self.settings_for_person(awaited[0]) if len(awaited) == 1 else self.settings
 
     def settings_for_person(self, looks: BodyMeasurements) -> TrackerSettings:
-        """Returns the settings with a person's own height, if it is well known."""
+        """Returns the settings with a person's own height, if its proportions are well known."""
         if looks.weight < _KNOWN_FRAMES:
             return self.settings
         height = min(_MAX_BODY_HEIGHT_M, max(_MIN_BODY_HEIGHT_M, body_height_from_lengths(looks.lengths)))
@@ -159,14 +160,14 @@ class TrackManager:
         *,
         has_floor: bool = True,
     ) -> Person:
-        """Starts to track a found body: as a hidden person that reappeared, or as a new one without an id.
+        """Starts to track a found body: as a hidden person that reappeared, or as a new person without an id.
 
         Args:
             candidate: the candidate in its current state.
-            shown: a copy of it from the frame in which the body was found.
+            shown: a copy of the candidate from the frame in which the body was found.
             follower: the fit.
             time_ns: the frame's time.
-            has_floor: whether heights are above a known floor; otherwise no stature is measured.
+            has_floor: whether the floor is known. If not, no stature is measured.
         """
         person = self.find_hidden_person(candidate, time_ns)
         if person is not None:
@@ -186,7 +187,10 @@ class TrackManager:
         return person
 
     def decide_identities(self, time_ns: int) -> None:
-        """Assigns ids to new people: that of a returned absent person, once this is clear, or a new id."""
+        """Assigns ids to new people.
+
+        A person gets the id of an absent person once the match is certain, or else a new id.
+        """
         undecided = [p for p in self.people if p.id == UNDECIDED]
         if not undecided:
             return
@@ -202,18 +206,20 @@ class TrackManager:
                 person.id = self.gallery.new_id()
 
     def _adopt_identity(self, person: Person, absent: AbsentPerson) -> None:
-        """Gives a person the id and the looks of an absent one."""
+        """Assigns the id and the looks of an absent person to a person."""
         self.gallery.remove(absent)
         person.id = absent.id
         person.measurements = absent.measurements
 
 
 _DUPLICATE_DISTANCE_M = 0.2
-"""Minimum distance in metres between the hip centres, and between the trunks on average, of two different
-people."""
+"""Minimum distance in metres of two different people, between their hip centres and between their trunks on
+average.
+"""
 _DUPLICATE_FRAMES = 6
-"""Number of frames in which two fits must share a place to be duplicates. People that squeeze past each other
-do so for fewer frames."""
+"""Number of frames in which two fits must be at the same place to count as duplicates. People that squeeze
+past each other overlap for fewer frames.
+"""
 _TRUNK = [Joint.HIP_CENTER, Joint.SHOULDER_CENTER, Joint.HEAD]
 
 
@@ -224,7 +230,7 @@ class Duplicates:
         self._doubts: dict[tuple[int, int], int] = {}
 
     def find(self, people: Sequence[Person]) -> list[Person]:
-        """Returns the people that have shared the place of an earlier track for some frames."""
+        """Returns the people that have been at the place of an earlier track for some frames."""
         ordered = sorted((p for p in people if not p.is_hidden), key=lambda p: p.found_ns)
         together, duplicates = set(), []
         for i, first in enumerate(ordered):
@@ -241,7 +247,7 @@ class Duplicates:
 
 
 def _share_place(first: Person, second: Person) -> bool:
-    """Returns True if two fits have their trunks in the same place."""
+    """Returns True if the trunks of two fits are at the same place."""
     if math.dist(first.place, second.place) >= _DUPLICATE_DISTANCE_M:
         return False
     a, b = first.follower.posture.joints(), second.follower.posture.joints()

@@ -1,5 +1,8 @@
-"""The visibility of a body under occlusion: fractions that are occluded or outside the image, and samples on
-the person's own pixels."""
+"""The visibility of a body under occlusion.
+
+It measures which fractions are occluded or outside the image, and which samples are on the person's own
+pixels.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +17,15 @@ from enliven_edge.tracking.frame.observation import FrameView
 _CAPSULE_SAMPLES = 3
 """Samples along a capsule: its ends and its middle show whether it is occluded."""
 _OCCLUDER_DISTANCE_M = 0.12
-"""Minimum distance in metres in front of a capsule's surface for depth to occlude it. At smaller distances it
-may be clothes."""
+"""Minimum distance in metres in front of a capsule's surface for depth to occlude it. Depth at smaller
+distances may be clothes.
+"""
 _MIN_DEPTH_M = 0.1
 """Minimum depth in metres of a sample to be projected into the image."""
 _MIN_TRUNK_FRACTION = 0.25
-"""Minimum fraction of the trunk that is unoccluded and in the image. With less, fractions of this visible
-part are meaningless."""
+"""Minimum fraction of the trunk that is unoccluded and in the image. With less, fractions of the visible
+trunk are unreliable.
+"""
 _TRUNK = np.flatnonzero(model.CAPSULES.frame <= model.HEAD)
 """The capsules of trunk, neck and head."""
 
@@ -40,7 +45,7 @@ def occluded_fractions(view: FrameView, posture: Posture, owner: Int16, index: i
 
 
 def visible_trunk_fraction(view: FrameView, posture: Posture, pixels: Bool) -> float:
-    """Returns the fraction of the visible trunk and head that lies on the (h, w) ``pixels``, in [0, 1]."""
+    """Returns the fraction in [0, 1] of the visible trunk and head that is on the (h, w) ``pixels``."""
     ends, radii = posture.capsules()
     view_arguments = (view.z, pixels.astype(np.int16), 1, view.camera.camera, view.world_from_camera)
     inside, covered, own = _samples(ends[_TRUNK], radii[_TRUNK], *view_arguments)
@@ -54,7 +59,7 @@ def visible_trunk_fraction(view: FrameView, posture: Posture, pixels: Bool) -> f
 
 @njit(cache=True, nogil=True)
 def _samples(ends, radii, depth, owner, mine, camera, pose):
-    """Returns (3, S) for samples along the capsules: in the image, occluded, on pixels of ``mine``.
+    """Returns (3, S) flags of samples along the capsules: in the image, occluded, and on pixels of ``mine``.
 
     Args:
         ends, radii: the capsules.

@@ -8,7 +8,7 @@ from enliven.arrays import Float
 from enliven.kernels import njit
 
 _PATCH_SIDE_PX = 31
-"""Side in pixels of the square window around a pixel in which known pixels are counted."""
+"""Side in pixels of the square window in which known pixels around a pixel are counted."""
 _MIN_PATCH_FRACTION = 0.12
 """Minimum fraction of known pixels in the window. A few known pixels may belong to a foot that the person's
 mask missed."""
@@ -23,8 +23,8 @@ def background_fill(z: Float, ray: Float, world_from_camera: Float, floor_band: 
 
     The depth is 0 if nothing is known at all.
 
-    The fill is the depth of the nearest known patch of several pixels. Patches of the floor are extended as
-    the floor plane, because the floor's depth does not predict objects that stand on it.
+    The fill is the depth of the nearest known patch of several pixels. If the nearest patch belongs to the
+    floor, the fill continues the floor plane, because its depth changes with the direction.
 
     Args:
         z: (h, w) metres along the optical axis; 0 where the background is not known.
@@ -38,7 +38,9 @@ def background_fill(z: Float, ray: Float, world_from_camera: Float, floor_band: 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _patches(z, ray, pose, floor_band):
-    """Returns (h, w) the depth at pixels with enough known neighbours, negated on the floor. 0 elsewhere."""
+    """Returns (h, w) the depth at pixels with enough known neighbours, negated if they belong to the floor.
+    Other pixels are 0.
+    """
     height, width = z.shape
     out, enough = np.empty((height, width)), _MIN_PATCH_FRACTION * _PATCH_SIDE_PX * _PATCH_SIDE_PX
     around = _known_around(z)
@@ -76,7 +78,9 @@ def _known_around(z):
 
 @njit(cache=True, nogil=True)
 def _mirrored_indices(size):
-    """Returns the mirrored indices of a row of ``size``, extended by half a window at both ends."""
+    """Returns the indices of a row of ``size`` that is extended by half a window at both ends, mirrored at
+    its borders.
+    """
     places = np.arange(-(_PATCH_SIDE_PX // 2), size + _PATCH_SIDE_PX // 2) % (2 * size)
     return np.minimum(places, 2 * size - 1 - places).astype(np.uint64)
 
@@ -90,7 +94,9 @@ def _add_row(columns, row, sign):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _with_floor(z, fill, ray, pose):
-    """Returns (h, w) the known depth, else the filled depth, else the floor plane for a negative fill."""
+    """Returns (h, w) the known depth, else the filled-in depth, else the floor plane if the fill is
+    negative.
+    """
     height, width = z.shape
     out = np.empty((height, width))
     for v in range(height):
@@ -104,7 +110,7 @@ def _with_floor(z, fill, ray, pose):
 
 @njit(cache=True, nogil=True)
 def fill_from_nearest(z):
-    """Returns (h, w) the depth, with unknown pixels set to that of the nearest known pixel.
+    """Returns (h, w) the depth. Unknown pixels get the depth of the nearest known pixel.
 
     All depths are 0 if none is known.
 

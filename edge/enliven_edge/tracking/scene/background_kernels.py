@@ -1,7 +1,7 @@
 """Compiled kernels that classify pixels against the background model and update it.
 
-Nearly every pixel shows the same depth as before. So each row is processed twice: first as a whole with
-vector instructions, which updates all unchanged pixels, and then the few other pixels one by one.
+Nearly every pixel shows the same depth as before. So each row is processed in two steps. First, vector
+instructions update all unchanged pixels. Then the few other pixels are updated one by one.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ _FLIP_DECAY_RATE = 0.1
 """Rate per second at which a pixel's count of flips decays."""
 _RETURN_FRACTION = 0.7
 """If farther depth replaces the background, the old depth keeps this fraction of the waiting time
-``absorb_after``. So the removed object is absorbed sooner than a new one when it returns."""
+``absorb_after``. So an object that is removed and returns is absorbed sooner than a new object.
+"""
 _WORD_PIXELS = 8
 """Pixels that are tested as one 64-bit number, with one byte per pixel."""
 
@@ -42,15 +43,14 @@ class BackgroundState(NamedTuple):
 
     Attributes:
         z: metres, the background's depth; 0 where it was never seen.
-        nearer: metres, the last depth that was observed in front of the background, or at a pixel without
-            background.
-        waited: seconds for which that depth was observed.
+        nearer: metres, the last depth observed in front of the background, or at a pixel without background.
+        waited: seconds for which the depth ``nearer`` was observed.
         away: seconds for which the measured depth was farther than the background, or missing.
         guarded: the id of the person that was last seen there, or -1.
-        guard_z: metres, the depth of that person there.
-        flips: number of changes to the nearer depth and back; the sign stores the last state.
-        still, still_z: seconds for which the depth was constant, and that depth, at pixels without known
-            background.
+        guard_z: metres, the depth of that person at the pixel.
+        flips: number of changes to the nearer depth and back. The sign stores the last state.
+        still, still_z: for pixels without known background, the seconds of constant depth, and that depth in
+            metres.
     """
 
     z: Float
@@ -71,9 +71,10 @@ class LearningRate(NamedTuple):
     Attributes:
         step: time since the previous frame.
         absorb_after, clear_after: from the settings.
-        seen_for: time for which a depth must be constant to be learnt at pixels without known background; 0:
-            at once.
-        dark: time without a measurement after which the background is forgotten; infinite: never.
+        seen_for: time for which a depth must be constant before it is learnt at pixels without known
+            background. If 0, it is learnt at once.
+        dark: time without a measurement after which the background is forgotten. If infinite, it is never
+            forgotten.
     """
 
     step: float
@@ -109,8 +110,7 @@ def classify_pixels(z, points, room, fill, near, far, floor_band):
 
 @njit(cache=True, nogil=True)
 def learn_frame(z, person, hold, state, rate):
-    """Learns one frame. Returns the numbers of pixels that were compared, are clearly nearer, and clearly
-    farther.
+    """Learns one frame. Returns three numbers of pixels: compared, clearly nearer and clearly farther.
 
     Args:
         z: (h, w) metres.
@@ -182,7 +182,9 @@ def _mark_row(usual, other, room, z, person):
 
 @njit(cache=True, nogil=True)
 def _marked_pixels(chosen, marks, words):
-    """Writes the indices of the set marks into ``chosen`` and returns them. A word covers eight marks."""
+    """Writes the indices of the set marks into ``chosen`` and returns them. A 64-bit word contains eight
+    marks.
+    """
     count = 0
     for word in range(len(words)):
         if words[word] == 0:
@@ -195,7 +197,9 @@ def _marked_pixels(chosen, marks, words):
 
 @njit(cache=True, nogil=True, inline="always")
 def _margin(d):
-    """Returns the tolerance in metres of equal depth at ``d`` metres: the sensor's noise."""
+    """Returns the sensor's noise at ``d`` metres: the tolerance in metres within which depths count as
+    equal.
+    """
     return 0.04 + 0.010 * d * d
 
 
@@ -223,7 +227,7 @@ def _learn_farther(room, nearer, waited, away, v, u, d, step, absorb_after, clea
     waited[v, u] = max(0.0, waited[v, u] - step)
     away[v, u] += step
     if away[v, u] > clear_after:
-        # An edge may flicker slowly. So remember the old depth, and absorb it sooner than a new object if it
+        # An edge may flicker slowly. So the old depth is stored, and absorbed sooner than a new object if it
         # returns.
         nearer[v, u], waited[v, u] = room[v, u], _RETURN_FRACTION * absorb_after
         room[v, u], away[v, u] = d, 0.0

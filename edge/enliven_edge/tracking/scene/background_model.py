@@ -24,10 +24,11 @@ from enliven_edge.tracking.scene.background_kernels import (
 from enliven_edge.tracking.settings import BackgroundSettings
 
 _FILL_INTERVAL_NS = 300_000_000
-"""Nanoseconds between two checks of the amount of known background. Both check and fill process the whole
-image."""
+"""Nanoseconds between two checks of the amount of known background. The interval limits the cost, because a
+check and a fill process the whole image.
+"""
 _FILL_CHANGE = 0.002
-"""If the known part changes by more than this fraction of the image, the background is filled again."""
+"""If the known fraction of the image changes by more than this value, the background is filled again."""
 _FILL_CHECKS = 6
 """Number of checks after which the background is filled again in any case, because known depths change
 too."""
@@ -36,30 +37,34 @@ _MIN_FILL_FRACTION = 0.05
 background may be only the outline of a person in front of a hall too deep for the sensor. The person would
 then be taken for background."""
 _STARTUP_S = 0.1
-"""Seconds after the start in which every depth is learnt at once, because the whole background is new."""
+"""Seconds after the start in which every depth is learnt without delay, because the whole background is
+new."""
 _CONSTANT_FOR_S = 0.25
-"""Seconds for which a depth must stay constant before it is learnt at a pixel without known background. An
-arm that the fit has lost moves on sooner. In a hall too deep for the sensor it would otherwise be learnt."""
+"""Seconds for which a depth must stay constant before it is learnt at a pixel without known background.
+Without this delay, an arm that the fit has lost would be learnt in a hall too deep for the sensor. Arms move
+sooner.
+"""
 _FORGET_AFTER_S = 2.0
 """Seconds without a measurement after which a pixel's background is forgotten. Flickering pixels have shorter
 gaps."""
 _MIN_MEASURED = 0.5
-"""Pixels are forgotten only if at least this fraction of the known background is measured. With less the lens
-is covered."""
+"""Pixels are forgotten only if at least this fraction of the known background is measured. If less is
+measured, the lens is probably covered.
+"""
 _FURNITURE_AFTER_S = 0.5
 """Seconds of constant depth after which a pixel next to a person counts as furniture. Standing people sway,
 so their depth varies."""
 _DEPTH_NOISE_M = 0.04
 """Difference in metres up to which two depths near the sensor are the same."""
 _DEPTH_NOISE_PER_M = 0.01
-"""Increase of this difference with the square of the depth, in 1/metres: the noise of depth sensors."""
+"""Increase of ``_DEPTH_NOISE_M`` with the square of the depth, in 1/metres: the noise of depth sensors."""
 _MAX_TIME_STEP_S = 0.5
-"""Maximum time step in seconds. A longer gap in the stream counts as this step."""
+"""Maximum time step in seconds. A longer gap in the stream counts as a step of this length."""
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """The agreement of a frame with the background model before the frame was learnt.
+    """How well a frame agreed with the background model before the frame was learnt.
 
     Attributes:
         compared: number of pixels with depth in both frame and model that do not belong to a person.
@@ -74,11 +79,12 @@ class Agreement:
 class BackgroundModel:
     """The background model, learnt from pixels that do not belong to a person.
 
-    A pixel's depth follows small changes slowly. Farther depth that stays for ``clear_after`` seconds
-    replaces it: an object was removed. (A flickering edge never stays.) Nearer depth that stays for
-    ``absorb_after`` seconds is absorbed: an object was added. The last place of a person is guarded against
-    this, because the person may still stand there. The guard ends when the person is seen elsewhere or the
-    background is visible again. Depth that is no longer measured is forgotten after a while.
+    A pixel's depth follows small changes slowly. If farther depth stays for ``clear_after`` seconds, an
+    object was removed, and the farther depth becomes the background. (A flickering edge never stays.) If
+    nearer depth stays for ``absorb_after`` seconds, an object was added, and the nearer depth becomes the
+    background. The last position of a person is guarded against this, because the person may still be there.
+    The guard ends when the person is seen elsewhere or the background is visible again. Depth that is no
+    longer measured is forgotten after a while.
     """
 
     def __init__(self, shape: tuple[int, int], settings: BackgroundSettings | None = None) -> None:
@@ -92,7 +98,7 @@ class BackgroundModel:
 
     @property
     def z(self) -> Float:
-        """Returns the background's depth (h, w) in metres. 0 where it was never seen."""
+        """Returns the background's depth (h, w) in metres, with 0 for never-seen background."""
         return self._state.z
 
     def classify(self, view: FrameView, near: float, far: float, floor_band: float) -> UInt8:
@@ -108,8 +114,8 @@ class BackgroundModel:
         Args:
             z: (h, w) metres.
             person: (h, w) the pixels that are not learnt.
-            time_ns: the frame's time; None: 1/30 s after the previous frame.
-            hold: (h, w) pixels of possible people. Never-seen background is not learnt at once there.
+            time_ns: the frame's time. If None, it is 1/30 s after the previous frame.
+            hold: (h, w) pixels of possible people. At these pixels, unknown background is not learnt at once.
         """
         step = 1 / 30 if time_ns is None or self._learnt_ns is None else (time_ns - self._learnt_ns) * 1e-9
         step = min(max(step, 0.0), _MAX_TIME_STEP_S)
@@ -129,7 +135,7 @@ class BackgroundModel:
         return Agreement(compared, nearer / max(1, compared), farther / max(1, compared))
 
     def guard(self, owner: AnyArray, ids: AnyArray, z: Float) -> None:
-        """Remembers the last place of each person.
+        """Guards the last position of each person, which is then not learnt as background.
 
         Args:
             owner: (h, w) the person of each pixel as an index into ``ids``, or -1.
@@ -163,11 +169,13 @@ class BackgroundModel:
         self._state.waited[where] = self._state.away[where] = 0.0
 
     def release(self, identity: int) -> None:
-        """Ends the guard of a person's last place, because the person is seen elsewhere or gone for good."""
+        """Ends the guard of a person's last position, because the person is visible elsewhere or has left for
+        good.
+        """
         self._state.guarded[self._state.guarded == identity] = -1
 
     def _fill(self, view: FrameView, floor_band: float) -> None:
-        """Fills in never-seen background, again when enough has changed."""
+        """Fills in never-seen background, if the known background has changed enough since the last fill."""
         time_ns = view.time_ns
         if self._filled_ns is None or not 0 <= time_ns - self._filled_ns < _FILL_INTERVAL_NS:
             known_count = int(np.count_nonzero(self.z))

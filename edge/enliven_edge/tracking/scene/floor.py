@@ -8,8 +8,9 @@ from enliven.arrays import Bool, Float, Int
 from enliven.kernels import njit
 
 MAX_FLOOR_TILT = np.deg2rad(40.0)
-"""Maximum angle in radians between the floor's normal and the sensor's up direction. A wall is 90 degrees off
-for a level sensor, and still 50 degrees off for one that is tilted by 40."""
+"""Maximum angle in radians between the floor's normal and the sensor's up direction. A wall deviates by 90
+degrees if the sensor is level, and by 50 degrees if the sensor is tilted by 40.
+"""
 _MIN_SENSOR_HEIGHT_M = 0.2
 """Minimum height of the sensor above the floor in metres. A nearer plane is the sensor's support, such as a
 table."""
@@ -40,7 +41,7 @@ def world_from_floor(
 
     Args:
         points: (M, 3) camera-frame points, metres, in the order of the image's rows.
-        upside_down: the sensor hangs upside down, so that the camera's -Y points to the floor.
+        upside_down: whether the sensor hangs upside down, so that the camera's -Y points to the floor.
         up: (3,) the rough direction of up in the camera's frame, if it is known from a better source.
         within: maximum angle in radians between the floor's normal and ``up``.
         lowest: minimum height of the sensor above the floor in metres.
@@ -76,7 +77,8 @@ def _random_triples(count: int, random: np.random.Generator) -> Int:
 
 @njit(cache=True, nogil=True)
 def _best_plane(points, tolerance, up, steepest, lowest, highest, trials):
-    """Returns (4,) the upward plane n.x + h = 0 with most inliers and almost no points below.
+    """Returns (4,) coefficients n, h of the upward plane n.x + h = 0 with the most inliers and almost no
+    points below.
 
     Zeros if there is no such plane.
     """
@@ -112,7 +114,9 @@ def _best_plane(points, tolerance, up, steepest, lowest, highest, trials):
 
 
 def world_above_floor(normal: Float, height: float) -> Float:
-    """Returns (4, 4) world_from_camera for a floor with a (3,) upward normal, ``height`` metres below."""
+    """Returns (4, 4) world_from_camera for a floor with the (3,) upward normal, ``height`` metres below the
+    sensor.
+    """
     backward = np.array([0.0, 0.0, -1.0])
     if abs(normal[2]) > 0.98:
         # The camera looks straight down or up, so the upward direction of the image points away from the
@@ -131,8 +135,9 @@ _FLOOR_BAND_M = 0.12
 """Maximum distance in metres from y = 0 of points that are used as the floor when the mounting is
 corrected."""
 _MAX_TILT = np.deg2rad(6.0)
-"""Maximum apparent tilt of the floor in radians. A larger tilt is not drift of the mounting, or the plane is
-not the floor."""
+"""Maximum apparent tilt of the floor in radians. A larger tilt is not caused by drift of the mounting, or the
+plane is not the floor.
+"""
 _SIGMA_OF_MEDIAN = 1.4826
 """Standard deviation of a normal distribution divided by its median absolute deviation."""
 _MAX_DEVIATIONS = 2.0
@@ -154,7 +159,7 @@ constrain the tilt."""
 
 
 def correct_mounting(world_from_camera: Float, points: Float, usable: Bool, gain: float) -> Float:
-    """Returns the sensor's pose (4, 4), moved slightly towards agreement with the observed floor.
+    """Returns the sensor's pose (4, 4), moved by a fraction of its deviation from the observed floor.
 
     The pose is unchanged if too little floor is visible.
 
@@ -200,11 +205,12 @@ def _level_mounting(world_from_camera: Float, plane: Float, gain: float) -> Floa
 
 @njit(cache=True, nogil=True)
 def _level_plane(points, ranges):
-    """Returns (3,) a, b, c of the plane y = a x + b z + c through the floor's points, and the points' spread.
+    """Fits the plane y = a x + b z + c to the floor's points. Returns its (3,) coefficients and the points'
+    spread.
 
     It is an iterative weighted least-squares fit. A sensor's noise is along its rays and grows with about the
-    squared distance. Rays meet the floor at a grazing angle that becomes flatter with distance. So the noise
-    across the floor is proportional to the distance. Each pass estimates the factor from the points
+    squared distance. Rays hit the floor at an angle that becomes flatter with distance. So the noise
+    perpendicular to the floor is proportional to the distance. Each pass estimates the factor from the points
     themselves, by their median deviation.
 
     Args:
@@ -212,8 +218,8 @@ def _level_plane(points, ranges):
         ranges: (N,) metres from the sensor, along its axis.
 
     Returns:
-        The plane, zeros if the points are too few or in a line. And the smaller of the standard deviations
-            along x and z of the points used for the fit, in metres; 0 if there is no plane.
+        The plane, zeros if the points are too few or in a line. The spread is the smaller of the standard
+            deviations of the used points along x and z in metres; 0 without a plane.
     """
     plane, off = np.zeros(3), np.empty(points.shape[1])
     kept, weights = np.empty_like(points), np.empty(points.shape[1])

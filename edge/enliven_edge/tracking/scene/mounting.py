@@ -1,4 +1,6 @@
-"""The sensor's pose: reported by the sensor or estimated from the floor, also after the sensor was moved."""
+"""The sensor's pose: reported by the sensor, or estimated from the floor. It is estimated again if the sensor
+is moved.
+"""
 
 from __future__ import annotations
 
@@ -31,20 +33,24 @@ _POSE_CHANGE = 0.02
 a new background model."""
 _LARGE_POSE_CHANGE = 0.25
 """Maximum change of an entry of the pose matrix for which people are still tracked. After a larger change
-they are searched again, because a body predicted at the old place would be fitted to the background there."""
+they are searched again, because a body predicted at its old position would be fitted to the background.
+"""
 _FLOOR_SEARCH_FRAMES = 15
 """Frames between two searches for an unknown floor: half a second at 30 frames per second."""
 _MAX_FLOOR_CHECKS = 10
-"""Maximum number of searches for a known floor that shall be found again: five seconds at 30 frames per
-second. If visitors hide the floor for longer, the known one stays."""
+"""Maximum number of searches when a known floor is searched again: five seconds at 30 frames per second. If
+visitors hide the floor for longer, the known floor is kept.
+"""
 _MIN_DEPTH_FRACTION = 0.1
-"""Minimum fraction of the image with known depth to search for the floor. With less the sensor is starting or
-covered."""
+"""Minimum fraction of the image with known depth to search for the floor. With less depth the sensor is
+starting or covered.
+"""
 _CORRECTION_INTERVAL_NS = 1_000_000_000
 """Nanoseconds between two corrections of the mounting, which drifts slowly."""
 _CORRECTION_GAIN = 0.15
-"""Fraction of a correction that is applied at a time, so that the noise of one frame hardly moves the
-world."""
+"""Fraction of each correction that is applied. It is small, because the noise of one frame must not move the
+world.
+"""
 _MIN_FARTHER_FRACTION = 0.08
 """Minimum fraction of the background that must appear farther for the sensor to count as moved. People in
 front of the background only make pixels nearer."""
@@ -53,23 +59,27 @@ _SUSPICIOUS_FRAMES = 3
 _MOVED_FRACTION = 0.3
 """Fraction of the known background that must differ before the sensor counts as moved."""
 _CHECK_FRACTION = 0.6
-"""Fraction of :data:`_MOVED_FRACTION` above which the floor is checked. A small rotation changes fewer
-pixels."""
+"""Fraction of :data:`_MOVED_FRACTION` above which the floor is checked. It is below 1, because a small
+rotation changes fewer pixels.
+"""
 _CHECK_INTERVAL_FRAMES = 15
-"""Frames between two such checks: half a second at 30 frames per second."""
+"""Number of frames between two checks of the floor: half a second at 30 frames per second."""
 _MOVED_ANGLE = np.deg2rad(3.0)
-"""Minimum rotation of the floor in radians for the sensor to count as moved. Less is noise."""
+"""Minimum rotation of the floor in radians for the sensor to count as moved. Smaller rotations are noise of
+the floor fit.
+"""
 _MOVED_HEIGHT_M = 0.12
-"""Minimum change of the sensor's height in metres for it to count as moved. Less is noise of the floor
-fit."""
+"""Minimum change of the sensor's height in metres for it to count as moved. Smaller changes are noise of the
+floor fit.
+"""
 _MIN_STILL_FRACTION = 0.85
 """Minimum fraction of nearly unchanged pixels between two frames of a sensor at rest. The other pixels may
 show moving people."""
 _STILL_FRAMES = 3
 """Number of consecutive still frames that end a fall. A single still frame may lie between two movements."""
 _MAX_FALL_NS = 3_000_000_000
-"""Maximum duration of a fall in nanoseconds. It ends then even without still frames, because people may move
-all the time."""
+"""Maximum duration of a fall in nanoseconds. After it, the fall ends even without still frames, because
+people may move all the time."""
 _MAX_GRAVITY_ANGLE = np.deg2rad(8.0)
 """Maximum angle in radians between the floor's normal and the accelerometer's up direction. Mounting error
 and bias are 1 to 3 degrees. A ramp or a table's edge deviates more."""
@@ -93,12 +103,13 @@ class Mounting:
         world_from_camera: (4, 4), None before the first frame.
         is_new_camera: whether the last frame came from another camera.
         has_new_pose: whether the last frame's pose differs enough to learn a new background model.
-        needs_people_search: whether the last frame's pose differs enough that people must be searched again
+        needs_people_search: whether the last frame's pose differs enough that people must be searched again,
             too.
-        has_new_floor: whether the last frame showed a floor that was unknown until then while people were
-            tracked. They must be searched again with feet on the floor; the background model stays unchanged.
-        down: (3,) the direction of gravity in the camera's frame if there is an accelerometer; may be set at
-            any time.
+        has_new_floor: whether the last frame showed the floor for the first time while people were tracked.
+            The people must then be searched again with their feet on the floor. The background model stays
+            unchanged.
+        down: (3,) the direction of gravity in the camera's frame if there is an accelerometer. It may be set
+            at any time.
         is_moving: whether the sensor is falling or being moved; its frames are then unreliable.
     """
 
@@ -130,7 +141,7 @@ class Mounting:
     def search_floor_again(self) -> None:
         """Searches the floor again from the next frame on, unless the sensor reports its pose.
 
-        A known floor is replaced by another one only if that is found twice.
+        A different floor replaces the known one only if it is found twice.
         """
         self._checks_left, self._floor_searches, self._suggested = _MAX_FLOOR_CHECKS, 0, None
 
@@ -154,8 +165,8 @@ class Mounting:
 
         Args:
             frame: the depth frame.
-            no_people: whether no person is tracked. Otherwise a new floor is accepted only if it is found
-                twice.
+            no_people: whether no person is tracked. If people are tracked, a new floor is accepted only if it
+                is found twice.
         """
         self.is_new_camera = self.has_new_pose = self.needs_people_search = self.has_new_floor = False
         if self._camera is None or self._camera.full != frame.intrinsics:
@@ -210,7 +221,7 @@ class Mounting:
     def may_be_moving(self) -> bool:
         """Returns True if enough pixels differ from the background that the sensor may be moving.
 
-        New people are not accepted then.
+        While it returns True, new people are not accepted.
         """
         return self._suspicious > 0
 
@@ -229,7 +240,7 @@ class Mounting:
         return not _same_floor(pose, self.world_from_camera)
 
     def _set_stated_pose(self, stated: Float) -> None:
-        """Sets the pose to the (4, 4) one that the sensor reports."""
+        """Sets the pose to the (4, 4) pose that the sensor reports."""
         previous_pose = self.world_from_camera
         moved = 0.0 if previous_pose is None else float(np.abs(stated - previous_pose).max())
         self.has_new_pose, self.needs_people_search = moved > _POSE_CHANGE, moved > _LARGE_POSE_CHANGE
@@ -280,7 +291,7 @@ class Mounting:
             self._place_by_guess(points)
 
     def _check_floor(self, z: Float) -> None:
-        """Searches a known floor again, and takes over another one that is found twice in a row."""
+        """Searches a known floor again. Replaces it by a different floor that is found twice in a row."""
         self._floor_searches += 1
         has_depth = z > 0
         if self._floor_searches % _FLOOR_SEARCH_FRAMES != 1 or has_depth.mean() < _MIN_DEPTH_FRACTION:
@@ -297,15 +308,19 @@ class Mounting:
             self.world_from_camera, self.has_new_pose, self.needs_people_search = self._suggested, True, True
 
     def _find_floor(self, points: Float) -> Float | None:
-        """Returns the (4, 4) pose from the floor in (N, 3) camera-frame points. None: there is none."""
+        """Returns the (4, 4) pose from the floor in (N, 3) camera-frame points. Returns None if no floor is
+        found.
+        """
         up, within = (None, MAX_FLOOR_TILT) if self.down is None else (-self.down, _MAX_GRAVITY_ANGLE)
         return world_from_floor(
             points, self.settings.upside_down, up=up, within=within, seed=self._floor_searches
         )
 
     def _place_by_guess(self, points: Float) -> None:
-        """Sets the pose without a visible floor, so that almost no (M, 3) camera-frame point is below y =
-        0."""
+        """Sets the pose without a visible floor.
+
+        Almost no (M, 3) camera-frame point is then below y = 0.
+        """
         assert self.world_from_camera is not None
         if self.down is not None:
             self.world_from_camera = world_above_floor(-self.down, self._guess)

@@ -11,7 +11,8 @@ from enliven_edge.tracking.frame.observation import FrameView
 
 _TRIALS = 150
 """Number of RANSAC trials, lines through two random points seen from above. If a fifth of the points is on a
-wall, at least one line lies along it with a probability of 99.8 %."""
+wall, at least one line follows the wall with a probability of 99.8 %.
+"""
 _SAMPLES = 1500
 """Approximate number of points for evaluating a line. The cost of a trial grows with them."""
 _MAX_WALLS = 4
@@ -21,20 +22,24 @@ _MIN_WALL_AREA_M2 = 0.9
 _MIN_WALL_WIDTH_M = 0.9
 """Minimum width of a wall in metres. An upright plane of this width is not a person."""
 _MIN_OCCUPIED = 0.8
-"""Minimum fraction of occupied cells along a wall. Two separate people leave a gap."""
+"""Minimum fraction of occupied cells along a wall. It excludes two separate people, because they leave a
+gap."""
 _CELL_M = 0.15
-"""Width of such a cell in metres: less than the gap between two people."""
+"""Width of a cell along a wall in metres. It is smaller than the gap between two people."""
 _WALL_TOLERANCE_M = 0.03
 """Maximum distance in metres of a wall's points from its plane, at the sensor. Walls are not quite flat."""
 _TOLERANCE_GROWTH = 0.006
-"""Increase of that distance with the squared depth, in 1/metres, like a depth sensor's noise."""
+"""Increase of ``_WALL_TOLERANCE_M`` with the squared depth, in 1/metres, like a depth sensor's noise."""
 _MIN_POINT_DISTANCE_M = 0.3
-"""Minimum distance in metres between the two points of a line. Points that are closer give no reliable
-direction."""
+"""Minimum distance in metres between the two random points of a line. Closer points give no reliable
+direction.
+"""
 
 
 def remove_walls(view: FrameView, mask: Bool, seed: int = 0) -> Bool:
-    """Returns the (h, w) mask without its large upright planes (RANSAC), or unchanged without such planes."""
+    """Returns the (h, w) mask without its large upright planes (RANSAC). Without such planes it is
+    unchanged.
+    """
     pixels = pixels_of(mask)
     pixel = 1.0 / (view.camera.intrinsics.fx * view.camera.intrinsics.fy)
     random = np.random.default_rng(seed)
@@ -102,7 +107,7 @@ def _points_on_plane(seen, line):
 def _is_wall(along: Float) -> bool:
     """Returns True if points with the coordinates ``along`` a line, in metres, form one long stretch.
 
-    Two separate people leave a gap.
+    The test excludes two separate people, because they leave a gap.
     """
     ordered = np.sort(along)
     low, high = quantile(ordered, 0.02), quantile(ordered, 0.98)

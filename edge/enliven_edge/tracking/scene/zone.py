@@ -29,7 +29,7 @@ class Zone:
         return inside
 
     def _border_distance(self, x: float, z: float) -> float:
-        """Returns the distance to the border in metres."""
+        """Returns the distance in metres from a floor point to the nearest border of the zone."""
         nearest = float("inf")
         for (ax, az), (bx, bz) in self._edges():
             dx, dz = bx - ax, bz - az

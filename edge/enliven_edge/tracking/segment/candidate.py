@@ -21,19 +21,21 @@ _MIN_STEADY_FRAMES = 3
 """Minimum number of frames with a steady crown height for a candidate to be confirmed. A single frame may be
 noise."""
 _PROVEN_FRAMES = 10
-"""Number of frames after which a candidate with a person's shape that is not upright is confirmed too."""
+"""Number of frames after which a candidate is confirmed that has a person's shape but is not upright."""
 _MAX_CROWN_CHANGE_M = 0.15
-"""Maximum variation in metres of the crown height over those frames. Merging or splitting blobs vary by
-more."""
+"""Maximum variation in metres of the crown height over the steady frames. Merging or splitting blobs vary
+more.
+"""
 _MIN_BENT_AREA_M2 = 0.33
 """Minimum visible area in square metres of a candidate with a low crown to be a bent or kneeling person."""
 _MIN_AREA_M2 = 0.14
 """Minimum visible area of a person in square metres. Smaller blobs are mostly objects."""
 _MIN_AREA_PER_M2 = 0.1
-"""Minimum visible area in square metres of a person of one metre, seen from the side. It grows with the
-squared height."""
+"""Minimum visible area in square metres of a person one metre tall, seen from the side. It grows with the
+squared height.
+"""
 _MAX_AREA_PER_M2 = 0.5
-"""Maximum visible area in square metres of a person of one metre. It grows with the squared height."""
+"""Maximum visible area in square metres of a person one metre tall. It grows with the squared height."""
 MIN_STANDING_CROWN_M = 1.3
 """Minimum crown height above the floor in metres of a standing person. Most seated people are lower."""
 _CHECK_INTERVAL_NS = 250_000_000
@@ -43,12 +45,15 @@ _MIN_OCCLUDED = 0.25
 """Minimum occluded fraction of the outline of a person that is still coming out from behind a nearer
 object."""
 _MAX_WAIT_NS = 800_000_000
-"""Maximum waiting time for such a candidate in nanoseconds: enough to come out completely and to be
-re-identified."""
+"""Maximum waiting time in nanoseconds for a candidate that comes out from behind an object. It is long enough
+to come out completely and to be re-identified.
+"""
 _FIRST_RETRY_NS = 150_000_000
 """Nanoseconds before the second try if the first found no body. Each later wait is twice as long."""
 _SHRUNK_FRACTION = 0.7
-"""A blob is searched again at once if its area is below this fraction of that in the last failed search."""
+"""A blob is searched again at once if its area is below this fraction of its area in the last failed
+search.
+"""
 _MAX_RETRY_NS = 2_000_000_000
 """Maximum wait between two tries in nanoseconds. A real person must not wait longer."""
 
@@ -63,9 +68,10 @@ class Candidate:
         area: visible area in square metres.
         crowns: crown heights above the floor in metres in the last frames.
         is_bystander: whether it is outside the zone, or locked out.
-        is_awaited: whether a person was lost near here and may return in any posture.
+        is_awaited: whether a person was lost near the candidate and may return in any posture.
         is_recognised: whether the network classifies it as a person.
-        parts: [(h, w)] itself and the other parts of its split group; [] if the group was not split.
+        parts: [(h, w)] the masks of all parts of its split group, including itself; [] if the group was not
+            split.
     """
 
     def __init__(self, centre: Float, time_ns: int) -> None:
@@ -137,14 +143,14 @@ class Candidate:
     def unions(self) -> list[Bool]:
         """Returns [(h, w)] unions of the candidate with other parts of its split group, the largest first.
 
-        Seen from above, raised arms look like separate people.
+        Unions are needed, because raised arms look like separate people from above.
         """
         return _union_masks(self.pixels, self.parts)
 
     def is_unchanged(self, group: LooseGroup, time_ns: int) -> bool:
         """Returns True if the blob is this candidate, unmoved, and looks like a static object.
 
-        Such a candidate is neither confirmed nor convincing.
+        A static object is a candidate that is neither confirmed nor convincing.
         """
         if (
             self.group is None
@@ -171,14 +177,14 @@ class Candidate:
     def _would_convince(self) -> bool:
         """Returns True if the candidate would be convincing if the network classified it as a person.
 
-        A panel would never be convincing.
+        A flat panel never is.
         """
         return self.shape.may_be_person and (self.shape.is_cut_off or self.shape.crown > _MIN_CROWN_M)
 
     def needs_recognition(self, time_ns: int) -> bool:
         """Returns True if the network should classify the candidate now.
 
-        The shape alone is then not convincing, and the last classification is old.
+        That is the case if the shape alone is not convincing, and the last classification is old.
         """
         if self.area < _MIN_AREA_M2 or self.is_rejected or (self.is_convincing and not self.is_recognised):
             return False
@@ -204,8 +210,8 @@ class Candidate:
     def may_be_person(self) -> bool:
         """Returns True if the candidate may be a person in any posture, such as bent or kneeling.
 
-        This is sufficient for a search only if no other person is tracked, if a person may return here, or if
-        it is as tall as a standing person.
+        Such a candidate is searched only in three cases: no other person is tracked, a person may return
+        here, or it is as tall as a standing person.
         """
         large = self.shape.crown > _MIN_CROWN_M or self.shape.is_cut_off or self.area > _MIN_BENT_AREA_M2
         return self.shape.has_person_shape and large and not self.is_rejected
@@ -216,7 +222,7 @@ class Candidate:
         Args:
             time_ns: the frame's time.
             room_age: age of the background model in seconds. In a new model nothing counts as having entered.
-            alone: whether no other person is tracked; then any possible person is searched.
+            alone: whether no other person is tracked. If so, any possible person is searched.
             missing: whether a person is hidden or away that this candidate may be.
         """
         is_plausible = self.is_convincing or (
@@ -239,12 +245,14 @@ class Candidate:
     def _has_shrunk(self) -> bool:
         """Returns True if the blob has shrunk enough since the last failed search to search again.
 
-        Furniture was removed from it.
+        This happens if furniture is separated from it.
         """
         return self.is_convincing and self.area < _SHRUNK_FRACTION * self._failed_area
 
     def copy_search_times(self, tried: Candidate) -> None:
-        """Copies the time of the next search, and the area of the failed search, from a searched copy."""
+        """Copies the time of the next search and the area of the failed search from ``tried``, a copy that
+        was searched.
+        """
         self._next_ns, self._wait_ns = max(self._next_ns, tried._next_ns), tried._wait_ns
         self._failed_area = tried._failed_area
 
@@ -284,7 +292,7 @@ def measure_blob(view: FrameView, pixels: Bool, kind: UInt8) -> tuple[Float, flo
 
 @njit(cache=True, nogil=True)
 def _measured(points, z, kind, part):
-    """See :func:`measure_blob`. It returns the sum of z squared instead of the area."""
+    """Computes :func:`measure_blob`, with the sum of z squared instead of the area."""
     points, z, kind = points.reshape(-1, 3), z.ravel(), kind.ravel()
     x, y, deep, squares, before, plain, pixels = 0.0, 0.0, 0.0, 0.0, 0, 0, pixels_of(part)
     for i in pixels:

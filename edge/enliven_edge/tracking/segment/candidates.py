@@ -21,23 +21,26 @@ _FORGET_AFTER_NS = 400_000_000
 _MAX_GROUPS = 8
 """Maximum number of loose groups measured per frame, the largest first. It bounds the cost of a frame."""
 _MAX_GROUPS_AT_FIRST = 16
-"""The maximum while the background model is young. Large parts of the background are then loose groups
-themselves."""
+"""Like ``_MAX_GROUPS``, while the background model is young. At that time large parts of the background are
+loose groups.
+"""
 _REFUSED_RADIUS_M = 0.4
 """Horizontal radius in metres, about the size of furniture, around an object that was mistaken for a person.
 No candidate is accepted there."""
 _REFUSED_FOR_NS = 20_000_000_000
-"""Nanoseconds for which candidates there are rejected. The background model absorbs the object sooner."""
+"""Nanoseconds for which candidates near such an object are rejected. The background model absorbs the object
+sooner.
+"""
 _USUAL_AREA_M2 = 0.5
 """Approximate visible area of a person in square metres."""
 _MIN_SPLIT_AREA_M2 = 0.45
-"""Minimum visible area in square metres of a group that is split. A smaller one is one person."""
+"""Minimum visible area in square metres of a group that is split. A smaller group is a single person."""
 _MIN_PART_PIXELS = 30
 """Minimum number of pixels of a measured part. Fewer have no shape."""
 
 
 class Candidates:
-    """All candidates, and the places of objects that were mistaken for people."""
+    """All candidates, and the positions of objects that were mistaken for people."""
 
     def __init__(self) -> None:
         self._known: list[Candidate] = []
@@ -49,7 +52,9 @@ class Candidates:
         self._refused.clear()
 
     def reject(self, place: Float, time_ns: int) -> None:
-        """Rejects all candidates at a (3,) place for a while: an object there was taken for a person."""
+        """Rejects all candidates near ``place`` (3,) for a while, because an object there was mistaken for a
+        person.
+        """
         self._refused.append((place.copy(), time_ns))
 
     def drop(self, candidate: Candidate) -> None:
@@ -124,7 +129,7 @@ class Candidates:
             kind: (h, w) from :meth:`BackgroundModel.classify`.
             part: (h, w) the blob.
             walls: (h, w) the pixels of walls behind it, or None.
-            shape: shape of the group if it was measured before; its area is replaced.
+            shape: shape of the group if it was measured before. Its area is replaced by that of the blob.
         """
         if np.count_nonzero(part) < _MIN_PART_PIXELS:
             return None
@@ -145,7 +150,7 @@ class Candidates:
         return candidate
 
     def _is_refused(self, centre: Float, time_ns: int) -> bool:
-        """Returns True if an object at the place was recently taken for a person."""
+        """Returns True if an object near ``centre`` (3,) was recently mistaken for a person."""
         self._refused = [(at, t) for at, t in self._refused if 0 <= time_ns - t < _REFUSED_FOR_NS]
         return any(
             float(np.linalg.norm((at - centre)[[0, 2]])) < _REFUSED_RADIUS_M for at, _ in self._refused
@@ -153,5 +158,5 @@ class Candidates:
 
 
 def _mostly_overlaps(part: Bool, other: Bool) -> bool:
-    """Returns True if more than half of a part's pixels also belong to the other."""
+    """Returns True if more than half of a part's pixels also belong to ``other``."""
     return bool(np.count_nonzero(part & other) > 0.5 * np.count_nonzero(part))

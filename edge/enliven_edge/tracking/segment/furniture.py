@@ -1,8 +1,8 @@
-"""Detects furniture that touches people: it lies next to their bodies, not in front of them, and never moves.
+"""Detects furniture that touches people: it is next to their bodies, not in front of them, and never moves.
 
 If people are present from the first frame on, the background around them is unknown. Then the fit mistakes a
-table next to the hip for an arm as soon as the real arm is folded. A badly fitted limb is also next to the
-model, but mostly in front of the trunk or a leg.
+table next to the hip for an arm as soon as the real arm is folded. A badly fitted limb is also outside the
+model, but mostly in front of the trunk or a leg. So it is not taken for furniture.
 """
 
 from __future__ import annotations
@@ -20,15 +20,20 @@ from enliven_edge.tracking.segment.segmentation import pixels_near_bodies
 
 MAX_CLOTHES_DISTANCE_M = 0.12
 """Distance in metres from a person's surface beyond which a pixel belongs to another object. Clothes stay
-within."""
+within this distance.
+"""
 _SEARCH_START_M = -0.3
-"""Start in metres of the interval on a pixel's ray in which a body is searched, relative to the pixel: a
-limb's reach in front of it."""
+"""Start in metres, relative to a pixel, of the interval on the pixel's ray in which a body is searched: a
+limb's reach in front of the pixel.
+"""
 _SEARCH_END_M = 0.6
-"""End of that interval in metres behind the pixel. A limb can be held that far in front of the body."""
+"""End in metres behind a pixel of the interval on its ray. A limb can be held this far in front of the
+body.
+"""
 _MAX_RAY_DISTANCE_M = 0.06
-"""Maximum distance in metres between a ray and a body that the ray counts as hitting. An arm hangs this close
-to the hip."""
+"""Maximum distance in metres between a ray and a body for the ray to hit the body. An arm hangs this close to
+the hip.
+"""
 _BODY = np.flatnonzero(
     ~np.isin(model.CAPSULES.frame, [model.UPPER_ARM_L, model.FOREARM_L, model.UPPER_ARM_R, model.FOREARM_R])
 )
@@ -60,7 +65,9 @@ def find_furniture(
 
 
 def _overlaps_bodies(points: Float32, view: FrameView, people: Sequence[Posture]) -> Bool:
-    """Returns which of (N, 3) points lie in front of or behind a trunk, head or leg, seen from the sensor."""
+    """Returns (N,) whether each of (N, 3) points is in front of or behind a trunk, head or leg, seen from the
+    sensor.
+    """
     overlaps = np.zeros(len(points), bool)
     for posture in people:
         ends, radii = (each[_BODY] for each in posture.capsules())

@@ -33,27 +33,31 @@ _MAX_DEPTH_M = 1.6
 _MAX_CROWN_M = 2.6
 """Maximum crown height above the floor in metres: a tall person's raised hands."""
 _FULL_AREA_M2 = 0.7
-"""Maximum area in square metres that counts for the likeness to a person."""
+"""Upper limit in square metres to which the area is clipped when the likeness to a person is computed."""
 _FULL_HEIGHT_M = 1.8
-"""Maximum height in metres that counts for the likeness to a person."""
+"""Upper limit in metres to which the height is clipped when the likeness to a person is computed."""
 _FLAT_DEVIATION_M = 0.022
 """Standard deviation from the best plane, in metres, below which a blob is flat. A trunk is rounder."""
 _MIN_PANEL_WIDTH_M = 0.35
-"""Minimum width in metres of a flat blob that is a panel. A limb is flat too, but narrow."""
+"""Minimum width in metres of a flat blob that is a panel. A limb is flat, too, but narrower."""
 _HEAD_BAND_M = 0.14
 """Depth in metres below the crown of the band that contains only the head: above the chin."""
 _BANDS = np.array([(-1.0, _HEAD_BAND_M), (0.25, 0.35), (0.35, 0.45), (0.45, 0.55)])
-"""(4, 2) metres below the crown: the band of the head, and three bands that may contain the shoulders."""
+"""(4, 2) start and end in metres below the crown of four bands: the head, and three bands that may contain
+the shoulders.
+"""
 _MAX_HEAD_RATIO = 0.75
 """Maximum ratio of the head's width to that of the shoulders. A panel's is about 1."""
 _HEAD_WIDTH = (0.09, 0.45)
-"""Minimum and maximum width in metres at a head's height: half hidden, and with hair or a hat."""
+"""Minimum and maximum width in metres at the height of the head: half hidden, and with hair or a hat."""
 _MIN_BOX_FILL = 0.43
 """Minimum fraction of its upright bounding box that an upright person fills. Chairs and plants fill less."""
 _SPREAD_BOX_FILL = 0.8
-"""Fraction of the upright bounding box below which a blob has spread limbs."""
+"""Maximum filled fraction of the upright bounding box of a blob with spread limbs."""
 _PANEL_BOX_FILL = 0.85
-"""Fraction of the upright bounding box above which a flat blob is a panel in spite of a narrow top."""
+"""If a flat blob fills more than this fraction of its upright bounding box, it is a panel even if its top is
+narrow.
+"""
 _MIN_ROUND_DEVIATION_M = 0.035
 """Minimum standard deviation in metres from its best plane for a blob with spread limbs to be as round as a
 body."""
@@ -62,13 +66,15 @@ _MIN_FREE_OUTLINE = 0.6
 _MAX_OCCLUDED = 0.2
 """Maximum occluded fraction of the outline at which the crown counts as visible."""
 _UNDECIDED_OCCLUSION = 0.6
-"""Occluded fraction of the outline above which the rest does not show whether the blob stands free."""
+"""If more than this fraction of the outline is occluded, the rest does not show whether the blob stands
+free.
+"""
 _MAX_AT_BORDER = 0.03
 """Maximum fraction of the outline at the image border at which the crown counts as visible."""
 _MIN_CUT_OUTLINE = 0.08
-"""Minimum fraction of the outline at the image border for a blob that is cut off by it."""
+"""Minimum fraction of the outline at the image border for a blob that the image border cuts off."""
 _SHAPE_SAMPLES = 1500
-"""Approximate number of points with which a blob's shape is measured. The cost grows with them."""
+"""Approximate number of points with which a blob's shape is measured. The cost grows with their number."""
 _WALL_OFFSET_M = 1.0
 """Distance in metres added to the depth of a wall behind a blob, so that any blob stands free in front of
 it."""
@@ -80,7 +86,7 @@ class BlobShape:
 
     Attributes:
         area: visible area in square metres, towards the sensor.
-        size: height in metres, limited to a person's; 0 if its extents are not a person's.
+        size: height in metres, clipped to that of a person; 0 if its extents are not those of a person.
         crown: height of its top above the floor in metres.
         thickness: standard deviation from its best plane in metres.
         width: the larger of its two horizontal extents in metres.
@@ -89,7 +95,7 @@ class BlobShape:
         head_width: filled width at the head's height in metres.
         box_fill: filled fraction of its upright bounding box.
         free_fraction: fraction of its outline, at the sides and the top, beyond which the sensor sees
-            farther. A person stands in front of other surfaces. A piece of a wall ends at the next object or
+            farther. A person stands in front of other surfaces. A patch of a wall ends at the next object or
             at the image border.
         occluded_fraction: fraction of its outline that borders on a nearer object, which may hide more of the
             blob.
@@ -135,14 +141,16 @@ class BlobShape:
 
     @property
     def is_upright(self) -> bool:
-        """Returns True if the blob has the shape of a standing or sitting person: a head above shoulders."""
+        """Returns True if the blob has the shape of a standing or sitting person, which has a head above
+        shoulders.
+        """
         return self.may_be_person and self._has_head and self.box_fill > _MIN_BOX_FILL
 
     @property
     def _free_outline_fraction(self) -> float:
         """Returns the free fraction of the unoccluded outline.
 
-        In a crowd others may hide much of a person.
+        Occluded parts are excluded, because others may hide much of a person in a crowd.
         """
         return (
             self.free_fraction / max(1e-6, 1.0 - self.occluded_fraction)
@@ -258,7 +266,7 @@ def _shape_measures(points, along, ordered, ordered_along, bands):
 def samples(points, pixels, most):
     """Returns (3, M) every k-th of the (h, w, 3) points at (N,) flat indices, in reading order.
 
-    M is less than 2 ``most``.
+    M is less than ``2 * most``.
     """
     step = max(1, len(pixels) // most)
     out, points = np.empty((3, (len(pixels) + step - 1) // step)), points.reshape(-1, 3)

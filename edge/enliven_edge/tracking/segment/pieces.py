@@ -15,7 +15,7 @@ from enliven_edge.tracking.segment.person_shape import MAX_AREA_M2, BlobShape, m
 from enliven_edge.tracking.segment.segmentation import LooseGroup, Segments, label_groups
 
 _SEARCH_SAMPLES = 3000
-"""Approximate number of points in which people are searched. The cost grows with them."""
+"""Approximate number of points in which people are searched. The cost grows with their number."""
 _CELL_M = 0.06
 """Cell size in metres of the height map seen from above. A head covers several cells."""
 _MIN_AXIS_DISTANCE_M = 0.42
@@ -28,7 +28,10 @@ _MIN_CROWN_M = 0.7
 _SHOULDER_RADIUS_M = 0.3
 """Horizontal radius in metres around a shoulder that contains its head."""
 _MIN_HEAD_RISE_M = 0.2
-"""Minimum height in metres of a head above its shoulders."""
+"""Minimum height in metres of a head above its shoulders.
+
+A peak with a point this much higher near it is a shoulder.
+"""
 _HEAD_DEPTH_M = 0.15
 """Depth in metres below a peak within which points belong to a head."""
 _HEAD_RADIUS_M = 0.2
@@ -38,15 +41,18 @@ _MAX_PEAKS = 200
 _LAYER_M = 0.1
 """Height in metres of a layer of a column."""
 _KNEE_RATIO = 0.35
-"""Height of the knees as a fraction of body height. Layers below are not required, because shanks may be
-hidden or spread."""
+"""Height of the knees as a fraction of body height. Layers below the knees may be empty, because shanks may
+be hidden or spread.
+"""
 _MIN_LAYERS = 0.8
-"""Minimum fraction of the layers above the knees that must contain points for a person. The rest may be
-hidden."""
+"""Minimum fraction of a person's layers above the knees that must contain points. The other layers may be
+hidden.
+"""
 
 
 def split_people(points: Float, mask: Bool) -> list[Bool]:
-    """Splits a mask between people that stand next to each other. Returns [(h, w)] its parts, or itself.
+    """Splits a mask between people that stand next to each other. Returns [(h, w)] its parts, or only the
+    mask.
 
     Seen from above, each person is a column from a head to the legs. A pixel belongs to the nearest column.
 
@@ -84,7 +90,7 @@ def _height_map(points):
 
 @njit(cache=True, nogil=True)
 def _columns(points, height, order, origin):
-    """Computes (N, 2) for :func:`find_columns`.
+    """Computes :func:`find_columns`: returns (N, 2) x and z of the people.
 
     Args:
         points: (3, M) metres, world frame.
@@ -168,19 +174,21 @@ def _assign_to_columns(points, mask, columns):
 
 
 _MAX_TOUCH_PX = 3
-"""Maximum distance in pixels at which a fragment touches a group."""
+"""Maximum distance in pixels between a fragment and a group that touch."""
 _MAX_DEPTH_STEP_M = 0.6
-"""Maximum depth difference in metres between a fragment and the group that it touches: that of a raised
-forearm."""
+"""Maximum depth difference in metres between a fragment and the group that it touches. It is that of a raised
+forearm.
+"""
 _MAX_FRAGMENT_M = 0.8
-"""Maximum distance in metres from the place of contact that contains nine tenths of a fragment: the length of
-an arm."""
+"""Nine tenths of a fragment must be within this distance in metres of the contact: the length of an arm."""
 _STEP_FACTOR = 0.35
 """Factor on the maximum depth step within a group, used to separate a person from a wall next to it."""
 _MAX_PIECES = 6
 """Maximum number of examined pieces of a group, the largest first. It bounds the cost of a frame."""
 Part = tuple[Bool, Bool | None]
-"""(h, w) pixels of a part of a group, and (h, w) pixels of the walls behind it. None without walls."""
+"""A part of a group: its (h, w) pixels, and the (h, w) pixels of the walls behind it, or None without
+walls.
+"""
 
 
 def split_walls(view: FrameView, kind: UInt8, mask: Bool) -> list[Part]:
@@ -192,7 +200,9 @@ def split_walls(view: FrameView, kind: UInt8, mask: Bool) -> list[Part]:
 
 
 def _parts_before_walls(view: FrameView, kind: UInt8, rest: Bool, walls: Bool) -> list[Bool]:
-    """Returns tall parts of a group without its walls, such as people in front of the walls."""
+    """Returns the tall parts that remain of a group after its walls are removed, such as people in front of
+    them.
+    """
     if not walls.any():
         return []
     parts = [
@@ -217,7 +227,7 @@ def _largest_parts(view: FrameView, kind: UInt8, mask: Bool, tightness: float) -
 
 
 def add_fragments(segments: Segments, main: LooseGroup, view: FrameView) -> tuple[Bool, BlobShape | None]:
-    """Returns the main group (h, w) with its fragments, or without them if it then looks more like a person.
+    """Returns the main group (h, w) with or without its fragments, whichever looks more like a person.
 
     It also returns the shape if it was measured for this decision.
     """
@@ -238,7 +248,7 @@ def _with_fragments(segments: Segments, main: LooseGroup, bare: Bool, view: Fram
     Args:
         segments: the segmentation of the frame.
         main: the main group.
-        bare: (h, w) the main group's pixels; returned itself if there are no others.
+        bare: (h, w) the main group's pixels. They are returned unchanged without fragments.
         view: the frame.
     """
     mask = bare
@@ -272,7 +282,8 @@ def _is_limb_fragment(part: Float, contact: Float) -> bool:
     """Returns True if a fragment begins at the contact and ends within an arm's length of it, unlike a wall.
 
     Args:
-        part, contact: (N, 3) and (M, 3) metres, world frame, of the fragment and of the touched pixels.
+        part, contact: (N, 3) points of the fragment and (M, 3) points of the touched pixels in metres, world
+            frame.
     """
     gap = _median(part[:, 2]) - _median(contact[:, 2])
     if abs(gap) >= _MAX_DEPTH_STEP_M:

@@ -12,19 +12,20 @@ from enliven_edge.tracking.scene.background_kernels import BACKGROUND, UNLIKELY
 
 
 def image_boxes(view: FrameView, ends: Float, radii: Float, reach: float) -> Int:
-    """Returns (K, 4) pixels: top, left, bottom and right of each person's capsules, widened by ``reach``
-    metres.
+    """Returns (K, 4) image boxes of each person's capsules in pixels: top, left, bottom and right.
 
-    The capsules of a person are (C, 2, 3) ends and (C, 2) radii.
+    The capsules are widened by ``reach`` metres.
+
+    ``ends`` (K, C, 2, 3) and ``radii`` (K, C, 2) are in metres.
     """
     return np.asarray(_boxes(ends, radii, reach, view.camera.camera, view.world_from_camera, view.z.shape))
 
 
 @njit(cache=True, nogil=True)
 def _boxes(ends, radii, reach, camera, pose, shape):
-    """See :func:`image_boxes`.
+    """Computes :func:`image_boxes`.
 
-    A capsule at the sensor's side extends its box to the image border on that side.
+    A capsule next to the sensor extends the box to the image border on that side.
     """
     out = np.empty((len(ends), 4), np.int64)
     for k in range(len(ends)):
@@ -63,7 +64,7 @@ def _boxes(ends, radii, reach, camera, pose, shape):
 
 @njit(cache=True, nogil=True)
 def _span(x, z, radius):
-    """Returns the minimum and maximum x / z of a ball at (x, z): its tangents through the sensor.
+    """Returns the minimum and maximum x / z of a ball at (x, z), from its tangents through the sensor.
 
     A ball is wider in the image than its radius divided by its distance.
     """
@@ -82,10 +83,11 @@ def _span(x, z, radius):
 
 @njit(cache=True, nogil=True)
 def label_pixels(points, kind, boxes, ends, radii, handicap, reach, reach_unlikely, owner, distance):
-    """Labels each candidate pixel within reach with the person of the nearest capsule, into ``owner``.
+    """Labels each candidate pixel within reach with the person of the nearest capsule, and writes it into
+    ``owner``.
 
-    Bounding boxes of the person, in the image and in the world, exclude most pixels out of reach. The other
-    pixels are compared with one capsule after the other in a vectorised loop.
+    The bounding boxes of the person in the image and in the world exclude most pixels. A vectorised loop
+    compares the remaining pixels with one capsule after the other.
     """
     largest = 0
     for k in range(len(boxes)):
@@ -110,7 +112,8 @@ def label_pixels(points, kind, boxes, ends, radii, handicap, reach, reach_unlike
 
 @njit(cache=True, nogil=True)
 def _candidates_within(chosen, place, points, kind, box, low, high):
-    """Finds the non-background pixels of an image box that lie in a box of the world. Returns their number.
+    """Finds the non-background pixels of an image box that are inside a box in the world. Returns their
+    number.
 
     Their flat indices go into ``chosen``, and their (3, N) float32 metres into ``place``.
     """
@@ -150,13 +153,15 @@ def _distances(away, place, count, ends, radii):
 
 @njit(cache=True, nogil=True)
 def _within(x, y, z, low, high):
-    """Returns True if a point lies in a box."""
+    """Returns True if a point is inside a box."""
     return low[0] < x < high[0] and low[1] < y < high[1] and low[2] < z < high[2]
 
 
 @njit(cache=True, nogil=True)
 def _corners(ends, radii, reach):
-    """Returns the low and high corner of the box that contains all points within any capsule's reach."""
+    """Returns the minimum and maximum corner of the box that contains all points within any capsule's
+    reach.
+    """
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for c in range(len(ends)):
         for e in range(2):

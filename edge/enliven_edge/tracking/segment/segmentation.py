@@ -23,18 +23,21 @@ from enliven_edge.tracking.segment.pixel_labels import image_boxes, label_pixels
 from enliven_edge.tracking.segment.surface_growing import grow_surfaces, reassign_detached_pieces
 
 REACH = 0.22
-"""Maximum distance in metres from the predicted surface at which a pixel is assigned to the person."""
+"""Maximum distance in metres between a pixel and the predicted surface of its person."""
 _UNLIKELY_REACH_M = 0.08
-"""Maximum distance in metres at pixels of class UNLIKELY, which are probably background. It is smaller, so
-that only pixels on the body itself are assigned."""
+"""Like ``REACH``, for pixels of class UNLIKELY. It is smaller, because these pixels are probably background.
+Only pixels on the body itself are then assigned.
+"""
 _MAX_LIMB_AREA_M2 = 0.12
-"""Maximum visible area in square metres of a group that touches a person to be a limb: a leg seen from the
-front."""
+"""Maximum visible area in square metres of a limb, a group that touches a person: a leg seen from the
+front.
+"""
 _MAX_LIMB_LENGTH_M = 0.95
-"""Maximum diagonal of the box in metres of a group that touches a person to be a limb: the length of a
-leg."""
+"""Maximum diagonal in metres of the bounding box of a limb, a group that touches a person: the length of a
+leg.
+"""
 MIN_GROUP_AREA_M2 = 0.004
-"""Minimum visible area of a loose group in square metres. Smaller ones are noise."""
+"""Minimum visible area of a loose group in square metres. Smaller groups are noise."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,7 @@ class LooseGroup:
 
     @property
     def height(self) -> float:
-        """Returns the height difference in metres between its lowest and its highest point."""
+        """Returns the height difference in metres between the lowest and the highest point of the group."""
         return float(self.high[1] - self.low[1])
 
 
@@ -98,8 +101,8 @@ def segment_people(
         view: the frame.
         kind: (h, w) from :meth:`BackgroundModel.classify`.
         postures: the predicted posture of each person, world frame.
-        handicap: (K,) metres added to a person's distances, so that a person that is probably hidden gets
-            fewer pixels.
+        handicap: (K,) metres added to a person's distances. It is positive for people that are probably
+            hidden, so that they get fewer pixels.
     """
     shape, count = kind.shape, len(postures)
     handicap = np.zeros(count) if handicap is None else handicap
@@ -137,7 +140,7 @@ def pixels_near_bodies(
         postures: the people's postures, world frame.
         above: metres above the floor.
         reach: metres.
-        among: (h, w) the pixels to examine; None: all.
+        among: (h, w) the pixels to examine. If None, examines all.
     """
     kind = _solid_pixels(view.z, view.points, above)
     if among is not None:
@@ -151,7 +154,7 @@ def pixels_near_bodies(
 
 @njit(cache=True, nogil=True)
 def _solid_pixels(z, points, above):
-    """Returns (h, w) UNSEEN at measurements more than ``above`` metres high, and BACKGROUND elsewhere."""
+    """Returns (h, w) classes: UNSEEN for measurements more than ``above`` metres high, else BACKGROUND."""
     out = np.empty(z.shape, np.uint8)
     for v in range(z.shape[0]):
         for u in range(z.shape[1]):
@@ -173,7 +176,7 @@ def _candidate_pixels(kind, owner):
 def label_groups(z, pixels, tightness):
     """Returns (h, w) connected components 1..n of pixels joined by small depth steps, and n.
 
-    All other pixels are 0. It is a union-find in one pass in reading order.
+    All other pixels are 0. The kernel is a union-find with one pass in reading order.
 
     Args:
         z: (h, w) metres.
@@ -256,7 +259,9 @@ def _group_table(z, points, pixels, labels, groups, owner, people, pixel):
 
 
 def _classify_groups(table: Float) -> tuple[list[LooseGroup], Int]:
-    """Returns the loose groups that remain, and (groups + 1,) the person that other groups join, or -1."""
+    """Returns the groups that stay loose, and (groups + 1,) the index of the person that each other group
+    joins, or -1.
+    """
     area, joined = table[:, 0], _limb_owners(table)
     large = np.flatnonzero((area >= MIN_GROUP_AREA_M2) & (joined < 0))
     return [_loose_group(int(g), table[g]) for g in sorted(large, key=lambda g: -area[g])], joined
@@ -264,7 +269,9 @@ def _classify_groups(table: Float) -> tuple[list[LooseGroup], Int]:
 
 @njit(cache=True, nogil=True)
 def _limb_owners(table):
-    """Returns (groups + 1,) the person that each limb touches most. -1 for a group that is not a limb."""
+    """Returns (groups + 1,) the index of the person that each limb touches most. The value is -1 for groups
+    that are not limbs.
+    """
     joined = np.full(len(table), -1)
     for g in range(len(table)):
         row, contacts = table[g], table[g, 15:]

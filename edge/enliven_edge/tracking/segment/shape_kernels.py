@@ -13,7 +13,9 @@ GRID = 0.06
 _MIN_MEASURED_OUTLINE = 0.1
 """Minimum fraction of an outline with measured depth beyond it to decide whether it is free."""
 _MIN_MEASURED_IN_OPEN = 0.3
-"""The minimum in a large hall or outdoors, where few pixels have a measured depth to compare with."""
+"""Like ``_MIN_MEASURED_OUTLINE``, in a large hall or outdoors, where few pixels have a measured depth to
+compare with.
+"""
 _MAX_OPEN_DEPTH = 0.4
 """Maximum fraction of pixels with depth in an image of a large hall or outdoors, where most depths are beyond
 the sensor's range."""
@@ -34,7 +36,8 @@ def least_eigenvalue(xx, yy, zz, xy, xz, yz):
 
 @njit(cache=True, nogil=True)
 def widths_at(along, height, crown, bands):
-    """Returns (B,) metres, in bins, that (M,) points fill ``along`` a line within (B, 2) bands of height.
+    """Returns (B,) widths in metres, rounded to bins, that (M,) points fill along a line within each band of
+    height.
 
     Args:
         along: (M,) coordinates in metres along the line.
@@ -68,11 +71,11 @@ def filled_cells(along, height):
 
 @njit(cache=True, nogil=True)
 def outline_of_pixels(z, mask, pixels):
-    """Returns the fractions of a mask's outline next to farther pixels, nearer pixels and the border.
+    """Returns the fractions of a mask's outline next to farther pixels, nearer pixels and the image border.
 
     The outline consists of the sides and the top. The fourth value is whether the mask extends beyond the
-    lower image border. Depth is compared three pixels away, because the first pixels may lie on the edge
-    itself. If too little depth is known around the outline, all of it is free.
+    lower image border. Depth is compared three pixels away, because the first pixels may be on the edge
+    itself. If too little depth is known around the outline, the whole outline counts as free.
 
     Args:
         z: (h, w) metres.
@@ -109,9 +112,9 @@ def outline_of_pixels(z, mask, pixels):
 
 @njit(cache=True, nogil=True)
 def _edges(mask, pixels):
-    """Returns (M,) those of the (N,) masked indices that have an unmasked neighbour at a side or above.
+    """Returns (M,) the masked indices that have an unmasked neighbour at a side or above.
 
-    Other pixels at the image border may be among them.
+    The result may also contain other pixels at the image border.
     """
     flat, width = mask.ravel(), mask.shape[1]
     out, count = np.empty(len(pixels) + 1, np.int32), 0

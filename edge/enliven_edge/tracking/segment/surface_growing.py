@@ -1,7 +1,7 @@
-"""Region growing: where people touch, connected surface decides on pixels instead of the nearest fit.
+"""Region growing: assigns pixels where people touch by connected surface, instead of by the nearest fit.
 
 An arm that the fit lost is far from its own model and may be near another person's, especially if the two
-hold hands. Its surface is still connected to its own shoulder.
+hold hands. But its surface is still connected to the right shoulder.
 """
 
 from __future__ import annotations
@@ -13,9 +13,11 @@ from enliven.kernels import njit
 from enliven.union_find import join, root_of
 
 _MIN_CONTACT_PIXELS = 3
-"""Minimum number of contact pixels for a piece to be joined to a person. Fewer may be noise."""
+"""Minimum number of contact pixels for a piece of surface to be reassigned to a person. Fewer may be
+noise.
+"""
 _MAX_LIMB_RATIO = 0.4
-"""Maximum size of such a piece relative to the person's largest piece: a limb, not another body."""
+"""Maximum size of a reassigned piece relative to the person's largest piece: a limb, not another body."""
 _CLEAR_DISTANCE_M = 0.1
 """Distance in metres from a person's surface within which a pixel clearly belongs to the person."""
 
@@ -36,7 +38,7 @@ def grow_surfaces(owner: Int16, distance: Float, z: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def _rows_touch(owner, v):
-    """Returns True if pixels of two people are neighbours within a row, or in it and the row above.
+    """Returns True if neighbouring pixels within a row, or in a row and the one above, belong to two people.
 
     Depth is not compared. The loop has no branch, so that the compiler can vectorise it. An early exit would
     rarely help, because the result is mostly False.
@@ -124,14 +126,14 @@ def reassign_detached_pieces(owner: Int16, z: Float, counts: Int) -> Int:
 
 
 def _largest_piece(owner_of: Int, size: Int, person: int) -> int:
-    """Returns the number of a person's largest piece. -1 if there is none."""
+    """Returns the number of a person's largest piece, or -1 without any piece."""
     own = np.flatnonzero(owner_of == person)
     return int(own[size[own].argmax()]) if len(own) else -1
 
 
 @njit(cache=True, nogil=True)
 def _union_pixels(owner, z):
-    """Returns (h w,) union-find parents of each person's connected pixels, -1 without an owner."""
+    """Returns (h * w,) union-find parents of each person's connected pixels, or -1 without an owner."""
     height, width = z.shape
     parent = np.full(height * width, -1, np.int64)
     for v in range(height):
@@ -154,9 +156,9 @@ def _near(one, other):
 
 @njit(cache=True, nogil=True)
 def _pieces(parent, owner):
-    """Returns (h, w) the piece of each pixel, or -1, and two arrays over the pieces.
+    """Returns (h, w) the piece of each pixel, or -1, and two arrays with one entry per piece.
 
-    These are (P,) the owner of each piece, and (P,) its number of pixels.
+    The arrays are the (P,) owner and the (P,) number of pixels of each piece.
     """
     height, width = owner.shape
     number = np.full((height, width), -1, np.int64)
@@ -176,7 +178,9 @@ def _pieces(parent, owner):
 
 @njit(cache=True, nogil=True)
 def _contacts(owner, z, number, owner_of, largest):
-    """Returns (P, K) the contact pixels of each piece with the largest piece of each other person."""
+    """Returns (P, K) the number of contact pixels between each piece and the largest piece of each other
+    person.
+    """
     height, width = z.shape
     out = np.zeros((len(owner_of), len(largest)), np.int64)
     for v in range(height):

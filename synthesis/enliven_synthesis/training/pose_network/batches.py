@@ -21,7 +21,7 @@ class TensorBatch:
         parts: (N, 40, 32) uint8 the body part at each label cell, or the background label.
         joints: (N, 20, 3) metres, crop coordinates.
         facing: (N,) radians; NaN in samples without a person.
-        cell: (N,) metres of a cell of the crop.
+        cell: (N,) size of a cell of the crop in metres.
     """
 
     image: Tensor
@@ -73,8 +73,10 @@ class TensorDataset:
         return len(self._tensors["cell"])
 
     def batch(self, which: Tensor) -> TensorBatch:
-        """Returns the samples with the given numbers (N,), which must be ascending, so that they are read
-        from disk in one sweep."""
+        """Returns the samples with the given numbers (N,).
+
+        The numbers must be ascending, so that samples are read from disk sequentially.
+        """
         indices = which.sort().values.to(self._tensors["cell"].device)
         samples = {name: tensor[indices].to(self._device) for name, tensor in self._tensors.items()}
         return TensorBatch(**(samples | {"image": samples["image"].float()}))

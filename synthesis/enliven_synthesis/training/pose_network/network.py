@@ -22,14 +22,16 @@ WIDTHS = (16, 32, 64, 96)
 JOINTS = 20
 """Number of joints of a person, in the order of :class:`enliven.person.Joint`."""
 USUAL_CELL = 0.027
-"""Approximate mean cell size of a crop, metres. It centres the network's input."""
+"""Approximate mean cell size of a crop in metres. It centres the network's input."""
 CELL_SPREAD = 0.01
-"""Approximate standard deviation of the cell size of a crop, metres. It scales the network's input."""
+"""Approximate standard deviation in metres of the cell size of a crop. It scales the network's input."""
 
 
 class PoseNetwork(nn.Module):
-    """A network that maps crops and an optional facing to joints, their uncertainties, the facing and the
-    body parts."""
+    """A network that maps crops and an optional facing to the pose.
+
+    The output consists of joints, their uncertainties, the facing and the body parts.
+    """
 
     def __init__(self, widths: tuple[int, int, int, int] = WIDTHS) -> None:
         super().__init__()
@@ -57,9 +59,9 @@ class PoseNetwork(nn.Module):
                 unknown, and the cell size in metres.
 
         Returns:
-            (N, 20, 3) joints in crop coordinates, metres; (N, 20) logarithm of the expected error of each,
-            metres; (N, 9) logits of eight facings and of "no person"; (N, 17, 40, 32) logits of the body
-            parts.
+            Four tensors. The first is (N, 20, 3) joints in crop coordinates in metres. The second is (N, 20)
+            logarithms of the expected error of each joint in metres. The third is (N, 9) logits of eight
+            facings and of "no person". The fourth is (N, 17, 40, 32) logits of the body parts.
         """
         half = self.down_2(image)
         quarter = self.down_4(half)
@@ -106,8 +108,10 @@ def _upsampling_layer(x: Tensor) -> Tensor:
 
 
 def _cell_positions(rows: int, columns: int) -> Tensor:
-    """Returns (rows x columns, 2) positions of a map's cells relative to the middle: right and down, in cells
-    of the crop."""
+    """Returns (rows x columns, 2) positions of a map's cells relative to the middle.
+
+    They point right and down, in cells of the crop.
+    """
     down, right = torch.meshgrid(torch.arange(rows), torch.arange(columns), indexing="ij")
     middle = torch.tensor([columns / 2, rows / 2])
     return (torch.stack([right, down], 2).flatten(0, 1) + 0.5 - middle) * (ROWS / rows)

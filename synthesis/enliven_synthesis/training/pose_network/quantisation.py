@@ -1,10 +1,10 @@
 """Quantises the trained network to eight bits, which makes it a third as large and twice as fast on a core.
 
-Two layers stay in full precision. The first is the layer of the joint maps: rounding its logits moves the
-mean over a softmax by centimetres. The second is the first convolution: all channels of a crop share one
-scale, and heights go up to two metres. Depth would be rounded to one or two centimetres, but a hand is only a
-few centimetres in front of the trunk. Weights have seven bits, so that processors that add pairs of products
-in sixteen bits (x86 without VNNI) never overflow.
+Two layers stay in full precision. One is the layer of the joint maps, because rounding its logits moves the
+mean over a softmax by centimetres. The other is the first convolution. All channels of a crop share one
+scale, and heights go up to two metres. So depth would be rounded to one or two centimetres, but a hand is
+only a few centimetres in front of the trunk. Weights have seven bits, so that processors that add pairs of
+products in sixteen bits (x86 without VNNI) never overflow.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _CALIBRATION_SAMPLES = 600
 """Number of training samples for calibrating the value ranges. Some hundreds are enough."""
 _RANGE_PERCENTILE = 99.99
 """Percentile of a layer's values that its range covers. If the range covered rare outliers, all other values
-would be coarser."""
+would be quantised more coarsely."""
 _BATCH_SIZE = 4
 """Samples per run of the network. It limits the memory for intermediate values."""
 
@@ -37,9 +37,9 @@ def quantise(exported: Path, quantised: Path, dataset: Dataset, first: int) -> N
     """Writes an eight-bit version of the exported network ``exported`` to ``quantised``.
 
     Args:
-        dataset: its samples from number ``first`` on calibrate the value ranges.
+        dataset: the data set. Its samples that start at number ``first`` calibrate the value ranges.
     """
-    # Imported here, so that PyTorch, which belongs to the same extra, is reported first if it is missing.
+    # Import it here. If PyTorch, which belongs to the same extra, is missing, PyTorch is then reported first.
     import onnx
 
     with (
@@ -84,8 +84,10 @@ class _CalibrationReader(_quantization.CalibrationDataReader):  # type: ignore[m
 
 
 def _full_precision_layers(model: Any) -> list[str]:
-    """Returns the names of the layers that stay in full precision: the first convolution and the layer of the
-    joint maps."""
+    """Returns the names of the layers that stay in full precision.
+
+    They are the first convolution and the layer of the joint maps.
+    """
     shapes = {weights.name: tuple(weights.dims) for weights in model.graph.initializer}
     convolutions = [node for node in model.graph.node if node.op_type == "Conv"]
     return [

@@ -1,8 +1,8 @@
 """Trains the pose network on rendered samples, and exports it for ONNX Runtime.
 
 The loss of a joint is its negative log-likelihood under a distribution. The network predicts the width of
-that distribution, which is the expected error. So occluded joints, which have a larger one, contribute less
-to the loss.
+that distribution, which is the expected error. So occluded joints contribute less to the loss, because their
+expected error is larger.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ VALIDATION_SAMPLES = 3000
 _CONDITIONED_FRACTION = 0.6
 """Fraction of samples in which the network is conditioned on the facing. It must also work without it."""
 _CONDITION_ERROR_RAD = 0.35
-"""Standard deviation of the error of the given facing, radians. 20 degrees."""
+"""Standard deviation in radians of the error of the given facing: 20 degrees."""
 _REVERSED_FRACTION = 0.04
-"""Fraction of samples in which the given facing is reversed, so that the network does not rely on it
+"""Fraction of samples in which the given facing is reversed. It teaches the network not to rely on the facing
 blindly."""
 _MIN_LOG_SPREAD = -5.0
 """Minimum logarithm of a predicted error (7 mm). The loss does not reward a higher accuracy."""
@@ -45,17 +45,17 @@ _MAX_LOG_SPREAD = 1.0
 _LIKELIHOOD_WEIGHT = 0.3
 """Weight of the joints' negative log-likelihood in the loss."""
 _DISTANCE_WEIGHT = 2.0
-"""Weight of the joints' mean distance, in metres, in the loss. It makes this term comparable with the
+"""Weight in the loss of the joints' mean distance in metres. It makes this term comparable with the
 others."""
 _JOINT_WEIGHTS = [1.0] * 4 + [1.0, 2.0, 2.0, 2.0] * 2 + [1.0] * 8
-"""(20,) Weights of the joints in the loss. Elbows, wrists and hands are the hardest to find in depth, and
+"""(20,) weights of the joints in the loss. Elbows, wrists and hands are the hardest to find in depth, and
 legs are easy."""
 _FACING_WEIGHT = 0.3
 """Weight of the facing's cross-entropy in the loss."""
 _PARTS_WEIGHT = 0.5
 """Weight of the body parts' cross-entropy in the loss."""
 _MAX_GRADIENT_NORM = 5.0
-"""Maximum norm of the gradient (clipping), so that a rare sample cannot undo the training."""
+"""Maximum norm of the gradient (clipping). It limits the effect of a rare sample on the training."""
 _WARM_UP_STEPS = 300
 """Number of steps of the learning-rate warm-up, during which Adam's averages settle."""
 _FINAL_RATE = 0.02
@@ -164,7 +164,7 @@ def measure(path: Path, dataset: Dataset) -> NetworkScores:
 
 def export(network: PoseNetwork, path: Path) -> None:
     """Writes a network as an ONNX file that accepts any batch size."""
-    # Imported here, so that PyTorch, which belongs to the same extra, is reported first if it is missing.
+    # Import it here. If PyTorch, which belongs to the same extra, is missing, PyTorch is then reported first.
     import onnx
 
     example = (torch.zeros(2, CHANNELS, ROWS, COLUMNS), torch.zeros(2, 3))
@@ -185,7 +185,7 @@ def export(network: PoseNetwork, path: Path) -> None:
 
 
 def _strip_source_locations(graph: Any) -> None:
-    """Removes the source location of every node, since it contains folder names of the training machine."""
+    """Removes the source location of every node, because it contains folder names of the training machine."""
     for part in (graph, *graph.node, *graph.input, *graph.output, *graph.value_info, *graph.initializer):
         part.ClearField("doc_string")
         part.ClearField("metadata_props")
@@ -198,8 +198,10 @@ def _schedule(step: int, steps: int) -> float:
 
 
 def _network_condition(batch: TensorBatch) -> Tensor:
-    """Returns the (N, 3) condition: the facing with noise, reversed or unknown, and the cell size in
-    metres."""
+    """Returns the (N, 3) condition of the network.
+
+    It consists of the facing with noise, reversed or unknown, and the cell size in metres.
+    """
     anywhere = torch.pi * (2.0 * torch.rand_like(batch.cell) - 1.0)
     angle = torch.where(batch.is_person, batch.facing, anywhere)
     angle = angle + _CONDITION_ERROR_RAD * torch.randn_like(angle)
@@ -209,8 +211,10 @@ def _network_condition(batch: TensorBatch) -> Tensor:
 
 
 def _training_loss(out: tuple[Tensor, Tensor, Tensor, Tensor], batch: TensorBatch) -> Tensor:
-    """Returns the training loss, a scalar: likelihood, distance, and cross-entropies of facing and body
-    parts."""
+    """Returns the training loss, a scalar.
+
+    It is the sum of likelihood, distance, and cross-entropies of facing and body parts.
+    """
     joints, spread, facing, parts = out
     weight = torch.tensor(_JOINT_WEIGHTS, device=joints.device) * batch.is_person[:, None]
     weight = weight / weight.sum().clamp(min=1.0)

@@ -1,8 +1,8 @@
 """Restores a trainable network from an exported file, including the eight-bit one that ships with enliven.
 
-In an exported network, batch normalisations are folded into the convolutions. They are inserted again so that
-the network computes the same on the calibration samples. Each one gets the mean and variance of its input on
-these samples, and the scale and shift that cancel them.
+In an exported network, batch normalisations are folded into the convolutions. This module inserts them again
+so that the network computes the same result on the calibration samples. Each normalisation gets the mean and
+variance of its input on these samples, and the scale and shift that cancel them.
 """
 
 from __future__ import annotations
@@ -21,23 +21,24 @@ from enliven_synthesis.training.dataset import Dataset
 from enliven_synthesis.training.pose_network.network import PoseNetwork
 
 _CALIBRATION_SAMPLES = 768
-"""Number of training samples for calibrating the normalisations. Each has hundreds of cells, so this is
-plenty."""
+"""Number of training samples for calibrating the normalisations. Each has hundreds of cells, so the
+statistics are accurate."""
 _FORMER_LAYER_NAMES = {".branch.": ".way."}
-"""Parts of layer names, with their names in networks exported by earlier versions."""
+"""Parts of layer names, and the corresponding parts in networks that earlier versions exported."""
 
 
 def interpolate_networks(
     first_network: PoseNetwork, second_network: PoseNetwork, share: float
 ) -> PoseNetwork:
-    """Returns the network with interpolated weights of two networks. The second was fine-tuned from the
-    first.
+    """Returns a network with weights interpolated between two networks.
+
+    The second was fine-tuned from the first.
 
     An interpolated network keeps what it learnt about rare samples and forgets less about all others
     (Wortsman et al., "Robust fine-tuning of zero-shot models", CVPR 2022, equation 1).
 
     Args:
-        share: weight of the second network, 0 to 1.
+        share: weight of the second network in [0, 1].
     """
     interpolated, first, second = (
         copy.deepcopy(second_network),
@@ -55,7 +56,7 @@ def restore_network(path: Path, dataset: Dataset, first: int) -> PoseNetwork:
     """Returns the network of an exported .onnx file, ready for further training.
 
     Args:
-        dataset: its samples from number ``first`` on calibrate the normalisations.
+        dataset: the data set. Its samples that start at number ``first`` calibrate the normalisations.
 
     Raises:
         InputError: if the file is missing, damaged, or of a network with other layers.
@@ -92,7 +93,10 @@ def _convolution_before(normalisation: str) -> str:
 
 
 def _normalising_hook(bias: Tensor) -> Callable[[nn.BatchNorm2d, tuple[Tensor]], None]:
-    """Returns a hook that sets a normalisation from its first input, so that it only adds a bias."""
+    """Returns a hook that sets a normalisation from its first input.
+
+    The normalisation then only adds a bias.
+    """
 
     def hook(layer: nn.BatchNorm2d, inputs: tuple[Tensor]) -> None:
         values = inputs[0].transpose(0, 1).flatten(1)
@@ -106,7 +110,7 @@ def _normalising_hook(bias: Tensor) -> Callable[[nn.BatchNorm2d, tuple[Tensor]],
 
 def _read_weights(path: Path) -> dict[str, Float32]:
     """Returns the weights of an exported network by name. Eight-bit weights are converted to floats."""
-    # Imported here, so that PyTorch, which belongs to the same extra, is reported first if it is missing.
+    # Import it here. If PyTorch, which belongs to the same extra, is missing, PyTorch is then reported first.
     import onnx
     from onnx import numpy_helper
 
