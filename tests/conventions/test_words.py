@@ -1,4 +1,4 @@
-"""Names, constants and docstrings are such that a stranger finds and understands them."""
+"""Tests that names, constants and docstrings are understandable without knowledge of the project."""
 
 import pytest
 from source_tree import PACKAGES, ROOT
@@ -9,7 +9,7 @@ FILES = [path for folder in PACKAGES.values() for path in sorted((ROOT / folder)
 
 @pytest.fixture(scope="module", autouse=True)
 def forgotten():
-    """What was parsed, some 100 MB, is let go after these tests."""
+    """Releases the parsed modules after these tests, about 100 MB."""
     yield
     body_of.cache_clear()
 

@@ -1,7 +1,7 @@
 """Tests that unusable input gives a one-line error and an exit code, never a traceback or a hang.
 
-One file of each kind is given to the program as a process, including its start and end; the others to
-the same command line in this process, which costs a tenth.
+One file of each kind is given to a real process, which also covers its start and end. The others use the same
+command line within this process, which takes a tenth of the time.
 """
 
 import logging
@@ -41,7 +41,7 @@ def started(*arguments: str) -> subprocess.CompletedProcess:
 
 @pytest.fixture
 def enliven(capsys, caplog):
-    """Runs a command line in this process."""
+    """Returns a function that runs a command line in this process."""
 
     def run(*arguments: str) -> CommandResult:
         with caplog.at_level(logging.INFO):
@@ -103,7 +103,9 @@ def test_a_recording_that_cannot_be_used(tmp_path, name, content, enliven):
 
 @pytest.mark.parametrize("value", [0, 65535, 2000])
 def test_frames_without_people_are_processed(tmp_path, value, enliven):
-    """Zeros, all 65535, a wall: the edge runs to the end without attaching a character."""
+    """For depth images of only 0, only 65535, or a wall, the edge runs to the end without attaching a
+    character.
+    """
     path = recorded(tmp_path / "nobody.mcap", lambda i: np.full((120, 160), value, np.uint16))
     ports = ["--port", "0", "--control-port", "0", "--name", f"nobody-{value}"]
     asked = enliven("edge", "--recording", str(path), "--speed", "0", "--possess-at", "0.1", *ports)
@@ -117,7 +119,7 @@ def test_a_port_in_use(enliven):
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        # Before anything is prepared, so that the missing mesh is not noticed yet.
+        # The edge checks the port before it reads the mesh, so the missing mesh is not reported.
         ports = ["--port", str(port), "--control-port", "0", "--name", "taken"]
         asked = enliven("edge", "--mesh", "none.obj", *ports)
     assert asked.returncode == 4, asked.stderr
@@ -145,11 +147,11 @@ def test_two_edges_of_one_name(tmp_path, enliven):
 
 @pytest.mark.slow
 def test_edge_without_a_log_reader_continues_and_ends_well(tmp_path):
-    """The reader of its log disappears; only later messages are lost."""
+    """If the reader of its log disappears, the edge loses only later messages."""
     path = recorded(tmp_path / "short.mcap", lambda i: np.zeros((120, 160), np.uint16), 30)
     ports = ["--port", "0", "--control-port", "0", "--name", "unheard"]
     command = [sys.executable, "-m", "enliven", "edge", "--recording", str(path), *ports]
-    # Python keeps unwritten output unless told not to, and tries again at exit.
+    # By default, Python keeps unwritten output and tries to write it again at exit.
     usual = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=usual) as edge:
         try:

@@ -30,7 +30,9 @@ NOISE = os.urandom(250_000)
 
 
 class HostileEdge:
-    """Raw sockets in place of an edge: sends each viewer a list of characters, and then anything."""
+    """Raw sockets in place of an edge. It sends each viewer a list of characters, and then arbitrary
+    messages.
+    """
 
     def __init__(self) -> None:
         self.context = make_context()
@@ -77,7 +79,7 @@ def edge() -> Iterator[HostileEdge]:
 
 
 def held_bytes(edge: HostileEdge) -> int:
-    """Returns the bytes that the viewer counts for everything it keeps."""
+    """Returns the number of bytes that the viewer counts for all data it stores."""
     own = edge.link.edges[0]
     kept = [*own.inbox.values(), *own.latest.values(), own._waiting, own._unsure]
     return sum(each.bytes for each in kept)

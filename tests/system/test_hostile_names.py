@@ -22,13 +22,15 @@ from enliven_edge.sensors.attached_cameras import list_attached
 
 HOSTILE = "a\x1b[31m\u202e[red]x[nothing]\x9b2J\n"
 SHOWN = r"a\x1b[31m\u202e[red]x[nothing]\x9b2J\n"
-r"""The displayed form. Some commands write a line end as \n, the option library as \x0a."""
+r"""The escaped form of the name. Some commands write a line end as \n, the option library as \x0a."""
 Print = Callable[..., str]
 
 
 @pytest.fixture
 def printed(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Print:
-    """Runs a command and returns its output; tables are wide enough not to wrap names."""
+    """Returns a function that runs a command and returns its output. Tables are wide enough not to wrap
+    names.
+    """
     monkeypatch.setenv("COLUMNS", "600")
 
     def call(*words: object) -> str:

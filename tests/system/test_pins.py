@@ -1,4 +1,6 @@
-"""Tests that constraints.txt and locks/ list every dependency, for every Python and machine of setup.sh."""
+"""Tests that constraints.txt and locks/ list every dependency for every Python and machine that setup.sh
+supports.
+"""
 
 import importlib.util
 import re
@@ -24,7 +26,7 @@ def script(name: str):
 lock, audit = script("lock"), script("audit")
 EVERYWHERE = {f"{at['platform_machine']} {at['python_version']}": at for at in lock.environments()}
 WITHOUT_WHEEL = {"aarch64": {"3.12", "3.13", "3.14"}}
-"""Pythons without a moderngl wheel there, which setup.sh therefore refuses."""
+"""Python versions for which moderngl has no wheel, by machine type. setup.sh refuses them."""
 
 
 def lock_lines(kind: str) -> list[str]:

@@ -1,4 +1,6 @@
-"""Tests of scanning over the wire: an edge scans its camera's view, and a late viewer sees all of it."""
+"""Tests of scanning over the wire: an edge scans what its camera sees, and a late viewer receives the whole
+scan.
+"""
 
 import sys
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Tests that a client puts characters on a real edge's stage, replaces performing ones, and removes them."""
+"""Tests that a client adds characters to a real edge's stage, replaces attached ones, and removes them."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ CHAIR = load_sample("chair")
 
 
 class StagedEdge:
-    """The program of staged_edge.py, its take, and a client."""
+    """The program of staged_edge.py with its take, and a client."""
 
     def __init__(self, folder: Path, rate: float) -> None:
         script = Path(__file__).with_name("staged_edge.py")
@@ -69,7 +69,7 @@ class StagedEdge:
         return answers[0]
 
     def end(self) -> float:
-        """Ends the edge; returns the processor time of its longest frame in milliseconds."""
+        """Ends the edge and returns the processor time of its longest frame in milliseconds."""
         self.link.close()
         self.process.terminate()
         return float(self.process.communicate(timeout=PATIENCE)[0])

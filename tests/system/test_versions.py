@@ -1,8 +1,9 @@
-"""Tests that files of enliven 0.1 open, and files of a later version are refused with an error and kept.
+"""Tests that files of enliven 0.1 can be opened, and that files of a later version are refused and kept
+unchanged.
 
-The folder versions/0.1 was written by a commit of version 0.1, and is never made again. Its settings
-state every key, and its preferences every action, so none can be renamed without a way for old files.
-Projects of every version are in tests/shared/formats/projects.
+The folder versions/0.1 was written by a commit of version 0.1 and is never regenerated. Its settings contain
+every key, and its preferences every action. A renamed key or action therefore fails unless old files are
+still read. Projects of every version are in tests/shared/formats/projects.
 """
 
 from __future__ import annotations
