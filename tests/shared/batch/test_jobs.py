@@ -1,4 +1,4 @@
-"""Jobs of batches: results, records, and changes that make a result outdated."""
+"""Tests of batch jobs: results, records, and changes that make a result outdated."""
 
 from __future__ import annotations
 

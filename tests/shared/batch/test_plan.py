@@ -1,4 +1,4 @@
-"""Plans of batches: files, names, options, and mistakes that are all named before any work."""
+"""Tests of batch plans: files, names, options, and mistakes, which are all reported before any work."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Tests of squash-and-stretch deformation against a slow dense reference, its laws, and its error checks."""
+"""Tests of squash-and-stretch deformation against a slow dense reference, of its invariants, and of its
+errors.
+"""
 
 from dataclasses import replace
 
@@ -21,7 +23,7 @@ PLAIN = ArapSettings(squash_and_stretch=False)
 
 
 def sphere(rings=7, around=10, radius=0.5, centre=(0.0, 0.0, 0.0)):
-    """A closed ball of rings, with a vertex at each pole."""
+    """Returns a closed sphere with a vertex at each pole."""
     polar = np.pi * np.arange(1, rings) / rings
     turn = 2 * np.pi * np.arange(around) / around
     ring = np.stack(
@@ -45,7 +47,7 @@ def sphere(rings=7, around=10, radius=0.5, centre=(0.0, 0.0, 0.0)):
 
 
 def sheet(across=9, along=5, jitter=0.0, seed=0):
-    """An open flat grid, its points shaken in the plane and out of it."""
+    """Returns an open flat grid whose points are randomly displaced in the plane and out of it."""
     x, y = np.meshgrid(np.linspace(0, 1, across), np.linspace(0, 0.5, along))
     points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], 1)
     points += np.random.default_rng(seed).normal(0, jitter, points.shape)
@@ -63,7 +65,7 @@ def volume(mesh, vertices):
 
 
 class Twin:
-    """Implements section 4 literally: dense matrices, one SVD and one eigenvalue problem per cell."""
+    """A literal implementation of section 4: dense matrices, one SVD and one eigenvalue problem per cell."""
 
     def __init__(self, mesh, held, settings):
         self.rest, self.settings, self.held = mesh.vertices, settings, held
@@ -110,7 +112,7 @@ class Twin:
         return frames
 
     def settle(self, frames, wanted, soft):
-        """Eq. 9 or 13, the handles as hard or soft constraints."""
+        """Iterates eq. 9 (soft handles) or eq. 13 (hard handles)."""
         count = len(self.rest)
         laplacian = np.diag(self.w.sum(1)) - self.w
         right = np.zeros((count, 3))
@@ -258,7 +260,7 @@ def test_shells_soups_and_loose_vertices_move_together():
     for _ in range(30):
         solved = solver.solve({"high": turned})
     assert np.isfinite(solved).all()
-    # The small ball came along and is still one.
+    # The small ball has moved and is still a ball.
     small = solved[top : top + len(far.vertices)]
     assert np.linalg.norm(small.mean(0) - far.vertices.mean(0)) > 0.05
     distances = np.linalg.norm(small - small.mean(0), axis=1)

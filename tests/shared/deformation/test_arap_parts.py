@@ -1,4 +1,4 @@
-"""The kernels of surface deformation against plain linear algebra."""
+"""Tests of the kernels of surface deformation against plain linear algebra."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Puppets as documents: what they refuse, what a project keeps of them, and how viewers know them."""
+"""Tests of puppets as documents: refused values, storage in a project, and their characters in viewers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Frame by frame is what the batch makes, as far as one can without knowing the future."""
+"""Tests that the frame-by-frame solution equals the batch solution, up to the effect of unknown future
+frames.
+"""
 
 import numpy as np
 import pytest

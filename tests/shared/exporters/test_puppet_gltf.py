@@ -1,4 +1,4 @@
-"""Puppets as GLB: strictly right, and where the solved surface is, as a reader of its own plays the file."""
+"""Tests of puppets as GLB: valid files whose surface, played by an independent reader, is the solved one."""
 
 import made_puppets
 import numpy as np
@@ -21,12 +21,12 @@ PLACE, TURN = np.array([1.0, 0.0, -2.0]), from_rotation_vector(np.array([0.0, 0.
 
 @pytest.fixture(scope="module")
 def bean():
-    """It goes through the world, and stands somewhere else."""
+    """Returns a bean that moves through the world."""
     return made_puppets.project(layers=(PuppetLayer("dance"),), place=PLACE, turn=TURN)
 
 
 def solved(project, times):
-    """(T, V, 3) in the world, as the surface's solver has it."""
+    """Returns (T, V, 3) the world positions from the surface's solver."""
     puppet = project.puppet("bean")
     surface = PuppetSurface(puppet.mesh, [p.vertex for p in puppet.points], settings=puppet.surface)
     out = []

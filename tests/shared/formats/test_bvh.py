@@ -1,4 +1,4 @@
-"""BVH: whatever the order of channels, forward kinematics is what the file says; errors name the line."""
+"""Tests of BVH import: forward kinematics matches the file for any channel order, and errors name the line."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ORDERS = ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"]
 
 
 def turned(axis: str, degrees: float) -> np.ndarray:
-    """(4, 4) a rotation, written out."""
+    """Returns (4, 4) a rotation, computed literally."""
     a = np.radians(degrees)
     c, s = np.cos(a), np.sin(a)
     m = np.eye(4)
@@ -26,7 +26,7 @@ def turned(axis: str, degrees: float) -> np.ndarray:
 
 @st.composite
 def skeletons(draw):
-    """A tree as (parent, offset, channels) a joint, and frames of its channels."""
+    """Draws a tree of joints as (parent, offset, channels), and frames of their channels."""
     count = draw(st.integers(1, 6))
     number = st.floats(-50, 50).map(lambda x: round(x, 3))
     joints = []
@@ -42,7 +42,7 @@ def skeletons(draw):
 
 
 def written(joints, rows) -> tuple[str, list[int]]:
-    """The text of a BVH file, and the joints in the order in which it has them."""
+    """Returns the text of a BVH file, and the joints in the order of the file."""
     order: list[int] = []
 
     def block(n: int, depth: int) -> str:
@@ -68,7 +68,7 @@ def written(joints, rows) -> tuple[str, list[int]]:
 
 
 def slow_world(joints, row) -> list[np.ndarray]:
-    """(4, 4) of every joint, one joint and one channel at a time."""
+    """Returns (4, 4) of every joint, computed one joint and one channel at a time."""
     world: list[np.ndarray] = []
     column = 0
     for parent, offset, channels in joints:
@@ -185,7 +185,7 @@ def test_the_unit_is_guessed_by_the_legs(unit: str) -> None:
 
 
 def same(text: str) -> None:
-    """The text is read as :data:`SIMPLE` is."""
+    """Checks that the text is read in the same way as :data:`SIMPLE`."""
     capture, expected = parse_bvh(text), parse_bvh(SIMPLE)
     assert (capture.names, capture.parents, capture.notes) == (expected.names, expected.parents, ())
     np.testing.assert_allclose(capture.positions, expected.positions, atol=1e-12)

@@ -1,4 +1,6 @@
-"""Project files: bit for bit, for ever, and a clear word about every file that is none."""
+"""Tests of project files: content survives bit for bit, old versions stay readable, and other files give
+clear errors.
+"""
 
 from __future__ import annotations
 
@@ -78,7 +80,7 @@ def test_the_empty_project(tmp_path):
 
 
 def test_the_first_file_that_ever_was_is_read():
-    """Stored when version 1 was the newest; never made again."""
+    """The file was stored when version 1 was the newest, and is never regenerated."""
     project = read_project(STORED / "version_1.enliven")
     expected = json.loads((STORED / "version_1.json").read_text())
     assert list(project.shapes) == expected["shapes"]
@@ -91,15 +93,18 @@ def test_the_first_file_that_ever_was_is_read():
 
 
 TRAVEL_CHANGED = 0.1
-"""Metres that a stored puppet is elsewhere since example-driven characters follow their performer's path."""
+"""Metres by which a stored puppet's position differs, since example-driven characters follow their
+performer's path.
+"""
 
 
 @pytest.mark.parametrize("file", ["1_rigged", "1_possessed", "1_puppet", "2"])
 def test_stored_characters_of_every_kind_move_as_they_did(file):
-    """Stored when each version was the newest, with where all vertices were at three times.
+    """Each file was stored when its version was the newest, with all vertex positions at three times.
 
-    Of a puppet the places of its control points are stored, which are solved within 2e-6 m of themselves.
-    They keep their places in the puppet. The puppet itself goes where its performer goes since November 2026.
+    For a puppet, the positions of its control points are stored, which the solver reproduces within 2e-6 m.
+    Their positions relative to the puppet have not changed. Since November 2026, the puppet itself follows
+    its performer's path.
     """
     project = read_project(STORED / f"version_{file}.enliven")
     expected = json.loads((STORED / "version_1_kinds.json").read_text())

@@ -1,4 +1,4 @@
-"""Mistakes of a kiosk's profile are reported before anything starts, all at once."""
+"""Tests that all mistakes in a kiosk's profile are reported together before anything starts."""
 
 from __future__ import annotations
 

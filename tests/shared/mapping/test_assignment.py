@@ -1,4 +1,6 @@
-"""Who drives whom: legs to legs, arms to forelegs, left to left; and joints to the joints they stand for."""
+"""Tests of which source chain drives which target chain (legs to legs, arms to forelegs, left to left), and
+of matching joints.
+"""
 
 from itertools import pairwise
 
@@ -12,7 +14,7 @@ from enliven.skeletons.anatomy import find_anatomy
 
 
 def told(source, target):
-    """For each role the last joints of both chains."""
+    """Returns the last joints of both chains for each role."""
     drives = assign_limbs(find_anatomy(source), find_anatomy(target))
     return {d.role: (source.names[d.source[-1]], target.names[d.target[-1]]) for d in drives}
 
@@ -79,7 +81,7 @@ def test_a_split_is_in_order_and_covers_both(seed):
 
 
 def most(one, other, near):
-    """The most pairs in order, tried one by one."""
+    """Returns the largest number of pairs in order, by trying all."""
     if not one or not other:
         return 0
     best = max(most(one[1:], other, near), most(one, other[1:], near))

@@ -1,4 +1,6 @@
-"""Mapping files: what is written is read again, by hand or not, and what is wrong is said."""
+"""Tests of mapping files: written files are read back equal, hand-written ones are accepted, and mistakes are
+reported.
+"""
 
 import pytest
 from hypothesis import given, settings

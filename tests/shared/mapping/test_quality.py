@@ -1,4 +1,4 @@
-"""What the summary measures, beside a slow obvious twin; and softened mappings."""
+"""Tests of the measures in the summary against a slow reference, and of softened mappings."""
 
 from dataclasses import replace
 
@@ -93,7 +93,9 @@ def test_the_next_best_mapping_is_better_or_none():
 
 
 def test_the_next_best_mapping_is_judged_by_floor_and_slide_and_not_by_stretch_alone():
-    """A horse whose feet are not kept on the floor: less movement stretches it least, and makes it worse."""
+    """The feet of a horse leave the floor. Less movement would stretch the surface least, but worsen the
+    result.
+    """
     shape, clip = webbed("horse", horse()), walk(raised=1.5)
     plan = replace(automatic(clip, shape), travel=True, steps=False, floor=False)
     result = retarget(shape, clip, plan)
@@ -109,7 +111,7 @@ def test_the_next_best_mapping_is_judged_by_floor_and_slide_and_not_by_stretch_a
 
 
 def test_feet_in_place_do_not_slide():
-    """Who walks in one place walks as on a treadmill: that is no fault of a mapping."""
+    """Walking in place is like walking on a treadmill, and no fault of a mapping."""
     shape, clip = meshed("man", man()), walk()
     slides = []
     for travel in (False, True):
