@@ -1,4 +1,6 @@
-"""Tests that packages have one purpose, a limited size and an import order, and that violations are reported."""
+"""Tests that packages have one purpose, a limited size and an import order, and that violations are
+reported.
+"""
 
 import ast
 import subprocess

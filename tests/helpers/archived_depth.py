@@ -54,7 +54,9 @@ def _ask(coder, data, states, at, bit):
 
 @njit(cache=True, nogil=True)
 def _residual(coder, data, states, base, r):
-    """Encodes a residual: whether it is zero, then its sign, then its size, first in unary and then in bits."""
+    """Encodes a residual: whether it is zero, then its sign, then its size, first in unary and then in
+    bits.
+    """
     _ask(coder, data, states, base, int(r == 0))
     if r == 0:
         return

@@ -267,7 +267,9 @@ def teddy() -> KnownBody:
 
 
 def child() -> KnownBody:
-    """Returns a child of four years with a large head, short limbs, and arms away from the body and forward."""
+    """Returns a child of four years with a large head, short limbs, and arms away from the body and
+    forward.
+    """
     scale = {
         model.NECK: 1.25, model.ARM: 0.82, model.FORE: 0.8, model.THIGH: 0.78, model.SHIN: 0.75,
         model.SHOULDER: 0.9,

@@ -231,7 +231,9 @@ def bvh_text(skeleton: Skeleton, frames: np.ndarray, seconds=0.05) -> str:
 
 
 def webbed(name: str, skeleton: Skeleton):
-    """Returns a mesh in the rest pose with a band across every joint, from its parent bone to its child bone."""
+    """Returns a mesh in the rest pose with a band across every joint, from its parent bone to its child
+    bone.
+    """
     vertices, faces, indices = [], [], []
     wide = np.array([0.1, 0.0, 0.1])
     for j in range(1, len(skeleton)):

@@ -12,7 +12,9 @@ from typing import Any
 
 
 class TooSlow(BaseException):
-    """Raised at a timeout. It is no ``Exception``, so that file readers do not handle it as a damaged file."""
+    """Raised at a timeout. It is no ``Exception``, so that file readers do not handle it as a damaged
+    file.
+    """
 
 
 @contextmanager

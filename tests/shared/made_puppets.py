@@ -13,7 +13,9 @@ NAMES = ("hips", "head", "left", "right")
 
 
 def tube(rings=20, around=12, height=1.0, radius=0.15):
-    """Returns a closed tube with round ends on y = 0. The lowest vertex is the first, the highest the last."""
+    """Returns a closed tube with round ends on y = 0. The lowest vertex is the first, the highest the
+    last.
+    """
     angles = np.linspace(0, 2 * np.pi, around, endpoint=False)
     lean = np.linspace(0, np.pi, rings + 2)[1:-1]
     y = height / 2 * (1 - np.cos(lean))

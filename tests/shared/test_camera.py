@@ -1,4 +1,4 @@
-"""The camera: projection and its inverse, mountings, and calibrations that cannot be."""
+"""Tests of the camera: projection and its inverse, mountings, and invalid calibrations."""
 
 import numpy as np
 import pytest

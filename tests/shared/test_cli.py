@@ -1,4 +1,4 @@
-"""The command line: exit codes that mean something, and never a traceback."""
+"""Tests of the command line: meaningful exit codes, and never a traceback."""
 
 import json
 import logging
@@ -105,13 +105,13 @@ def test_a_cut_recording_is_read_with_one_sentence(tmp_path):
 
 
 def test_processes_end_together():
-    """The one that leads ends at once with 0; the other would run for ever."""
+    """The leading program ends at once with 0. The other one would run for ever."""
     follower = Process("follower", ["doctor", "--json"])
     assert run_together([follower, Process("leader", ["--version"], leads=True)]) == 0
 
 
 def test_a_failing_process_ends_the_run(tmp_path):
-    """The leader would replay for minutes; the other fails, and with it the run."""
+    """The leading program would replay for minutes. The other one fails and ends the run."""
     ports = ["--port", "0", "--control-port", "0", "--name", "leader"]
     leader = Process("leader", ["edge", "--loop", *ports], leads=True)
     assert run_together([leader, Process("failing", ["run", "--recording", "nowhere.mcap"])]) == 3

@@ -1,4 +1,4 @@
-"""Bodies and characters: what their arrays must be."""
+"""Tests of bodies and characters: the required shapes and values of their arrays."""
 
 import numpy as np
 import pytest

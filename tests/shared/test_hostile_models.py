@@ -1,4 +1,6 @@
-"""Models that strangers made, and the files that they name: one door, and no number taken at its word."""
+"""Tests of models from untrusted sources and the files to which they refer: all are read by one checked
+function.
+"""
 
 import base64
 import io
@@ -33,7 +35,7 @@ READERS = [read_gltf, load_mesh]
 
 
 def written(path, uri=INLINE, **changes):
-    """A glTF of one triangle; ``changes`` take the place of its entries."""
+    """Writes a glTF of one triangle. ``changes`` replace its entries."""
     document = {**TRIANGLE, "buffers": [{"byteLength": len(DATA), "uri": uri}], **changes}
     path.write_text(json.dumps(document))
     return path

@@ -1,4 +1,4 @@
-"""Settings: defaults, overrides, and messages that name the nearest known key."""
+"""Tests of settings: defaults, overrides, and messages that name the nearest known key."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path

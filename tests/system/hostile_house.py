@@ -118,7 +118,9 @@ class Visitor:
         return order, self.ask(order)
 
     def put(self, name: str, revision: int = 1, data: bytes = BOX_DATA) -> requests.Answer:
-        """Announces and sends a character. Returns ``Done`` when it is on the stage, otherwise the refusal."""
+        """Announces and sends a character. Returns ``Done`` when it is on the stage, otherwise the
+        refusal.
+        """
         order, answer = self.announce(name, revision, data)
         while isinstance(answer, requests.Awaited):
             if answer.received < len(data):

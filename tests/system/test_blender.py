@@ -35,7 +35,7 @@ pytestmark = [
 
 
 def blender(script: Path, *words) -> None:
-    """Returns a function that runs a script in Blender with the system's Python instead of that of the tests."""
+    """Runs a script in Blender with the system's Python instead of that of the tests."""
     folders = [each for each in os.environ["PATH"].split(os.pathsep) if ".venv" not in each]
     environment = {"PATH": os.pathsep.join(folders), "HOME": os.environ.get("HOME", "/")}
     command = [*COMMAND, str(script), "--", *map(str, words)]
@@ -117,7 +117,9 @@ class GlbTruth:
 
 
 def joint_error(frames, truth: GlbTruth) -> float:
-    """Returns the largest distance in metres between a joint and its position in the file, over all frames."""
+    """Returns the largest distance in metres between a joint and its position in the file, over all
+    frames.
+    """
     worst = 0.0
     for number, frame in enumerate(frames):
         expected = truth.places(number)

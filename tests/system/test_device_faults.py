@@ -1,4 +1,6 @@
-"""Tests that a failing memory card, a lost network drive and a full disk are reported with path and advice."""
+"""Tests that a failing memory card, a lost network drive and a full disk are reported with path and
+advice.
+"""
 
 import errno
 import os
@@ -29,7 +31,9 @@ def hook(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(hook: Path, path: Path, number: int, first: int, *words: str | Path) -> tuple[int, str]:
-    """Runs enliven while reads of a file fail from byte ``first`` on. Returns the exit code and the messages."""
+    """Runs enliven while reads of a file fail from byte ``first`` on. Returns the exit code and the
+    messages.
+    """
     faults = {"FAULT_READ": path.name, "FAULT_FROM": str(first), "FAULT_ERRNO": str(number)}
     command = [sys.executable, "-m", "enliven", *map(str, words)]
     shown = subprocess.run(

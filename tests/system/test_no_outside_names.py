@@ -1,4 +1,6 @@
-"""Tests that no program looks up a foreign host name, sends to a foreign address, or leaves telemetry files."""
+"""Tests that no program looks up a foreign host name, sends to a foreign address, or leaves telemetry
+files.
+"""
 
 import contextlib
 import shutil
@@ -58,7 +60,9 @@ def ended(process: subprocess.Popen[str]) -> str:
 
 
 def fenced(*words: str | Path) -> list[str | Path]:
-    """Returns the command line of ``enliven`` with the given arguments, without network access if possible."""
+    """Returns the command line of ``enliven`` with the given arguments, without network access if
+    possible.
+    """
     if shutil.which("unshare") is None or subprocess.run(["unshare", "-rn", "true"]).returncode:
         return [sys.executable, "-m", "enliven", *words]
     return ["unshare", "-rn", sys.executable, "-c", LOOPBACK_ALONE, *words]

@@ -64,7 +64,9 @@ def road(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """Returns the fields of the edge's take of the whole recording, with the same options as in the main job."""
+    """Returns the fields of the edge's take of the whole recording, with the same options as in the main
+    job.
+    """
     take = tmp_path_factory.mktemp("whole") / "take.mcap"
     words = ["edge", "--possess-at", "1.5", "--speed", "0", "--port", "0", "--control-port", "0"]
     assert cli.run([*words, "--name", "whole", "--record", str(take)]) == 0

@@ -95,7 +95,9 @@ def performed(takes, space, recordings, found):
 
 
 def errors(space, made):
-    """Returns (N, 20) distances between tracked and true joints, metres, in the first sensor's level frame."""
+    """Returns (N, 20) distances between tracked and true joints, metres, in the first sensor's level
+    frame.
+    """
     view = View("left", ())
     world_from_room = space.sensors["left"].camera @ invert(view.world_from_camera)
     return np.array(

@@ -261,7 +261,9 @@ def test_page_returns_after_restarts_of_edge_and_server_and_a_reload(browser: Br
 
 
 def wait_for_picture(page: Page) -> np.ndarray:
-    """Returns (H, W, 3) uint8 the page's picture, once its camera is still and each batch of poses is drawn."""
+    """Returns (H, W, 3) uint8 the page's picture, once its camera is still and each batch of poses is
+    drawn.
+    """
     page.wait_for(
         "new Promise((done) => { const before = enliven.theatre.stage.camera.matrixWorld.elements.join();"
         "setTimeout(() => done(before === enliven.theatre.stage.camera.matrixWorld.elements.join()), 500); })"

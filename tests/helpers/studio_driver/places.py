@@ -99,7 +99,9 @@ class Widget:
 
 @dataclass(frozen=True)
 class OnTimeline:
-    """A time on the ruler, seconds. With ``lane``, the same time in that timeline row, counted from the top."""
+    """A time on the ruler, seconds. With ``lane``, the same time in that timeline row, counted from the
+    top.
+    """
 
     time: float
     lane: int | None = None

@@ -1,4 +1,6 @@
-"""Tests of the store of prepared characters: it returns the same bits, and never the result of other inputs."""
+"""Tests of the store of prepared characters: it returns the same bits, and never the result of other
+inputs.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Tests of the skinning kernels against eq. 2 in NumPy, and of invariants of skinning for random characters."""
+"""Tests of the skinning kernels against eq. 2 in NumPy, and of invariants of skinning for random
+characters.
+"""
 
 import numpy as np
 import pytest

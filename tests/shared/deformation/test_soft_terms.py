@@ -236,7 +236,9 @@ def test_raised_mesh_keeps_shape_and_touches_the_floor(trousers, way, floor):
 
 
 def play(floor, graph, ways, seconds=1 / 30):
-    """Returns the contact states of the feet over frames in which the whole mesh is moved by ``ways`` (F, 3)."""
+    """Returns the contact states of the feet over frames in which the whole mesh is moved by ``ways`` (F,
+    3).
+    """
     out = []
     for way in ways:
         planes = floor.planes(rest(graph)[0], graph.positions + way, seconds)

@@ -135,7 +135,9 @@ def jumps(mesh, skin, nodes):
 
 
 def test_weights_are_continuous():
-    """Differences shrink with shorter edges. At a discontinuity, the maximum difference would stay the same."""
+    """Differences shrink with shorter edges. At a discontinuity, the maximum difference would stay the
+    same.
+    """
     mesh = fork(0.02)
     nodes, largest = 24, []
     graph = DeformationGraph.build(mesh, nodes)

@@ -1,4 +1,6 @@
-"""Tests of trajectories from examples: their invariants, and a slow dense solution of the spacetime problem."""
+"""Tests of trajectories from examples: their invariants, and a slow dense solution of the spacetime
+problem.
+"""
 
 import numpy as np
 import pytest

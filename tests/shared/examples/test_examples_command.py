@@ -36,9 +36,7 @@ def folder(tmp_path):
 
 
 def examples(folder, *words):
-    """Returns a function that runs the command and returns its exit code. Words with a dot become files in
-    the folder.
-    """
+    """Runs the command and returns its exit code. Words with a dot become files in the folder."""
     plain = [str(folder / w) if isinstance(w, str) and "." in w else str(w) for w in words]
     return run(["examples", *plain])
 

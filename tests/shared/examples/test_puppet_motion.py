@@ -1,4 +1,6 @@
-"""Tests of a puppet's motion: its key poses at any performer position, mixing, loops, and other performers."""
+"""Tests of a puppet's motion: its key poses at any performer position, mixing, loops, and other
+performers.
+"""
 
 from __future__ import annotations
 

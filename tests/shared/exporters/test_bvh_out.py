@@ -1,4 +1,6 @@
-"""Tests of BVH export: two readers, our own and a plain one, find every joint at its position in every frame."""
+"""Tests of BVH export: two readers, our own and a plain one, find every joint at its position in every
+frame.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,6 @@
-"""Tests of ``enliven export``: recordings, projects and motion files to GLB and BVH, and errors with advice."""
+"""Tests of ``enliven export``: recordings, projects and motion files to GLB and BVH, and errors with
+advice.
+"""
 
 import json
 import struct
@@ -34,9 +36,7 @@ WIRE = 4e-3
 
 
 def export(folder, *words):
-    """Returns a function that runs the command and returns its exit code. Words with a suffix become files in
-    the folder.
-    """
+    """Runs the command and returns its exit code. Words with a suffix become files in the folder."""
     return run(["export", *(str(folder / w) if isinstance(w, str) and "." in w else str(w) for w in words)])
 
 

@@ -1,4 +1,6 @@
-"""Tests of GLB export: the file is valid, moves as the document does, and gives the same skeleton when read."""
+"""Tests of GLB export: the file is valid, moves as the document does, and gives the same skeleton when
+read.
+"""
 
 from __future__ import annotations
 

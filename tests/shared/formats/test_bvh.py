@@ -1,4 +1,6 @@
-"""Tests of BVH import: forward kinematics matches the file for any channel order, and errors name the line."""
+"""Tests of BVH import: forward kinematics matches the file for any channel order, and errors name the
+line.
+"""
 
 from __future__ import annotations
 

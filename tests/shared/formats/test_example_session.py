@@ -1,4 +1,6 @@
-"""Tests of session files: written by hand or by a program, read back equal, and refused with table and key."""
+"""Tests of session files: written by hand or by a program, read back equal, and refused with table and
+key.
+"""
 
 from __future__ import annotations
 

@@ -116,7 +116,9 @@ def test_a_size_that_never_changes_belongs_to_the_rest_pose(tmp_path):
 
 
 def test_a_foot_under_a_controller_hangs_on_the_shin(tmp_path):
-    """Baked inverse kinematics leaves this: the foot is parented to the ground, and moved to the shin's end."""
+    """Baked inverse kinematics leaves this: the foot is parented to the ground, and moved to the shin's
+    end.
+    """
     gltf = GltfBuilder()
     ground = gltf.node(name="ground")
     hip = gltf.node(ground, name="hip", translation=[0, 2, 0])

@@ -1,4 +1,6 @@
-"""Tests that stored kernels load without Numba's compiler, and that other kernels can be compiled from them."""
+"""Tests that stored kernels load without Numba's compiler, and that other kernels can be compiled from
+them.
+"""
 
 import os
 import subprocess

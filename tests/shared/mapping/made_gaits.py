@@ -102,7 +102,9 @@ def _about_x(angles):
 
 
 def shod(skeleton: Skeleton, tip: float):
-    """Returns a man's mesh in the rest pose with box-shaped shoes that end ``tip`` metres ahead of the ankle."""
+    """Returns a man's mesh in the rest pose with box-shaped shoes that end ``tip`` metres ahead of the
+    ankle.
+    """
     corners = np.array([[0, 0, 0], [0.05, 0, 0], [0, 0.05, 0.02]])
     at = [point + corner for point in skeleton.positions for corner in corners]
     faces = [[3 * j, 3 * j + 1, 3 * j + 2] for j in range(len(skeleton))]

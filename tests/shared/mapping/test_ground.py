@@ -48,7 +48,9 @@ def test_the_lowest_point_of_what_stands_is_on_the_floor(seed, travel):
 
 
 def test_a_leap_is_a_leap_and_a_handstand_stands():
-    """The root and all joints rise by half a metre in the middle. Then the whole body is turned upside down."""
+    """The root and all joints rise by half a metre in the middle. Then the whole body is turned upside
+    down.
+    """
     still = random_motion(np.random.default_rng(1), man(), frames=1)
     turns, root = np.repeat(still.turns, 9, 0), np.repeat(still.root, 9, 0)
     root[4, 1] += 0.5

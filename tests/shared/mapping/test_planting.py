@@ -34,7 +34,9 @@ CLEAR = 0.01
 
 
 def steps_of(speed, stance_s, swing_s=0.35, rounds=4, seed=0):
-    """Returns the foot (T, 3), the root (T, 3) that moves over it at a speed (m/s), and when the foot stands."""
+    """Returns the foot (T, 3), the root (T, 3) that moves over it at a speed (m/s), and when the foot
+    stands.
+    """
     random = np.random.default_rng(seed)
     period = stance_s + swing_s
     times = np.arange(round(rounds * period / STEP)) * STEP

@@ -1,4 +1,6 @@
-"""Trees for the tests of matching: random ones, and that of AniMesh's Figure 3, reconstructed from its text."""
+"""Trees for the tests of matching: random ones, and that of AniMesh's Figure 3, reconstructed from its
+text.
+"""
 
 from __future__ import annotations
 

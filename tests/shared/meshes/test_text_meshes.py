@@ -72,7 +72,9 @@ def test_a_hole_that_a_bridge_opens_stays_open() -> None:
 
 
 def test_polygons_of_all_kinds_at_once_keep_their_places() -> None:
-    """The file has a triangle, an edge, a concave quad, a bent quad, no corners, and a polygon without area."""
+    """The file has a triangle, an edge, a concave quad, a bent quad, no corners, and a polygon without
+    area.
+    """
     points = np.array(
         [[0, 0, 0], [2, 0, 0], [0.5, 0.5, 0], [0, 2, 0], [2, 2, 1], [1, 0, 0], [3, 0, 0]], float
     )

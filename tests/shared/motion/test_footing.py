@@ -1,4 +1,6 @@
-"""Foot locking by clip: never changes nothing, always lets no foot slide, grounding lets none sink."""
+"""Tests of foot locking per clip: "never" changes nothing, "always" prevents sliding, "ground" prevents
+sinking.
+"""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""One-shot functions do what their solvers do, and refuse with a way out."""
+"""Tests that one-shot functions return the results of their solvers, and that refusals name a remedy."""
 
 from dataclasses import replace
 

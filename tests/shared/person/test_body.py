@@ -1,4 +1,4 @@
-"""Bodies and their named parts."""
+"""Tests of bodies and their named parts."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Where bodies look, and what they are made of, whatever they are called and however they stand."""
+"""Tests of finding the facing direction and the body parts, for any joint names and any pose."""
 
 from dataclasses import replace
 

@@ -1,4 +1,6 @@
-"""Materials on the wire: what is sent arrives, what is too large is left out, what is wrong is refused."""
+"""Tests of materials on the wire: sent materials arrive, too large ones are omitted, and invalid ones
+refused.
+"""
 
 from __future__ import annotations
 
@@ -91,7 +93,9 @@ def test_a_definition_that_is_nested_without_end_is_refused() -> None:
         message_to_character(msgspec.convert(plain, CharacterMessage))
     plain["materials"]["definitions"][0] = '{"a":' * 900 + "1" + "}" * 900
     try:
-        message_to_character(msgspec.convert(plain, CharacterMessage))  # read, or refused with a word
+        message_to_character(
+            msgspec.convert(plain, CharacterMessage)
+        )  # read, or an InputError
     except InputError as error:
         assert "nested" in str(error) or "JSON" in str(error)
 

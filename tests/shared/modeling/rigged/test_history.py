@@ -1,4 +1,4 @@
-"""Undo and redo: whatever was done, the project comes back bit for bit."""
+"""Tests of undo and redo: after any edits, the project is restored bit for bit."""
 
 import copy
 
@@ -23,7 +23,7 @@ from enliven.modeling.rigged.stroke_cut import cut_shape_along_stroke
 
 
 def random_edit(project, random):
-    """One random edit; it may be refused."""
+    """Applies a random edit, which may be refused."""
     shape_id = str(random.choice(list(project.shapes)))
     count = len(project.shape(shape_id).skeleton)
     j = int(random.integers(0, count))
