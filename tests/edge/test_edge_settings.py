@@ -1,4 +1,4 @@
-"""Tests of the settings files of edges: every shipped one is loaded, and its sensors can be opened and
+"""Tests of the edges' settings files: every shipped file is loaded, and its sensors can be opened and
 placed.
 """
 

@@ -1,4 +1,4 @@
-"""A press of a real serial port reaches the stage through a real edge, as a viewer's key does."""
+"""Tests that a press on a real serial port reaches the stage through a real edge, like a viewer's key."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class People(Sensor):
 
 
 class Say:
-    """A control that sends the commands that the test gives it."""
+    """A control that sends the commands set by the test."""
 
     name = "test"
     is_present = True

@@ -1,5 +1,6 @@
-"""Tests of the panel's messages: they are found in noise, and presses are counted from the received
-counters."""
+"""Tests that the panel's messages are found in noise, and that presses are counted from the received
+counters.
+"""
 
 from __future__ import annotations
 

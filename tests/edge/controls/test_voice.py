@@ -1,4 +1,6 @@
-"""Spoken commands by the real PocketSphinx: a synthetic speaker says them, and other things."""
+"""Tests of spoken commands with the real PocketSphinx. A speech synthesiser says commands and other
+phrases.
+"""
 
 from __future__ import annotations
 
@@ -40,10 +42,10 @@ spoken = pytest.mark.skipif(shutil.which("espeak-ng") is None, reason="espeak-ng
 
 @functools.cache
 def said(text: str, voice: str = "en-us") -> bytes:
-    """Returns a phrase spoken in a quiet room, 16 kHz, with a second of silence before and after it."""
+    """Returns a phrase spoken in a quiet room at 16 kHz, with one second of silence before and after it."""
     command = ["espeak-ng", "-v", voice, "-s", "140", "--stdout", text]
     with wave.open(io.BytesIO(subprocess.run(command, capture_output=True, check=True).stdout)) as file:
-        # espeak writes to a pipe, and does not know the length that it announces.
+        # espeak writes to a pipe, so the length in its header is wrong.
         rate, sound = file.getframerate(), np.frombuffer(file.readframes(10 * file.getframerate()), np.int16)
     common = math.gcd(rate, RATE)
     sound = resample_poly(sound.astype(float), RATE // common, rate // common)
@@ -54,7 +56,7 @@ def said(text: str, voice: str = "en-us") -> bytes:
 
 @pytest.fixture(scope="module")
 def other() -> OtherSpeech:
-    """The models for other speech, which take a second to load."""
+    """Returns the language models for other speech, which take a second to load."""
     return OtherSpeech()
 
 

@@ -19,9 +19,9 @@ from enliven_synthesis.training.pose_network.training import TrainingSettings, e
 from enliven_synthesis.training.pose_network.weight_import import interpolate_networks, restore_network
 
 ROUNDING = 2e-4
-"""Metres and logits: different summation orders in single precision through twenty layers."""
+"""Tolerance in metres and logits: sums in a different order in single precision, through twenty layers."""
 IN_EIGHT_BITS = 0.02
-"""Median metres: rounding all values to 8 bits moves a joint by millimetres."""
+"""Tolerance of the median in metres: rounding all values to 8 bits moves a joint by millimetres."""
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,9 @@ def test_an_exported_network_comes_back(dataset, tmp_path):
 
 
 def test_the_shipped_network_comes_back_and_learns_on(dataset, monkeypatch):
-    """Its joints are unchanged; a training step changes the loss less than one from random weights."""
+    """Its joints are unchanged. One training step changes the loss less than a step from random weights
+    does.
+    """
     batch = dataset.batch(np.arange(24))
     network = restore_network(ESTIMATOR, dataset, 0)
     apart = np.linalg.norm(outputs(network, batch)[0] - outputs(ESTIMATOR, batch)[0], axis=2)

@@ -1,4 +1,4 @@
-"""Tests of malicious bags and databases: each is refused with an error, without much memory or time."""
+"""Tests that malicious bag files and databases are refused with an error, using little memory and time."""
 
 import bz2
 import sqlite3

@@ -1,4 +1,4 @@
-"""Depth readers, each on small images of its layout that this test writes."""
+"""Tests of the depth readers, each on small images that the test writes in the reader's layout."""
 
 import json
 
@@ -337,7 +337,7 @@ def test_a_d405_is_known_by_name(tmp_path):
 
 
 def tum(folder, count=4):
-    """Writes a sequence in the layout of the TUM benchmark: an approaching wall."""
+    """Writes a sequence of an approaching wall in the layout of the TUM benchmark."""
     (folder / "depth").mkdir(parents=True)
     (folder / "rgb").mkdir()
     lists = {name: ["# a comment", "# timestamp filename"] for name in ("depth", "rgb")}

@@ -25,7 +25,7 @@ from enliven_edge.network.name_lock import NameLock
 from enliven_edge.network.publisher import Publisher
 
 ROUNDS = 12_000
-"""Number of polls of 5 ms, a minute in all: enough for a loaded machine."""
+"""Number of polls of 5 ms. They take a minute in total, which is enough for a loaded machine."""
 
 
 def unique() -> str:
@@ -81,7 +81,7 @@ class Peer:
         raise AssertionError("no command")
 
     def listen(self) -> None:
-        """Waits until the streams arrive."""
+        """Waits until messages of the streams arrive."""
         for _ in range(ROUNDS):
             self.publisher.send_heartbeat()
             if self.sub.poll(5):
@@ -216,7 +216,7 @@ def test_a_message_beyond_the_limit_costs_only_its_sender_the_connection(
 
 
 def test_subscriber_that_never_reads_blocks_no_other(publisher: Publisher, peer: Peer) -> None:
-    """More bytes than all buffers hold: a publisher that blocked would never finish."""
+    """The messages exceed all buffers, so a publisher that blocks would never finish."""
     thing = character(count=64)
     publisher.set_character(thing)
     peer.sub.setsockopt(zmq.RCVHWM, 1)

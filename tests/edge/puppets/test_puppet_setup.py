@@ -1,4 +1,4 @@
-"""Tests of puppets from files: missing parts are reported with a fix before the stage opens."""
+"""Tests of puppets from files: missing parts are reported with advice before the stage opens."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests that docs/scanning.md is correct: its options, refusals and numbers."""
+"""Tests that the options, error messages and numbers in docs/scanning.md are correct."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Tests of sensor profiles: every shipped file is valid and plausible; invalid ones are refused with a
+"""Tests of sensor profiles: every shipped file is valid and plausible, and invalid ones are refused with a
 reason.
 """
 
@@ -34,7 +34,7 @@ def test_a_shipped_profile_is_plausible(name: str) -> None:
     for z in (reach.near, 1.0, 2.0, min(reach.far, 4.0)):
         assert 0.0003 < profile.sigma(z) < 0.12
         assert profile.step(z) <= 0.065
-        # Published deviations include the quantisation, so they cannot be below it.
+        # Published deviations include the quantisation, so they cannot be smaller.
         assert profile.sigma(z) > 0.9 * profile.step(z) / math.sqrt(12)
 
 

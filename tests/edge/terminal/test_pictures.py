@@ -1,4 +1,4 @@
-"""Tests of images for a terminal, decoded again; a terminal is queried for its features, a pipe is not."""
+"""Tests of terminal images by decoding them. A terminal is queried for its features, a pipe is not."""
 
 import io
 import os
@@ -61,7 +61,7 @@ def test_older_terminals_get_one_of_their_fixed_colours():
 
 
 class Screen(io.StringIO):
-    """A terminal that must not be queried."""
+    """A simulated terminal that must not be queried."""
 
     encoding = "utf-8"
 
@@ -88,7 +88,7 @@ def test_the_environment_names_the_way(environment, way):
 
 
 def at_a_terminal(*words: str) -> tuple[subprocess.Popen, int]:
-    """Runs a program on a pseudo-terminal; returns it and the other end."""
+    """Runs a program on a pseudo-terminal. Returns the program and the other end."""
     import fcntl
     import termios
 
@@ -157,7 +157,9 @@ def test_the_command_draws_the_depth_at_a_terminal():
     words = ["sensors", "replay", "--set", f"path={shipped_recording()}", "--seconds", "0.1"]
     program, near = at_a_terminal("-m", "enliven", *words)
     try:
-        os.write(near, ANSWERS["sixel"])  # at once: a loaded machine may exceed a terminal's timeout
+        os.write(
+            near, ANSWERS["sixel"]
+        )  # sent at once, because a loaded machine may exceed the terminal's timeout
         text = read_until(near, b"\x1b\\\r\n").decode().replace("\r\n", "\n")
         assert program.wait(PATIENCE) == 0, program.stderr.read()
     finally:

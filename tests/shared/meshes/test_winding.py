@@ -53,9 +53,7 @@ def test_notes_tell_part_and_whole():
 @pytest.mark.parametrize("all_inside_out", [False, True])
 def test_a_cavity_and_a_body_inside_another_keep_their_sense(all_inside_out):
     vertices, faces = boxes((0, 4), (2, 1), (-2, 1))
-    wanted = turned(
-        faces, np.arange(36) // 12 == 1
-    )  # the second is a cavity, the third is inside it
+    wanted = turned(faces, np.arange(36) // 12 == 1)  # the second is a cavity, the third is inside it
     given_faces = wanted[:, ::-1] if all_inside_out else wanted
     mesh, notes = repair_winding(Mesh(vertices, given_faces))
     if all_inside_out:

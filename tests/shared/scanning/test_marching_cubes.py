@@ -57,9 +57,7 @@ def test_each_crossing_is_where_the_distance_is_nothing():
     assert np.abs(radius - 5.1).max() < 0.05  # interpolation is linear, but the field is only nearly so
     outward = (mesh.face_normals() * (mesh.vertices[mesh.faces].mean(1) - [7.3, 7.9, 8.2])).sum(1)
     assert (outward > 0).all()
-    assert (
-        len(mesh.vertices) - 1.5 * len(mesh.faces) + len(mesh.faces) == 2
-    )  # Euler: one ball
+    assert len(mesh.vertices) - 1.5 * len(mesh.faces) + len(mesh.faces) == 2  # Euler: one ball
 
 
 def test_cases_that_mirror_one_another_have_no_surface_or_as_much():

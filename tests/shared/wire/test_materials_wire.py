@@ -93,9 +93,7 @@ def test_a_definition_that_is_nested_without_end_is_refused() -> None:
         message_to_character(msgspec.convert(plain, CharacterMessage))
     plain["materials"]["definitions"][0] = '{"a":' * 900 + "1" + "}" * 900
     try:
-        message_to_character(
-            msgspec.convert(plain, CharacterMessage)
-        )  # read, or an InputError
+        message_to_character(msgspec.convert(plain, CharacterMessage))  # read, or an InputError
     except InputError as error:
         assert "nested" in str(error) or "JSON" in str(error)
 

@@ -1,4 +1,4 @@
-"""Tests of the errors for unavailable cameras: each problem has its message and advice."""
+"""Tests of the errors for unavailable cameras: each problem has a message with advice."""
 
 import errno
 import importlib.util
@@ -92,7 +92,7 @@ def test_the_system_s_own_words():
 
 @pytest.mark.parametrize("driver", LIBRARIES.values(), ids=LIBRARIES)
 def test_library_messages_still_exist(driver):
-    """Every message part occurs in the installed library, so an update that rewords it is noticed here."""
+    """Every part of a message occurs in the installed library, so an update that rewords it fails here."""
     module = importlib.util.find_spec(usable(driver).needs[0])
     near = Path(module.origin).parent
     own = [near] if module.submodule_search_locations else [near / f"{module.name}.libs"]
@@ -140,7 +140,7 @@ def test_two_cameras_of_one_name_are_reported_with_advice():
     ],
 )
 def test_a_library_of_a_version_that_does_not_work(monkeypatch, sensor, package, version, why):
-    """Reported before the library is loaded."""
+    """The error is reported before the library is loaded."""
     monkeypatch.setattr(cameras, "version", {package: version}.__getitem__)
     with pytest.raises(ResourceError) as raised:
         cameras.import_library(package, sensor)
@@ -161,7 +161,7 @@ def test_versions_that_work_are_let_be():
 
 @pytest.fixture(scope="module", params=LIBRARIES)
 def said(request, tmp_path_factory):
-    """Returns the sensor, and its driver's errors on the real library without a device, by USB state."""
+    """Returns the sensor, and its driver's errors with the real library without a device, by USB state."""
     driver = usable(LIBRARIES[request.param])
     folder = tmp_path_factory.mktemp("asked")
     plugged(folder / "nothing")
@@ -181,7 +181,7 @@ def said(request, tmp_path_factory):
 
 
 def plugged(folder: Path, allowed: bool | None = None) -> None:
-    """Creates a USB tree with an OAK, a RealSense and an Orbbec camera, or an empty one."""
+    """Creates a simulated USB tree with an OAK, a RealSense and an Orbbec camera, or an empty one."""
     titles = {"03e7": "Luxonis Device", "8086": "Intel RealSense D435", "2bc5": "Orbbec Gemini 335"}
     for number, (vendor, title) in enumerate(titles.items()):
         device = folder / "devices" / f"1-{number}"
@@ -222,7 +222,7 @@ def test_forbidden_and_hidden_cameras_are_reported(said):
 
 
 def test_a_camera_without_its_lens(said):
-    """It runs with the default lens of its kind, and reports it."""
+    """The camera runs with the default lens of its model, which is reported."""
     _, reports = said
     width, focal, calibrated = json.loads(reports["lensless"][1].lower())
     assert width == 320 and 180 < focal < 260 and calibrated is False
@@ -263,7 +263,7 @@ def test_a_camera_that_does_not_know_its_lens_gets_that_of_its_kind():
 
 @pytest.mark.parametrize("sensor", LIBRARIES)
 def test_rehearsal_without_a_lens_gives_advice(tmp_path, sensor):
-    """A recording cannot change its size, and neither a port nor a cable is the cause."""
+    """A recording cannot change its size, so neither a port nor a cable is named as the cause."""
     usable(LIBRARIES[sensor])
     with Recorder(tmp_path / "square.mcap") as recorder:
         for number in range(3):
@@ -281,7 +281,7 @@ def test_rehearsal_without_a_lens_gives_advice(tmp_path, sensor):
 
 
 def seen(sensor, errors: list[Exception]) -> bool:
-    """Returns True if an image or an error arrived; notes the error."""
+    """Returns True if an image or an error arrived. Stores the error."""
     try:
         return sensor.read(0.1) is None
     except TimeoutError:

@@ -1,4 +1,4 @@
-"""Tests of the One-Euro filter: off means off, rest is calm, steady motion is followed."""
+"""Tests of the One-Euro filter: it can be switched off, reduces noise at rest, and follows steady motion."""
 
 import numpy as np
 import pytest
@@ -104,7 +104,7 @@ def test_zero_is_off_for_turns():
 
 
 def test_filter_switched_on_again_starts_from_current_values():
-    """State from before it was switched off must not be mixed in."""
+    """State from before it was switched off must not be used."""
     one_euro = OneEuro(SmoothingSettings(amount=1.0))
     one_euro(np.zeros((20, 3)), 0)
     one_euro.amount = 0.0
