@@ -157,9 +157,7 @@ def test_the_command_draws_the_depth_at_a_terminal():
     words = ["sensors", "replay", "--set", f"path={shipped_recording()}", "--seconds", "0.1"]
     program, near = at_a_terminal("-m", "enliven", *words)
     try:
-        os.write(
-            near, ANSWERS["sixel"]
-        )  # sent at once, because a loaded machine may exceed the terminal's timeout
+        os.write(near, ANSWERS["sixel"])  # at once: a loaded machine may exceed the timeout
         text = read_until(near, b"\x1b\\\r\n").decode().replace("\r\n", "\n")
         assert program.wait(PATIENCE) == 0, program.stderr.read()
     finally:

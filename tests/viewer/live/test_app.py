@@ -1,4 +1,4 @@
-"""Tests of the window in Play, if there is a display or Xvfb; and of the command that opens it."""
+"""Tests of the Play window, if there is a display or Xvfb, and of the command that opens it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of the HUD: its contents, its place, and that text looks like its typeface."""
+"""Tests of the HUD: its contents and position, and that its text is drawn in its typeface."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_a_rectangle_covers_its_pixels_and_no_others(gl) -> None:
 
 
 def written(gl, text: str, size: int, **where) -> tuple[np.ndarray, tuple[float, float]]:
-    """Returns the (200, 400) ink, 0..1, of a text at (100, 20), and its extent."""
+    """Returns the (200, 400) coverage, 0..1, of a text at (100, 20), and the text's extent."""
     target, canvas = canvas_of(gl, 400, 200), Canvas(gl)
     with canvas.over(target):
         canvas.text(100, 20, text, size, (1, 1, 1, 1), **where)
@@ -139,7 +139,7 @@ def test_everything_at_once_draws_without_an_error(gl) -> None:
 
 
 def ailing(*severities: Severity) -> EdgeState:
-    """Returns an edge's state with one problem for each severity."""
+    """Returns the state of an edge with one problem of each severity."""
     states = tuple(
         HealthState("slow", severity, 0, "The sensor gives 5 frames a second instead of 30.", "Use USB 3.")
         for severity in severities

@@ -1,4 +1,4 @@
-"""Tests of how a viewer shows matches: tubes on the model, cards, and the camera."""
+"""Tests of displaying matches: tubes on the model, cards, and the camera."""
 
 from __future__ import annotations
 
@@ -210,7 +210,9 @@ def test_the_camera_turns_to_where_bones_are_seen() -> None:
 
 
 def test_each_limb_has_one_colour_on_the_performer_the_model_and_the_card(gl) -> None:
-    """For any choosing parts: a right leg has the model's colour, and limbs without a target the body's."""
+    """For any chosen parts, a right leg has the colour on the model, and limbs without a target have the
+    body's colour.
+    """
     performer = Body(1, standing_joints(), np.ones(20))
     for parts in ("all", "arms", "legs", "right arm", "torso"):
         chains = body_source(performer, parts).chains

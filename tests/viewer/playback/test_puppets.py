@@ -1,4 +1,4 @@
-"""Tests of puppets in the viewer: solved in the background, rigid until then, moved with the frame."""
+"""Tests of puppets in the viewer: solved in the background, rigid until then, and moved with their frame."""
 
 from __future__ import annotations
 
@@ -40,9 +40,11 @@ CHARACTER = character_from_puppet(puppet())
 
 
 def pose(places: Float, turn: float = 0.0, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Pose:
-    """Returns the chair's control points at (P, 3) places of its own frame, which is moved and rotated."""
+    """Returns a pose with the chair's control points at (P, 3) positions in its own frame, which is moved and
+    rotated.
+    """
     frame = to_matrix(from_rotation_vector(np.array([0.0, turn, 0.0])))
-    with np.errstate(invalid="ignore"):  # impossible places are tried too
+    with np.errstate(invalid="ignore"):  # impossible positions are tested as well
         positions = np.concatenate([np.zeros((1, 3)), places]) @ frame.T + at
     linear = np.tile(frame, (len(positions), 1, 1))
     return Pose("chair", 0, linear.astype(np.float32), positions.astype(np.float32))
@@ -55,7 +57,7 @@ def bent(by: float = 0.2) -> Float:
 
 
 def shown(surfaces: SolvedSurfaces, made: Pose, character: Character = CHARACTER) -> Float:
-    """Returns the vertices as soon as they are solved."""
+    """Returns the vertices once they are solved."""
     until(lambda: surfaces.vertices(character, made) is not None, "the surface")
     vertices = surfaces.vertices(character, made)
     assert vertices is not None
@@ -198,7 +200,7 @@ def test_unchanged_scene_costs_nothing() -> None:
 
 
 def test_viewer_without_puppets_loads_no_solver() -> None:
-    """It is a third of everything that a viewer loads before its first frame."""
+    """The solver is a third of everything that a viewer loads before its first frame."""
     heavy = {"enliven.deformation.arap.solver", "scipy.sparse.linalg"}
     look = (
         f"import sys, enliven_viewer.film, enliven_viewer.live.live_stage; print(*{heavy} & set(sys.modules))"
@@ -210,7 +212,7 @@ def test_viewer_without_puppets_loads_no_solver() -> None:
 
 
 def test_a_window_starts_without_what_its_first_tool_needs() -> None:
-    """SciPy loads these at their first use; they were a sixth of the start."""
+    """SciPy loads these modules when they are first used. They were a sixth of the start time."""
     later = {"scipy.spatial", "scipy.optimize", "scipy.ndimage"}
     look = f"""
 import sys

@@ -1,4 +1,4 @@
-"""Tests of the renderer against expected results: skinned positions, cues, shadows, an empty stage."""
+"""Tests of the renderer: skinned positions, cues, shadows, and an empty stage."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def bent(character, seed: int = 1, stretch: bool = False) -> Pose:
 
 
 def skinned_by_hand(character, pose: Pose) -> np.ndarray:
-    """Evaluates Pose's own equation, vertex by vertex."""
+    """Evaluates the equation in the docstring of ``Pose`` vertex by vertex."""
     moved = np.zeros((len(character.vertices), 3))
     for v, vertex in enumerate(character.vertices.astype(float)):
         for node, weight in zip(character.skin.indices[v], character.skin.weights[v], strict=True):
@@ -119,7 +119,7 @@ def test_body_without_confidence_reveals_nothing(renderer, box, make_body) -> No
     actor, guess = SceneCharacter(box, box.rest_pose()), make_body((0, 0.8, 0.2), confidence=0.0)
     solid = drawn(renderer, Scene((actor,), (guess,), BARE))
     glass = drawn(renderer, Scene((actor,), (guess,), replace(BARE, reveal=1.0)))
-    # The pool of light drifts towards the scene from one frame to the next.
+    # The spotlight moves towards the scene from one frame to the next.
     assert np.abs(solid - glass).max() <= 5
 
 

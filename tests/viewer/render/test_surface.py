@@ -1,4 +1,4 @@
-"""Tests of crease splitting: boards are flat, balls are round, and no face is lost."""
+"""Tests of splitting vertices at creases: boards are flat, balls are smooth, and no face is lost."""
 
 from __future__ import annotations
 
@@ -90,7 +90,9 @@ def test_a_mesh_smaller_than_a_cluster_keeps_its_faces(make_box) -> None:
 
 
 def slow_groups(vertices: np.ndarray, faces: np.ndarray, crease: float) -> set[frozenset[int]]:
-    """Returns corners (numbers 3 f + k) that share a normal: neighbours at an edge, face by face."""
+    """Returns corners (numbers 3 f + k) that share a normal, found from neighbours at an edge, face by
+    face.
+    """
     normals = []
     for f in faces:
         a, b, c = vertices[f].astype(float)

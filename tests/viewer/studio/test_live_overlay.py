@@ -1,4 +1,4 @@
-"""Tests that a project's character that is also on the stage is shown once, with both states merged."""
+"""Tests that a project's character that is also on the stage is shown once, with both states combined."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def editor() -> Editor:
 
 
 def on_stage(held: bool = True) -> SceneCharacter:
-    """Returns the arm in an edge's state: at rest, aside, or attached at its second bone."""
+    """Returns the arm in an edge's state: at rest, moved to the side, or attached at its second bone."""
     character = character_of(ARM)
     rest = character.rest_pose()
     cues = CueFrame("arm", np.array([1], np.int32), np.ones(1, np.float32)) if held else None

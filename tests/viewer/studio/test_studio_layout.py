@@ -1,4 +1,6 @@
-"""Tests of the window from 600x400 to 3840x2160 and with large text: all is reachable, nothing overlaps."""
+"""Tests of the window from 600x400 to 3840x2160 and with large text: everything is reachable, nothing
+overlaps.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Tests of typed numbers: units and sums, positions, sizes and rotations, snapping, and camera bookmarks."""
+"""Tests of typed numbers (units and sums, positions, sizes, rotations), of snapping, and of camera
+bookmarks.
+"""
 
 from __future__ import annotations
 

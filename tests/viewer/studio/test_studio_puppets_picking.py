@@ -34,7 +34,7 @@ def editor_with(*names: str) -> Editor:
 
 @cache
 def seen() -> Editor:
-    """A view with a camera that can be rotated."""
+    """Returns a view with a camera that can be rotated."""
     return editor_with()
 
 
@@ -51,7 +51,7 @@ def pixel_of(editor: Editor, place: np.ndarray) -> tuple[float, float]:
 
 
 def first_face(vertices, faces, eye, way):
-    """Returns the nearest face on a ray and its distance, with all faces at once."""
+    """Returns the nearest face on a ray and its distance, computed for all faces at once."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     side, other, arm = b - a, c - a, eye - a
     across, turned = np.cross(way, other), np.cross(arm, side)

@@ -1,4 +1,6 @@
-"""Tests of the state that pose tool and example panel share: a finished change is one edit, none is lost."""
+"""Tests of the state shared by pose tool and example panel: a finished change is one edit, and none is
+lost.
+"""
 
 from __future__ import annotations
 

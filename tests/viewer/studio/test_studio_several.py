@@ -1,4 +1,4 @@
-"""Tests of multiple selection: by clicks and boxes; each action is one edit of all selected characters."""
+"""Tests of multiple selection by clicks and boxes. Each action is one edit of all selected characters."""
 
 from __future__ import annotations
 

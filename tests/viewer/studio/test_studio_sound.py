@@ -1,4 +1,4 @@
-"""Tests of sounds for a performance: read from files, mixed, played in sync, kept and undone."""
+"""Tests of sounds for a performance: read from files, mixed, played in sync, saved, and undone."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from enliven_viewer.studio.features.sound.waveform import compute_envelope
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 BEAT = 0.25
-"""Seconds into the written file at which it clicks."""
+"""Time of the click in the written file, seconds."""
 
 
 def written(path: Path, rate: int = 44_100, channels: int = 2) -> Path:
