@@ -1,10 +1,10 @@
 """Measures the cost of live outputs: the packets of a frame, and the time that the edge loses.
 
 The frame has four human characters with 22 bones each. The peer encodes the same VMC messages one by one with
-python-osc. The loss compares an edge without outputs and one with all five, in turn on the same depth images:
-at the rate of a camera, and at full speed ("unpaced"). The share is the processor time of the handover,
-divided by that of the whole frame. One performer possesses the chair. The receivers are sockets of this
-machine that are not read. That of Foxglove has subscribed to everything.
+python-osc. The loss compares an edge without outputs with an edge with all five, alternating on the same
+depth images, at a camera's rate and at full speed ("unpaced"). The share is the processor time of passing
+frames to the outputs, divided by that of the whole frame. One performer possesses the chair. The receivers
+are sockets of this machine that are not read. The receiver of Foxglove has subscribed to everything.
 """
 
 from __future__ import annotations
@@ -54,12 +54,12 @@ from enliven_edge.warmup import warm_up_tracking
 from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 FRAMES, ROUNDS = 120, 3
-"""Frames of each run of the edge, and runs with and without outputs."""
+"""Number of frames in each run of the edge, and number of runs with and without outputs."""
 CAMERA_FPS = 30.0
 """Frames per second of a camera."""
 SCHEMES = ("vmc", "vrchat", "rokoko", "osc", "foxglove")
 REPEATS = 200
-"""Frames that each output converts."""
+"""Number of frames that each output converts."""
 
 
 def figures() -> Iterator[Figure]:
@@ -85,7 +85,7 @@ def figures() -> Iterator[Figure]:
         yield Figure(f"out.edge_{name}share_percent", _share_percent(frames, rate), "%")
         yield Figure(f"out.edge_{name}step_ms", 1e3 * float(np.median(after)), "ms")
         yield Figure(f"out.edge_{name}step_p99_ms", 1e3 * float(np.percentile(after, 99)), "ms")
-        # The frames that an edge could process in the same time.
+        # The number of frames that the edge could process in the same time.
         loss = 1.0 - before.mean() / after.mean()
         yield Figure(f"out.edge_{name}loss_percent", 100.0 * float(loss), "%")
 
@@ -120,14 +120,16 @@ def _standing(number: int, place: Float) -> Body:
 
 
 def _skeleton() -> Skeleton:
-    """Returns the bones of a performer as a rig with their names in VRM."""
+    """Returns the bones of a performer as a rig with VRM bone names."""
     human = human_of_body(_standing(1, np.array([0.0, 0.95, 0.0])), "")
     names = tuple(bone[0].lower() + bone[1:] for bone in human.bones)
     return Skeleton(names, human.parents.astype(np.int32), human.positions)
 
 
 def _microseconds(convert: Callable[[LiveFrame], object], frame: LiveFrame) -> float:
-    """Returns the median time per frame. Each call gets a new frame, so that nothing is computed before."""
+    """Returns the median time per frame in microseconds. Each call gets a new frame, so that nothing is
+    cached.
+    """
     convert(replace(frame))
     took = []
     for _ in range(REPEATS):
@@ -167,10 +169,10 @@ def _bone_numbers(human: HumanPose) -> Float:
 
 
 def _step_seconds(frames: list[DepthFrame], schemes: tuple[str, ...], rate: float) -> list[float]:
-    """Returns the seconds that an edge with these outputs needs for each frame with the performer.
+    """Returns the seconds of each frame with the performer, for an edge with these outputs.
 
     Args:
-        rate: frames per second of the camera. Infinite: each frame comes when the edge is ready.
+        rate: frames per second of the camera. If infinite, each frame comes when the edge is ready.
     """
     actor = create_actor("chair", nodes=NODES)
     actor.warm_up()
@@ -204,7 +206,7 @@ def _step_seconds(frames: list[DepthFrame], schemes: tuple[str, ...], rate: floa
 
 
 def _share_percent(frames: list[DepthFrame], rate: float) -> float:
-    """Returns the share of the edge's processor time that handing over the frames takes, in percent.
+    """Returns the share of the edge's processor time that passing frames to the outputs takes, in percent.
 
     Unlike the loss of frames, it hardly depends on other programs on the machine.
     """

@@ -23,7 +23,8 @@ def recorded_durations() -> dict[Path, float]:
 def table_of(taken: Mapping[str, float]) -> str:
     """Returns the text of the table.
 
-    Args: taken: seconds of each test file, by its path relative to the checkout.
+    Args:
+        taken: seconds of each test file, by its path relative to the checkout.
     """
     names = {name: Path(name).relative_to(TESTS.name).as_posix() for name in taken}
     long = sorted((-seconds, names[name]) for name, seconds in taken.items() if seconds >= MIN_RECORDED_S)

@@ -15,7 +15,8 @@ from enliven_viewer.link.edge_client import EdgeClient
 class Screening:
     """A show and its edge, advanced in lock-step.
 
-    Attributes: frame: the last rendered frame.
+    Attributes:
+        frame: the last rendered frame.
     """
 
     def __init__(self, profile: KioskProfile, kiosk: StagedKiosk) -> None:

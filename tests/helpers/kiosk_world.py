@@ -78,7 +78,8 @@ class SimulatedEdge:
 class Room:
     """A kiosk's story with simulated people, advanced in simulated time.
 
-    Attributes: views: the view after each step, with its time.
+    Attributes:
+        views: the view after each step, with its time.
     """
 
     def __init__(self, story: Story, characters, people) -> None:

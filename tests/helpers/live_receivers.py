@@ -132,7 +132,8 @@ PARENTS = {
 class Avatar:
     """A receiver's avatar. In the T-pose it faces +Z, and its left is -X.
 
-    Args: local: the seven numbers of VMC (position and quaternion) of each bone.
+    Args:
+        local: the seven numbers of VMC (position and quaternion) of each bone.
     """
 
     def __init__(self, local) -> None:

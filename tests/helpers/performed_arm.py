@@ -33,7 +33,8 @@ BONES = len(ARM.skeleton)
 def performed(own: np.ndarray, name: str = "take 1", root: float = 0.0) -> PerformedMotion:
     """Returns an edge's recorded performance of the arm. The root moves sideways.
 
-    Args: own: (F, N, 4) rotations of the bones.
+    Args:
+        own: (F, N, 4) rotations of the bones.
     """
     parents = ARM.skeleton.parents
     poses = []

@@ -1,6 +1,6 @@
 """Works in the studio's real window until it is killed, many times. Prints what the next window recovered.
 
-python tests/viewer/studio_window_killed.py FOLDER 50          # make test-long does this
+    python tests/viewer/studio_window_killed.py FOLDER 50          # make test-long does this
 
 Each window moves a shape slightly in each frame and prints the time. It is killed at a random time.
 """

@@ -71,9 +71,7 @@ def test_many_outputs_get_the_same_frames():
                 time.sleep(0.01)
 
             def all_have(number):
-                publish(
-                    number
-                )  # Sent again, because a busy machine drops packets that a receiver has not read yet.
+                publish(number)  # again, because a busy machine drops unread packets
                 times = [r.values.get(key, (None,))[0] for r, key in zip(receivers, keys, strict=True)]
                 return None not in times and times == pytest.approx([0.01 * number] * len(times))
 

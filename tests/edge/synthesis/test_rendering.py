@@ -109,9 +109,7 @@ def test_joints_are_just_behind_the_surface(time: float) -> None:
 
 
 def test_hair_and_shoes_are_dark() -> None:
-    _, depth, material, _ = _drawn(
-        "chair", 8.7
-    )  # The performer bends forward, so the top of the head is visible.
+    _, depth, material, _ = _drawn("chair", 8.7)  # bending forward: the top of the head is visible
     v, _ = np.nonzero((material == DARK) & np.isfinite(depth))
     assert (v < 50).any() and (v > 90).any()
     assert not material[~np.isfinite(depth)].any()

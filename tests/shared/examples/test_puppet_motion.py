@@ -82,7 +82,8 @@ def test_motion_is_independent_of_performer_position_and_heading(seed, yaw, x, z
 def leashed(project, leash):
     """Returns the project with a stool whose drift from the performer's path is limited.
 
-    Args: leash: maximum drift as a multiple of the stool's size.
+    Args:
+        leash: maximum drift as a multiple of the stool's size.
     """
     puppet = project.puppets["stool"]
     how = replace(puppet.locomotion, leash=leash)

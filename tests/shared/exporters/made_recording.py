@@ -11,8 +11,9 @@ from enliven.wire import PoseCodec, bodies_to_message, character_to_message, pac
 def write_recording(path, characters, people=()):
     """Writes a recording.
 
-    Args: characters: characters, each with its poses in order of time. people: (time in ns, bodies) of
-    people.
+    Args:
+        characters: characters, each with its poses in order of time.
+        people: (time in ns, bodies) of people.
     """
     with Recorder(path, sync_seconds=math.inf) as recorder:
         for character, poses in characters:

@@ -30,7 +30,8 @@ APART_M = 1.5
 class Room:
     """A show of two edges in lock-step.
 
-    Attributes: frame: the last rendered frame.
+    Attributes:
+        frame: the last rendered frame.
     """
 
     def __init__(self, profile: KioskProfile, folder: Path, edges: list[StagedKiosk]) -> None:

@@ -44,7 +44,8 @@ DRAWN_STEPS = 3
 class WatchedPainter(Painter):
     """A painter that stores its copies of the image.
 
-    Attributes: grabbed: the copies.
+    Attributes:
+        grabbed: the copies.
     """
 
     def __init__(self, *arguments) -> None:
