@@ -228,7 +228,7 @@ def take() -> bytes:
 
 
 def take_message(data: bytes, other: bytes, dice: Random) -> bytes:
-    """Returns a take with one or two mutated messages. It always starts from :func:`take`, and ignores
+    """Returns a take with one to three mutated messages. It always starts from :func:`take`, and ignores
     ``data``.
     """
     records = list(_take_records())

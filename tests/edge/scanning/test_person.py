@@ -27,7 +27,7 @@ STILL, IMAGES = 5, 24
 all.
 """
 HALF = 14
-"""Number of images of a person that stands still, enough for half of the body and its joints."""
+"""Number of images of a person that stands still, which show one side of the body and its joints."""
 
 
 def scanner():

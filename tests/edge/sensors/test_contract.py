@@ -136,7 +136,7 @@ def test_lost_and_back_again_and_again(live):
 
 @pytest.mark.slow
 def test_another_size_in_the_middle_of_the_stream(live, takes):
-    """Image and lens always match. While the mode changes, no wrong image is delivered."""
+    """Image and lens always match. While the mode changes, the helper is idle."""
     live.play(takes[1])
     shapes: list[tuple[int, ...]] = []
     errors: list[Exception] = []

@@ -112,7 +112,7 @@ class Twin:
         return frames
 
     def settle(self, frames, wanted, soft):
-        """Iterates eq. 9 (soft handles) or eq. 13 (hard handles)."""
+        """Solves eq. 9 or 13 for the positions. Handles are hard or soft constraints."""
         count = len(self.rest)
         laplacian = np.diag(self.w.sum(1)) - self.w
         right = np.zeros((count, 3))

@@ -273,7 +273,7 @@ def test_the_matrix_is_the_second_derivative_of_turns_and_shifts_and_of_each_str
     """Compares the solver's step for a force with dense algebra that uses the slow residuals' Jacobian."""
     solver, (graph, points, targets, pulls, chosen, _, stiffness) = made_solver(tail, "printed", 3)
     if tail:
-        # The solver's matrix contains E_rig linearised at parallel nodes.
+        # The solver's matrix contains E_rig as it is for nodes with equal rotations.
         solver.reset()
     linear = np.swapaxes(solver._x[:, :3, :3], 1, 2)
     solver._x[:, :3, :3] = np.swapaxes(rotation.nearest_rotation(linear), 1, 2)

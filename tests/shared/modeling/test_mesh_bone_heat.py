@@ -59,7 +59,7 @@ def test_a_symmetric_shape_has_symmetric_weights():
         np.array([-1, 0, 1, 0, 3]),
         np.array([[0, 0, 1.0], [0, 0, 1.4], [0, 0, 1.9], [0, 0, 0.6], [0, 0, 0.1]]),
     )
-    # The tube's diagonals are not symmetric, but the mean of the mesh and its mirror image is.
+    # The tube's triangles are not mirror-symmetric, but they are symmetric under a half turn about x.
     turned = Mesh(mesh.vertices * [1, -1, -1] + [0, 0, 2], mesh.faces)
     weights = dense_weights(bone_heat(mesh, skeleton), 5)
     other = dense_weights(bone_heat(turned, skeleton), 5)[:, [0, 3, 4, 1, 2]]

@@ -243,7 +243,7 @@ def test_travel_goes_as_far_as_the_legs_are_long():
     times = np.arange(9) * clip.step
     way = Player(project, "small").sample(times)[1][:, 0] - small.skeleton.positions[0]
     np.testing.assert_allclose(way, 0.25 * (clip.root - clip.skeleton.positions[0]), atol=1e-12)
-    # It is rotated, halved, mirrored and switched off.
+    # The layer is rotated, halved and mirrored. Without it or without travel, the root stands still.
     half = set_layer(project, "small", "take", weight=0.5, basis=[0.5, 0.5, 0.5, 0.5], mirrored=True)
     turned = Player(half, "small").sample(times)[1][:, 0] - small.skeleton.positions[0]
     np.testing.assert_allclose(turned, 0.5 * rotate([0.5, 0.5, 0.5, 0.5], way * [-1, 1, 1]), atol=1e-12)

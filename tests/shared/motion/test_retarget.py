@@ -310,8 +310,8 @@ def test_turns_are_spread_along_the_target_as_in_the_papers_figure_4():
     own = np.degrees(to_rotation_vector(Player(project, "line").animation_rotations([0.0])[0]))
     np.testing.assert_allclose(own[:, 2], [0, 15, 15, 20, 20], atol=1e-9)
     assert not own[:, :2].any()
-    # At half the weight, each bone has half the rotation. Seen from behind, half of the target has the whole
-    # rotation.
+    # At half the weight, each bone has half the rotation. If only half of the target is bound, it has
+    # the whole rotation.
     half = Player(set_layer(project, "line", "take", weight=0.5), "line").animation_rotations([0.0])[0]
     np.testing.assert_allclose(np.degrees(to_rotation_vector(half))[:, 2], [0, 7.5, 7.5, 10, 10], atol=1e-9)
     short = bind_chain(clear_chain(project, "line", range(5)), "line", (2, 3, 4), "take", range(3))

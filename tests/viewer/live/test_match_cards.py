@@ -210,8 +210,8 @@ def test_the_camera_turns_to_where_bones_are_seen() -> None:
 
 
 def test_each_limb_has_one_colour_on_the_performer_the_model_and_the_card(gl) -> None:
-    """For any chosen parts, a right leg has the colour on the model, and limbs without a target have the
-    body's colour.
+    """For any chosen parts, a right leg has its colour on the model. Limbs without a target have the body's
+    colour.
     """
     performer = Body(1, standing_joints(), np.ones(20))
     for parts in ("all", "arms", "legs", "right arm", "torso"):
