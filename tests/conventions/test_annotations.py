@@ -45,7 +45,7 @@ def test_functions_outside_kernels_are_annotated() -> None:
     assert missing == []
 
 
-def test_the_rule_finds_missing_annotations() -> None:
+def test_missing_annotations_are_found() -> None:
     """Parameters, results, methods and nested functions without annotations are found. Kernels and ``self``
     are not.
     """

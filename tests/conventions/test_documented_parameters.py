@@ -71,7 +71,7 @@ def test_documented_parameters_exist(folder: str) -> None:
     assert unknown == []
 
 
-def test_the_rule_finds_unknown_names() -> None:
+def test_unknown_documented_names_are_found() -> None:
     """Functions, constructors, fields and properties are compared. Continued lines are not names."""
     source = '''
         def scale(mesh, *factors, centre=None, **options):

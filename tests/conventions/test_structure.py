@@ -187,7 +187,7 @@ def test_architecture_page_is_current():
         ("enliven_viewer.studio.tools.cut:CutTool", "no earlier file of the trace contains 'CutTool'"),
     ],
 )
-def test_a_trace_that_the_code_does_not_follow_is_refused(at, message):
+def test_wrong_call_trace_is_refused(at, message):
     sys.path.insert(0, str(ROOT / "scripts"))
     import traces
 
@@ -196,7 +196,7 @@ def test_a_trace_that_the_code_does_not_follow_is_refused(at, message):
         traces.table(project_tree(), traces.Trace("somewhere", 9, [start, {"at": at}]))
 
 
-def test_a_public_api_names_each_thing_once_as_itself():
+def test_stubs_export_each_name_under_its_own_name():
     stubs = [path for folder in PACKAGES.values() for path in (ROOT / folder).rglob("*.pyi")]
     assert 8 <= len(stubs) <= 12, "a package has a stub if scripts and plug-ins use it"
     for path in stubs:

@@ -38,7 +38,7 @@ def last_stage() -> list[tuple[str, str]]:
     return every[max(k for k, (kind, _) in enumerate(every) if kind == "FROM") :]
 
 
-def test_the_linter_has_no_complaint() -> None:
+def test_dockerfile_passes_the_linter() -> None:
     beside = Path(sys.executable).parent / "hadolint"
     linter = str(beside) if beside.exists() else shutil.which("hadolint")
     if linter is None:

@@ -26,7 +26,7 @@ def defined() -> set[str]:
 
 
 @pytest.mark.slow
-def test_every_class_that_it_names_is_there():
+def test_every_class_in_the_glossary_exists():
     names = {name for row in ROWS for name in re.findall(r"`(\w+)`", row[2])}
     assert len(names) > 50
     assert sorted(names - defined()) == []

@@ -70,5 +70,5 @@ def test_warm_up_compiles_all_kernels():
 
 @pytest.mark.timeout(700)
 @pytest.mark.slow
-def test_first_frames_without_warmup_load_kernels():
+def test_first_frames_without_warm_up_load_kernels():
     assert {"minimise", "_solid_pixels"} <= set(kernels_of(warm=False)["live"])

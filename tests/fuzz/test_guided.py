@@ -85,7 +85,7 @@ def test_kernels_stay_uninstrumented(tmp_path, monkeypatch):
     assert json.loads((tmp_path / "totals.json").read_text())["recording chunk"] > 10
 
 
-def test_kept_input_is_repeated(tmp_path, capsys):
+def test_stored_input_is_read_again(tmp_path, capsys):
     path = tmp_path / "broken-mesh-off-00000000.bin"
     path.write_bytes(b"OFF\n1 1\n")
     assert run.main(["--repeat", str(path)]) == 0

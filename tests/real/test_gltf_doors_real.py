@@ -42,7 +42,7 @@ pytestmark = [
 
 
 @pytest.mark.parametrize("path", FAULTY, ids=lambda p: p.stem)
-def test_every_door_shows_a_faulty_file_alike(path):
+def test_every_entry_point_shows_a_faulty_file_alike(path):
     mesh = read_gltf(path).shape.mesh
     expected = measures((mesh.vertices, mesh.faces))
     still = load_mesh(path).mesh

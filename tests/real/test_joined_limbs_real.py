@@ -35,7 +35,7 @@ def test_no_edge_joins_limbs(case):
     assert misled < 0.01 * (limbs.of_vertex >= 0).sum()
 
 
-def test_the_plain_graph_joins_them():
+def test_plain_graph_joins_limbs():
     """Shows that the test above is meaningful: the plain graph does connect limbs by both checks."""
     joined = leaps = misled = 0
     for case in CASES:

@@ -26,7 +26,7 @@ def test_help_lists_the_commands_of_every_package():
         assert f"\n  {name} " in shown.stdout
 
 
-def test_wrong_usage_is_2():
+def test_wrong_usage_exits_with_2():
     asked = enliven("edge", "--no-such-option")
     assert asked.returncode == 2
     assert "Traceback" not in asked.stderr
@@ -36,7 +36,7 @@ def test_wrong_usage_is_2():
     ("error", "code"),
     [(InputError("a"), 3), (ResourceError("b"), 4), (KeyboardInterrupt(), 130), (ValueError("c"), 1)],
 )
-def test_exit_codes(monkeypatch, capsys, error, code):
+def test_errors_have_their_exit_codes(monkeypatch, capsys, error, code):
     def application():
         def command(*arguments, **options):
             raise error
@@ -79,7 +79,7 @@ def test_every_missing_item_has_a_fix():
         assert check.ok or check.remedy, check.name
 
 
-def test_json_lines():
+def test_log_is_written_as_json_lines():
     record = logging.makeLogRecord(
         {"name": "enliven", "levelname": "INFO", "msg": "a %s", "args": ("b",), "port": 3}
     )

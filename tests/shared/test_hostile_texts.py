@@ -116,7 +116,7 @@ def test_settings_of_a_gigabyte_are_refused(tmp_path):
     ],
     ids=["stl", "short stl", "off", "mesh", "ply", "ply properties", "obj", "pcd", "pcd count"],
 )
-def test_the_head_of_a_mesh_is_not_taken_at_its_word(tmp_path, name, data, words):
+def test_counts_in_a_mesh_header_are_checked(tmp_path, name, data, words):
     path = tmp_path / name
     path.write_bytes(data)
     with bounded(300, 20), pytest.raises(InputError, match=words):

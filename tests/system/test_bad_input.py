@@ -70,7 +70,7 @@ OBJ = {
 
 
 @pytest.mark.parametrize("name", OBJ)
-def test_a_mesh_that_cannot_be_used(tmp_path, name, enliven):
+def test_unusable_mesh_is_reported(tmp_path, name, enliven):
     path = tmp_path / name
     path.write_text(OBJ[name])
     ask = started if name in AS_PROCESS else enliven
@@ -90,7 +90,7 @@ def test_a_mesh_that_cannot_be_used(tmp_path, name, enliven):
         ("cut.mcap", b"\x89MCAP0\r\n"),
     ],
 )
-def test_a_recording_that_cannot_be_used(tmp_path, name, content, enliven):
+def test_unusable_recording_is_reported(tmp_path, name, content, enliven):
     path = tmp_path / name
     if content is not None:
         path.write_bytes(content)
@@ -114,7 +114,7 @@ def test_frames_without_people_are_processed(tmp_path, value, enliven):
     assert "Traceback" not in asked.stderr
 
 
-def test_a_port_in_use(enliven):
+def test_port_in_use_is_reported(enliven):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
@@ -128,7 +128,7 @@ def test_a_port_in_use(enliven):
 
 
 @pytest.mark.slow
-def test_two_edges_of_one_name(tmp_path, enliven):
+def test_second_edge_of_a_name_is_refused(tmp_path, enliven):
     path = recorded(tmp_path / "long.mcap", lambda i: np.zeros((120, 160), np.uint16), 900)
     ports = ["--port", "0", "--control-port", "0", "--name", "twin"]
     command = [sys.executable, "-m", "enliven", "edge", "--recording", str(path), *ports]
@@ -162,7 +162,7 @@ def test_edge_without_a_log_reader_continues_and_ends_well(tmp_path):
             edge.kill()
 
 
-def test_a_viewer_with_no_edge(tmp_path, enliven):
+def test_viewer_reports_missing_edge(tmp_path, enliven):
     settings = tmp_path / "viewer.toml"
     settings.write_text("[film]\npatience = 1.0\n")
     film = ["--film", str(tmp_path / "a.mp4"), "--settings", str(settings)]
@@ -172,7 +172,7 @@ def test_a_viewer_with_no_edge(tmp_path, enliven):
     assert "Traceback" not in asked.stderr
 
 
-def test_settings_with_a_misspelt_key(tmp_path, enliven):
+def test_misspelt_setting_is_reported(tmp_path, enliven):
     path = tmp_path / "edge.toml"
     path.write_text("[tracker]\nlost_aftr = 3\n")
     asked = enliven("edge", "--settings", str(path))

@@ -96,7 +96,7 @@ def test_reads_name_the_file_and_not_its_descriptor(tmp_path) -> None:
         assert file.name == str(tmp_path / "a.txt") and file.read() == b"text"
 
 
-def test_a_part_that_unpacks_to_a_flood_names_its_file(monkeypatch) -> None:
+def test_error_of_a_decompression_bomb_names_the_file(monkeypatch) -> None:
     """The error names the file, not its descriptor ("3")."""
     monkeypatch.setattr("enliven.recording.chunks._MAX_COMPRESSION_RATIO", 0)
     monkeypatch.setattr("enliven.recording.chunks._MIN_CHUNK_BYTE_LIMIT", 10)

@@ -43,7 +43,7 @@ def printed(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch)
     return call
 
 
-def test_names_of_files(printed: Print, tmp_path: Path) -> None:
+def test_file_names_are_escaped(printed: Print, tmp_path: Path) -> None:
     model = tmp_path / f"{HOSTILE}.glb"
     TWINS["waving"]().write(model)
     mesh = tmp_path / f"{HOSTILE}.ply"
@@ -67,7 +67,7 @@ def test_names_of_files(printed: Print, tmp_path: Path) -> None:
     assert SHOWN[:-2] in printed(HOSTILE)
 
 
-def test_names_of_images_in_a_folder(printed: Print, tmp_path: Path) -> None:
+def test_image_names_in_a_folder_are_escaped(printed: Print, tmp_path: Path) -> None:
     for number in range(3):
         picture = np.full((48, 64), 2000, np.uint16)
         Image.fromarray(picture).save(tmp_path / f"depth_{number}.png")
@@ -77,7 +77,7 @@ def test_names_of_images_in_a_folder(printed: Print, tmp_path: Path) -> None:
         printed(command, tmp_path, "-o", tmp_path / f"{command}.mcap")
 
 
-def test_names_of_animations(printed: Print, tmp_path: Path) -> None:
+def test_animation_names_are_escaped(printed: Print, tmp_path: Path) -> None:
     twin = TWINS["waving"]()
     twin.json["animations"][0]["name"] = HOSTILE
     twin.json["nodes"][0]["name"] = HOSTILE
@@ -87,7 +87,7 @@ def test_names_of_animations(printed: Print, tmp_path: Path) -> None:
     assert SHOWN[:-2] in printed("export", path, "-c", "another", "-o", tmp_path / "b.glb")
 
 
-def test_names_of_sensors_in_recordings(printed: Print, tmp_path: Path) -> None:
+def test_sensor_names_in_recordings_are_escaped(printed: Print, tmp_path: Path) -> None:
     with Recorder(tmp_path / "a.mcap") as recorder:
         lens, picture = Intrinsics(64, 48, 60.0, 60.0, 31.5, 23.5), np.full((48, 64), 2000, np.uint16)
         for frame in range(10):
@@ -97,7 +97,7 @@ def test_names_of_sensors_in_recordings(printed: Print, tmp_path: Path) -> None:
     printed("recover", tmp_path / "a.mcap", "-o", tmp_path / "c.mcap")
 
 
-def test_names_of_devices(printed: Print, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_device_names_are_escaped(printed: Print, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     device = tmp_path / "devices" / "1-1"
     device.mkdir(parents=True)
     attributes = {"idVendor": "2bc5", "idProduct": "0660", "product": f"Orbbec {HOSTILE}x", "speed": "480"}

@@ -126,7 +126,7 @@ def test_the_stage_takes_a_limited_number_of_characters_in_all_and_of_each_visit
     house.close()
 
 
-def test_visitors_who_come_again_for_each_character_share_their_addresss_share() -> None:
+def test_reconnecting_visitors_share_the_quota_of_their_address() -> None:
     house = House(StageSettings(characters=8, per_viewer=2))
     for name in "ab":
         visitor = house.visitor()
@@ -138,7 +138,7 @@ def test_visitors_who_come_again_for_each_character_share_their_addresss_share()
     house.close()
 
 
-def test_a_default_stage_takes_sixteen() -> None:
+def test_default_stage_holds_sixteen_characters() -> None:
     house = House()
     for number in range(20):
         house.stage.places.watch(lambda k=number: [(f"coming {k}", None)])
@@ -163,7 +163,7 @@ def test_undelivered_characters_do_not_block_the_artist(house: House) -> None:
 
 
 @pytest.mark.parametrize("bytes_each", [0, 1])
-def test_reserved_places_are_lost_when_nothing_or_hardly_anything_is_delivered(
+def test_reservations_expire_without_enough_data(
     house: House, monkeypatch: pytest.MonkeyPatch, bytes_each: int
 ) -> None:
     rude = house.visitor()
@@ -249,7 +249,7 @@ def test_departed_characters_leave_no_memory(house: House, capsys: pytest.Captur
 
 
 @pytest.mark.parametrize("evil", EVIL.values(), ids=EVIL.keys())
-def test_words_of_a_visitor_are_logged_escaped(
+def test_text_from_a_visitor_is_escaped_in_the_log(
     house: House, evil: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     if "\ud800" in evil:

@@ -339,7 +339,7 @@ def test_a_viewer_pairs_and_is_connected_without_a_restart(
     client.close()
 
 
-def test_a_forgotten_viewer_is_disconnected_and_told(
+def test_forgotten_viewer_is_disconnected_and_notified(
     locked: Locked, viewer_config: KeyStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("enliven_edge.network.access._REFRESH_INTERVAL_S", 0.05)
@@ -365,7 +365,7 @@ def test_a_failed_pairing_stores_nothing(
     assert viewer_config.own() is None and viewer_config.edges() == []
 
 
-def test_the_viewer_says_that_the_edges_key_is_another(locked: Locked, viewer_config: KeyStore) -> None:
+def test_viewer_reports_a_changed_edge_key(locked: Locked, viewer_config: KeyStore) -> None:
     viewer_config.make()
     client = visit(locked, lambda client: state_of(client) == "no access")
     assert "has another key" in text_of(client) and "pair again" in text_of(client)
@@ -374,7 +374,7 @@ def test_the_viewer_says_that_the_edges_key_is_another(locked: Locked, viewer_co
         run_beside(locked, lambda: receive_heartbeat(locked.endpoint, 5.0))
 
 
-def test_the_viewer_says_that_the_edge_has_no_keys(viewer_config: KeyStore) -> None:
+def test_viewer_reports_an_edge_without_keys(viewer_config: KeyStore) -> None:
     viewer_config.make()
     with Publisher(name=f"plain-{time.time_ns()}", pose_port=0, control_port=0) as publisher:
         client, deadline = EdgeClient([publisher.endpoint]), time.monotonic() + PATIENCE
@@ -454,7 +454,7 @@ def test_an_expired_code_and_a_closed_edge_pair_nobody(locked: Locked) -> None:
     assert "pairing is closed" in try_code(locked.house.visitor(), code).reason
 
 
-def test_a_box_needs_an_exchange_of_its_own_connection(locked: Locked) -> None:
+def test_pairing_box_is_bound_to_its_connection(locked: Locked) -> None:
     locked.access.begin()
     viewer = ViewerExchange(locked.access.desk.code)
     started = locked.house.visitor().ask(StartPairing(viewer.message))

@@ -107,7 +107,7 @@ def house() -> Iterator[House]:
         opened.feed.close()
 
 
-def test_a_viewer_sees_chooses_and_takes(house: House) -> None:
+def test_viewer_shows_selects_and_accepts_matches(house: House) -> None:
     live, camera = house.live, house.camera
     live.choose_parts(3)  # the arms
     house.until(lambda: len(house.board.rows[0].lines) == 2)
@@ -133,7 +133,7 @@ def test_a_viewer_sees_chooses_and_takes(house: House) -> None:
     house.until(lambda: house.board.state == "choosing")
 
 
-def test_the_edge_ranks_for_where_the_viewer_looks(house: House) -> None:
+def test_edge_ranks_matches_for_the_viewing_direction(house: House) -> None:
     house.live.choose_parts(3)
     house.until(lambda: house.tips == ["left", "right"])
     house.camera.face(np.pi, 0.2)

@@ -111,7 +111,7 @@ def test_invalid_possess_arguments_are_reported(take, tmp_path, capsys):
         assert any(word in error for word in words.split("|")), error
 
 
-def test_a_recording_of_before_has_its_motion_and_no_performers():
+def test_recording_without_attachments_has_motion_and_no_performers():
     assert "holds" not in Recording(OLD).info.topics
     project = read_possessed(OLD)
     assert project.graphs and not project.bodies

@@ -136,7 +136,7 @@ def test_two_performers_attach_their_parts_by_keys(house: House) -> None:
     house.until(lambda: house.holders == {})
 
 
-def test_smoothing_goes_to_the_edge_and_a_lock_that_cannot_be_is_not_shown(house: House) -> None:
+def test_smoothing_reaches_the_edge_and_refused_lock_is_not_shown(house: House) -> None:
     house.live.choose_performer()
     house.live.change_smoothing(1)
     house.until(lambda: house.edge.tracker.output.amount(1) == 2.0)

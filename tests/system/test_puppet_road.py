@@ -204,7 +204,7 @@ def test_the_shipped_recording_drives_the_shipped_cactus(road: Path) -> None:
 
 
 @pytest.mark.system
-def test_the_film_shows_a_cactus_that_acts(road: Path) -> None:
+def test_film_shows_the_moving_cactus(road: Path) -> None:
     sheet = np.asarray(Image.open(road / "enliven.png").convert("RGB")).astype(int)
     green = (sheet[..., 1] > sheet[..., 0] + 40) & (sheet[..., 1] > sheet[..., 2] + 30)
     # The performer is in the image from the first frame on, so the cactus fills less of it.
@@ -214,7 +214,7 @@ def test_the_film_shows_a_cactus_that_acts(road: Path) -> None:
 
 @pytest.mark.system
 @pytest.mark.slow
-def test_the_take_plays_back_as_it_was_and_opens_in_the_studio(road: Path) -> None:
+def test_take_plays_back_unchanged_and_opens_in_the_studio(road: Path) -> None:
     character, poses, _ = taken(road / "take.mcap")
     document, surfaces = Document(Timeline(bounded=False)), SolvedSurfaces(wait=True)
     feed = TakeFeed(road / "take.mcap")

@@ -100,7 +100,7 @@ def fields_of(take: Path) -> dict[str, np.ndarray]:
     }
 
 
-def test_poses_are_those_of_the_reference(road, whole, request):
+def test_poses_match_the_reference(road, whole, request):
     if request.config.getoption("--record-references"):
         np.savez_compressed(POSES, **whole)
         pytest.skip("stored the poses again")
@@ -149,7 +149,7 @@ def test_the_chair_walks(whole):
     assert np.percentile(stretch, 99) < 3.0
 
 
-def test_the_film_holds_every_moment(road):
+def test_film_contains_every_frame(road):
     with av.open(str(road / "enliven.mp4")) as film:
         stream = film.streams.video[0]
         count = sum(1 for _ in film.decode(stream))
@@ -157,7 +157,7 @@ def test_the_film_holds_every_moment(road):
     assert abs(count - SHOWN * 30) <= 6
 
 
-def test_the_picture_is_that_of_the_reference(road, request):
+def test_picture_matches_the_reference(road, request):
     """The contact sheet is blurred and compared channel by channel."""
     sheet = Image.open(road / "enliven.png").convert("RGB")
     small = sheet.resize((sheet.width // 4, sheet.height // 4), Image.Resampling.BOX)

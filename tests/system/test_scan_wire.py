@@ -44,7 +44,7 @@ def seen(viewer: EdgeClient, number: int = 1) -> set[str]:
 
 
 @pytest.mark.slow
-def test_a_scan_is_begun_grows_goes_back_and_becomes_a_character(running, frames) -> None:
+def test_scan_starts_grows_is_undone_and_becomes_a_character(running, frames) -> None:
     viewer = running.viewer()
     assert isinstance(running.ask(Scan("pause")), Refused), "no scan is running"
     running.ask(Scan("start", name="box", voxel=0.008))

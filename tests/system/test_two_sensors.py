@@ -113,7 +113,7 @@ def errors(space, made):
     )
 
 
-def test_the_exact_place_is_found(space):
+def test_calibration_finds_the_true_pose(space):
     """Rendered and tracked without prior knowledge, the error is at most 2.5 cm, 1 degree and 8 ms."""
     right_in_left = invert(space.sensors["left"].camera) @ space.sensors["right"].camera
     true = left_from_right_camera()
@@ -137,7 +137,7 @@ def test_two_fused_sensors_are_more_accurate_than_one(takes, space, found):
     assert np.percentile(fused, 99) < min(np.percentile(e, 99) for e in alone)
 
 
-def test_a_covered_lens_hands_over_and_takes_back(takes, space, found):
+def test_covered_lens_causes_no_jump_or_new_identity(takes, space, found):
     fused = performed(takes, space, {"left": "covered", "right": "right"}, found)
     ids = [[body.id for body in bodies] for bodies in fused.values()]
     assert ids[10:] == [[1]] * (len(ids) - 10)

@@ -140,7 +140,7 @@ def test_the_studio_does_not_save_over_a_project_of_a_later_version(tmp_path):
 
 
 @pytest.mark.parametrize("version", ["0", "true", '"new"', "1.5"])
-def test_a_version_that_is_none_is_refused(tmp_path, version):
+def test_invalid_version_is_refused(tmp_path, version):
     (tmp_path / "edge.toml").write_text(f"version = {version}\n")
     with pytest.raises(InputError, match="expected a whole number from 1"):
         load_settings(EdgeSettings, tmp_path / "edge.toml")

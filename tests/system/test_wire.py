@@ -81,7 +81,7 @@ def joined(link: EdgeClient, publisher: Publisher) -> None:
     link.take(POSE)
 
 
-def test_every_pose_comes_once_in_order_with_its_times(link: EdgeClient, publisher: Publisher) -> None:
+def test_every_pose_arrives_once_in_order_with_its_times(link: EdgeClient, publisher: Publisher) -> None:
     joined(link, publisher)
     got: list[Any] = []
     for i in range(300):
@@ -372,7 +372,7 @@ def test_lost_poses_are_counted(fake: FakeEdge) -> None:
     link.close()
 
 
-def test_no_address_is_refused() -> None:
+def test_invalid_address_is_refused() -> None:
     with pytest.raises(InputError):
         EdgeClient([])
     with pytest.raises(InputError):

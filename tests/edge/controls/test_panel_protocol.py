@@ -30,7 +30,7 @@ def sent(beat: int, counts: list[int]) -> bytes:
     return encode(f"P{beat % 0x10000:04X}" + "".join(f"{count % 16:X}" for count in counts))
 
 
-def test_a_message_on_the_line():
+def test_message_bytes_match_the_protocol():
     assert encode("H01P") == b"$H01P*42AB\n"
     assert lamps_message_body(Lamps("breathing", "steady", "off", "flashing")) == "LBS-F"
 

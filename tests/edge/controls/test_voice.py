@@ -85,7 +85,7 @@ def test_most_commands_are_heard_and_none_is_taken_for_another(recogniser):
 
 
 @spoken
-def test_two_commands_in_a_row_are_two(recogniser):
+def test_two_commands_in_a_row_are_both_recognised(recogniser):
     assert heard(recogniser, said("puppet let it go") + said("puppet follow my pose")) == [
         "puppet let it go",
         "puppet follow my pose",
@@ -97,7 +97,7 @@ def test_two_commands_in_a_row_are_two(recogniser):
     "talk",
     ["yes", "stop", "look at the lights", "lower your arms", "what time is it", "show me the other one"],
 )
-def test_talk_is_no_command(recogniser, talk):
+def test_other_speech_is_not_a_command(recogniser, talk):
     assert heard(recogniser, said(talk)) == []
 
 
@@ -180,7 +180,7 @@ def written(path: Path, sound: bytes, rate: int = RATE, channels: int = 1) -> Pa
 
 
 @spoken
-def test_a_recording_is_a_rehearsal(tmp_path, caplog):
+def test_recording_replaces_the_microphone(tmp_path, caplog):
     caplog.set_level(logging.INFO)
     written(tmp_path / "say.wav", said("puppet follow my pose"))
     settings = ControlSettings("voice", dict(SETTINGS.map), wav="say.wav")

@@ -130,7 +130,7 @@ def test_person_matching_is_independent_of_ids_and_order(order):
     assert errors(calibrate([a, b]), [A, B]).max() < 1e-3
 
 
-def test_a_back_with_sides_exchanged():
+def test_sensor_that_swaps_left_and_right_is_calibrated():
     """A sensor opposite the first one swaps left and right, always or sometimes."""
     opposite = stand(0.0, -5.0, 180.0)
     for swapped, part in ((lambda t: True, 1.0), (lambda t: t % 4 < 1.5, 0.38)):
@@ -142,7 +142,7 @@ def test_a_back_with_sides_exchanged():
         assert calibration.pairs[0].quality.swapped == pytest.approx(part, abs=0.03)
 
 
-def test_joints_that_lie_do_not_matter():
+def test_outlier_joints_are_ignored():
     """One hand of the second sensor is wrong for the whole walk, with full confidence."""
     a, b = streams([Walker()], [A, B])
     track = b.tracks[0]
@@ -176,7 +176,7 @@ def test_different_people_fail_calibration():
     assert not calibration.is_good and calibration.advice
 
 
-def test_a_chain_of_sensors_that_do_not_all_overlap():
+def test_chain_of_partly_overlapping_sensors_is_calibrated():
     """There are three sensors. The first and the last never see the person at the same time."""
     far = stand(4.5, -4.0, 130.0)
     a, b, c = streams(

@@ -101,7 +101,7 @@ def test_one_of_two_cameras_is_chosen_by_its_number(tmp_path):
     assert len(frames) == IMAGES and frames[0].sensor == f"realsense-{SERIAL[::-1]}"
 
 
-def test_a_bag_of_an_older_librealsense():
+def test_bag_of_an_older_librealsense_is_imported():
     name, frames = read(OLD_BAG)
     assert name == "bag" and [frame.sequence for frame in frames] == [100, 101, 102, 103, 104]
     for number, frame in enumerate(frames):
@@ -142,7 +142,7 @@ def test_orbbec_recording_is_imported_unchanged(orbbec):
     ("number", "value", "millimetres"),
     [(75, struct.pack("<i", 2), 0.4), (176, struct.pack("<f", 0.25), 0.25), (3, b"\0" * 4, 1.0)],
 )
-def test_orbbecs_steps_of_depth(tmp_path, orbbec, monkeypatch, number, value, millimetres):
+def test_depth_steps_of_orbbec_cameras_are_applied(tmp_path, orbbec, monkeypatch, number, value, millimetres):
     """The depth step is recorded as a precision level or in millimetres, depending on the camera."""
     about = {0: struct.pack("<d", 2.0), number: value}
     frames = with_properties(tmp_path, orbbec, monkeypatch, about)

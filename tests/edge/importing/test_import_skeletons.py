@@ -73,7 +73,7 @@ def labanotation_row(ticks: int, states: np.ndarray) -> str:
     return f"{ticks}," + ",".join(map(str, values.ravel())) + ",\n"
 
 
-def test_labanotation(tmp_path):
+def test_labanotation_is_read(tmp_path):
     states = np.full((25, 1), 2)
     states[KINECT2_ORDER[Joint.HAND_LEFT]] = 1
     states[KINECT2_ORDER[Joint.FOOT_LEFT]] = 0
@@ -146,7 +146,7 @@ def msr_rows(world: np.ndarray, pixels: bool) -> str:
 
 
 @pytest.mark.parametrize("pixels", [False, True], ids=["metres", "pixels"])
-def test_msr_action3d(tmp_path, pixels):
+def test_msr_action3d_is_read(tmp_path, pixels):
     path = tmp_path / "a01.txt"
     path.write_text("".join(msr_rows(person(raised=0.1 * i), pixels) for i in range(4)))
     name, frames = read(path)
@@ -174,7 +174,7 @@ def gait_text(world: np.ndarray, order: list[Joint]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def test_gait(tmp_path):
+def test_gait_recording_is_read(tmp_path):
     order = [Joint.HEAD, *(joint for joint in Joint if joint != Joint.HEAD)]
     path = tmp_path / "walk.txt"
     text = "".join(gait_text(person(), order) for _ in range(3))

@@ -101,7 +101,7 @@ def test_a_film_can_be_watched(tmp_path) -> None:
     assert abs(int(pictures[9].mean()) - 180) < 12 and pictures[0].mean() < 12
 
 
-def test_no_picture_no_file(tmp_path) -> None:
+def test_film_without_images_writes_no_file(tmp_path) -> None:
     with FilmWriter(tmp_path / "a.mp4", None, 25.0, 8.0):
         pass
     assert not (tmp_path / "a.mp4").exists()

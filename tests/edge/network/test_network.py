@@ -131,7 +131,7 @@ def test_orders_that_take_long_wait_for_later_frames(stage: Stage, peers) -> Non
     assert len(stage.done) == 100, "nothing is lost"
 
 
-def test_a_viewer_that_asks_little_comes_first(stage: Stage, peers) -> None:
+def test_viewer_with_few_requests_is_served_first(stage: Stage, peers) -> None:
     """Its request runs after at most one request of the other viewers, not after their hundred."""
     rude = [peers(stage.outlet.publisher) for _ in range(2)]
     good = peers(stage.outlet.publisher)
@@ -147,7 +147,7 @@ def test_a_viewer_that_asks_little_comes_first(stage: Stage, peers) -> None:
     assert stage.done.index(requests.Release("lamp")) - before <= 6
 
 
-def test_newcomers_without_end_do_not_keep_a_known_viewer_waiting(stage: Stage, peers) -> None:
+def test_endless_new_viewers_do_not_delay_a_known_viewer(stage: Stage, peers) -> None:
     """Each new viewer sends forty requests and leaves, so it has used no budget when it sends."""
     good = peers(stage.outlet.publisher)
     good.send(requests.Ping("good", 0))
@@ -193,7 +193,7 @@ def test_superseded_requests_are_skipped_and_answered(stage: Stage, peers) -> No
     assert answers.count(requests.Refused(requests.SUPERSEDED)) == 60 - len(stage.done)
 
 
-def test_each_of_many_steps_is_done(stage: Stage, peers) -> None:
+def test_every_step_request_is_executed(stage: Stage, peers) -> None:
     """A request that states an amount or advances a choice is not replaced by the next one."""
     viewer = peers(stage.outlet.publisher)
     viewer.send(*[requests.Browse("chair", 1)] * 20, *[requests.Possess("chair", mode="join")] * 3)

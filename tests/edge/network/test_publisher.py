@@ -120,7 +120,7 @@ def test_poses_arrive_in_order_with_their_times(publisher: Publisher, peer: Peer
     assert {m.instance for m in got} == {publisher.instance} and {m.revision for m in got} == {1}
 
 
-def test_a_late_joiner_is_welcomed_with_all_there_is(publisher: Publisher, peer: Peer) -> None:
+def test_late_viewer_receives_the_complete_state(publisher: Publisher, peer: Peer) -> None:
     for name in ("chair", "lamp"):
         publisher.set_character(character(name))
     publisher.set_character(character("lamp"))
@@ -269,7 +269,7 @@ def test_invalid_character_keeps_the_current_one(publisher: Publisher) -> None:
     publisher.publish_pose(character().rest_pose())
 
 
-def test_status_fields_are_made_fit_for_the_wire(publisher: Publisher) -> None:
+def test_status_fields_are_clamped_for_the_wire(publisher: Publisher) -> None:
     publisher.set_status(fps=float("nan"), note="x" * 1000, latency_p50_ms=float("inf"))
     data = msgspec.msgpack.encode(publisher.status)
     back = msgspec.msgpack.decode(data, type=streams.StatusMessage)

@@ -57,7 +57,7 @@ def test_an_edge_sends_a_recording_to_several_programs(tmp_path):
         assert osc.values["/cue/possess", "chair"] == (1,) and "/enliven/time" not in osc.values
 
 
-def test_a_replay_has_outputs(monkeypatch):
+def test_replay_sends_outputs(monkeypatch):
     original = Edge.step
     with OscReceiver() as receiver:
 

@@ -128,7 +128,7 @@ def test_tower_moves_only_if_its_place_is_occupied(seed, count, wide):
     assert np.abs(boxes[0].mean(0) - boxes[1].mean(0)).max() > 2 * wide * half
 
 
-def test_a_performer_who_never_stands_still_gets_the_world_too():
+def test_world_is_built_for_a_performer_that_never_stands_still():
     simulation = playground(place="performer", patience=2.0)
     for k in range(100):
         swing = 0.4 * np.sin(0.3 * k)

@@ -102,7 +102,7 @@ def closed(frames):
     return scanner, scanner.close_loops(), before
 
 
-def test_a_way_that_comes_back_is_closed_and_fused_again(frames, closed):
+def test_returning_path_is_closed_and_fused_again(frames, closed):
     scanner, closing, (before, twice, keyframes) = closed
     assert before > 0.015 and twice > 0.01, "it is doubled before"
     assert closing.taken and closing.loops >= 4 and closing.gap > 0.05
@@ -117,7 +117,7 @@ def test_a_way_that_comes_back_is_closed_and_fused_again(frames, closed):
     assert scanner.add(frames[0][-1]).state is ScanState.SCANNING
 
 
-def test_every_loop_that_is_believed_is_true(frames, closed):
+def test_accepted_loops_are_correct(frames, closed):
     closing = closed[1]
     anchors = [piece.anchor for piece in closing.pieces]
     _, belief = optimize_poses([closing.poses[n] for n in anchors], closing.links)
@@ -130,7 +130,7 @@ def test_every_loop_that_is_believed_is_true(frames, closed):
         assert move < 0.04 and turn < 0.02
 
 
-def test_a_way_that_does_not_come_back_stays(frames):
+def test_open_path_is_unchanged(frames):
     scanner = drifted(*(part[: FRAMES // 3] for part in frames))
     poses = list(scanner.poses)
     closing = scanner.close_loops()

@@ -91,14 +91,14 @@ def test_object_added_between_two_scans_is_extracted(folder, tmp_path):
         run("--recording", target, "--before", target, "--whole", "-o", tmp_path / "no.glb")
 
 
-def test_another_place_is_no_place_before(folder, tmp_path):
+def test_scan_of_another_place_is_refused(folder, tmp_path):
     pillars = tuple(Box((x, 0.0, 0.3), (x + 0.12, 2.0, 0.5)) for x in np.arange(-1.5, 1.5, 0.3))
     other = recorded(tmp_path / "other.mcap", NOTHING, 0, 40, room=pillars)
     with pytest.raises(InputError, match="no part of the earlier scan was seen again"):
         run("--recording", folder / "with.mcap", "--before", other, "-o", tmp_path / "no.glb", "--voxel", 16)
 
 
-def test_a_bare_floor_is_no_place_before(folder, tmp_path):
+def test_scan_of_a_bare_floor_is_refused(folder, tmp_path):
     """A bare floor does not constrain the camera, so it must not count as an earlier scan of the place."""
     bare = recorded(tmp_path / "bare.mcap", NOTHING, 0, 60, room=(Box((-9, -0.2, -9), (9, 0, 9)),))
     with pytest.raises(InputError, match=r"little more than one blank surface.* Keep other objects"):

@@ -74,7 +74,7 @@ def test_missing_parts_of_a_camera_are_reported_with_the_command(usb, monkeypatc
     assert len(usb.found()) == 3 and "USB 2" not in str(usb.found()[1].find_problems()[1:])
 
 
-def test_the_doctor_shows_each(usb, monkeypatch):
+def test_doctor_lists_each_camera(usb, monkeypatch):
     usb("045e", "02c4", "Xbox NUI Sensor")
     monkeypatch.setattr(doctor, "list_attached", usb.found)
     check = next(check for check in doctor.checks() if check.name == "Kinect v2")

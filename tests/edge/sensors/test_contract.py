@@ -120,7 +120,7 @@ def test_a_call_that_hangs_is_noticed_by_the_edge_s_own_timer(live):
 
 
 @pytest.mark.slow
-def test_lost_and_back_again_and_again(live):
+def test_device_is_reopened_after_every_loss(live):
     """The helper process is killed, and the device is absent for two attempts. Each time, a new process opens
     it.
     """
@@ -135,7 +135,7 @@ def test_lost_and_back_again_and_again(live):
 
 
 @pytest.mark.slow
-def test_another_size_in_the_middle_of_the_stream(live, takes):
+def test_image_size_may_change_during_the_stream(live, takes):
     """Image and lens always match. While the mode changes, the helper is idle."""
     live.play(takes[1])
     shapes: list[tuple[int, ...]] = []

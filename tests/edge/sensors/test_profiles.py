@@ -15,7 +15,7 @@ from enliven_edge.sensors.profile import TypicalCamera, typical_camera
 from enliven_synthesis.sensor.profile import load_profile
 
 
-def test_the_known_cameras_are_there() -> None:
+def test_known_cameras_have_profiles() -> None:
     expected = {"kinect1", "kinect2", "tof", "oak-d", "oak-d-lite", "realsense-d415", "pi-stereo"}
     assert expected <= set(profile_names())
 

@@ -19,7 +19,7 @@ def said(capsys, *words: str) -> tuple[int, str, str]:
     return code, out, err
 
 
-def test_all_are_listed(capsys):
+def test_all_sensors_are_listed(capsys):
     code, out, _ = said(capsys)
     assert (
         code == 0

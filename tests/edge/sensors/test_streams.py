@@ -131,7 +131,7 @@ def test_garbage_is_ignored():
         assert len(received(sensor, "vmc", LiveFrame(0, {1: performer()}))) == 1
 
 
-def test_a_suit_of_another_program_moves_a_mesh():
+def test_motion_suit_of_another_program_moves_a_mesh():
     graph = DeformationGraph.build(make_chair(0.05), nodes=24, seed=0)
     actor = EmbeddedActor(
         character_from_graph(make_chair(0.05), graph, "chair"), graph, ActorSettings(fade=0.0)

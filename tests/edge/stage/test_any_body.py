@@ -69,7 +69,7 @@ def at_origin(known) -> np.ndarray:
     return (known.joints - middle) * 1.75 / (high[1] - low[1])
 
 
-def test_performers_back_is_in_the_meshs_back(known):
+def test_trunk_of_the_mesh_matches_the_performers(known):
     """The trunk is within 4 cm of the performer's, and faces the same direction."""
     modelled, _ = prepare_mesh(known.mesh, ActorSettings(stand="modelled"))
     fitted, _ = prepare_mesh(known.mesh, ActorSettings(stand="fitted"))

@@ -255,7 +255,7 @@ def test_lost_performer_releases_smoothly_and_other_continues(chair):
     assert steps(poses).max() < 0.06
 
 
-def test_a_crowd_leaves_and_comes_back(chair):
+def test_performers_leave_and_return_to_their_parts(chair):
     """The mesh keeps its pose. Both performers continue with their parts, and a third never takes over."""
     house = stage(chair, hand_over=0.0)
     house.perform([person(), person(id=2)], 0)

@@ -94,7 +94,7 @@ def test_the_projectors_shadow_is_as_wide_as_geometry_says() -> None:
     assert (_before_a_wall(_profile("tof", edge=0.0)) > 0).all()
 
 
-def test_edges_lose_pixels_behind_and_fly_between() -> None:
+def test_edges_have_missing_and_flying_pixels() -> None:
     seen = _before_a_wall(_profile("tof", edge=1.0, edge_holes=0.5, flying=0.5))
     rim = seen[80:160, 97:103]
     assert 0.05 < (rim == 0).mean() < 0.5
@@ -105,7 +105,7 @@ def test_edges_lose_pixels_behind_and_fly_between() -> None:
     assert (calm > 0).all() and not ((calm > 1700) & (calm < 2800)).any()
 
 
-def test_dark_and_mirroring_surfaces_answer_in_part() -> None:
+def test_dark_and_reflective_surfaces_lose_pixels() -> None:
     depth, material = _wall(2.0)
     material[:, :160], material[:, 160:] = 1, 2
     seen = np.stack(

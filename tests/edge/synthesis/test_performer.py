@@ -97,7 +97,7 @@ def test_posture_matches_the_slow_reference(made: PerformerPosture) -> None:
 
 
 @pytest.mark.parametrize("name", choreography_names())
-def test_joints_stay_within_what_a_person_can_do(name: str) -> None:
+def test_joints_stay_within_human_limits(name: str) -> None:
     joints = _joints(name)
     for side in ("LEFT", "RIGHT"):
         shoulder, elbow, wrist, hip, knee, ankle = (
@@ -164,7 +164,7 @@ def test_the_chair_walks_marches_hops_and_flaps() -> None:
     assert turned.max() > 30 and turned.min() < -30
 
 
-def test_left_is_the_performers_own_left() -> None:
+def test_left_is_the_performers_left() -> None:
     home = _joints("idle")[0]
     for part in ("SHOULDER", "ELBOW", "WRIST", "HIP", "KNEE", "ANKLE", "FOOT"):
         assert home[Joint[f"{part}_LEFT"], 0] > home[Joint[f"{part}_RIGHT"], 0] + 0.1

@@ -74,7 +74,7 @@ def _drawn(
         ("wave", 2.0, Proportions(height=1.9, girth=0.8)),
     ],
 )
-def test_the_picture_is_the_surface(name: str, time: float, build: Proportions | None) -> None:
+def test_picture_matches_the_surface(name: str, time: float, build: Proportions | None) -> None:
     sdf, depth, _, _ = _drawn(name, time, build)
     ray = np.concatenate([pixel_rays(CAMERA), np.ones((122, 162, 1))], -1)
     hit = np.isfinite(depth)
@@ -130,7 +130,7 @@ def test_a_still_room_hides_the_performer() -> None:
     assert (depth == 1.5).all() and not material.any()
 
 
-def test_the_room_is_where_it_should_be() -> None:
+def test_room_is_at_its_position() -> None:
     depth, material = cast_room(CAMERA, WORLD_FROM_CAMERA)
     points = np.concatenate([pixel_rays(CAMERA), np.ones((122, 162, 1))], -1) * depth[..., None]
     world = points @ WORLD_FROM_CAMERA[:3, :3].T + WORLD_FROM_CAMERA[:3, 3]

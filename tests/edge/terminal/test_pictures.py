@@ -82,7 +82,7 @@ class Screen(io.StringIO):
         ({}, None),
     ],
 )
-def test_the_environment_names_the_way(environment, way):
+def test_environment_selects_the_image_protocol(environment, way):
     assert image_protocol(Screen(), Screen(), environment, patience=0.0) == way
     assert image_protocol(io.StringIO(), Screen(), environment) is None, "a pipe or a file gets no picture"
 
@@ -170,7 +170,7 @@ def test_the_command_draws_the_depth_at_a_terminal():
     assert "320 x 240" in text[: text.index("\x1bP")]
 
 
-def test_a_pipe_gets_words_alone_unless_a_way_is_named(capsys):
+def test_pipe_gets_only_text_unless_a_protocol_is_named(capsys):
     words = ["sensors", "replay", "--set", f"path={shipped_recording()}", "--seconds", "0.1"]
     assert cli.run(words) == 0
     assert "\x1b" not in capsys.readouterr().out

@@ -67,7 +67,7 @@ def read(pattern: str, **options):
 
 
 @pytest.mark.parametrize(("place", "reader", "count", "shape", "focal", "coloured"), DEPTH)
-def test_depth(place, reader, count, shape, focal, coloured):
+def test_depth_recordings_are_imported(place, reader, count, shape, focal, coloured):
     name, frames = read(place)
     assert name == reader
     assert len(frames) == count
@@ -89,7 +89,7 @@ def test_the_poses_of_the_hand_held_camera_are_upright():
 
 
 @pytest.mark.parametrize(("pattern", "reader", "count", "people"), SKELETONS)
-def test_skeletons(pattern, reader, count, people):
+def test_skeleton_recordings_are_imported(pattern, reader, count, people):
     name, frames = read(pattern)
     assert name == reader
     assert len(frames) == count
@@ -109,7 +109,7 @@ CAPTURES = sorted(DATA.glob("bvh/*/*.bvh")) + sorted(DATA.glob("cmu_expmap/t*.tx
 
 
 @pytest.mark.parametrize("path", CAPTURES, ids=lambda path: path.stem[-24:])
-def test_motion_captures(path):
+def test_motion_captures_are_imported(path):
     name, frames = read(str(path.relative_to(DATA)))
     assert name == "motion-capture"
     joints = np.array([frame.bodies[0].joints for frame in frames])

@@ -172,6 +172,6 @@ def test_a_scheduler_that_is_absent_is_named() -> None:
     assert time.monotonic() > began
 
 
-def test_an_address_must_be_one() -> None:
+def test_invalid_address_is_refused() -> None:
     with pytest.raises(EnlivenError), open_client(scheduler="nonsense://x"):
         pass

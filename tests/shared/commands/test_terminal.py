@@ -65,7 +65,7 @@ def prints(path: Path) -> int:
 
 
 @pytest.mark.parametrize("package", ["shared/enliven", "edge/enliven_edge", "viewer/enliven_viewer"])
-def test_commands_print_in_one_place(package):
+def test_commands_print_through_one_function(package):
     for folder in ("commands", "."):
         for path in sorted((HOUSE / package / folder).glob("*.py")):
             name = path.relative_to(HOUSE).as_posix()

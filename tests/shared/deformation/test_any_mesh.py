@@ -116,7 +116,7 @@ def sheet(count, size=1.0):
 
 
 @pytest.mark.parametrize("size", [1.0, 0.08, 1e-5, 1e4])
-def test_a_plane_of_any_size(size):
+def test_plane_of_any_size_gets_a_graph(size):
     mesh = sheet(30, size)
     graph = DeformationGraph.build(mesh, 50)
     assert components(50, graph.edges).max() == 0
@@ -126,7 +126,7 @@ def test_a_plane_of_any_size(size):
     np.testing.assert_allclose(graph.skin(mesh).weights.sum(1), 1, atol=1e-6)
 
 
-def test_a_mesh_smaller_than_a_hand():
+def test_tiny_mesh_gets_a_graph():
     mesh = fit_height(Mesh(*ball(np.zeros(3), 1.0, 16)), 0.05)
     graph = DeformationGraph.build(mesh, 64)
     assert components(64, graph.edges).max() == 0

@@ -140,7 +140,7 @@ class Twin:
 
 @pytest.mark.parametrize("plain", [True, False])
 @pytest.mark.parametrize("mesh", [sphere(), sheet(jitter=0.01)], ids=["ball", "sheet"])
-def test_frames_are_the_dense_twins(mesh, plain):
+def test_frames_match_the_dense_reference(mesh, plain):
     kind = ArapSettings(
         squash_and_stretch=not plain, follow=0.0, exaggeration=1.3, hold=0.0 if plain else 0.5, volume=0.0
     )
@@ -232,7 +232,7 @@ def test_a_figure_pressed_or_drawn_keeps_more_of_its_volume_than_plain_arap(by, 
     assert drift["squash"] < 0.5 * drift["plain"] and drift["squash"] < 0.5 * drift["none"]
 
 
-def test_handles_come_and_go_without_a_trace():
+def test_added_and_removed_handles_leave_no_change():
     mesh = sphere()
     first, second = ArapSolver(mesh, PLAIN), ArapSolver(mesh, PLAIN)
     for solver in (first, second):
@@ -271,7 +271,7 @@ def test_shells_soups_and_loose_vertices_move_together():
     assert np.array_equal(solved, solved[first])
 
 
-def test_needles_and_faces_without_area_do_no_harm():
+def test_degenerate_faces_are_tolerated():
     mesh = sheet()
     thin = mesh.vertices.copy()
     thin[10] = thin[11] + [1e-9, 0, 0]
@@ -302,7 +302,7 @@ def add(solver, handle):
         (lambda s: (add(s, Handle("twin", (0,))), s.solve({"twin": [[3.0, 0, 0]]})), "'twin'"),
     ],
 )
-def test_bad_input_is_named_and_last_good_pose_stays(does, says):
+def test_bad_input_is_reported_and_last_good_pose_stays(does, says):
     ball = sphere()
     mesh = Mesh(np.concatenate([ball.vertices, [[0.0, 3.0, 0.0]]]), ball.faces)
     solver = ArapSolver(mesh)
@@ -314,7 +314,7 @@ def test_bad_input_is_named_and_last_good_pose_stays(does, says):
     assert np.isfinite(solver.solve()).all()
 
 
-def test_meshes_that_cannot_be_deformed():
+def test_undeformable_meshes_are_refused():
     ball = sphere()
     with pytest.raises(InputError, match="too many"):
         ArapSolver(ball, ArapSettings(most_vertices=50))
@@ -338,7 +338,7 @@ def test_single_iteration_moves_the_shape():
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e6])
-def test_units_do_not_matter(scale):
+def test_result_is_independent_of_units(scale):
     mesh = sphere()
     shapes = []
     for unit in (1.0, scale):

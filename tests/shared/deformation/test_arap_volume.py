@@ -62,7 +62,7 @@ def test_open_mesh_has_no_volume():
     assert prepare_surface(inside_out, 1000).volume is None
 
 
-def test_the_ease_is_how_far_a_pressure_of_one_blows_up():
+def test_ease_matches_a_dense_solution():
     mesh = blob(60)
     surface = prepare_surface(mesh, 1000)
     count, (a, b) = 60, surface.edges.T

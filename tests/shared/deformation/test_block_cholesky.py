@@ -90,7 +90,7 @@ def test_the_order_keeps_the_fill_of_a_grid_low():
 
 
 @pytest.mark.parametrize("count", [1, 3])
-def test_nodes_that_nothing_couples(count):
+def test_uncoupled_nodes_are_solved(count):
     pattern = find_block_pattern(count, np.empty((0, 2), int))
     assert pattern.blocks == count
     assert sorted(elimination_order(count, np.empty((0, 2), int))) == list(range(count))

@@ -197,7 +197,7 @@ def flat_of(solver):
 
 
 @pytest.mark.parametrize(("tail", "translation"), CASES)
-def test_the_energy_is_the_papers(tail, translation):
+def test_energy_matches_the_paper(tail, translation):
     solver, slow = made_solver(tail, translation)
     parts = gradient(solver._x.reshape(-1), solver._terms, solver._planes, solver._work.raw)
     value = residuals(flat_of(solver), *slow)
@@ -414,7 +414,7 @@ def test_a_one_sided_plane_pushes_and_never_pulls():
         assert (positions[:, 1].min() > height - 0.02) and (positions[:, 1].min() > low + 0.1) == moves
 
 
-def test_planes_that_cannot_be_meant_are_left_out():
+def test_implausible_planes_are_ignored():
     graph = make_graph(12, 6)
     points, planes = make_points(graph, 8, 6), make_planes(graph, 6, 6)
     normals, offsets, pulls = planes.normals.copy(), planes.offsets.copy(), planes.weights.copy()
@@ -539,7 +539,7 @@ def test_nodes_are_never_mirrored(seed, size):
         assert np.linalg.det(linear).min() > 0.04
 
 
-def test_a_spoilt_state_is_left_in_one_frame():
+def test_invalid_state_recovers_in_one_frame():
     graph = make_graph(30, 8)
     points = make_points(graph, 30, 8)
     mirrored = np.tile(np.diag([1.0, 1.0, -1.0]), (30, 1, 1)), graph.positions * [1, 1, -1] + 5
@@ -549,7 +549,7 @@ def test_a_spoilt_state_is_left_in_one_frame():
     np.testing.assert_allclose(positions, graph.positions, atol=1e-3)
 
 
-def test_lost_targets_are_left_out():
+def test_lost_targets_are_ignored():
     graph = make_graph(12, 4)
     points = make_points(graph, 10, 4)
     targets = points.points + 0.1
@@ -612,7 +612,7 @@ def test_a_single_point_turns_nothing():
     np.testing.assert_allclose(positions, graph.positions + np.array([0.3, 0, 0]), atol=1e-4)
 
 
-def test_a_graph_of_one_node():
+def test_single_node_graph_is_solved():
     graph = replace(make_graph(12, 6), positions=np.zeros((1, 3)), edges=np.empty((0, 2), np.int32))
     graph = replace(graph, rigid=np.empty(0, bool), bridges=np.empty(0, bool), cut_vertices=np.zeros(1, bool))
     points = Points(np.eye(3), np.zeros((3, 4), np.int32), np.tile([1.0, 0, 0, 0], (3, 1)))

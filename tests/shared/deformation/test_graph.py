@@ -85,7 +85,7 @@ def test_edges_and_weights_do_not_cross_between_legs(two_legs, nodes):
     assert (followed * of_vertex[:, None] >= 0).all()
 
 
-def test_the_plain_distance_would_have_crossed(two_legs):
+def test_euclidean_neighbours_cross_between_legs(two_legs):
     """Shows that the test above is meaningful: links to the four nearest Euclidean neighbours do join the
     legs.
     """
@@ -193,7 +193,7 @@ def test_a_flat_mesh_and_a_single_triangle_work():
         np.testing.assert_allclose(graph.skin(mesh).weights.sum(1), 1, atol=1e-6)
 
 
-def test_the_wrong_mesh_is_refused(chair, two_legs):
+def test_other_mesh_is_refused(chair, two_legs):
     graph = DeformationGraph.build(chair, 64)
     with pytest.raises(InputError, match="built on"):
         graph.skin(Mesh(two_legs.vertices, two_legs.faces[:10]))

@@ -60,7 +60,7 @@ def normals(mesh, vertices):
     return replace(mesh, vertices=vertices).vertex_normals()
 
 
-def test_a_small_mesh_is_the_plain_solvers():
+def test_small_mesh_matches_the_plain_solver():
     mesh = tube(12, 20)
     held = [0, 5, 240, 241]
     surface = PuppetSurface(mesh, held, [None, 3.0, None, None], replace(COARSE, coarse_above=1000))
@@ -109,7 +109,7 @@ def test_samples_are_apart_and_everything_is_near_one():
     assert between[~np.eye(len(chosen), dtype=bool)].min() > 0.12
 
 
-def test_weights_are_those_of_the_slow_twin():
+def test_weights_match_the_slow_reference():
     rng = np.random.default_rng(0)
     points, samples = rng.random((30, 3)), rng.random((12, 3))
     ways = np.linalg.norm(points[:, None] - samples, axis=2) * rng.uniform(1.0, 1.6, (30, 12))
@@ -123,7 +123,7 @@ def test_weights_are_those_of_the_slow_twin():
     assert np.abs(dense - expected).max() < 1e-6
 
 
-def test_maps_and_their_blend_are_the_slow_twins():
+def test_maps_and_their_blend_match_the_slow_reference():
     mesh = tube(10, 14)
     solver = ArapSolver(mesh)
     solver.set_handles([Handle("a", (0,)), Handle("b", (141,))])
@@ -331,7 +331,7 @@ def test_tiny_shells_and_loose_vertices_follow_nearest_surface():
 
 
 @pytest.mark.parametrize("kind", [COARSE, ArapSettings()], ids=["coarse", "plain"])
-def test_bad_input_is_named_and_last_good_pose_stays(kind):
+def test_bad_input_is_reported_and_last_good_pose_stays(kind):
     tubes = tube()
     mesh = Mesh(np.concatenate([tubes.vertices, [[0.0, 3.0, 0.0]]]), tubes.faces)
     held = ends(tubes)

@@ -118,6 +118,6 @@ def test_intersections_at_rest_are_not_reported():
 
 
 @pytest.mark.parametrize("count", [0, 1, 3])
-def test_hardly_any_faces(count):
+def test_few_faces_are_handled(count):
     vertices = np.arange(27.0).reshape(9, 3) ** 2
     assert len(crossing_faces(vertices, np.arange(3 * count, dtype=np.int32).reshape(-1, 3))) == 0

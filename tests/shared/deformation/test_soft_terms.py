@@ -165,7 +165,7 @@ def test_the_nearest_compatible_point_is_the_one_that_a_look_at_all_would_find(s
             assert nearest[i] == -1
 
 
-def test_balls_fill_the_legs(trousers):
+def test_contact_spheres_fill_the_legs(trousers):
     character, graph, _ = trousers
     contact = SelfContact(character, graph)
     legs = graph.positions[:, 1] < 0.6

@@ -26,7 +26,7 @@ class Points:
     node_weights: np.ndarray
 
 
-def test_without_spots_there_is_nothing_to_say():
+def test_no_spots_give_no_stiffness():
     assert stiffness_at(np.zeros((3, 3)), ()) is None
 
 

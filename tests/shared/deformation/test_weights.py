@@ -171,7 +171,7 @@ def test_carriers_are_apart_and_near_to_every_node(seed, count):
     assert straight[:, chosen].min(1).max() < 0.6 * 0.5
 
 
-def test_few_nodes_carry_all(coarse):
+def test_few_nodes_carry_all_vertices(coarse):
     for nodes in (1, 2, 4):
         graph = DeformationGraph.build(coarse, nodes)
         assert set(np.unique(graph.skin(coarse).indices)) == set(range(nodes))

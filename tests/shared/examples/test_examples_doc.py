@@ -21,7 +21,7 @@ def blocks(kind):
     return re.findall(rf"```{kind}\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
 
 
-def test_the_page_runs(capsys):
+def test_code_of_the_page_runs(capsys):
     names = {}
     assert len(blocks("python")) == 4
     for block in blocks("python"):

@@ -125,7 +125,7 @@ Frame Time: 0.04
 """
 
 
-def test_a_simple_file() -> None:
+def test_simple_file_is_read() -> None:
     capture = parse_bvh(SIMPLE)
     assert capture.names == ("Hips", "Hips end")
     assert (capture.frames, capture.seconds, capture.notes) == (2, 0.04, ())
@@ -171,7 +171,7 @@ def test_error_names_the_line(old: str, new: str, line: int, words: str) -> None
     assert f"line {line}" in caught.value.where
 
 
-def test_a_file_that_ends_early_or_has_no_frames() -> None:
+def test_truncated_or_empty_file_is_refused() -> None:
     with pytest.raises(InputError, match="ends where"):
         parse_bvh(SIMPLE[: SIMPLE.index("Frame Time")])
     with pytest.raises(InputError, match="no frames"):

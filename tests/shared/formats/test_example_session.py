@@ -103,7 +103,7 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_a_session_by_hand(folder):
+def test_hand_written_session_is_read(folder):
     read = read_session(folder / "session.toml")
     puppet = read.project.puppets["stool"]
     assert read.puppet == "stool"
@@ -247,7 +247,7 @@ def test_unposed_point_is_written_without_offset(folder):
     assert '"top" = [0.0, 0.0, 0.0]' in text
 
 
-def test_a_part_of_a_take(folder):
+def test_part_of_a_take_is_read(folder):
     text = BY_HAND.replace(
         'file = "moves.enliven"', 'file = "moves.enliven"\nname = "late"\nstart = 1.0\nend = 2.5'
     )
@@ -303,7 +303,7 @@ def test_error_names_table_key_and_fix(folder, right, wrong, said):
     assert said in str(refused.value)
 
 
-def test_files_that_are_no_session(folder):
+def test_other_files_are_refused(folder):
     with pytest.raises(InputError, match=r"nowhere\.toml: there is no such file"):
         read_session(folder / "nowhere.toml")
     (folder / "bad.toml").write_text("[mesh\n")

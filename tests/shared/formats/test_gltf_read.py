@@ -267,7 +267,7 @@ def test_invalid_file_is_reported(tmp_path, spoil, words):
     assert str(path) in caught.value.where
 
 
-def test_files_that_are_no_models(tmp_path):
+def test_other_files_are_refused(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         read_gltf(tmp_path / "none.glb")
     with pytest.raises(InputError, match="not a glTF file"):

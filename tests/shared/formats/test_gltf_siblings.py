@@ -77,7 +77,7 @@ def test_an_odd_file_keeps_its_size_and_clips(tmp_path, kind):
 
 
 @pytest.mark.parametrize("kind", list(REFUSED))
-def test_a_wrong_file_is_refused_in_words(tmp_path, kind):
+def test_invalid_file_is_refused_with_a_reason(tmp_path, kind):
     change, words = REFUSED[kind]
     path = changed(change, tmp_path / "a.glb")
     with pytest.raises(InputError, match=words) as caught:

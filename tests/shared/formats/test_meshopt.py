@@ -77,7 +77,7 @@ def test_a_compressed_file_is_its_plain_twin(tmp_path, kind, extension):
     assert [note for note in rig.notes if "compression" in note] == []
 
 
-def test_every_door_reads_a_compressed_file(tmp_path):
+def test_every_entry_point_reads_a_compressed_file(tmp_path):
     path = packed("waving").write(tmp_path / "a.glb")
     mesh = read_gltf(path).shape.mesh
     for name, door in DOORS.items():

@@ -74,7 +74,7 @@ def test_a_project_comes_back_bit_for_bit(seed):
     assert project_bytes(again) == data
 
 
-def test_the_empty_project(tmp_path):
+def test_empty_project_is_restored(tmp_path):
     write_project(tmp_path / "new" / "a.enliven", Project())
     assert are_identical(read_project(tmp_path / "new" / "a.enliven"), Project())
 
@@ -265,7 +265,7 @@ def test_a_bit_that_is_turned_over_is_noticed_or_does_not_matter(seed):
     assert are_identical(project, again)
 
 
-def test_files_that_are_none(tmp_path):
+def test_other_files_are_refused(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         read_project(tmp_path / "none.enliven")
     (tmp_path / "text.enliven").write_text("hello")

@@ -21,7 +21,7 @@ def follows(made, tree, name):
     return tree.skeleton.names[tree.bone[number]]
 
 
-def test_a_head_with_two_ears_follows_neither():
+def test_head_with_two_ears_keeps_its_own_bone():
     skeleton_bodies = bodies(
         ("hips", -1, (0, 0, 0)),
         ("neck", 0, (0, 1, 0)),

@@ -19,13 +19,13 @@ def told(source, target):
     return {d.role: (source.names[d.source[-1]], target.names[d.target[-1]]) for d in drives}
 
 
-def test_a_man_on_himself():
+def test_man_maps_to_himself():
     pairs = told(man(), man())
     assert all(a == b for a, b in pairs.values())
     assert set(pairs) >= {"left leg", "right leg", "left arm", "right arm", "trunk", "head"}
 
 
-def test_a_man_on_a_horse():
+def test_man_drives_a_horse():
     pairs = told(man(), horse())
     assert pairs["left leg"] == ("Left toe", "Left hind hoof")
     assert pairs["right foreleg"] == ("Right finger", "Right fore hoof")
@@ -40,7 +40,7 @@ def test_a_horse_on_a_man_lends_its_forelegs_to_the_arms():
     assert pairs["left arm"] == ("Left fore hoof", "Left wrist")
 
 
-def test_a_man_on_a_spider_steps_in_turn():
+def test_man_drives_spider_legs_alternately():
     pairs = told(man(), spider())
     assert pairs["left leg"] == ("Left toe", "Left foot 3")
     assert pairs["left foreleg"] == ("Left finger", "Left foot 0")

@@ -131,7 +131,7 @@ def test_the_mean_of_turns_is_among_them_and_turns_with_them(seed):
     assert abs(mean_turn(same) @ turns[0]) == pytest.approx(1, abs=1e-12)
 
 
-def test_modes_by_build():
+def test_modes_follow_from_the_build():
     clip = random_motion(np.random.default_rng(1), man())
 
     def modes(target):
@@ -148,7 +148,7 @@ def test_the_anatomy_of_a_take_that_rests_in_a_bad_pose():
     assert len(source_anatomy(strange).pairs) == 2
 
 
-def test_a_joint_that_is_not_there_is_named_with_those_that_are():
+def test_missing_joint_is_named_with_the_existing_ones():
     clip, shape = random_motion(np.random.default_rng(1), man()), meshed("h", horse())
     good = ChainPlan(("Left hip", "Left toe"), ("Left hip", "Left hind hoof"))
     apply_plan(Project(), shape, clip, Plan(chains=(good,)))
@@ -222,7 +222,7 @@ def test_one_leg_poses_two(seed):
             assert bone @ thigh == pytest.approx(np.linalg.norm(bone) * np.linalg.norm(thigh), rel=1e-6)
 
 
-def test_who_waves_is_calm_between_the_waves():
+def test_hanging_pose_of_a_waving_performer_has_hanging_arms():
     """Arms are up in seven of ten frames. The mean pose raises them, but the calm pose lets them hang."""
     skeleton = man()
     arm = [skeleton.index(name) for name in ("Left shoulder", "Left elbow", "Left wrist")]

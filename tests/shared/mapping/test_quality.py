@@ -38,7 +38,7 @@ def test_stretch_is_that_of_every_edge(seed):
         assert stretch == pytest.approx(np.linalg.norm(at[a] - at[b]) / rest, rel=1e-4)
 
 
-def test_at_rest_all_is_well():
+def test_rest_pose_has_no_deformation():
     shape = webbed("horse", horse())
     clip = random_motion(np.random.default_rng(0), man(), frames=2, size=0.0)
     quality = quality_of(Project().with_characters(shape), "horse", clip, 1.0)
@@ -77,7 +77,7 @@ def test_what_does_not_stretch_is_left_alone():
 
 
 @pytest.mark.slow
-def test_the_next_best_mapping_is_better_or_none():
+def test_suggested_mapping_is_better_or_missing():
     shape, clip = webbed("horse", horse()), random_motion(np.random.default_rng(5), man(), size=2.0)
     result = retarget(shape, clip, automatic(clip, shape))
     before = quality_of(result.project, "horse", clip, result.duration)

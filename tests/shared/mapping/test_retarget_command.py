@@ -55,7 +55,7 @@ def test_a_horse_walks_as_the_man_does(files, capsys):
     assert np.ptp(rig.clips[0].root, axis=0)[[0, 2]].max() < 1e-6
 
 
-def test_the_written_mapping_makes_the_same(files):
+def test_written_mapping_gives_the_same_result(files):
     first, second, other = files / "one.glb", files / "two.glb", files / "other.glb"
     assert retarget(files, "-o", first, "--write-map", files / "map.toml") == 0
     assert retarget(files, "-o", second, "--map", files / "map.toml") == 0
@@ -107,7 +107,7 @@ def test_feet_are_held_on_request(files):
 
 
 @pytest.mark.slow
-def test_a_surface_that_stretches_is_said_with_its_joints_and_a_better_mapping(files, capsys):
+def test_stretched_surface_is_reported_with_joints_and_a_better_mapping(files, capsys):
     banded = Project().with_characters(webbed("banded", horse()))
     write_gltf(files / "banded.glb", [sample_performance(banded, "banded")])
     wide = 60.0 * np.sin(np.arange(12)[:, None, None] + np.arange(len(man()))[None, :, None])
@@ -167,7 +167,7 @@ def test_a_models_own_take_is_copied_joint_by_joint(files, capsys):
         (["--height", "-1"], "cannot become -1.0 m"),
     ],
 )
-def test_what_cannot_be_done_is_said(files, capsys, options, words):
+def test_impossible_requests_are_reported(files, capsys, options, words):
     assert retarget(files, "-o", files / "a.glb", *options) == 3
     assert words in capsys.readouterr().err
     assert not (files / "a.glb").exists()
@@ -181,7 +181,7 @@ def test_a_mapping_with_a_joint_that_is_not_there_lists_those_that_are(files, ca
     assert "Left ankle" in output
 
 
-def test_files_of_the_wrong_kind(files, capsys):
+def test_files_of_the_wrong_kind_are_refused(files, capsys):
     assert retarget(files, "-o", files / "a.glb", take="horse.png") == 3
     assert "Known: .bvh" in capsys.readouterr().err
     assert retarget(files, "-o", files / "a.glb", model="walk.bvh") == 3
@@ -190,7 +190,7 @@ def test_files_of_the_wrong_kind(files, capsys):
     assert ".fbx cannot be written. Known: .bvh, .csv, .glb" in capsys.readouterr().err
 
 
-def test_joints_beyond_their_limits_are_told_and_freed_by_an_option(files, capsys):
+def test_exceeded_joint_limits_are_reported_and_can_be_disabled(files, capsys):
     """A slightly grazing horse is not bent as far as a tumbling man. The option --no-limits bends it that
     far.
     """

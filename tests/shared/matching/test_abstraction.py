@@ -24,7 +24,7 @@ from literal_abstraction import literal_candidates
 from trees_for_matching import Drawing, figure_three, trees
 
 
-def test_figure_three():
+def test_figure_3_of_the_paper_is_reproduced():
     positions, links, named = figure_three()
     abstraction = abstract_joint_tree(positions, links)
     assert abstraction.root == named["root"]
@@ -158,7 +158,7 @@ def test_a_snake_without_a_branch_node_is_one_candidate():
     ]
 
 
-def test_bones_without_length_do_no_harm():
+def test_bones_of_zero_length_are_tolerated():
     points = np.zeros((6, 3))
     links = [(0, 1), (1, 2), (2, 3), (1, 4), (4, 5)]
     for candidate in abstract_joint_tree(points, links).candidates:
@@ -198,6 +198,6 @@ def test_non_tree_error_names_joints(links, told):
         assert "toe, tail" in str(caught.value)
 
 
-def test_a_root_that_is_not_there_is_refused():
+def test_missing_root_is_refused():
     with pytest.raises(InputError, match="joint 7 does not exist"):
         abstract_joint_tree(np.eye(3), [(0, 1), (1, 2)], 7)

@@ -156,7 +156,7 @@ def test_truncated_files_are_refused(tmp_path):
             load_mesh(path)
 
 
-def test_missing_files_and_folders(tmp_path):
+def test_missing_files_and_folders_are_reported(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         load_mesh(tmp_path / "nowhere.obj")
     with pytest.raises(InputError, match="folder"):

@@ -10,7 +10,7 @@ PAGE = Path(__file__).parents[3] / "docs" / "surgery.md"
 
 
 @pytest.mark.slow
-def test_the_page_runs(capsys):
+def test_code_of_the_page_runs(capsys):
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     assert len(blocks) >= 5
     names = {}

@@ -115,6 +115,6 @@ def test_between_two_contacts_the_place_moves_without_a_jump():
     assert weights[(fine <= 1.0) | (fine >= 1.15)].min() == 1.0
 
 
-def test_no_contacts_change_nothing():
+def test_motion_without_contacts_is_unchanged():
     weights, goals = held([0.0, 1.0], [], [], [])
     assert not weights.any() and not goals.any()

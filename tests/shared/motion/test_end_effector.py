@@ -117,7 +117,7 @@ def test_two_arms_of_one_layer_are_led_apart_and_side_branches_ride():
     np.testing.assert_allclose(joints[:, 6] - joints[:, 2], rotate(turns[:, 6], tree.vectors[6]), atol=1e-12)
 
 
-def test_there_is_no_other_mode():
+def test_unknown_mode_is_refused():
     project, clip, _ = scene(np.random.default_rng(0))
     with pytest.raises(InputError, match="known: turns, end"):
         bind_chain(project, "shape", (0,), clip.id, (0,), mode="fly")

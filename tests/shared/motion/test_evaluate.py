@@ -299,7 +299,7 @@ def test_a_live_moment_is_played_as_the_same_frame_of_a_take(seed):
         player.feed("nobody", clip.turns[0], clip.root[0])
 
 
-def test_there_must_be_such_a_shape():
+def test_missing_shape_is_refused():
     with pytest.raises(InputError, match="no shape"):
         evaluate_pose(Project(), "ghost", 0.0)
 

@@ -71,7 +71,7 @@ def slides(player, contacts, name):
     return [np.ptp(joints[some], axis=0).max() for some in inside if some.any()]
 
 
-def test_feet_that_slid_stand():
+def test_sliding_feet_are_pinned():
     project = walking(walk())
     pinned = pin_feet(project, "walker", FEET, settings=FIRM)
     player = Player(pinned, "walker")
@@ -125,7 +125,7 @@ def test_a_foot_that_may_sink_keeps_its_height_and_is_held_along_the_floor_only(
 
 
 @pytest.mark.parametrize("rise", [0.0, 1.0])
-def test_there_is_no_jump(rise):
+def test_pinned_motion_has_no_jump(rise):
     project = pin_feet(walking(walk()), "walker", FEET, settings=ContactSettings(rise=rise))
     fine = np.arange(0, 3.0, 1 / 600)
     pinned, free = (
@@ -213,7 +213,7 @@ def test_a_looped_walk_stands_in_every_round():
     assert any(len(c.starts) for c in player.contacts().values())
 
 
-def test_the_window_of_layers():
+def test_analysis_window_covers_the_layers():
     project = walking(walk(31))
     (shape,) = project.shapes.values()
     layers = shape.layers
@@ -229,7 +229,7 @@ def test_the_window_of_layers():
     )
 
 
-def test_pins_come_and_go():
+def test_pins_are_added_and_removed():
     project = walking(walk())
     pinned = pin_feet(project, "walker", [3, "ankle R"])
     assert [(pin.joint, pin.start) for pin in pinned.shape("walker").pins] == [

@@ -119,7 +119,7 @@ def test_a_bone_without_length_keeps_its_turn_to_itself():
         ({"loop": True, "offset": 0.1}, 0.0, 5.0),
     ],
 )
-def test_the_time_of_a_layer(played, seconds, expected):
+def test_layer_time_is_clamped_and_looped(played, seconds, expected):
     clip = random_clip(np.random.default_rng(0), random_skeleton(np.random.default_rng(0), 3))
     clocks = Clocks.of([Layer("layer", "take", (0,), **played)], [clip])
     assert clocks.frames_at(np.array([seconds]))[0][0] == pytest.approx([expected], abs=1e-9)

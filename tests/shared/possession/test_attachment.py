@@ -95,7 +95,7 @@ def slow_attachment(graph, joints, reach=0.10):
     return attachment
 
 
-def test_the_right_samples_take_hold_of_the_right_nodes(graph, held):
+def test_samples_attach_to_the_expected_nodes(graph, held):
     expected = slow_attachment(graph, standing())
     assert len(held) == len(expected) > 100
     actual = sorted(
@@ -249,7 +249,7 @@ def test_bones_turn_to_where_they_point_whatever_the_body_does(seed):
         assert np.linalg.det(turn) == pytest.approx(1.0)
 
 
-def test_bodies_without_any_shape_do_no_harm():
+def test_degenerate_bodies_are_tolerated():
     for joints in (np.zeros((J, 3)), np.full((J, 3), np.nan), np.tile([0.0, 1, 0], (J, 1))):
         for rest in (standing(), joints):
             turns, axes = bone_rotations(rest, joints)

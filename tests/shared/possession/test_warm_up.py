@@ -58,5 +58,5 @@ def test_warm_up_compiles_all_kernels(nodes):
 
 
 @pytest.mark.timeout(700)
-def test_without_it_the_first_frames_load_their_kernels():
+def test_first_frames_without_warm_up_load_kernels():
     assert {"next_frame", "refactor"} <= kernels_of(40, warm=False)

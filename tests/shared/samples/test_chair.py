@@ -33,7 +33,7 @@ def test_its_edges_are_short_enough_to_bend(chair):
     assert np.median(lengths) < 0.02
 
 
-def test_a_standing_person_fits(chair):
+def test_standing_person_fits_into_the_chair(chair):
     low, high = chair.bounds
     assert low[1] == 0.0
     assert high[1] == pytest.approx(1.75, abs=0.03)

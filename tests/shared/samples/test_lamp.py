@@ -32,7 +32,7 @@ def test_every_shell_is_closed_and_faces_outwards(lamp):
     assert repair(lamp)[1] == ["it has 18 separate shells, all kept"]
 
 
-def test_its_size(lamp):
+def test_lamp_has_its_documented_size(lamp):
     low, high = lamp.bounds
     assert low[1] == 0.0
     assert 1.5 < high[1] < 1.75

@@ -36,7 +36,7 @@ def slow_distance(volume, view, pose, voxel):
     return distance, worth * max(0.1, 1.0 - abs(distance) / band.behind)
 
 
-def test_the_compiled_fusion_is_the_slow_one():
+def test_compiled_fusion_matches_the_slow_reference():
     volume, poses = TsdfVolume(SETTINGS), [looking(0.0), looking(0.5), looking(-0.4, 1.2, 0.3)]
     views = [prepared(sphere_depth((0.02, 0, 0.05), 0.3, pose)) for pose in poses]
     for view, pose in zip(views, poses, strict=True):
@@ -158,7 +158,7 @@ def test_a_hand_that_passed_is_carved_away_and_its_memory_given_back():
     )
 
 
-def test_a_volume_that_forgot_is_as_a_new_one():
+def test_reset_volume_equals_a_new_one():
     poses = [looking(0.2 * k) for k in range(4)]
     views = [prepared(sphere_depth((0, 0, 0), 0.3, pose)) for pose in poses]
     again, new = TsdfVolume(SETTINGS), TsdfVolume(SETTINGS)

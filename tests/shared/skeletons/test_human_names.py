@@ -78,7 +78,7 @@ def test_a_tracked_person_is_found_by_name():
 @pytest.mark.parametrize(
     "skeleton", [horse(), spider(), man(named=False)], ids=["horse", "spider", "nameless"]
 )
-def test_other_names_say_nothing(skeleton):
+def test_unknown_names_identify_no_limbs(skeleton):
     assert human_joints(skeleton) is None
 
 

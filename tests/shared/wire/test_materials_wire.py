@@ -62,7 +62,7 @@ def test_message_without_materials_is_unchanged() -> None:
     assert sent(replace(painted(2), materials=None)).materials is None
 
 
-def test_textures_that_are_too_large_stay_at_home_and_the_character_goes() -> None:
+def test_too_large_textures_are_left_out_of_the_character() -> None:
     character = painted(2)
     large = replace(character.materials, textures=(texture(1 << 24),))
     assert sent(replace(character, materials=large)).materials is None

@@ -134,7 +134,7 @@ def test_replies_survive(body: object) -> None:
     assert envelope.unpack_control(envelope.pack_control(reply), topics.REPLY) == reply
 
 
-def test_the_table_is_whole() -> None:
+def test_message_table_is_complete() -> None:
     assert len({t.name for t in topics.TOPICS}) == len(topics.TOPICS)
     assert all(t.max_bytes < topics.MAX_STREAM_BYTES for t in topics.STREAMS.values())
     assert {type(m) for m in EXAMPLES} == {t.type for t in topics.STREAMS.values()}
@@ -360,7 +360,7 @@ def test_each_kind_of_malformed_message_is_logged_once(caplog: pytest.LogCapture
         ("[::1]", Endpoint("::1", 5580, 5581)),
     ],
 )
-def test_addresses(text: str, expected: Endpoint) -> None:
+def test_addresses_are_parsed(text: str, expected: Endpoint) -> None:
     assert parse_endpoint(text) == expected
     assert parse_endpoint(str(expected)) == expected
 

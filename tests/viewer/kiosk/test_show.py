@@ -107,7 +107,7 @@ def test_visit_ends_with_thanks_and_attract(screening):
 
 
 @pytest.mark.slow
-def test_silent_camera_is_told_to_operators_while_attract_goes_on(screening):
+def test_silent_camera_is_reported_to_operators_while_attract_continues(screening):
     screening.kiosk.sensor.silent = True
     screening.run_until(lambda frame: "camera" in frame.report.problem, 5.0)
     assert shown_phase(screening.frame) is Phase.ATTRACT

@@ -70,7 +70,7 @@ def read(path: Path) -> tuple[Document, TakeFeed]:
     raise AssertionError("the take never ends")
 
 
-def test_everything_comes_back_in_order(tmp_path, box) -> None:
+def test_all_messages_are_read_in_order(tmp_path, box) -> None:
     write(tmp_path / "take.mcap", box)
     document, take = read(tmp_path / "take.mcap")
     timeline = document.timeline

@@ -95,7 +95,7 @@ def test_invalid_size_is_refused(text: str) -> None:
         with_size(ViewerSettings(), text)
 
 
-def test_sizes_and_addresses() -> None:
+def test_sizes_and_addresses_are_parsed() -> None:
     assert (with_size(ViewerSettings(), "640 x 360").width, with_size(ViewerSettings(), None).width) == (
         640,
         1280,

@@ -128,7 +128,7 @@ def test_only_frames_that_come_as_they_should_have_a_green_dot(gl, edge, good) -
     assert (green > red + 40 and green > blue) == good
 
 
-def test_everything_at_once_draws_without_an_error(gl) -> None:
+def test_all_elements_at_once_are_drawn_without_an_error(gl) -> None:
     target = canvas_of(gl, 640, 360)
     edge = EdgeState(True, "tcp://127.0.0.1:5580", "possessed", "a note", 21.0, 8.0)
     draw(gl, target, HudState(edge=edge, fps=60, length_s=3, live=False, notice="waiting"))
@@ -176,5 +176,5 @@ def test_silent_edge_shows_no_health(gl) -> None:
     np.testing.assert_array_equal(pixels(first), pixels(second))
 
 
-def test_clocks() -> None:
+def test_times_are_formatted() -> None:
     assert [format_time(s) for s in (0, 9.96, 61.24, -1)] == ["0:00.0", "0:10.0", "1:01.2", "0:00.0"]

@@ -56,7 +56,7 @@ def front() -> OrbitCamera:
     return camera
 
 
-def test_the_meant_chains_glow_on_the_model_in_the_limbs_colours(gl) -> None:
+def test_matched_chains_glow_in_the_limbs_colours(gl) -> None:
     renderer = Renderer(gl, (300, 200))
     view = front().view(1.5)
     plain = renderer

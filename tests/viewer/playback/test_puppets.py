@@ -92,7 +92,7 @@ def test_a_puppet_that_is_carried_about_keeps_its_shape() -> None:
     np.testing.assert_allclose(vertices, first @ moved.linear[0].T + moved.positions[0], atol=2e-3)
 
 
-def test_no_picture_waits_and_the_surface_comes() -> None:
+def test_frames_do_not_wait_for_the_surface() -> None:
     surfaces = SolvedSurfaces()
     assert surfaces.vertices(CHARACTER, pose(bent())) is None
     seen = shown(surfaces, pose(bent()))
@@ -116,7 +116,7 @@ def test_a_still_puppet_is_solved_until_it_rests_and_then_no_more(monkeypatch) -
 
 
 @pytest.mark.parametrize("what", [np.nan, np.inf, 1e9])
-def test_places_that_cannot_be_leave_the_last_good_shape(what: float) -> None:
+def test_impossible_positions_keep_the_last_good_shape(what: float) -> None:
     surfaces = SolvedSurfaces(wait=True)
     before = surfaces.vertices(CHARACTER, pose(bent()))
     wild = bent()
@@ -125,7 +125,7 @@ def test_places_that_cannot_be_leave_the_last_good_shape(what: float) -> None:
     assert surfaces.vertices(CHARACTER, pose(bent(0.25))) is not None
 
 
-def test_a_frame_that_is_no_frame_is_drawn_rigidly() -> None:
+def test_invalid_frame_is_drawn_rigidly() -> None:
     broken = pose(bent())
     broken.linear[0] = 0.0
     assert SolvedSurfaces(wait=True).vertices(CHARACTER, broken) is None

@@ -64,7 +64,7 @@ def full_scene(box, make_body) -> Scene:
 
 
 @pytest.mark.parametrize("samples", [1, 4])
-def test_the_picture_is_that_of_work_everywhere(gl, box, make_body, monkeypatch, samples) -> None:
+def test_region_rendering_matches_full_rendering(gl, box, make_body, monkeypatch, samples) -> None:
     settings = replace(SMALL, samples=samples)
     scene, view = full_scene(box, make_body), side_view()
     narrow = Renderer(gl, SIZE, settings)

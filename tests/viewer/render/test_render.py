@@ -196,7 +196,7 @@ def test_a_pose_that_is_not_finite_draws(renderer, box) -> None:
     assert after.std() > 30, "what follows a broken pose is drawn as ever"
 
 
-def test_characters_come_and_go(renderer, box, make_character, make_box) -> None:
+def test_characters_are_added_and_removed(renderer, box, make_character, make_box) -> None:
     other = replace(make_character(*make_box((1, 0, 0), (1.2, 1, 0.3)), nodes=2), id="other")
     drawn(renderer, Scene((SceneCharacter(box, box.rest_pose()), SceneCharacter(other, other.rest_pose()))))
     assert set(renderer._meshes) == {"box", "other"}
@@ -213,7 +213,7 @@ def test_resizing_and_a_minimised_window(renderer) -> None:
 
 
 @pytest.mark.parametrize("samples", [1, 4])
-def test_with_and_without_multisampling(gl, box, samples) -> None:
+def test_image_is_similar_without_multisampling(gl, box, samples) -> None:
     renderer = Renderer(gl, (64, 48), RenderSettings(samples=samples, shadow_size=64, contact_size=32))
     picture = drawn(renderer, Scene((SceneCharacter(box, box.rest_pose()),)))
     assert picture.shape == (48, 64, 3) and picture.std() > 5

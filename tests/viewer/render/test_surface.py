@@ -62,7 +62,7 @@ def test_faces_keep_their_corners(make_box) -> None:
     assert np.array_equal(surface.source[surface.faces], faces)
 
 
-def test_a_face_without_area_does_no_harm() -> None:
+def test_face_without_area_is_tolerated() -> None:
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0]], np.float32)
     surface = split_creases(vertices, np.array([[0, 1, 2], [0, 1, 3], [1, 1, 2]], np.int32))
     assert np.isfinite(surface.normals).all()

@@ -160,7 +160,7 @@ def test_a_pan_while_it_follows_is_kept_and_switching_on_moves_nothing() -> None
     np.testing.assert_allclose(camera.target, panned)
 
 
-def test_a_turntable_goes_round_and_comes_back() -> None:
+def test_turntable_returns_to_its_start() -> None:
     camera, moves = OrbitCamera(), CameraMoves()
     begin = camera.view(1.0).eye
     moves.toggle_turntable()

@@ -166,7 +166,7 @@ def test_a_phone_can_fetch_a_part_of_a_film(profile):
         assert headers["content-type"] == "video/mp4"
 
 
-def test_nothing_else_can_be_read_and_nothing_changed(profile):
+def test_other_paths_and_methods_are_refused(profile):
     token, path = add(profile, b"picture")
     with serving(profile):
         wrong = ["/", "/index.html", f"/{token[:-1]}", f"/{token}/", f"/{token}x", f"/{path.name}", "/.."]

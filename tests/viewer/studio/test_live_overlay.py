@@ -72,7 +72,7 @@ def test_matches_lie_on_the_bones_as_they_are_shown(editor: Editor) -> None:
     assert len(nothing) == 0
 
 
-def test_one_that_was_edited_meanwhile_is_the_projects_until_the_stage_has_it(editor: Editor) -> None:
+def test_edited_character_is_shown_until_the_stage_has_it(editor: Editor) -> None:
     other = replace(
         on_stage(), pose=Pose("arm", 5, np.zeros((1, 3, 3), np.float32), np.zeros((1, 3), np.float32))
     )

@@ -74,7 +74,7 @@ def test_unmoved_or_absent_performer_does_not_end_the_recording() -> None:
     assert seen(unseen).seconds(59 * STEP) > 1.0, "a joint that is guessed does not count"
 
 
-def test_the_still_end_is_left_out() -> None:
+def test_still_end_is_trimmed() -> None:
     frames = [BodyFrame([standing(1)], n * STEP, "edge") for n in range(10)]
     kept = PerformedMotion("take 1", 0, frames=frames).until(4 * STEP)
     assert [frame.time_ns // STEP for frame in kept.frames] == [0, 1, 2, 3, 4]
@@ -126,7 +126,7 @@ def test_a_span_is_recorded_and_no_more_and_again_where_it_loops(session: Perfor
 
 
 @pytest.mark.slow
-def test_a_word_begins_a_recording_takes_it_again_and_ends_it(session: PerformSession) -> None:
+def test_voice_command_starts_repeats_and_ends_a_recording(session: PerformSession) -> None:
     heard = session.live.feed.on_message
 
     def called(word: str) -> None:

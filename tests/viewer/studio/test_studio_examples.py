@@ -160,7 +160,7 @@ def test_unnamed_points_are_named_after_their_joint() -> None:
         ("X1", "x"),
     ],
 )
-def test_joints_as_people_call_them(joint: str, said: str) -> None:
+def test_joints_have_readable_names(joint: str, said: str) -> None:
     assert describe_joint(joint) == said
 
 

@@ -181,7 +181,7 @@ def test_renaming_changes_only_the_name(workspace) -> None:
 
 
 @pytest.mark.slow
-def test_in_the_window(tmp_path) -> None:
+def test_outliner_works_in_the_window(tmp_path) -> None:
     report = in_a_window(SESSION, str(tmp_path))
     assert report["done"] and report["complaints"] == []
     assert report["several"] == ["star", "limb"] and report["hidden"] == ["limb", "star"], (

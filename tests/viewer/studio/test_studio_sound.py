@@ -158,7 +158,7 @@ def test_sound_opens_at_the_playhead_is_saved_and_undone(tmp_path) -> None:
     assert are_identical(editor.project, before)
 
 
-def test_samples_of_another_kind_are_refused() -> None:
+def test_samples_of_another_type_are_refused() -> None:
     for samples, begin in (
         (np.zeros(4), 0.0),
         (np.zeros((2, 2), np.int16), 0.0),

@@ -91,7 +91,7 @@ def apart(colours) -> np.ndarray:
     )
 
 
-def test_the_measures_are_those_of_their_publications() -> None:
+def test_colour_measures_match_their_publications() -> None:
     assert contrast((0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 1.0)) == pytest.approx(21.0)
     assert contrast((0.4666667,) * 3, (1.0, 1.0, 1.0)) == pytest.approx(4.48, abs=0.01)  # the well-known #777
     assert lab(linear([1.0, 0.0, 0.0])) == pytest.approx([53.24, 80.09, 67.20], abs=0.05)

@@ -271,7 +271,7 @@ def test_a_closed_stroke_becomes_a_part_with_bones(workspace: Workspace) -> None
     assert tall == pytest.approx(0.5 * workspace.editor.size[1], rel=0.12)
 
 
-def test_a_dot_is_no_part(workspace: Workspace) -> None:
+def test_dot_creates_no_part(workspace: Workspace) -> None:
     do(workspace, Key("s"), Drag((Pixel(0.2, 0.2), Pixel(0.21, 0.2)), 0.2))
     assert "part" not in workspace.editor.project.shapes and "too short" in said(workspace)
 

@@ -130,7 +130,7 @@ def test_unchanged_content_asks_no_question(windows, tmp_path: Path) -> None:
     assert second.asking == "" and characters(path) == ["shared"]
 
 
-def test_two_windows_that_made_the_same_ask_nothing(windows, tmp_path: Path) -> None:
+def test_equal_edits_in_two_windows_ask_no_question(windows, tmp_path: Path) -> None:
     first, second = windows
     first.ask("save")
     assert second.attempt(lambda: second.open(tmp_path / "work.enliven"))

@@ -50,7 +50,7 @@ def texts_of(path: Path) -> list[tuple[int, str]]:
     ]
 
 
-def test_no_text_of_the_window_has_words_of_engineers() -> None:
+def test_window_texts_contain_no_technical_terms() -> None:
     for path in sorted(STUDIO.rglob("*.py")):
         if str(path.relative_to(STUDIO)) in NOT_SHOWN:
             continue

@@ -77,14 +77,14 @@ def test_library_message_becomes_an_error_with_advice(sensor, message, words):
     assert error.exit_code == 4 and error.remedy
 
 
-def test_no_message_is_without_its_sentence():
+def test_every_message_has_an_explanation():
     sentences = {str(convert_error(sensor, RuntimeError(message))) for sensor, message, _ in MESSAGES}
     assert len(sentences) >= 10
     for pieces in LIBRARY_MESSAGES.values():
         assert len(dict(pieces)) == len(pieces)
 
 
-def test_the_system_s_own_words():
+def test_system_errors_are_explained():
     if sys.platform.startswith("linux"):
         codes = (errno.EACCES, errno.EPERM, errno.EBUSY, errno.ENODEV, errno.ENOENT)
         assert [piece for piece, _ in SYSTEM_MESSAGES] == [os.strerror(code) for code in codes]
@@ -139,7 +139,7 @@ def test_two_cameras_of_one_name_are_reported_with_advice():
         ("realsense", "pyrealsense2", "2.50.0.3785", "needs 2.56"),
     ],
 )
-def test_a_library_of_a_version_that_does_not_work(monkeypatch, sensor, package, version, why):
+def test_unsupported_library_version_is_reported(monkeypatch, sensor, package, version, why):
     """The error is reported before the library is loaded."""
     monkeypatch.setattr(cameras, "version", {package: version}.__getitem__)
     with pytest.raises(ResourceError) as raised:
@@ -149,7 +149,7 @@ def test_a_library_of_a_version_that_does_not_work(monkeypatch, sensor, package,
     assert f'pip install "enliven-edge[{sensor}]"' in reason
 
 
-def test_versions_that_work_are_let_be():
+def test_working_versions_are_accepted():
     good = {
         "depthai": ("3.6.1", "3.7.0", "3.11.0", "3.12.0"),
         "pyrealsense2": ("2.56.5.9235", "2.59.1.11053"),
@@ -206,7 +206,7 @@ def test_missing_camera_gives_advice_and_command(said):
     assert "USB 3 port" in words and f"enliven run --sensor {sensor}" in words and "enliven doctor" in words
 
 
-def test_another_camera_than_was_asked_for(said):
+def test_other_camera_than_requested_is_reported(said):
     sensor, reports = said
     kind, words, _ = reports["another"]
     assert kind == "ResourceError" and f"called {KINDS[sensor][2]} is not connected" in words
@@ -221,7 +221,7 @@ def test_forbidden_and_hidden_cameras_are_reported(said):
     )
 
 
-def test_a_camera_without_its_lens(said):
+def test_camera_without_calibration_uses_a_default_lens(said):
     """The camera runs with the default lens of its model, which is reported."""
     _, reports = said
     width, focal, calibrated = json.loads(reports["lensless"][1].lower())
@@ -293,7 +293,7 @@ def seen(sensor, errors: list[Exception]) -> bool:
 
 @pytest.mark.parametrize("sensor", LIBRARIES)
 @pytest.mark.parametrize("message", [message for _, message, _ in MESSAGES])
-def test_in_a_rehearsal_no_device_is_to_be_mended(sensor, message):
+def test_rehearsal_gives_no_hardware_advice(sensor, message):
     refusal = str(convert_error(sensor, RuntimeError(message), "a rehearsal", rehearsed=True))
     assert " ".join(message.split()).rstrip(".") in refusal and "enliven inspect" in refusal
     assert not any(word in refusal for word in ("Plug it", "Unplug it", "Close", "cable", "Type: sudo"))

@@ -69,7 +69,7 @@ def test_any_library_failure_is_continued_by_another_process(tmp_path, mishap, s
     assert (tmp_path / "asked-for-any").exists() and (tmp_path / "asked-for-wild").exists()
 
 
-def test_a_stream_that_ends_ends(tmp_path):
+def test_end_of_stream_is_passed_on(tmp_path):
     with opener(tmp_path, mishap="ends")() as sensor:
         frames = []
         while (frame := next_frame(sensor)) is not None:
@@ -90,7 +90,7 @@ def test_library_crash_during_opening_is_reported(tmp_path):
         open_reopening(opener(tmp_path, mishap="crashes at open"))
 
 
-def test_none_is_there(tmp_path):
+def test_missing_device_is_reported(tmp_path):
     (tmp_path / "gone").touch()
     with pytest.raises(ResourceError, match=r"no device\. Plug it in"):
         open_reopening(opener(tmp_path))

@@ -114,7 +114,7 @@ def test_upright_posture_has_identity_rotations():
     np.testing.assert_allclose(np.abs(turned[:, 0]), 1.0)
 
 
-def test_left_is_left():
+def test_left_joints_are_on_the_left():
     joints = Posture(np.zeros(3), joint_limits.standing_pose(), model.lengths_for_height(1.7)).joints()
     from enliven.person.joints import Joint
 

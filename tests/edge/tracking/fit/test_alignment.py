@@ -28,7 +28,7 @@ def test_every_posture_of_the_bank_is_reached_from_standing(number):
     assert np.linalg.norm(aligned.joints() - wanted.joints(), axis=1).mean() < 0.04
 
 
-def test_an_outlier_is_doubted():
+def test_outlier_is_downweighted():
     wanted = standing(0.4)
     targets = wanted.joints()
     targets[7] += [0.0, 1.5, 0.0]
@@ -47,7 +47,7 @@ def test_target_without_weight_has_no_effect():
     assert energy == same
 
 
-def test_a_start_is_not_touched():
+def test_start_posture_is_not_modified():
     start = standing()
     align(start, *ANCHORS, standing(0.4).joints(), ALIKE)
     np.testing.assert_array_equal(start.joints(), standing().joints())

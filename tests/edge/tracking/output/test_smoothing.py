@@ -25,7 +25,7 @@ def filtered(amount: float, values: np.ndarray) -> np.ndarray:
     return np.stack([one_euro(v, i * STEP) for i, v in enumerate(values)])
 
 
-def test_zero_is_off():
+def test_zero_disables_the_filter():
     values = np.random.default_rng(0).normal(size=(20, 20, 3))
     np.testing.assert_array_equal(filtered(0.0, values), values)
 
@@ -37,7 +37,7 @@ def test_still_joints_are_calmer(amount):
     assert filtered(amount, noise)[30:].std() < noise[30:].std()
 
 
-def test_more_is_smoother():
+def test_larger_amount_is_smoother():
     noise = np.random.default_rng(2).normal(0, 0.005, (90, 20, 3))
     spread = [filtered(amount, noise)[30:].std() for amount in (0.5, 1.0, 3.0, 9.0)]
     assert spread == sorted(spread, reverse=True)
@@ -98,7 +98,7 @@ def tumbling(seed: int, frames: int = 20) -> np.ndarray:
     return np.stack(turns)
 
 
-def test_zero_is_off_for_turns():
+def test_zero_disables_the_filter_for_rotations():
     values = tumbling(0)
     np.testing.assert_array_equal(turned(0.0, values), values)
 

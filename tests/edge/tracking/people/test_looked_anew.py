@@ -73,11 +73,11 @@ def test_unsuccessful_searches_become_rarer(looks):
     assert np.diff(searches).tolist() == [60, 120, 120]
 
 
-def test_a_good_frame_brings_the_patience_back(looks):
+def test_good_frame_resets_the_search_interval(looks):
     assert looks(175, lambda frame: frame >= KNOWN and frame != 60) == [29, 61, 121]
 
 
-def test_a_look_that_finds_something_brings_the_patience_back(looks):
+def test_successful_search_resets_the_search_interval(looks):
     assert looks(150, lambda frame: frame >= KNOWN, finds=lambda frame: frame == FIRST) == [29, 59, 119]
 
 

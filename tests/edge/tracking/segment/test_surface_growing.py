@@ -97,7 +97,7 @@ def test_result_matches_flood_fill(seed):
     np.testing.assert_array_equal(after(owner, z)[0], slowly(owner, z))
 
 
-def test_the_scenes_have_something_to_give_back():
+def test_scenes_contain_detached_pixels():
     changed = [not np.array_equal(after(*scene(seed))[0], scene(seed)[0]) for seed in range(100)]
     assert 10 < sum(changed) < 90
 

@@ -56,7 +56,7 @@ def sharpest(mesh, near):
 
 
 @pytest.mark.parametrize("flat", [False, True])
-def test_a_seam_is_healed_and_nothing_else_is_touched(flat):
+def test_only_the_seam_is_smoothed(flat):
     union, skeleton, *parts = tee(flat)
     mesh, skin = heal_seam(union.mesh, union.skin, skeleton, union.seam)
     assert watertight(mesh) and partition_of_unity(skin)

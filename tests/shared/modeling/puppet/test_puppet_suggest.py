@@ -82,7 +82,7 @@ def test_too_few_are_refused(how):
         suggested(stool(), **how)
 
 
-def test_nobody_moves():
+def test_motionless_take_is_refused():
     clip = walker()
     still = type(clip)("still", clip.skeleton, clip.turns[[0, 0]], clip.root[[0, 0]], clip.step)
     with pytest.raises(InputError, match="the performer never moves"):

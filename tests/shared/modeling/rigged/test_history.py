@@ -156,7 +156,7 @@ def test_the_oldest_steps_are_forgotten_and_never_the_project():
             step()
 
 
-def test_a_bit_makes_a_difference():
+def test_single_changed_bit_is_detected():
     project, _ = random_project(4)
     moved = move_character(project, "shape 0", [0.0, 0.0, 0.0])
     assert are_identical(project, moved)

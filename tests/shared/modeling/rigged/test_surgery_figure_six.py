@@ -53,7 +53,7 @@ def assert_degrees(found, expected):
         assert apart == pytest.approx(0, abs=1e-7), name
 
 
-def test_figure_six():
+def test_figure_6_of_the_paper_is_reproduced():
     a = one_bone()
     assert_degrees(degrees(a, "a", 1.0), {"a 1": 90})
 
@@ -116,7 +116,7 @@ def test_figure_six():
     assert back.shape("a").spans == a.shape("a").spans
 
 
-def test_figure_thirteen():
+def test_figure_13_of_the_paper_is_reproduced():
     """The grafting node has 0.6 of one motion and 0.3 of another. After its removal, the single bone has
     both.
     """

@@ -40,7 +40,7 @@ def walker():
     return pin_feet(project, "walker", ["ankle L"])
 
 
-def test_the_pin_does_something(walker):
+def test_pin_changes_the_pose(walker):
     free = walker.with_characters(walker.shape("walker").with_changes(pins=()))
     apart = [
         angle(evaluate_pose(walker, "walker", t).turns, evaluate_pose(free, "walker", t).turns)
