@@ -1,4 +1,4 @@
-"""Options of the whole test suite, its order, and the two profiles of its laws."""
+"""Options of the whole test suite, the order of the tests, and the two Hypothesis profiles."""
 
 import collections
 import gc
@@ -9,8 +9,8 @@ import tempfile
 import time
 from pathlib import Path
 
-# Test processes share the cores. Beside others, BLAS's own threads wait for one another by spinning, so a
-# small dense fit took 13 times as much of the processor. It is read where NumPy is loaded first.
+# Test processes share the cores. If BLAS ran its own threads, they would wait for each other by spinning, and
+# a small dense fit took 13 times as much processor time. NumPy reads this when it is first loaded.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Every test runs with the same machine code, and no test compiles in the background.
 os.environ["ENLIVEN_NATIVE_KERNELS"] = "off"
@@ -30,35 +30,36 @@ ALIKE = {
     "print_blob": True,
     "suppress_health_check": [hypothesis.HealthCheck.too_slow],
 }
-"""What both profiles keep to: nothing is remembered between runs, and no clock makes a law fail."""
-# The same examples every day; `make test-more` names the profile that searches at random.
+"""Options of both profiles: nothing is stored between runs, and no test fails by its duration."""
+# The same examples every day. `make test-more` selects the profile that searches randomly.
 hypothesis.settings.register_profile("steady", derandomize=True, **ALIKE)
 hypothesis.settings.register_profile("more", derandomize=False, **ALIKE)
 hypothesis.settings.load_profile("steady")
 
 
 KERNELS = TESTS / "__pycache__" / "kernels.lock"
-"""What test processes lock while they compile."""
+"""Lock file of the test processes for compilation."""
 
 
 def pytest_configure(config):
     share_rewriting(config)
     KERNELS.parent.mkdir(exist_ok=True)
     compile_once(KERNELS)
-    # An edge's name is taken in this folder: other test processes, and edges of the machine, have their own.
+    # Edge names are reserved in this folder. Other test processes, and edges on this machine, use other
+    # folders.
     own = tempfile.TemporaryDirectory(prefix="enliven-tests-")
     config.add_cleanup(own.cleanup)
     os.environ["XDG_RUNTIME_DIR"] = os.environ["XDG_STATE_HOME"] = own.name
-    # Keys of the person that runs the tests would lock the edges of the tests.
+    # Keys of the user that runs the tests would lock the edges of the tests.
     os.environ["XDG_CONFIG_HOME"] = own.name
     # A test that changes the preparation of characters must not get a stored result.
     os.environ["ENLIVEN_CHARACTERS"] = "off"
 
 
 def share_rewriting(config):
-    """Let each test process begin to collect at another folder, and keep the assertions that it wrote out.
+    """Makes each test process collect a different folder first, and stores the rewritten assertions.
 
-    Writing them out is 60 % of what collecting costs; a process finds what the others have done already.
+    Rewriting takes 60 % of the collection time. A process can use the results of the others.
     """
     sys.dont_write_bytecode = False
     worker = os.environ.get("PYTEST_XDIST_WORKER", "gw0")
@@ -72,7 +73,7 @@ def share_rewriting(config):
 
 
 def pytest_collection_finish(session):
-    # What is imported and collected stays to the end: collections of garbage, 3 % of the time, pass it over.
+    # Imported and collected objects stay until the end, so garbage collections (3 % of the time) skip them.
     gc.collect()
     gc.freeze()
 
@@ -107,13 +108,14 @@ def pytest_addoption(parser):
 
 
 LARGE = {"edge", "shared", "viewer"}
-"""Folders whose own folders are collected as parts of their own."""
+"""Folders whose subfolders are collected as separate parts."""
 
 
-# Before pytest's own hook, which selects by the marks.
+# This runs before pytest's own hook, which selects tests by their marks.
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
-    # The longest files first, so that test processes end at the same time; then those that the table lacks.
+    # The longest files come first, so that test processes end at the same time. Files that are not in the
+    # table follow.
     durations = recorded_durations()
     items.sort(key=lambda item: (-durations.get(item.path, 0.0), item.path))
     for item in items:
@@ -129,7 +131,9 @@ def pytest_collection_modifyitems(config, items):
 
 
 def shuffled(items, dice):
-    """The tests in another order: a file's stay together, so that its fixtures are made once."""
+    """Returns the tests in random order. Tests of a file stay together, so that its fixtures are created
+    once.
+    """
     files = {}
     for item in items:
         files.setdefault(item.path, []).append(item)
@@ -141,13 +145,13 @@ def shuffled(items, dice):
 
 
 def try_more(law, times):
-    """Multiply the number of examples that a law asks for: Hypothesis has no other door to it."""
+    """Multiplies the number of examples of a @given test. Hypothesis has no public option for this."""
     own = law._hypothesis_internal_use_settings
     law._hypothesis_internal_use_settings = hypothesis.settings(own, max_examples=times * own.max_examples)
 
 
 TAKEN = collections.Counter()
-"""Seconds that the tests of each file took in this run, by its path from the checkout."""
+"""Seconds that the tests of each file took in this run, by the path relative to the checkout."""
 
 
 def pytest_runtest_logreport(report):
@@ -156,7 +160,7 @@ def pytest_runtest_logreport(report):
 
 def pytest_sessionfinish(session):
     if session.config.getoption("--record-durations") and "PYTEST_XDIST_WORKER" not in os.environ:
-        # A run of the fast tests keeps what is known of files with slow tests, and the other way round.
+        # A run of the fast tests keeps the recorded durations of files with slow tests, and vice versa.
         recorded = {f"{TESTS.name}/{path.relative_to(TESTS)}": s for path, s in recorded_durations().items()}
         TABLE.write_text(table_of(recorded | TAKEN), encoding="utf-8")
 
@@ -170,7 +174,9 @@ def pytest_runtest_setup(item):
 
 @pytest.fixture(autouse=True)
 def _usual_window():
-    """The theme and the language of the window are of the whole process: each test leaves the usual ones."""
+    """Restores the default theme and language of the window after each test, because they are global to the
+    process.
+    """
     yield
     if theme := sys.modules.get("enliven_viewer.theme"):
         theme.use_theme("dark", "usual")
@@ -180,7 +186,9 @@ def _usual_window():
 
 @pytest.fixture(autouse=True, scope="module")
 def _contexts_are_closed():
-    """A context of ZeroMQ that a test file forgot would stop a later test when Python collects it."""
+    """Fails in the test file that forgot to close a ZeroMQ context, which would otherwise block a later
+    test.
+    """
     yield
     if contexts := sys.modules.get("zmq_contexts"):
         forgotten = contexts.close_forgotten()

@@ -1,4 +1,4 @@
-"""How the tests themselves are run: the same examples every day, other orders, tolerances that still tell."""
+"""Tests of how the tests are run: the same examples every day, other orders, and useful tolerances."""
 
 import itertools
 import subprocess
@@ -20,7 +20,7 @@ FILES = [str(HERE / "shared" / name) for name in ("test_health.py", "test_masks.
 
 
 def collected(*options: str) -> list[str]:
-    """The tests of three files in the order in which they would be run."""
+    """Returns the tests of three files in the order in which they would run."""
     command = [sys.executable, "-m", "pytest", "--collect-only", *options, *FILES]
     result = subprocess.run(command, capture_output=True, text=True, cwd=HERE.parent, timeout=300)
     assert result.returncode == 0, result.stdout
@@ -28,7 +28,7 @@ def collected(*options: str) -> list[str]:
 
 
 def seen_in_a_run() -> list[int]:
-    """The examples of one law, run anew."""
+    """Returns the examples of one @given test, run in a new process."""
     seen = []
 
     @given(st.integers())

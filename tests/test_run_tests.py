@@ -1,4 +1,6 @@
-"""How `make test` treats failures: a failed test runs again, alone. One that fails twice fails the run."""
+"""Tests of how `make test` treats failures: a failed test runs again, alone. If it fails twice, the run
+fails.
+"""
 
 import re
 import subprocess
@@ -36,7 +38,7 @@ STOPPED = "import os\ndef test_ends_its_process():\n    os._exit(3)\ndef test_af
 
 
 def run(folder: Path, **files: str) -> subprocess.CompletedProcess:
-    """Runs test files as `make test` does, in a folder of their own."""
+    """Runs test files in their own folder, like `make test`."""
     (folder / "pytest.ini").write_text("[pytest]\n")
     for name, text in files.items():
         (folder / f"test_{name}.py").write_text(text)
@@ -68,7 +70,7 @@ def test_a_run_with_many_failures_or_without_an_end_fails(tmp_path, text):
 
 @pytest.mark.slow
 def test_what_a_process_left_runs_in_a_second_round(tmp_path):
-    """On a quiet machine it ends last: pytest-xdist would wait for ever for a process that replaces it."""
+    """On an idle machine it ends last. pytest-xdist would wait for ever for a process that replaces it."""
     quick = "import pytest\n@pytest.mark.parametrize('k', range(9))\ndef test_passes(k):\n    pass\n"
     result = run(tmp_path, last=ENDED_ONCE, a=quick, b=quick, c=quick, unsteady=UNSTEADY)
     assert result.returncode == 0, result.stdout + result.stderr

@@ -1,12 +1,12 @@
 """Measures how fast a surface follows its handles, compared with libigl on the same mesh, handles, targets
 and energy.
 
-Ten handles are far from each other, and five of them move. A frame has three iterations from the last frame's
-shape. Ours runs with squash and stretch (two shape states and the pose); the peers lack it and run plain.
-Each frame is measured several times, alternately ours and the peer's, and the shortest time counts, since it
-is least disturbed by other processes. Open3D, which factorises in every call, is measured if it is installed.
-The two largest meshes are those of a puppet, which we solve coarsely; libigl solves the whole mesh, and only
-the smaller one.
+Ten handles are far from each other, and five of them move. Each frame runs three iterations from the previous
+frame's shape. Ours runs with squash and stretch (two shape states and the pose); the peers lack it and run
+plain. Each frame is measured several times, alternating between ours and the peer's. The shortest time
+counts, because other processes disturb it least. Open3D, which factorises in every call, is measured if it is
+installed. The two largest meshes are those of a puppet, which we solve coarsely; libigl solves the whole
+mesh, and only the smaller one.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ MESHES = {
     "10k": ("libigl/armadillo.obj", 10_488),
     "50k": ("libigl/armadillo.obj", 50_000),
 }
-"""Real meshes, and the wanted number of vertices; much larger meshes are decimated."""
+"""Real meshes, and the target number of vertices. Much larger meshes are decimated."""
 LARGE = {"100k": 100_000, "1m": 1_000_000}
 """Generated meshes of a puppet."""
 _HANDLES, _FRAMES, _REPEATS = 10, 24, 5
@@ -60,7 +60,7 @@ def figures() -> Iterator[Figure]:
 
 
 def mesh_of(size: str) -> Mesh:
-    """Returns the real mesh of about that size, scaled to one metre; a generated one if it is missing."""
+    """Returns the real mesh of about that size, scaled to one metre, or a generated mesh if it is missing."""
     name, count = MESHES[size]
     if not (DATA / name).exists():
         return bean(count)
@@ -116,12 +116,12 @@ def _frames(mesh: Mesh, held: Int, path: list[Float]) -> tuple[float, float]:
 
 
 def _named(at: Float) -> dict[str, Float]:
-    """The moving handles' targets."""
+    """Returns the moving handles' targets by name."""
     return {str(k): at[k] for k in range(0, _HANDLES, 2)}
 
 
 def _each(step: Callable[[Float], object], path: list[Float]) -> list[float]:
-    """Milliseconds of each frame."""
+    """Returns the milliseconds of each frame."""
     out = []
     for at in path:
         start = time.perf_counter()

@@ -1,9 +1,10 @@
-"""Baking a solved surface to transforms: seconds for 300 frames of 10,000 vertices, and one round of the fit
-against the same round in plain NumPy and SciPy.
+"""Baking a solved surface to transforms.
 
-The surface is a bean that bends, twists and is squashed by formulas, so that no solver is included in the
-time. The peer finds the weights of each vertex with scipy.optimize.nnls over the same candidates (the sum of
-one as a heavy row, then the four largest again), and the transforms with scipy.sparse's splu.
+Measures seconds for 300 frames of 10,000 vertices, and one round of the fit against the same round in plain
+NumPy and SciPy. The surface is a bean that bends, twists and is squashed by formulas, so that no solver is
+included in the time. The peer finds the weights of each vertex with scipy.optimize.nnls over the same
+candidates. It enforces the sum of one by a row with a large weight, and then fits the four largest again. The
+peer finds the transforms with scipy.sparse's splu.
 """
 
 from __future__ import annotations
@@ -46,8 +47,9 @@ def figures() -> Iterator[Figure]:
 
 
 def _round(mesh: Mesh, wanted: Float) -> Figure:
-    """Measures one round: weights of all vertices, then transforms of all frames; both from the same
-    start."""
+    """Measures one round: weights of all vertices, then transforms of all frames. Both implementations have
+    the same start.
+    """
     net = EdgeGraph(mesh)
     seeds = Seeds(net, [0], NODES)
     pivots, candidates = mesh.vertices[seeds.vertices], seeds.nearest(8)
@@ -80,7 +82,7 @@ def _round(mesh: Mesh, wanted: Float) -> Figure:
 def plain_weights(
     rest: Float, pivots: Float, maps: Float, candidates: Int32, wanted: Float
 ) -> tuple[Int32, Float]:
-    """Returns (V, 4) transforms and weights, by non-negative least squares, one vertex after the other."""
+    """Returns (V, 4) transforms and weights by non-negative least squares, one vertex at a time."""
     indices, weights = np.zeros((len(rest), 4), np.int32), np.zeros((len(rest), 4))
     for v, among in enumerate(candidates):
         local = np.concatenate([rest[v] - pivots[among], np.ones((len(among), 1))], 1)

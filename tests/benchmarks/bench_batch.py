@@ -51,7 +51,7 @@ def figures() -> Iterator[Figure]:
 
 
 def _run_on_one(jobs: list[BatchJob]) -> tuple[float, float]:
-    """Returns the seconds of a batch on one worker, and the seconds that Dask adds to each job."""
+    """Returns the seconds of a batch on one worker, and the seconds per job that Dask adds."""
     empty = [
         msgspec.structs.replace(jobs[0], motion="no-such.bvh", digest=f"{n:064}") for n in range(_EMPTY_JOBS)
     ]
@@ -65,7 +65,7 @@ def _run_on_one(jobs: list[BatchJob]) -> tuple[float, float]:
 
 
 def _run_on_two(jobs: list[BatchJob]) -> float:
-    """Returns the seconds of a batch on two workers of this computer, without their start."""
+    """Returns the seconds of a batch on two workers of this computer, without the time to start them."""
     with open_client(workers=2) as client:
         client.run(_warm_up, jobs[0])
         return _time_jobs(jobs, client)

@@ -1,10 +1,10 @@
 """Measures how fast the embedded deformation follows a performer, and how close it gets to the minimum
 energy.
 
-A frame is measured from the solver's own last frame, at 30 frames a second of a captured walk and jump. The
-peer solves the same frame from the same start with SciPy's sparse Gauss-Newton, stopped at the same gap of
-0.2 %; the reference minimum is the one that the peer reaches when run until convergence, from that start or
-from our answer, whichever is lower. Ten random creatures in fast motion have separate figures.
+Each frame starts from the solver's own previous frame, at 30 frames per second of a captured walk and jump.
+The peer solves the same frame from the same start with SciPy's sparse Gauss-Newton, and stops at the same gap
+of 0.2 %. The reference minimum is the peer's result after convergence, started from that state or from our
+answer. The lower one counts. Ten random creatures in fast motion have separate figures.
 """
 
 from __future__ import annotations
@@ -28,22 +28,25 @@ from enliven.deformation.embedded.solver import EmbeddedSolver
 SIZES = (128, 256, 512, 1024)
 CREATURE_SIZES = (128, 1024)
 BUDGET_MS = {128: 0.4, 1024: 3.0}
-"""Milliseconds that a frame may take. A tenth of the time between two screen refreshes."""
+"""Maximum milliseconds of a frame, a tenth of the time between two screen refreshes."""
 COMPARED = {128: 16, 256: 8, 512: 4, 1024: 2}
-"""Number of frames of each motion that the peer solves, too. It needs seconds for each."""
+"""Number of frames of each motion that the peer also solves, by node count. The peer needs seconds for
+each.
+"""
 GAP = 0.002
 _REPEATS = 7
 _WARM = 3
-"""Frames after the attachment that are left out. Their energy is nearly 0, so relative gaps are
-meaningless."""
+"""Number of frames after the attachment that are left out. Their energy is nearly 0, so relative gaps are
+meaningless.
+"""
 _NOTHING = 1e-3
-"""Energy below which the chair is practically at rest, so relative gaps are meaningless."""
+"""Energy below which the chair is practically at rest, and relative gaps are meaningless."""
 PEER = "SciPy Gauss-Newton (splu) to the same gap"
 
 
 @dataclass
 class Run:
-    """The results of one size: a frame's time, its iterations, the peer's time, and the gaps."""
+    """The results of one graph size: time per frame, iterations, the peer's time, and the gaps."""
 
     ours_ms: Float
     iterations: Float
@@ -83,8 +86,10 @@ def _solver_figures() -> Iterator[Figure]:
 
 
 def _creature_figures() -> Iterator[Figure]:
-    """Measures ten random dancing creatures, with and without a time budget. Gaps are measured at the
-    smallest size only, since the reference is slow."""
+    """Measures ten random dancing creatures, with and without a time budget.
+
+    Gaps are measured only for the smallest graph, because the reference is slow.
+    """
     for nodes in CREATURE_SIZES:
         run = measured(nodes, nodes == CREATURE_SIZES[0])
         yield Figure(f"embedded.median_ms_any_{nodes}", float(np.median(run.frame_ms)), "ms")
@@ -118,7 +123,7 @@ def _measure(nodes: int) -> Run:
                 energies.append(solver.energy["total"])
             states.append(solver.state())
             times.append(each)
-        # The work is the same in every pass, so the shortest time is the one undisturbed by other processes.
+        # Every pass does the same work, so the shortest time is the least disturbed by other processes.
         best = np.min(times, 0)
         run.ours_ms = np.concatenate([run.ours_ms, best[_WARM:]])
         run.iterations = np.concatenate([run.iterations, np.array(counts[_WARM:], float)])

@@ -1,12 +1,13 @@
 """Measures trajectories from examples: seconds for a whole motion, compared with SciPy's sparse solver on the
 same system.
 
-The motion is CMU's "directing traffic" (3,703 frames) if the real recordings exist (ENLIVEN_DATA), else waves
-of that length; 12 control points. The peer builds the paper's system (eq. 24), with its weights as unknowns,
-in plain Python, and solves it with scipy.sparse's spsolve. As in the paper it has no bounds, so ours is timed
-without bounds, too, and both results are compared. The paper's own figures are 73 s for 8 examples and 161 s
-for 12. Travel is measured over 11 meshes and 6 performances: the largest and the median offset from the
-performer's scaled path after a minute, and the maximum foot sliding of walkers.
+The motion drives 12 control points. It is CMU's "directing traffic" (3,703 frames) if the real recordings
+exist (ENLIVEN_DATA), otherwise waves of that length. The peer builds the paper's system (eq. 24), with its
+weights as unknowns, in plain Python, and solves it with scipy.sparse's spsolve. Like the paper, it has no
+bounds. Ours is therefore timed without bounds as well, and both results are compared. The paper's own figures
+are 73 s for 8 examples and 161 s for 12. Travel is measured over 11 meshes and 6 performances: the largest
+and the median offset from the performer's scaled path after a minute, and the maximum foot sliding of
+walkers.
 """
 
 from __future__ import annotations
@@ -62,7 +63,8 @@ def figures() -> Iterator[Figure]:
         ours = _least(lambda m=free: m.solve(poses, STEP), 15)
         yield Figure(f"examples.unbounded_s_{count}", ours, "s", "scipy spsolve", theirs / ours)
     mapping = ExampleMap(examples_of(poses, 8))
-    # The motion is played forwards and backwards so that it has no jump: eight seconds to two minutes.
+    # The motion is played forwards and backwards, so that it has no jump. Its length is eight seconds to two
+    # minutes.
     long = np.concatenate([poses, poses[::-1]] * 2)
     lengths = np.array([1, 2, 4, 8, 16]) * len(poses) // 4
     rounds = [[_timed(lambda n=n: mapping.solve(long[:n], STEP)) for n in lengths] for _ in range(12)]
@@ -104,8 +106,9 @@ def examples_of(poses: Float, count: int) -> Examples:
 
 
 def plain_solution(mapping: ExampleMap, poses: Float) -> Float:
-    """Returns (F, P, 3) metres, solving the weights of all frames as one sparse least-squares system per
-    point."""
+    """Returns (F, P, 3) metres. The weights of all frames are one sparse least-squares system per control
+    point.
+    """
     nodes = mapping.nodes(poses)
     weight = mapping.settings.acceleration / (STEP * mapping.settings.rate) ** 2
     points, frames, most = nodes.right.shape

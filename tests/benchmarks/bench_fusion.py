@@ -1,8 +1,8 @@
-"""Measures two sensors in one space: calibration against the exact answer, and fusion of recordings of two
-real Kinects.
+"""Measures two sensors in one space: calibration against the exact answer, and fusion of two real Kinects'
+recordings.
 
-The synthetic pair is two rendered Kinect v1 on one walking person, tracked by the tracker; the real pair is
-../shared/data/skeletons/kinect_multitrack (left out where it is absent).
+The synthetic pair consists of two rendered Kinects v1 that see one walking person, tracked by the tracker.
+The real pair is ../shared/data/skeletons/kinect_multitrack. It is left out if the recordings are missing.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def figures() -> Iterator[Figure]:
 
 
 class _Reel(Sensor):
-    """The frames of a view, rendered on demand."""
+    """A sensor that renders the frames of a view when they are read."""
 
     recorded = True
 
@@ -153,7 +153,7 @@ def _real(study: int) -> Iterator[Figure]:
 
 
 def _cost() -> Iterator[Figure]:
-    """Measures microseconds per fused frame, of two sensors that see six people each."""
+    """Measures microseconds per fused frame for two sensors that see six people each."""
     person = walker().figure(0.0).joints
     random = np.random.default_rng(0)
     spots = [np.array([x, 0.0, z]) for x in (-1.0, 0.0, 1.0) for z in (0.0, -0.9)]

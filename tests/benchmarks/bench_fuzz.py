@@ -1,7 +1,8 @@
-"""Fuzzing: the number of hostile files and messages that the readers have read, and the faults found.
+"""Counts the hostile files and messages that fuzzing has given to the readers, and the faults that it has
+found.
 
-It adds two minutes of `make fuzz` to the runs that out/fuzz holds already. Longer runs are made by `make fuzz
-SECONDS=3600`. A fault counts until the reader survives the kept file.
+It adds two minutes of `make fuzz` to the runs that are already in out/fuzz. Longer runs are made by `make
+fuzz SECONDS=3600`. A fault counts until its reader accepts or refuses the stored file correctly.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ SECONDS = 120
 
 
 def figures() -> Iterator[Figure]:
-    """Yields the executions of all runs of this checkout, and the faults that are left."""
+    """Yields the number of inputs in all runs of this checkout, and the number of remaining faults."""
     run = [sys.executable, "tests/fuzz/run.py"]
     subprocess.run([*run, "--seconds", str(SECONDS)], cwd=ROOT, check=False)
     totals = json.loads((OUT / "totals.json").read_text())

@@ -1,5 +1,6 @@
-"""Measures the deformation graph: how often it connects separate limbs, compared with the plain graph of
-Sumner et al., and its cost."""
+"""Measures how often the deformation graph connects separate limbs, compared with the plain graph of Sumner
+et al., and its cost.
+"""
 
 from __future__ import annotations
 
@@ -21,12 +22,12 @@ from joined_limbs import CASES, Limbs, detours, load, plain_graph, plain_skin  #
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", TESTS.parents[1] / "shared" / "data"))
 SHELLS = {"house_interior_pack_Chair_1.glb"}
-"""Meshes of several shells without geodesics between them, so that only the second criterion applies."""
+"""Meshes of several shells without surface paths between them, so that only the second criterion applies."""
 NODES = (64, 128, 256)
 
 
 def figures() -> Iterator[Figure]:
-    """Yields the cost always, and the limb figures if the real meshes exist."""
+    """Yields the cost, and the limb figures if the real meshes exist."""
     yield from graph_figures.figures()
     if not (MESHES.is_missing or RIGS.is_missing):
         yield from _limbs()

@@ -1,12 +1,12 @@
 """Measures an edge under attack: its frame rate, its memory, and the response time for a well-behaved viewer.
 
-``enliven edge`` runs in its shipped configuration, on the shipped recording, looped and possessed. A viewer
-listens and sends a command ten times per second: undisturbed, under attack, and undisturbed again. The attack
-is a process that sends a million items in 40 s: endless valid requests, requests with PINGs that end in a
-reset, subscriptions of 50 and 4,000 bytes, requests for characters that are never read, and silent
-connections. Its rate is limited (25,000 per second) and its messages are packed beforehand, so that it does
-not simply occupy the processor that the edge needs. Items that the edge does not read count, too, since they
-were sent.
+``enliven edge`` runs in its shipped configuration on the shipped recording, looped and possessed. A viewer
+listens and sends a request ten times per second: without an attack, under attack, and without an attack
+again. The attack is a process that sends a million items in 40 s: endless valid requests, requests with PINGs
+that end in a reset, subscriptions of 50 and 4,000 bytes, requests for characters that are never read, and
+silent connections. Its rate is limited to 25,000 per second and its messages are packed beforehand, so that
+it does not simply occupy the edge's processor. Items that the edge does not read also count, since they were
+sent.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ from enliven.wire.envelope import pack_control, unpack_stream
 from enliven.wire.ports import free_ports
 
 QUIET, ATTACK = 15.0, 40.0
-"""Length of the quiet and the attacked part, seconds."""
+"""Length of the parts without and with an attack, seconds."""
 MESSAGES = 1_000_000
 TICK = 0.02
 """Interval between two bursts of the attack, seconds."""
 GIVEN_UP = 3.0
-"""Time after which a command counts as never answered, seconds. A viewer's own timeout."""
+"""Time after which a request counts as never answered, seconds. It equals a viewer's own timeout."""
 IDLE = 400
 """Number of idle connections that the attack holds open."""
 
@@ -75,7 +75,7 @@ def figures() -> Iterator[Figure]:
 
 
 class Viewer:
-    """A well-behaved viewer. It counts poses and sends a command ten times per second."""
+    """A well-behaved viewer that counts poses and sends a request ten times per second."""
 
     def __init__(self, ports: tuple[int, ...]) -> None:
         self.context = zmq.Context()
@@ -85,7 +85,7 @@ class Viewer:
             each.connect(f"tcp://127.0.0.1:{port}")
 
     def watch(self, seconds: float, wait: bool = False) -> tuple[int, float, list[float]]:
-        """Returns (poses, seconds, milliseconds per command). With ``wait`` it first waits for a pose."""
+        """Returns (poses, seconds, milliseconds per request). With ``wait``, it first waits for a pose."""
         while wait and not self.stream.poll(1000):
             pass
         start = time.monotonic()
@@ -118,7 +118,7 @@ def _slowest(parts: list[tuple[int, float, list[float]]]) -> float:
 
 
 def _megabytes(process: subprocess.Popen[bytes]) -> float:
-    """Returns the resident memory in megabytes; 0 for a process that has ended."""
+    """Returns the resident memory in megabytes, 0 for a process that has ended."""
     with contextlib.suppress(OSError, IndexError):
         status = Path(f"/proc/{process.pid}/status").read_text()
         return int(status.split("VmRSS:")[1].split()[0]) / 1024
@@ -126,7 +126,7 @@ def _megabytes(process: subprocess.Popen[bytes]) -> float:
 
 
 def _frame(data: bytes, flags: int = 0) -> bytes:
-    """A ZMTP frame."""
+    """Returns a ZMTP frame."""
     short = len(data) < 256
     return (bytes([flags, len(data)]) if short else struct.pack(">BQ", flags | 2, len(data))) + data
 
@@ -144,7 +144,7 @@ class Stranger:
         self.rest, self.pushed = b"", 0
 
     def push(self) -> int:
-        """Sends once more, as far as the socket accepts it. Returns the number of items sent."""
+        """Sends the data once more, as far as the socket accepts it. Returns the number of items sent."""
         try:
             if self.socket is None:
                 self.socket = socket.create_connection(("127.0.0.1", self.port), timeout=1.0)
@@ -166,7 +166,7 @@ class Stranger:
             return 0
 
     def leave(self) -> None:
-        """Closes the connection with a reset."""
+        """Resets the connection."""
         if self.socket is not None:
             self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
             self.socket.close()
@@ -215,7 +215,7 @@ def attack(pose: int, control: int) -> None:
         if len(idle) > IDLE:
             idle.pop(0).close()
         if not pushed:
-            # The edge accepts no more on these connections, so they are replaced.
+            # These connections accept no more data, so they are replaced.
             for each in strangers[2:]:
                 each.leave()
             time.sleep(TICK)

@@ -1,7 +1,7 @@
-"""Measures a kiosk's cold start, and its recovery from the kill of each program. Needs Xvfb, or a display.
+"""Measures a kiosk's cold start, and its recovery after each program was killed. Needs Xvfb or a display.
 
-The kiosk has two characters that ship, and a rigged horse if the public models are there (ENLIVEN_DATA). All
-are in the store of prepared characters after the first start, as in an installation.
+The kiosk has two shipped characters, and a rigged horse if the public models exist (ENLIVEN_DATA). After the
+first start, all are in the store of prepared characters, as in an installation.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from enliven.supervision.records import ServiceRecord, read_services
 from enliven.wire import free_ports
 
 _TIMEOUT_S = 900.0
-"""Maximum wait for a program, in seconds. The first start compiles kernels."""
+"""Timeout for a program, seconds. The first start compiles kernels."""
 _SETTLE_S = 3.0
-"""Wait between two kills, in seconds, so that all programs run."""
+"""Wait between two kills, seconds, so that all programs are running again."""
 _PROGRAMS = ("edge", "window", "health")
 """Names of the programs of a kiosk with one edge."""
 PROFILE = """
@@ -48,10 +48,10 @@ mesh = "{0}"
 
 
 def figures() -> Iterator[Figure]:
-    """Yields kiosk.cold_start_s and kiosk.recover_s: the time until all programs show progress."""
+    """Yields the time until all programs show progress: kiosk.cold_start_s and kiosk.recover_s."""
     with tempfile.TemporaryDirectory() as name, _display() as display:
         folder = Path(name)
-        # Kernels are compiled and characters are prepared by a first start, which is not measured.
+        # The first start compiles kernels and prepares characters. It is not measured.
         with _kiosk(folder, display) as kiosk:
             _wait_for_progress(kiosk, folder, {})
         with _kiosk(folder, display) as kiosk:
@@ -62,7 +62,7 @@ def figures() -> Iterator[Figure]:
 
 
 def _kill(kiosk: subprocess.Popen[bytes], folder: Path, program: str) -> float:
-    """Kills a program, and returns the seconds until its successor shows progress."""
+    """Kills a program. Returns the seconds until its successor shows progress."""
     time.sleep(_SETTLE_S)
     before = {record.name: record.pid for record in read_services(folder / "run")}
     os.kill(before[program], signal.SIGKILL)
@@ -89,11 +89,11 @@ def _wait_for_progress(kiosk: subprocess.Popen[bytes], folder: Path, ended: dict
 
 @contextmanager
 def _kiosk(folder: Path, display: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Runs a kiosk in its own folders. The records of an earlier run are removed."""
+    """Runs a kiosk in its own folders, without the records of an earlier run."""
     shutil.rmtree(folder / "run", ignore_errors=True)
     profile = folder / "foyer.toml"
     edge_port = free_ports()[0]
-    while (health_port := free_ports()[0]) in (edge_port, edge_port + 1):  # The second one is for commands.
+    while (health_port := free_ports()[0]) in (edge_port, edge_port + 1):  # the second one is for requests
         pass
     horse = "" if RIGS.is_missing else HORSE.format(DATA / RIGS.folder / "quaternius" / "Horse.glb")
     profile.write_text(PROFILE.format(edge_port, health_port) + horse)

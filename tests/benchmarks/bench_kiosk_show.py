@@ -1,4 +1,4 @@
-"""Measures how soon a kiosk turns to a visitor: from the edge's message to the drawn picture."""
+"""Measures how soon a kiosk turns to a visitor, from the edge's message to the drawn image."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from enliven_viewer.render.gl.context import create_offscreen_context
 SIZE = (1280, 720)
 VISITS = 9
 TURNED = 0.35
-"""Rotation in radians that counts as a turn to the visitor: 20 degrees are seen at once."""
+"""Rotation in radians that counts as a turn to the visitor. These 20 degrees are noticeable."""
 EMPTY_S = 4.0
-"""Seconds without visitors between two visits: the farewell to a visitor that was only noticed is shorter."""
+"""Seconds without visitors between two visits, longer than the farewell to a visitor who was only noticed."""
 
 
 def figures() -> Iterator[Figure]:
-    """Yields kiosk.noticed_ms: the median from sending the first body to the picture with the turned
+    """Yields kiosk.noticed_ms: the median time from sending the first body to the image with the turned
     character.
     """
     kiosk = StagedKiosk(("chair", "chair"), name="bench-kiosk")

@@ -1,8 +1,8 @@
 """Measures what the encryption of the link costs the edge, for one viewer.
 
-Two edges track the same frames of one performer that possesses the chair, as in bench_road.py. One has keys,
-the other has none, and each has a viewer in another process. They take turns frame by frame, so both are
-measured in the same conditions.
+Two edges track the same frames of one performer that possesses the chair, as in bench_road.py. One edge has
+keys and the other has none. Each has a viewer in another process. They run alternately, frame by frame, so
+both are measured under the same conditions.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ while True:
 
 @dataclass
 class Lap:
-    """The seconds of each frame of one edge: the whole frame, and the part of it in the network."""
+    """The seconds of each frame of one edge: the whole frame, and its network part."""
 
     edge: Edge
     frames: list[float] = field(default_factory=list)

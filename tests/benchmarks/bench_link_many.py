@@ -1,10 +1,11 @@
-"""Measures what 1, 10 and 100 viewers cost an edge, directly and through a relay, and the aligned clock.
+"""Measures what 1, 10 and 100 viewers cost an edge, directly and through a relay, and the clock alignment.
 
-The edge tracks a performer that possesses the chair, as in bench_link.py. The cost is the part of its frame
-that it spends in the network, in addition to that without viewers: the fraction of the frame rate that is
-lost when the edge is busy. Both are processor time of the edge's thread, since the viewers, which usually run
-on other machines, share the processors here. Frames come at 30 per second, and viewers ping once per second.
-An edge without viewers takes turns with it frame by frame, so both are measured in the same conditions.
+The edge tracks a performer that possesses the chair, as in bench_link.py. The cost is the additional
+processor time that a frame spends in the network because of the viewers. As a fraction of the frame's time,
+it is the loss of frame rate of a busy edge. Only the edge's thread is measured, because the viewers share the
+processors here but usually run on other machines. Frames come at 30 per second, and viewers ping once per
+second. An edge without viewers runs alternately with it, frame by frame, so both are measured under the same
+conditions.
 """
 
 from __future__ import annotations
@@ -39,9 +40,9 @@ FRAMES, WARM = 225, 75
 RATE_HZ = 30.0
 COUNTS = (1, 10, 100)
 SETTLING_S = 3.0
-"""Seconds until all viewers of a relay are connected, too."""
+"""Seconds until all viewers of a relay are connected."""
 MANY = 1000
-"""Number of viewers of the calculated cost."""
+"""Number of viewers for which the cost is extrapolated."""
 CLOCK_S = 30.0
 """Duration of the measurement of the clock in seconds."""
 VIEWERS = """
@@ -95,7 +96,7 @@ def figures() -> Iterator[Figure]:
 
 @dataclass
 class Lap:
-    """An edge, and its processor time in the network and in the whole frame, seconds by frame."""
+    """An edge with its processor time in the network and in the whole frame, seconds for each frame."""
 
     edge: Edge
     network: list[float] = field(default_factory=list)
@@ -117,7 +118,7 @@ class Lap:
 
 
 def _cost(frames: list[DepthFrame], viewers: int, *, through_relay: bool) -> float:
-    """Returns the cost of viewers in percent of the frame rate."""
+    """Returns the cost of viewers as a percentage of the frame rate."""
     with contextlib.ExitStack() as stack:
         lone = _lap(stack, "lone")
         lap = _lap(stack, "followed")
@@ -159,7 +160,7 @@ def _lap(stack: contextlib.ExitStack, name: str) -> Lap:
 
 
 class _Timer:
-    """Adds the processor time of this thread in some functions, seconds."""
+    """Sums this thread's processor time in some functions, seconds."""
 
     def __init__(self) -> None:
         self.spent = 0.0
@@ -183,7 +184,7 @@ def _start(stack: contextlib.ExitStack, *words: str) -> None:
 def _clock_error_us() -> float:
     """Returns the largest error of the aligned clock in microseconds.
 
-    The edge runs at 30 frames per second in another thread. Both sides have the clock of this machine.
+    The edge runs at 30 frames per second in another thread. Both sides use the clock of this machine.
     """
     stop = threading.Event()
     with Publisher(name="bench-clock", pose_port=0, control_port=0) as publisher:

@@ -1,7 +1,8 @@
 """Measures which limbs are found in ten human-like meshes, and how well the meshes follow a spinning
 performer's heading.
 
-The peer is what `how = "mapped"` did before: extremities are head, hands and feet by height alone.
+The peer is the earlier method of `how = "mapped"`: extremities are assigned to head, hands and feet by height
+alone.
 """
 
 from __future__ import annotations
@@ -32,8 +33,9 @@ _TRUNK = [Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHOULDER_R
 _LIMB_OF = np.repeat(np.arange(5), 4)
 """(20,) the limb of each joint: trunk and head, arms, legs."""
 _NEAR = 1.5
-"""Skin counts as another limb's if it is farther than this multiple of the distance to its own limb's nearest
-bone."""
+"""A point counts as another limb's skin if its distance exceeds this multiple of the distance to its own
+limb's nearest bone.
+"""
 
 
 def figures() -> Iterator[Figure]:

@@ -1,9 +1,8 @@
 """Measures ranking all matches of two arms with a target, once per frame. The target is abstracted
 beforehand.
 
-The peer enumerates with networkx, and caches the target's abstraction, too. The results are checked to be
-equal. Targets are random trees that resemble rigs: limbs of one to six joints, with other limbs branching off
-their joints.
+The peer enumerates with networkx, and also caches the target's abstraction. The results are compared. Targets
+are random trees that resemble rigs: limbs of one to six joints, with other limbs branching off their joints.
 """
 
 from __future__ import annotations
@@ -64,7 +63,7 @@ def rig(joints: int, rng: np.random.Generator) -> tuple[np.ndarray, list[tuple[i
 
 
 def _same(matcher: Matcher, source: np.ndarray, view: ScreenView, expected: list[tuple[float, int]]) -> None:
-    """Raises if the results differ, so that only equal results are timed."""
+    """Raises an error if the results differ, so that only equal results are timed."""
     whole = [m for m in matcher.rank(source, view) if None not in m.pairs]
     np.testing.assert_allclose([m.score for m in whole], [score for score, _ in expected], atol=1e-9)
     ours = sorted((round(m.score, 6), m.candidate.root) for m in whole)

@@ -1,9 +1,9 @@
-"""Measures playing a retargeted take: microseconds per bone and moment, with all layers sampled and all
-joints placed.
+"""Measures playing a retargeted take: microseconds per bone and time, with all layers sampled and all joints
+placed.
 
-The peer does the same job in the way of Python add-ons: a loop over frames, over bones, over their
-constraints, with small NumPy arrays. Its results are compared with ours. Takes run at 30 frames a second and
-are played at 60, so that every other moment is between two frames.
+The peer does the same job like Python add-ons: a loop over frames, over bones, and over their constraints,
+with small NumPy arrays. Its results are compared with ours. Takes have 30 frames per second and are played at
+60, so that every other time is between two frames.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ ARMS = ((2, 4, 5, 6, 7), (2, 8, 9, 10, 11), (0, 12, 13, 14, 15), (0, 16, 17, 18,
 
 
 def figures() -> Iterator[Figure]:
-    """Yields the time of a whole take at once, as in an export, and of single moments, as in a viewer."""
+    """Yields the time of a whole take at once, as in an export, and of single times, as in a viewer."""
     rng = np.random.default_rng(5)
     project = spider(person(rng), rng)
     player, bones = Player(project, "spider"), len(project.shape("spider").skeleton)
@@ -62,7 +62,7 @@ def person(rng: np.random.Generator) -> Clip:
 
 
 def spider(take: Clip, rng: np.random.Generator) -> Project:
-    """A spider with eight legs of six bones that follow the arms and legs of a person, two by two."""
+    """Returns a spider whose eight legs of six bones follow the arms and legs of a person, two by two."""
     parents, places = [-1], [np.array([0.0, 0.5, 0.0])]
     for leg in range(8):
         way = np.array([np.cos(leg * np.pi / 4), -0.2, np.sin(leg * np.pi / 4)])

@@ -89,8 +89,9 @@ def cut_figure() -> Figure:
 
 
 def split_by_library(mesh: Mesh) -> None:
-    """Converts to the library's mesh, cuts, and converts back: both sides with caps, everywhere the plane
-    intersects."""
+    """Converts to the library's mesh, cuts, and converts back. Returns both sides with caps, cut everywhere
+    on the plane.
+    """
     solid = manifold3d.Manifold(manifold3d.Mesh64(mesh.vertices, mesh.faces.astype(np.uint64)))
     for side in solid.split_by_plane((0.0, 0.0, 1.0), 0.97):
         side.to_mesh64()
@@ -147,7 +148,7 @@ def plain_heat(mesh: Mesh, segments: Float) -> Float:
 
 
 def least(job: Callable[[], object], seconds: float = 1.0, runs: int = 3) -> float:
-    """Returns the seconds of the fastest run of as many as fit into ``seconds``, at least ``runs``."""
+    """Returns the seconds of the fastest run. It repeats for ``seconds``, but at least ``runs`` times."""
     if runs > 1:
         job()
     took: list[float] = []

@@ -60,7 +60,7 @@ CAMERA_FPS = (30.0, 60.0)
 """Frames per second of the usual cameras, and of their fast modes."""
 SCHEMES = ("vmc", "vrchat", "rokoko", "osc", "foxglove")
 REPEATS = 200
-"""Frames that each output converts."""
+"""Number of frames that each output converts."""
 
 
 def figures() -> Iterator[Figure]:
@@ -127,14 +127,16 @@ def _standing(number: int, place: Float) -> Body:
 
 
 def _skeleton() -> Skeleton:
-    """Returns the bones of a performer as a rig with their names in VRM."""
+    """Returns the bones of a performer as a rig with VRM bone names."""
     human = human_of_body(_standing(1, np.array([0.0, 0.95, 0.0])), "")
     names = tuple(bone[0].lower() + bone[1:] for bone in human.bones)
     return Skeleton(names, human.parents.astype(np.int32), human.positions)
 
 
 def _microseconds(convert: Callable[[LiveFrame], object], frame: LiveFrame) -> float:
-    """Returns the median time per frame. Each call gets a new frame, so that nothing is computed before."""
+    """Returns the median time per frame in microseconds. Each call gets a new frame, so that nothing is
+    cached.
+    """
     convert(replace(frame))
     took = []
     for _ in range(REPEATS):
@@ -174,7 +176,7 @@ def _bone_numbers(human: HumanPose) -> Float:
 
 
 def _step_seconds(frames: list[DepthFrame], schemes: tuple[str, ...], rate: float) -> list[float]:
-    """Returns the seconds that an edge with these outputs needs for each frame with the performer.
+    """Returns the seconds of each frame with the performer, for an edge with these outputs.
 
     Args:
         rate: frames per second of the camera. The edge skips a frame if it is not ready before the next one,
@@ -220,7 +222,7 @@ def _wait_until(moment: float) -> float:
 
 
 def _share_percent(frames: list[DepthFrame], rate: float) -> float:
-    """Returns the share of the edge's processor time that handing over the frames takes, in percent.
+    """Returns the share of the edge's processor time that passing frames to the outputs takes, in percent.
 
     Unlike the loss of frames, it hardly depends on other programs on the machine.
     """

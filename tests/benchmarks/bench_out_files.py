@@ -1,4 +1,4 @@
-"""Export of a character with 10,000 vertices and 24 bones: written frames per second, by format.
+"""Measures the export of a character with 10,000 vertices and 24 bones: written frames per second, by format.
 
 A figure includes everything after sampling: conversion, formatting and writing the file. The points of USD
 are those of the same character without its skeleton.
@@ -38,7 +38,7 @@ def figures() -> Iterator[Figure]:
 
 
 def _least_seconds(file: str, performance: Performance) -> float:
-    """Returns the least time of an export in seconds."""
+    """Returns the shortest time of an export in seconds."""
     least = np.inf
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / file

@@ -1,8 +1,8 @@
 """Measures the cost of loose objects: a frame with 100 spheres and 50 boxes, at rest and while a character
 runs into them.
 
-It also measures the cost and quality of other ways of moving the spheres, which explains why contacts are
-corrected: the engine's own mocap bodies, and heavy bodies with position and speed set in every step.
+It also measures two other ways of moving the spheres: the engine's own mocap bodies, and heavy bodies whose
+position and speed are set in every step. Their results explain why contacts are corrected.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def _boxes(count: int) -> PropSpecs:
 
 
 def _towers() -> World:
-    """Ten stacks of five, side by side in two rows."""
+    """Returns ten stacks of five boxes, in two rows."""
     world = World(_boxes(BOXES), SETTINGS)
     n = np.arange(BOXES)
     stack = n // 5
@@ -69,7 +69,7 @@ def _towers() -> World:
 
 
 def _cloud() -> np.ndarray:
-    """Returns (100, 3) positions of a body of spheres, as tall as a person."""
+    """Returns (100, 3) positions of spheres that form a body as tall as a person."""
     grid = np.meshgrid(np.linspace(-0.2, 0.2, 4), np.linspace(0.1, 1.7, 5), np.linspace(-0.2, 0.2, 5))
     return np.stack(grid, -1).reshape(-1, 3)
 
@@ -101,8 +101,9 @@ def _least(call: Callable[[], Any]) -> float:
 
 
 def _blow_at(k: int) -> list[float]:
-    """Returns the sphere's position after ``k`` time steps: past the box's position at full speed, then at
-    rest."""
+    """Returns the sphere's position after ``k`` time steps. It passes the box's position at full speed, then
+    stops.
+    """
     return [min(-0.4 + SPEED * k * MAX_SUBSTEP_S, 0.2), 0.1, 0.0]
 
 
@@ -124,7 +125,9 @@ def _our_blow() -> float:
 
 
 def _blow(heavy: bool) -> float:
-    """Returns the same with the engine alone: a mocap body, or a 200 kg body that is placed in every step."""
+    """Returns the penetration depth with the engine alone: a mocap body, or a 200 kg body that is placed in
+    every step.
+    """
     step, half = MAX_SUBSTEP_S, SIDE / 2
     contact = f'solref="{CONTACT_TIME_S} 1" friction="{SETTINGS.friction} 0.005 0.0005"'
     slides = (

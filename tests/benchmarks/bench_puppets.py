@@ -2,8 +2,8 @@
 turns.
 
 `puppets.frame_ms` is the edge's whole work for one sensor frame: bones, examples (two samples per frame),
-locomotion, blending. Its peer does only the examples' part: the same windows of frames as one sparse
-least-squares system per point, solved by scipy.sparse's spsolve without bounds. Both answers are compared.
+locomotion, blending. Its peer does only the part of the examples. It solves the same windows of frames as one
+sparse least-squares system per point, by scipy.sparse's spsolve without bounds. Both results are compared.
 `puppets.surface_ms` is a viewer's frame without the drawing: surface and normals.
 """
 
@@ -69,8 +69,9 @@ def figures() -> Iterator[Figure]:
 
 
 def _performed(actor: PuppetActor) -> tuple[list[Pose], Float, Float]:
-    """Returns the poses, the performer's poses (F, P, 3) in the form used by the examples, and the seconds of
-    each frame."""
+    """Returns the puppet's poses, the performer's poses (F, P, 3) in the form used by the examples, and the
+    seconds of each frame.
+    """
     poses, seen, took = [], [], []
     for f in range(FRAMES):
         body = _performer(f / RATE)
@@ -99,7 +100,7 @@ def _performer(seconds: float) -> Body:
 
 def _plain(mapping: ExampleMap, seen: Float, step: float, frames: int) -> float:
     """Returns the peer's seconds for a window of ``frames`` frames."""
-    # The peer has another time step; the weight is scaled so that the same bending has the same cost.
+    # The peer has another time step. The weight is scaled so that the same bend has the same cost.
     alike = mapping.settings.acceleration * (STEP / step) ** 2
     free = ExampleMap(mapping.examples, replace(mapping.settings, margin=1e6, acceleration=alike))
     windows = [seen[k : k + frames] for k in range(20, 380, 18)]

@@ -2,7 +2,7 @@
 
 People onto people: the pose of the written GLB is compared with the performer's, limb by limb, by
 :mod:`limb_directions`, which shares no code with the mapping. A table is written to out/retarget_people.txt.
-The slide of standing feet in the written GLB is measured by :mod:`standing_feet`, in a walk and two runs.
+The sliding of standing feet in the written GLB is measured by :mod:`standing_feet`, in a walk and two runs.
 
 Every other pair is made by the command with ``--travel --pin`` from the first seconds of the clip. A table of
 all pairs is written to out/retarget.txt. Sealed pairs are a held-out set: they were not examined while the
@@ -38,7 +38,7 @@ from enliven.takes.files import read_take
 HERE = Path(__file__).parents[2]
 DATA = Path(os.environ.get("ENLIVEN_DATA", HERE.parent / "shared" / "data"))
 SECONDS = 4.0
-"""Length used of every clip, seconds: two strides."""
+"""Seconds of every clip that are used, enough for two strides."""
 RANDOM = 30
 """Number of random models. Each moves by two clips."""
 BOUND = 1.4
@@ -64,7 +64,7 @@ SLIDING = {
     "run": "bvh/*/dataset-1_run_normal_001.bvh",
     "cmu_run": "cmu_expmap/train_running_1.txt",
 }
-"""The takes in which the slide of standing feet is measured."""
+"""The takes in which the sliding of standing feet is measured."""
 
 
 def figures() -> Iterator[Figure]:
@@ -75,7 +75,9 @@ def figures() -> Iterator[Figure]:
 
 
 def _slide_figures() -> Iterator[Figure]:
-    """How fast standing feet of human models slide with ``--travel --pin``, in the size of a person."""
+    """Yields the sliding speed of human models' standing feet with ``--travel --pin``, scaled to a person's
+    size.
+    """
     medians, p90s = list[float](), list[float]()
     for name, pattern in SLIDING.items():
         speeds = [
@@ -197,7 +199,7 @@ def _measured(shape: Shape, take: Clip) -> tuple[MotionQuality, bool | None]:
 def _symmetric(plan: Plan, skeleton: Skeleton, facing: float) -> bool | None:
     """Returns True if the left chains drive the mirror image of what the right chains drive.
 
-    Returns None for a skeleton that is not symmetric itself.
+    Returns None for a skeleton that is not symmetric.
     """
     across = np.array([np.cos(facing), 0.0, -np.sin(facing)])
     at = skeleton.positions - skeleton.positions[0]

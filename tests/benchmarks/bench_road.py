@@ -40,7 +40,7 @@ while True:
 
 
 class Reel(Sensor):
-    """Frames from memory, so that rendering them costs the edge no time."""
+    """A sensor that returns frames from memory, so that rendering costs the edge no time."""
 
     name = "reel"
 

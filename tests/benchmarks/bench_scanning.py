@@ -1,8 +1,8 @@
 """Measures scanning on two threads: times of fusion and tracking, and the errors of camera and surface.
 
-The chair is rendered with a Kinect's noise from a hand-held path; its ground truth is known. The kitchen
-(7-Scenes) has poses from KinectFusion, which have errors, too. So for both, the distance between the images
-and the surface fused from them is reported. The kitchen is left out if the recordings are missing. Open3D's
+The chair is rendered with a Kinect's noise from a hand-held path, and its ground truth is known. The kitchen
+(7-Scenes) has poses from KinectFusion, which have errors as well. So for both scenes, the distance between
+the images and the fused surface is reported. The kitchen is left out if the recordings are missing. Open3D's
 VoxelBlockGrid fuses the same images of the chair, if it is installed.
 """
 
@@ -50,8 +50,9 @@ from enliven_synthesis.sensor.profile import load_profile
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 PATH = HandheldPath(target=(0.0, 0.8, 0.15), radius=1.45, height=(0.6, 1.9), turns=1.1, seconds=15.0)
 PERSON = 2.0
-"""Maximum depth in the images of the fusion-only benchmark, metres: only the object, about as large as a
-person."""
+"""Maximum depth in metres in the images of the fusion-only benchmark, so that only the object remains. It is
+as large as a person.
+"""
 NEAR = 0.005
 """A ground-truth point counts as scanned if the surface is within this distance, metres."""
 
@@ -91,8 +92,9 @@ def figures() -> Iterator[Figure]:
 
 
 def _fusion(frames: list[DepthFrame], truth: list[np.ndarray]) -> Iterator[Figure]:
-    """Yields the milliseconds to fuse an image at 5 mm, preparation included; ours and Open3D's
-    alternately."""
+    """Yields the milliseconds to fuse an image at 5 mm, including its preparation. Ours and Open3D's
+    alternate.
+    """
     depths = [np.where(frame.depth < 1000 * PERSON, frame.depth, 0).astype(np.uint16) for frame in frames]
     camera, settings = frames[0].intrinsics, VolumeSettings(voxel=0.005)
     volume = TsdfVolume(settings)
@@ -115,7 +117,9 @@ def _fusion(frames: list[DepthFrame], truth: list[np.ndarray]) -> Iterator[Figur
 
 
 def _open3d(camera):
-    """Returns a function that fuses an image with Open3D's defaults at 5 mm; None if it is not installed."""
+    """Returns a function that fuses an image with Open3D's defaults at 5 mm, or None if it is not
+    installed.
+    """
     try:
         import open3d as o3d
     except (ImportError, OSError):
@@ -177,7 +181,7 @@ def _chair(scan: HandheldScan, frames: list[DepthFrame], truth: list[np.ndarray]
     error = _errors(near, points)
     yield Figure("scanning.surface_mm", 1e3 * float(error.mean()), "mm")
     yield Figure("scanning.surface_mm_p95", 1e3 * float(np.quantile(error, 0.95)), "mm")
-    # A million samples are closer together than NEAR; with a tenth of them, an eighth of a complete surface
+    # A million samples are closer together than NEAR. With a tenth of them, an eighth of a complete surface
     # would seem missing.
     is_near = cKDTree(_sampled(near, 1_000_000)[0]).query(points[0][::12])[0] < NEAR
     is_seen = _seen(scan, points[0][::12], points[1][::12])
@@ -186,8 +190,7 @@ def _chair(scan: HandheldScan, frames: list[DepthFrame], truth: list[np.ndarray]
 
 
 def _laid_down(chair: Mesh) -> Iterator[Figure]:
-    """Measures a scan in which the chair is laid on its back half-way: the completeness of the mesh, and its
-    error."""
+    """Measures a scan in which the chair is laid on its back half-way: the mesh's completeness and error."""
     poses = [np.eye(4), lie_on_back_pose(chair, (0.0, 0.15))]
     way = MovedObjectPath(poses, [LAID], grips=[(-0.2, 1.5, -0.05), (0.25, 0.6, 0.2)])
     scan, scanner = MovedObjectScan(chair, way, load_profile("kinect1"), LAID_PATH), MovedScanner()
@@ -227,8 +230,8 @@ def _errors(mesh: Mesh, points: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     surface = _sampled(mesh, 100_000)
     distance, at = cKDTree(points[0]).query(surface[0])
     flat = np.abs(((surface[0] - points[0][at]) * points[1][at]).sum(1))
-    # Samples of the truth are 2 mm apart. Close to it, point-to-plane distances are more accurate than
-    # point-to-point ones.
+    # Samples of the truth are 2 mm apart. At short distances, point-to-plane is more accurate than
+    # point-to-point.
     return np.where(distance < 0.006, np.minimum(flat, distance), distance)
 
 
@@ -252,7 +255,9 @@ def _seen(scan: HandheldScan, points: np.ndarray, normals: np.ndarray) -> np.nda
 def _way(
     scanner: Scanner, frames: list[DepthFrame], first: np.ndarray
 ) -> tuple[list[np.ndarray], list[float]]:
-    """Returns the poses estimated for frames without poses, except the first, and the seconds for each."""
+    """Returns the estimated poses of frames without poses (except the first), and the seconds for each
+    frame.
+    """
     poses, took = [], []
     for n, frame in enumerate(frames):
         posed_frame = DepthFrame(
@@ -286,7 +291,7 @@ def _left(frames: list[DepthFrame], poses: list[np.ndarray], settings: ScanSetti
 
 
 def _laid(these: np.ndarray, those: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the rotation and translation that align points (N, 3) with others (Kabsch)."""
+    """Returns the rotation and translation that align points (N, 3) with other points (Kabsch)."""
     a, b = these - these.mean(0), those - those.mean(0)
     u, _, v = np.linalg.svd(b.T @ a)
     turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
@@ -301,7 +306,7 @@ def _apart(found: list[np.ndarray], truth: list[np.ndarray]) -> float:
 
 
 def _near(mesh: Mesh, thing: Mesh) -> Mesh:
-    """Returns the faces of a scan that belong to the object, not to the floor."""
+    """Returns the faces of a scan that belong to the object instead of the floor."""
     low, high = thing.bounds
     inside = ((mesh.vertices > low - [0.05, -0.02, 0.05]) & (mesh.vertices < high + 0.05)).all(1)
     return mesh.with_faces(inside[mesh.faces].all(1))

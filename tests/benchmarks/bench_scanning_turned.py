@@ -1,8 +1,8 @@
 """Measures object tracking of a chair on a turntable, and in two hands: pose error and mesh error.
 
-The images are a Kinect's, rendered; chair, turn, hands and room are known. A second and a half of the
-standing chair and the whole turn are scanned at fifteen images per second. Mesh parts more than a centimetre
-away from the chair count as remains of hands.
+The images are rendered with a Kinect's noise. Chair, rotation, hands and room are known. The first 1.5 s, in
+which the chair stands still, and the whole turn are scanned at fifteen images per second. Parts of the mesh
+more than a centimetre away from the chair count as remains of hands.
 """
 
 from __future__ import annotations
@@ -33,8 +33,9 @@ WAYS: dict[str, tuple[MovingObject, HandheldPath, int]] = {
     "turntable": (WAY, STILL, 405),
     "in_hands": (HandTurnedPath(), HELD, 465),
 }
-"""Paths of chair and camera, and the number of images at 30 per second, of the turn and of the time before
-it."""
+"""Paths of chair and camera, and the number of images at 30 per second, including the time before the
+turn.
+"""
 EVERY = 2
 """Every second image is scanned, which shortens the run."""
 NEAR = 0.01

@@ -1,7 +1,8 @@
-"""Drivers of depth cameras on their real libraries, with a recording in place of the device.
+"""Measures drivers of depth cameras with their real libraries, and a recording in place of the device.
 
-It measures the edge's overhead in addition to the camera itself: the time from handing an image to the
-library until the edge has it, the copies on the way, and the time until a reconnected camera is used again.
+It measures the edge's overhead in addition to the camera itself: the time from passing an image to the
+library until the edge has it, the copies made meanwhile, and the time until a reconnected camera delivers
+again.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ from enliven_edge.sensors.reopening import ReopeningSensor
 WIDTH, HEIGHT, FPS = 640, 400, 30
 FRAMES = 300
 WARM = 30
-"""Number of frames before the measurement, in which caches and threads warm up."""
+"""Number of frames before the measurement, during which caches and threads warm up."""
 AWAY = 2.0
 """Time for which a camera is disconnected, seconds."""
 TIMES = 5
@@ -57,22 +58,21 @@ def _stamp(depth: UInt16) -> int:
 
 
 class StampedRealSense(RealSenseSensor):
-    """A driver with images that contain the time of their transfer to the library."""
+    """A driver whose images contain the time at which they were passed to the library."""
 
     def _send(self, frame: DepthFrame, number: int) -> None:
         super()._send(_stamped(frame), number)
 
 
 class StampedOak(OakSensor):
-    """A driver with images that contain the time of their transfer to the library."""
+    """A driver whose images contain the time at which they were passed to the library."""
 
     def _send(self, frame: DepthFrame, number: int) -> None:
         super()._send(_stamped(frame), number)
 
 
 class StampedTof(TofSensor):
-    """A driver with images that contain the time of their transfer in place of the library, when it measures
-    them."""
+    """A driver whose images contain the time of their transfer, in place of the library's measuring time."""
 
     def _queue_frame(self, measured: Any) -> None:
         measured.depth_data[0, :4] = np.array([time.monotonic_ns()], np.int64).view(np.uint16)
@@ -80,7 +80,7 @@ class StampedTof(TofSensor):
 
 
 class StampedOrbbec(OrbbecSensor):
-    """A driver with images that contain the time of delivery by the library, which reads the file itself."""
+    """A driver whose images contain the time of delivery by the library, which itself reads the file."""
 
     def _convert_frame(self, image: Any) -> DepthFrame:
         handed = time.monotonic_ns()
@@ -93,8 +93,9 @@ DRIVERS: dict[str, tuple[str, Callable[..., Sensor], int]] = {
     "orbbec": ("pyorbbecsdk", StampedOrbbec, 1),
     "tof": ("numpy", StampedTof, 0),
 }
-"""The library that each one needs, the driver, and the number of copies that the library itself makes of an
-image."""
+"""The library that each driver needs, the driver, and the number of copies of an image that the library
+makes.
+"""
 
 
 def figures() -> Iterator[Figure]:
@@ -130,7 +131,7 @@ def _overhead(opener: IsolatedOpener) -> tuple[list[float], float]:
     with opener() as sensor:
         while (frame := sensor.read(5.0)) is not None:
             taken.append(1e-6 * (time.monotonic_ns() - _stamp(frame.depth)))
-            # Data in shared memory was written there once; any other data was copied once more.
+            # Data in shared memory was written there once. Any other data was copied once more.
             written += 1 if _is_shared(frame.depth) else 2
     return taken[WARM:], written / len(taken)
 
@@ -165,7 +166,7 @@ def _reconnect(opener: IsolatedOpener, take: Path) -> float:
 
 
 def _attempt(sensor: Sensor) -> DepthFrame | None:
-    """Returns a frame if one arrives."""
+    """Returns the next frame, or None if none arrives."""
     try:
         frame = sensor.read(0.05)
     except (SensorFault, TimeoutError):

@@ -1,9 +1,10 @@
 """Measures stereo depth on rendered image pairs with known depth, compared with plain OpenCV on the same
 pairs.
 
-The peer is OpenCV's own stereo matching example in its fastest mode: the same maps, the same number of
-disparities, the recommended penalties, no speckle or uniqueness filter, depth by its formula. Speed is
-processor time on one core. Both are measured alternately, and the shortest time of several rounds counts.
+The peer is OpenCV's own stereo matching example in its fastest mode. It uses the same maps and number of
+disparities, the recommended penalties, its own depth formula, and neither speckle nor uniqueness filter.
+Speed is processor time on one core. Both are measured alternately, and the shortest time of several rounds
+counts.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ class Plain:
         )
 
     def depth(self, left: np.ndarray, right: np.ndarray) -> np.ndarray:
-        """Returns (H, W) millimetres; 0 if unknown."""
+        """Returns (H, W) millimetres, 0 where unknown."""
         disparity = self._matcher.compute(*self._rectification.rectify(left, right)).astype(np.float32) / 16
         scale = 1e3 * self._rectification.intrinsics.fx * self._rectification.baseline
         with np.errstate(divide="ignore"):
@@ -101,7 +102,7 @@ def _judged(
 
 
 def _fps(works: list[Callable[[], object]]) -> list[float]:
-    """Returns calls per second of processor time, each measured alternately."""
+    """Returns calls per second of processor time. The functions are measured alternately."""
     least = [np.inf] * len(works)
     for _ in range(ROUNDS):
         for number, work in enumerate(works):

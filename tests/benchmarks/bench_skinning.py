@@ -1,9 +1,9 @@
-"""Skinning on one thread of the processor, against libigl's linear blend skinning.
+"""Measures skinning on one processor thread, against libigl's linear blend skinning.
 
-libigl's method (tutorial 403): ``lbs_matrix(V, W)`` once, a dense (V, 4 J) matrix, and every frame its
-product with the stacked transforms; normals by ``per_vertex_normals`` of the result. The product is numpy's
-here (double precision, as libigl's own), kept to one thread. At a million vertices that matrix would take 4
-GB, so there the peer multiplies the matrix of the first 100,000 ten times.
+libigl (tutorial 403) calls ``lbs_matrix(V, W)`` once, which gives a dense (V, 4 J) matrix. Every frame
+multiplies it with the stacked transforms. Normals are ``per_vertex_normals`` of the result. Here, the product
+is NumPy's in double precision, like libigl's own, limited to one thread. For a million vertices that matrix
+would take 4 GB, so the peer multiplies the matrix of the first 100,000 ten times.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The soak: hours of an exhibition that were simulated, and how fast memory grows.
+"""Reports the simulated exhibition hours of a soak test, and the growth of memory.
 
 It runs `make soak` for 25 minutes. The programs run for the last 15 minutes without a restart. The slope is
 fitted after their warm-up of six minutes. The figure is the steepest slope of all programs.
@@ -16,7 +16,7 @@ from figure import Figure
 
 ROOT = Path(__file__).parents[2]
 MINUTES, SEED = 25.0, 1
-"""Length of the soak, and its schedule. A whole day takes 50 minutes."""
+"""Length of the soak in minutes, and the seed of its schedule. A whole day takes 50 minutes."""
 
 
 def figures() -> Iterator[Figure]:

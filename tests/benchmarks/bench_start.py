@@ -1,4 +1,5 @@
-"""Measures start times: the help, the first pose, the first frame; and the two commands of a fresh checkout.
+"""Measures the start times of the help, the first pose and the first frame, and of the two commands of a
+fresh checkout.
 
 ``make bench ONLY=start`` also installs everything into an empty folder (start.install_s); ``make bench``
 without a name skips that. The test suite of a fresh checkout (start.test_s, many minutes) runs only if
@@ -55,9 +56,11 @@ for frame in itertools.islice(list(frames), {LATER} + 1):
 
 
 def figures() -> Iterator[Figure]:
-    """Yields start.help_s, .first_pose_s and .first_frame_ms; if named, also .install_s and .test_s."""
+    """Yields start.help_s, .first_pose_s and .first_frame_ms. If ``start`` is named, also .install_s and
+    .test_s.
+    """
     yield Figure("start.help_s", statistics.median(_help() for _ in range(LAPS)), "s")
-    first_pose()  # afterwards kernels are compiled and files are in the disk cache
+    first_pose()  # kernels are compiled and files are in the disk cache afterwards
     yield Figure("start.first_pose_s", statistics.median(first_pose() for _ in range(LAPS)), "s")
     laps = [_frames() for _ in range(LAPS)]
     first = statistics.median(lap[0] for lap in laps)
@@ -75,13 +78,14 @@ def _help() -> float:
 
 
 def _frames() -> list[float]:
-    """Returns the milliseconds of each of the first frames."""
+    """Returns the milliseconds of each of a tracker's first frames."""
     result = subprocess.run([sys.executable, "-c", FIRST_FRAME], check=True, capture_output=True, text=True)
     return [float(line) for line in result.stdout.split()]
 
 
 def first_pose(patience: float = PATIENCE, **environment: str) -> float:
-    """Returns the seconds from the start of an edge that possesses at once to a viewer's first pose.
+    """Returns the seconds from the start of an edge until a viewer receives the first pose. The edge
+    possesses at once.
 
     Args:
         patience: timeout in seconds.

@@ -26,13 +26,15 @@ from figure import Figure
 from enliven.kernel_cache.target import processor_levels
 
 COLD = 900.0
-"""Timeout for a first pose without compiled kernels, seconds."""
+"""Timeout for the first pose without compiled kernels, seconds."""
 LAPS = 3
-"""Repetitions of a start with the kernels of a release. The median is reported."""
+"""Repetitions of a start with a release's kernels. The median is reported."""
 REPLAY = ("edge", "--speed", "0", "--possess-at", "0", "--port", "0", "--control-port", "0")
-"""An edge that plays the shipped recording, 270 frames, as fast as it can."""
+"""Arguments of an edge that plays the shipped recording (270 frames) as fast as possible."""
 LEVELS = ("embedded.frame_ms_128", "arap.frame_ms_5k", "tracking")
-"""Figures measured with native code and with that of each level; "tracking" has none in bench.json."""
+"""Figures that are measured with native code and with the code of each level. "tracking" has no figure in
+bench.json.
+"""
 UNTIL = """
 import sys
 sys.path.insert(0, sys.argv[1])
@@ -40,7 +42,7 @@ import run
 module = run._module(run.HERE / f"bench_{sys.argv[2].partition('.')[0]}.py")
 print(next(figure.value for figure in module.figures() if figure.name == sys.argv[2]))
 """
-"""Prints one figure. Arguments: the folder of the benchmarks, and the figure's name."""
+"""Program that prints one figure. Arguments: the folder of the benchmarks, and the figure's name."""
 
 
 def figures() -> Iterator[Figure]:
@@ -67,7 +69,9 @@ def seconds_of(command: list[str], **environment: str) -> float:
 
 
 def processor_seconds(**environment: str) -> float:
-    """Returns the processor time of an edge on the shipped recording, with the processes that it starts."""
+    """Returns the processor time in seconds of an edge on the shipped recording, including its child
+    processes.
+    """
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     seconds_of([*ENLIVEN, *REPLAY, "--name", f"bench-{os.getpid()}"], **environment)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -75,7 +79,9 @@ def processor_seconds(**environment: str) -> float:
 
 
 def from_wheel(folder: Path) -> Iterator[Figure]:
-    """Yields the size of the wheel of kernels, and the first pose of an edge that has it and nothing else."""
+    """Yields the size of the wheel of kernels, and the time to the first pose of an edge that has only this
+    wheel.
+    """
     wheels = [
         path
         for path in (ROOT / "out" / "release" / "archives").glob("enliven_kernels-*.whl")
@@ -100,7 +106,7 @@ def portable_cost() -> Iterator[Figure]:
         if figure.startswith("embedded") and CMU.is_missing:
             continue
         least: dict[str, float] = {}
-        for _ in range(LAPS):  # in turn, so that a change of the machine's load meets all of them
+        for _ in range(LAPS):  # alternately, so that a change of the machine's load affects all of them
             for name in ("native", *names):
                 chosen = native if name == "native" else {"NUMBA_CPU_NAME": name, "NUMBA_CPU_FEATURES": ""}
                 least[name] = min(least.get(name, float("inf")), time_of(figure, **chosen))
@@ -120,16 +126,16 @@ def time_of(figure: str, **environment: str) -> float:
 
 
 def measured(figure: str, **environment: str) -> float:
-    """Returns a figure that a benchmark measures in a process of its own, which ends right after it."""
+    """Returns a figure that a benchmark measures in a separate process."""
     command = [sys.executable, "-c", UNTIL, str(ROOT / "tests" / "benchmarks"), figure]
     done = subprocess.run(
         command, env={**os.environ, **environment}, check=True, capture_output=True, text=True
     )
-    return float(done.stdout.splitlines()[-1])  # A benchmark may print notes first.
+    return float(done.stdout.splitlines()[-1])  # a benchmark may print notes first
 
 
 def tracked_ms(**environment: str) -> float:
-    """Returns the median milliseconds in which a tracker follows the person of the shipped recording."""
+    """Returns the median milliseconds per frame for tracking the person in the shipped recording."""
     command = [sys.executable, "-c", FIRST_FRAME]
     done = subprocess.run(
         command, env={**os.environ, **environment}, check=True, capture_output=True, text=True

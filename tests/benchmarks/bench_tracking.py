@@ -1,12 +1,12 @@
 """Measures the tracker: accuracy, jitter, recovery time, speed.
 
-Accuracy refers to the held-out sequences of :mod:`tracking_set`, on which nothing was tuned.
-"tracking.tuning." refers to the tuning sequences, and "tracking.close." to films of limbs close to the trunk.
-"tracking.sealed." refers to films that were used once, after all tuning (:mod:`tracking_kept`); there the
-floor is measured, too. "tracking.turns." refers to turns and floor work for tuning, "tracking.turns_sealed."
-to those used once. "tracking.floor." and "tracking.floor_sealed." are newer films, in which people do not
-sink into the floor. Real sequences are explained in :mod:`tracking_real`; those of kinect_multitrack are
-joints without depth, and belong to the fusion of sensors.
+Accuracy refers to the held-out sequences of :mod:`tracking_set`, on which nothing was tuned. Prefixes name
+other sets: "tracking.tuning." the tuning sequences, "tracking.close." limbs close to the trunk,
+"tracking.turns." turns and floor work for tuning, and "tracking.floor." newer films in which people do not
+sink into the floor. "tracking.sealed.", "tracking.turns_sealed." and "tracking.floor_sealed." are films that
+were used only once, after all tuning (:mod:`tracking_kept`). In "tracking.sealed.", the floor is measured as
+well. Real sequences are explained in :mod:`tracking_real`. Those of kinect_multitrack are joints without
+depth, and belong to the fusion of sensors.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ from enliven_edge.tracking.tracker import Tracker
 from enliven_edge.warmup import warm_up_tracking
 
 _TAKEN_UP = 20
-"""Frames before speed is measured. Detecting people costs more than tracking them."""
+"""Number of frames before speed is measured. Detecting people costs more than tracking them."""
 _SETTLED = 30
-"""Frames, one second, before a frame with one performer is timed. By then detection is complete."""
+"""Number of frames (one second) before a frame with one performer is timed. Detection is complete by then."""
 _LAPS = 18
 """Repetitions of the dance, forwards and backwards, while memory is measured."""
 _STEP = 33_333_333
 _FLOOR_FRAMES = 60
-"""Frames, two seconds, after which the floor is compared with the true one."""
+"""Number of frames (two seconds) after which the floor is compared with the true floor."""
 
 
 def figures() -> Iterator[Figure]:
@@ -110,8 +110,9 @@ def _accuracy(split: str, prefix: str) -> Iterator[Figure]:
 
 
 def _floor(split: str, prefix: str) -> Iterator[Figure]:
-    """Yields the floor's tilt error, the sensor height's error, and the time of detection: the worst of all
-    films."""
+    """Yields the floor's tilt error, the sensor height's error, and the time of detection. Each is the worst
+    of all films.
+    """
     tilts, heights, delays = [], [], []
     for sequence in sequences(split):
         tracker, since = Tracker(), np.inf
@@ -150,7 +151,8 @@ def _speed() -> Iterator[Figure]:
 
 def _memory() -> Iterator[Figure]:
     """Yields the growth of the process during one performer's endless dance, per hour at 30 frames per
-    second."""
+    second.
+    """
     page = Path("/proc/self/statm")
     if not page.exists():
         return

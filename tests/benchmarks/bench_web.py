@@ -1,8 +1,9 @@
-"""Measures the web page: from an edge's sending to the decoded pose in Chromium, and bytes of a frame.
+"""Measures the web page: the time from an edge's sending to the decoded pose in Chromium, and the bytes of a
+frame.
 
 An edge publishes 4 characters and 2 performers at 30 frames per second. The page is in headless Chromium on
-the same machine, which draws small pictures with the processor. So the delay includes waiting for the picture
-in progress.
+the same machine, which draws small images with the processor. The delay therefore includes waiting for the
+image in progress.
 """
 
 from __future__ import annotations
@@ -75,7 +76,7 @@ def make_character(name: str) -> Character:
 
 
 def pose_at(name: str, frame: int) -> tuple[Character, Pose]:
-    """Returns a character, and its pose in a frame: bent and turned smoothly, as by a performer."""
+    """Returns a character and its pose in a frame, smoothly bent and rotated as by a performer."""
     character = make_character(name)
     phase = 2 * np.pi * frame / 60 + phase_of(name)
     pivots = character.pivots.astype(np.float64)
@@ -101,7 +102,7 @@ def people(frame: int) -> tuple[Body, ...]:
 
 
 def move(stage: PublishedStage, stop: threading.Event) -> None:
-    """Changes the poses of the stage until the end."""
+    """Changes the poses of the stage until ``stop`` is set."""
     frame = 0
     while not stop.wait(INTERVAL_S):
         frame += 1
@@ -110,7 +111,7 @@ def move(stage: PublishedStage, stop: threading.Event) -> None:
 
 
 def measure_bytes(server: WebServer, stage: PublishedStage) -> float:
-    """Returns the mean bytes of a frame for one page that answers at once, without the characters."""
+    """Returns the mean bytes per frame, without characters, for one page that answers at once."""
     with connect(f"ws://127.0.0.1:{server.port}/live", max_size=None) as page:
         poses = size = 0
         deadline = time.monotonic() + PATIENCE_S

@@ -1,8 +1,9 @@
-"""Measures the window: from an edit to the stage of a running edge, and scrubbing along the timeline.
+"""Measures the window: the time from an edit to the stage of a running edge, and scrubbing along the
+timeline.
 
 The edit changes an attached mesh of 20,000 vertices. A real edge replays the shipped recording, and its
-performer possesses the chair. A client in this process uploads the chair again and again, a little taller
-each time.
+performer possesses the chair. A client in this process uploads the chair repeatedly, slightly taller each
+time.
 """
 
 from __future__ import annotations
@@ -76,11 +77,11 @@ def figures() -> Iterator[Figure]:
 
 
 def _scrub() -> Figure:
-    """Measures this thread's milliseconds from a pointer position on the ruler to all characters at that
-    time.
+    """Measures this thread's milliseconds from a pointer position on the ruler until all characters are at
+    that time.
 
-    The characters are a skeleton with eight layers, a possessed mesh and a puppet with one each. Drawing is
-    not included.
+    The characters are a skeleton with eight layers, and a possessed mesh and a puppet with one layer each.
+    Drawing is not included.
     """
     project, names = Project(), []
     for source, name in (skeleton_world(), graph_world(), (_acting(), "cactus")):
@@ -109,8 +110,8 @@ def _scrub() -> Figure:
 
 
 def _size() -> Iterator[Figure]:
-    """Measures the megabytes of a project of ten characters with half a minute of motion each, read from its
-    file.
+    """Measures the megabytes of a project, read from its file, of ten characters with half a minute of motion
+    each.
 
     It has four skeletons of the cactus' performer, three possessed chairs and three puppets, each with its
     own take. Memory is what Python reports after reading.
@@ -153,7 +154,7 @@ def _later(project: Project, number: int) -> Project:
 
 
 def _long(clip: Clip) -> Clip:
-    """Returns a take of half a minute, played forwards and backwards."""
+    """Returns a take of half a minute, made by playing a clip forwards and backwards."""
     turns, root = (np.concatenate([part, part[-2:0:-1]]) for part in (clip.turns, clip.root))
     times = round(HALF_MINUTE / clip.step)
     rounds = -(-times // len(turns))
@@ -186,7 +187,8 @@ def _measured(link: EdgeClient) -> Iterator[Figure]:
 
 def _lap(link: EdgeClient, mesh) -> tuple[float, float]:
     """Returns the milliseconds from an edit to its first pose, and the longest latency from sensor to pose
-    meanwhile."""
+    during that time.
+    """
     answers, seen, before = [], [], link.characters["chair"]
     began = time.perf_counter()
     link.stage.put(project_of_mesh(mesh, "chair"), "chair", then=answers.append)

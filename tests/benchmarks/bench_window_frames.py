@@ -28,7 +28,7 @@ TEXTURE = 1024
 
 
 def figures() -> Iterator[Figure]:
-    """Yields window.frame_ms_10x20k, its 99th percentile, and the processor's milliseconds of it."""
+    """Yields window.frame_ms_10x20k, its 99th percentile, and its processor time in milliseconds."""
     ctx = create_offscreen_context()
     renderer = Renderer(ctx, SIZE)
     texture = _texture()

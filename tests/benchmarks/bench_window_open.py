@@ -1,4 +1,6 @@
-"""Measures the window's start: from the process to its first frame. Without a display it uses an X server."""
+"""Measures the time from the start of the window's process to its first frame. Without a display it uses an X
+server.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,7 @@ StudioWindow(Workspace.new(Editor(StudioSettings()))).run(seconds=60, after=show
 
 
 def figures() -> Iterator[Figure]:
-    """Yields window.open_s: the median of some starts after a first one, which fills the disk cache."""
+    """Yields window.open_s: the median of some starts, after one that fills the disk cache."""
     with _display() as display:
         took = [_start({**os.environ, "DISPLAY": display}) for _ in range(LAPS + 1)]
     yield Figure("window.open_s", statistics.median(took[1:]), "s")

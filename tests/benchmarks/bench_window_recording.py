@@ -29,7 +29,7 @@ PATIENCE = 120.0
 
 
 def figures() -> Iterator[Figure]:
-    """Yields window.record_overhead, the fraction of a frame's time that recording takes."""
+    """Yields window.record_overhead: the fraction of a frame's time that recording takes."""
     with tempfile.TemporaryDirectory() as folder:
         session = PerformSession(Editor(project=Project().with_takes(*read_library())), Path(folder))
         session.active_workspace, session.recording.count_in = "Perform", False
@@ -49,7 +49,7 @@ def figures() -> Iterator[Figure]:
 
 
 def _pictures(session: PerformSession) -> list[float]:
-    """Returns this thread's seconds for each frame during a while in which the project plays."""
+    """Returns this thread's seconds for each frame while the project plays."""
     took, end = list[float](), time.monotonic() + SPAN
     while time.monotonic() < end:
         began, before = time.monotonic(), time.thread_time()

@@ -1,7 +1,7 @@
 """The recordings and meshes that benchmarks need, and their public sources.
 
 They are other people's work, so this repository does not contain them. The environment variable ENLIVEN_DATA
-names their folder. A benchmark without its data measures its other figures.
+names their folder. Without the data, a benchmark measures only its other figures.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ class Need:
     Attributes:
         figures: their names, as a pattern.
         sources: the data.
-        instead: how they are measured without the data; empty if they are not measured.
+        instead: how they are measured without the data, empty if they are not measured.
     """
 
     figures: str
@@ -141,7 +141,7 @@ NEEDS: dict[str, tuple[Need, ...]] = {
         Need("tracking.js6450_*", (JOINTS,)),
     ),
 }
-"""By benchmark: the figures that need data. All other figures need no data but those of this repository."""
+"""The figures that need data, by benchmark. All other figures need only the data in this repository."""
 
 
 def missing_needs(benchmarks: Iterable[str]) -> list[Need]:

@@ -13,7 +13,8 @@ class Figure:
         name: name used in issues and notes.
         value: in ``unit``.
         peer: value of the peer in the same run, or None.
-        ratio: how many times better than the peer; above 1 is better; None without a peer.
+        ratio: factor by which the value is better than the peer's. Above 1 is better. None without a
+            peer.
     """
 
     name: str

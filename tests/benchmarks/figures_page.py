@@ -1,4 +1,4 @@
-"""The table of docs/figures.md, generated from the figures that one machine measured on one day."""
+"""Generates the table of docs/figures.md from the figures that one machine measured on one day."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from figure import Figure
 
 PAGE = Path(__file__).parents[2] / "docs" / "figures.md"
 DAY = Path(__file__).parents[2] / "out" / "bench_day.json"
-"""File with today's results of this machine, by benchmark, since several calls may measure a part each."""
+"""File with today's results of this machine, by benchmark. Several calls may each measure a part."""
 
 
 def gathered(
@@ -44,9 +44,9 @@ def write_when_whole(of_day: dict[str, list[Figure]], known: Collection[str], pa
 
 
 def written(page: str, figures: list[Figure], machine: str, day: date, needs: Collection[Need] = ()) -> str:
-    """Returns the page with the table of these figures instead of the previous one.
+    """Returns the page with the table of these figures instead of the previous table.
 
-    Below the table are the needs of the figures that were not measured.
+    Below the table are the data that the missing figures need.
     """
     rows = [
         f"| `{figure.name}` | {figure.value:.4g} {figure.unit} | {_compared(figure)} |"

@@ -1,6 +1,6 @@
 """Runs the steps of `make nightly`: long tests, ten minutes of fuzzing, benchmarks and their ratchet.
 
-Each step runs even if an earlier one failed. The last lines say what failed; the exit code is then 1.
+Each step runs even if an earlier one failed. The last lines list the failures, and the exit code is then 1.
 ``--update`` stores headline figures that got better.
 """
 
@@ -16,7 +16,7 @@ import ratchet
 
 ROOT = Path(__file__).parents[2]
 FUZZ_S = 600
-"""Seconds of fuzzing, with another seed each night; the seed is printed."""
+"""Seconds of fuzzing. Each night uses another seed, which is printed."""
 
 
 def rooms(headlines: Sequence[ratchet.Headline]) -> list[str]:
@@ -38,7 +38,9 @@ def steps(update: bool, names: Sequence[str]) -> dict[str, list[str]]:
 
 
 def forget(path: Path, names: Sequence[str]) -> None:
-    """Removes the figures of some benchmarks from bench.json: an older run must not stand in for this one."""
+    """Removes the figures of some benchmarks from bench.json, so that an older run cannot replace this
+    one.
+    """
     if path.exists():
         kept = [row for row in ratchet.read_list(path) if ratchet.room_of(row["name"]) not in names]
         path.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")

@@ -1,6 +1,8 @@
-"""Compares bench.json with the committed headline figures: prints a sentence for each figure that got worse.
+"""Compares bench.json with the committed headline figures, and prints a sentence for each figure that got
+worse.
 
-``.venv/bin/python tests/benchmarks/ratchet.py [--update]``; ``--update`` stores values that got better.
+``.venv/bin/python tests/benchmarks/ratchet.py [--update]``. With ``--update``, values that got better are
+stored.
 """
 
 from __future__ import annotations
@@ -18,12 +20,12 @@ HERE = Path(__file__).parent
 HEADLINES = HERE / "headlines.json"
 """The committed figures: a list of objects with the fields of :class:`Headline`."""
 RESULT = HERE.parents[1] / "bench.json"
-"""What the benchmarks write: a list of figures."""
+"""List of figures written by the benchmarks."""
 DIRECTIONS = ("higher", "lower")
 
 
 class BadHeadlines(Exception):
-    """A file that cannot be read as figures; the message says which file and what to correct."""
+    """Raised for a file that cannot be read as figures. The message names the file and the correction."""
 
 
 @dataclass(frozen=True)
@@ -32,9 +34,9 @@ class Headline:
 
     Attributes:
         name: the name of the figure in bench.json.
-        value: the best value so far, in the figure's unit; None until the first ``--update``.
+        value: the best value so far in the figure's unit, None until the first ``--update``.
         better: "higher" or "lower", the direction that is better.
-        tolerance: how much worse than ``value`` a run may be, in the figure's unit.
+        tolerance: allowed difference by which a run may be worse than ``value``, in the figure's unit.
     """
 
     name: str
@@ -44,13 +46,13 @@ class Headline:
 
     @property
     def bound(self) -> float | None:
-        """The worst value that passes; None if there is no value yet."""
+        """Returns the worst value that passes, None if there is no value yet."""
         if self.value is None:
             return None
         return self.value - self.tolerance if self.better == "higher" else self.value + self.tolerance
 
     def is_worse(self, measured: float) -> bool:
-        """Returns True if a measured value is beyond the bound. A value that is not a number always is."""
+        """Returns True if a measured value is beyond the bound. This includes NaN."""
         if not math.isfinite(measured):
             return True
         if self.bound is None:
@@ -58,7 +60,7 @@ class Headline:
         return measured < self.bound if self.better == "higher" else measured > self.bound
 
     def is_improved(self, measured: float) -> bool:
-        """Returns True if a measured value is better than the committed one, or the first."""
+        """Returns True if a measured value is better than the committed value, or is the first."""
         if not math.isfinite(measured):
             return False
         if self.value is None:
@@ -134,7 +136,7 @@ def complaints(headlines: Iterable[Headline], measured: Mapping[str, float]) -> 
 
 
 def improved(headlines: Iterable[Headline], measured: Mapping[str, float]) -> list[Headline]:
-    """Returns the committed figures with the values that got better; a worse value changes nothing."""
+    """Returns the committed figures, updated with better values. Worse values change nothing."""
     return [
         replace(headline, value=measured[headline.name])
         if headline.name in measured and headline.is_improved(measured[headline.name])
@@ -144,7 +146,7 @@ def improved(headlines: Iterable[Headline], measured: Mapping[str, float]) -> li
 
 
 def room_of(name: str) -> str:
-    """Returns the benchmark that measures a figure: the first word of its name."""
+    """Returns the benchmark that measures a figure, which is the first word of its name."""
     return name.split(".")[0]
 
 

@@ -1,13 +1,13 @@
 """Runs all benchmarks, or the named one. Prints one line per figure and adds it to bench.json.
 
-Once all have been measured on one machine on one day, by one call or several, the table of docs/figures.md is
+Once all have been measured on one machine on one day, in one call or several, the table of docs/figures.md is
 written.
 
-Some figures need recordings of others in the folder ENLIVEN_DATA. Without them these figures are left out.
-The reason is printed and stands below the table (data_needs.py).
+Some figures need third-party recordings in the folder ENLIVEN_DATA. Without the recordings, these figures are
+left out. The reason is printed, and is listed below the table (data_needs.py).
 
-A benchmark is a file bench_NAME.py here with ``figures() -> Iterator[Figure]``. A file bench_NAME_MORE.py
-belongs to it and runs with it.
+A benchmark is a file bench_NAME.py in this folder with ``figures() -> Iterator[Figure]``. A file
+bench_NAME_MORE.py belongs to it and runs with it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from data_needs import missing_needs  # noqa: E402
 from figure import Figure  # noqa: E402
 from figures_page import PAGE, gathered, this_machine, write_when_whole  # noqa: E402
 
-# All figures are measured with the code that a release ships, and nothing compiles in the background.
+# All figures are measured with the code of a release, and nothing compiles in the background.
 os.environ["ENLIVEN_NATIVE_KERNELS"] = "off"
 
 RESULT = HERE.parents[1] / "bench.json"
@@ -68,7 +68,7 @@ def _module(path: Path):
 
 
 def _keep(figure: Figure) -> None:
-    """Replaces the figure with that name in bench.json."""
+    """Replaces the figure of the same name in bench.json."""
     kept = json.loads(RESULT.read_text()) if RESULT.exists() else []
     kept = [old for old in kept if old["name"] != figure.name] + [vars(figure)]
     RESULT.write_text(json.dumps(kept, indent=1) + "\n")

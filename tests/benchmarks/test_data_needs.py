@@ -1,4 +1,4 @@
-"""Figures without their recordings are named, with the public source of the data."""
+"""Tests that figures without their recordings are listed, with the public source of the data."""
 
 from __future__ import annotations
 

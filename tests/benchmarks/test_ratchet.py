@@ -1,4 +1,4 @@
-"""The ratchet of the headline figures, on made-up files; and the order of a night."""
+"""Tests of the ratchet of headline figures with synthetic files, and of the order of the nightly steps."""
 
 from __future__ import annotations
 
@@ -27,7 +27,9 @@ SAME = {"road.fps": 100.0, "road.ms": 8.0, "tracking.swaps": 0.0, "scanning.mm":
 
 @pytest.fixture
 def check(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    """Runs the ratchet on measured values; returns its exit code, its lines, and the figures kept then."""
+    """Returns a function that runs the ratchet on measured values. It returns exit code, printed lines, and
+    the stored figures.
+    """
     headlines, bench = tmp_path / "headlines.json", tmp_path / "bench.json"
     headlines.write_text(json.dumps(COMMITTED))
 

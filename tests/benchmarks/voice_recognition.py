@@ -1,4 +1,5 @@
-"""Counts hits, misses and false alarms of spoken commands: synthetic voices, speeds, noise and other speech.
+"""Counts hits, misses and false alarms of spoken commands, with synthetic voices, speeds, noise and other
+speech.
 
 .venv/bin/python tests/benchmarks/voice_recognition.py [NUMBER OF A VOICE]
 
@@ -38,7 +39,7 @@ OTHER = (
     "puppet jump up", "puppet walk away", "puppet sing a song", "puppet open the door", "puppet wake up now",
     "puppet please be quiet", "puppet count to ten", "puppet are you there",
 )  # fmt: skip
-"""Speech that matches no phrase, also after the wake word."""
+"""Speech that matches no command, also after the wake word."""
 NOISE = (20.0, 200.0)
 """Noise level of the room (standard deviation; speech peaks at 9,000): quiet, and 33 dB below the peaks."""
 

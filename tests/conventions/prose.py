@@ -23,7 +23,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LIMITS = Path(__file__).with_name("prose.toml")
-"""The highest count of each rule that each package may have."""
+"""The committed number of findings for each package and rule."""
 PROGRAMS = ("shared", "edge", "viewer", "synthesis", "tests", "examples", "scripts", "kernels")
 CONSTRUCTIONS = {
     "What/Who as a subject": re.compile(r"(?:^|[.:;]\s+)(?:What|Who|Whom)\s+(?!is\b.*\?)\w+", re.MULTILINE),
@@ -45,7 +45,9 @@ CONSTRUCTIONS = {
 _PAGES_APART = ("docs/settings.md", "docs/style.md")
 """Pages that are not counted: one is made from docstrings, the other quotes what not to write."""
 MOST_WORDS = 30
-"""Words of a docstring's sentence: longer ones are counted. Sentences with code or formulas count as well."""
+"""Maximum words of a docstring's sentence. Longer ones are counted. Sentences with code or formulas count as
+well.
+"""
 VAGUE_LOCALS = {"one", "found", "made", "said", "told", "what", "known"}
 """Names of variables that do not say what they hold."""
 VAGUE_NAMES = re.compile(
@@ -53,14 +55,14 @@ VAGUE_NAMES = re.compile(
     r"handling|served|beside)",
     re.IGNORECASE,
 )
-"""Names of modules and classes that are no nouns."""
+"""Names of modules and classes that are not nouns."""
 VAGUE_CONSTANT = re.compile(r"_[A-Z]+(?:LY|EST)")
-"""Private constants that are an adverb or a superlative: they do not say what they bound."""
+"""Private constants named by an adverb or a superlative, which do not say what they bound."""
 
 
 @dataclass(frozen=True)
 class Text:
-    """A text of the project: where it stands, and its kind (docstring, comment, message, page)."""
+    """A text of the project: its file and line, and its kind (docstring, comment, message, page)."""
 
     path: str
     line: int
@@ -70,7 +72,7 @@ class Text:
 
 @dataclass(frozen=True)
 class Finding:
-    """A place that a rule counts."""
+    """A place that breaks a rule."""
 
     rule: str
     path: str
@@ -79,14 +81,16 @@ class Finding:
 
 
 def package_of(path: str) -> str:
-    """Returns the package that a file counts for: three folders of a program, two of tests and docs."""
+    """Returns the package to which a file belongs: three path components for programs, two for tests and
+    docs.
+    """
     parts = path.split("/")[:-1]
     depth = 4 if "studio" in parts else 3 if parts[:1] in (["shared"], ["edge"], ["viewer"]) else 2
     return "/".join(parts[:depth]) or "."
 
 
 def findings(root: Path = ROOT) -> Iterator[Finding]:
-    """Yields all places of a checkout that a rule counts."""
+    """Yields all findings in a checkout."""
     listed = subprocess.run(["git", "-C", str(root), "ls-files"], capture_output=True, text=True, check=True)
     for path in listed.stdout.split("\n"):
         if not (root / path).is_file():
@@ -150,7 +154,8 @@ def of_text(text: Text) -> Iterator[Finding]:
 def _verb(path: str, node: ast.FunctionDef | ast.AsyncFunctionDef) -> Iterator[Finding]:
     """Yields a finding if a function's docstring does not start with a verb in the third person.
 
-    The docstring of a command is its help, in the imperative. The mark ``\\b`` of its examples tells it.
+    The docstring of a command is its ``--help``, which is in the imperative. It is recognised by the mark
+    ``\\b`` before its examples.
     """
     docstring = ast.get_docstring(node) or ""
     words = docstring.split() if "\b" not in docstring else []
@@ -173,7 +178,9 @@ def limits(path: Path = LIMITS) -> dict[str, dict[str, int]]:
 
 
 def compare(now: dict[str, Counter[str]], committed: dict[str, dict[str, int]]) -> list[str]:
-    """Returns a sentence for each count that rose, or fell without being written down."""
+    """Returns a sentence for each count that rose, and for each that fell without an update of the committed
+    counts.
+    """
     sentences = []
     for package in sorted({*now, *committed}):
         for rule in sorted({*now.get(package, {}), *committed.get(package, {})}):
@@ -192,7 +199,7 @@ def compare(now: dict[str, Counter[str]], committed: dict[str, dict[str, int]]) 
 
 
 def write_limits(now: dict[str, Counter[str]], path: Path = LIMITS) -> None:
-    """Writes the counts of now as the limits."""
+    """Writes the current counts as the new limits."""
     lines = ["# Counts that may only fall: python tests/conventions/prose.py --update writes them.\n"]
     for package in sorted(now):
         values = ", ".join(f'"{rule}" = {count}' for rule, count in sorted(now[package].items()) if count)

@@ -55,7 +55,9 @@ class SourceTree:
         return module if module in self.packages else module.rpartition(".")[0]
 
     def public_names(self, package: str) -> dict[str, str]:
-        """Returns the names of a package's stub (not its modules), each with the module that defines it."""
+        """Returns the public names of a package's stub (without modules), each with the module that defines
+        it.
+        """
         stub = self.modules[package].with_suffix(".pyi")
         lines = ast.parse(stub.read_text(encoding="utf-8")).body if stub.exists() else []
         imports = [line for line in lines if isinstance(line, ast.ImportFrom) and line.module]

@@ -1,4 +1,6 @@
-"""Every function of the product states its types, except compiled kernels: Numba infers theirs."""
+"""Tests that every function of the product has type annotations, except compiled kernels, whose types Numba
+infers.
+"""
 
 import ast
 from collections.abc import Iterator
@@ -26,12 +28,14 @@ def unannotated(tree: ast.AST, inside_class: bool = False) -> Iterator[str]:
 
 
 def is_static(node: ast.FunctionDef | ast.AsyncFunctionDef) -> bool:
-    """Returns True if a function of a class takes neither the object nor the class."""
+    """Returns True if a method is static, so it has neither ``self`` nor ``cls``."""
     return any(ast.unparse(decorator) == "staticmethod" for decorator in node.decorator_list)
 
 
 def test_functions_outside_kernels_are_annotated() -> None:
-    """A function that this test names needs a type for each parameter and for its result."""
+    """Checks that each parameter and result has a type. Add annotations to the functions that a failure
+    lists.
+    """
     missing = [
         f"{path.relative_to(ROOT)}:{function}"
         for package in PACKAGES
@@ -41,8 +45,10 @@ def test_functions_outside_kernels_are_annotated() -> None:
     assert missing == []
 
 
-def test_the_rule_finds_missing_annotations() -> None:
-    """Parameters, results, methods and nested functions are found; kernels and ``self`` are not."""
+def test_missing_annotations_are_found() -> None:
+    """Parameters, results, methods and nested functions without annotations are found. Kernels and ``self``
+    are not.
+    """
     source = """
 class Shape:
     def area(self) -> float: ...

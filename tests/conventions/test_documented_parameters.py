@@ -1,4 +1,4 @@
-"""A docstring that lists parameters (``Args:``) or attributes names only those that exist."""
+"""Tests that a docstring's ``Args:`` and ``Attributes:`` list only names that exist."""
 
 import ast
 import re
@@ -13,7 +13,8 @@ FOLDERS = ("shared", "edge", "viewer", "synthesis", "scripts", "examples", "test
 SECTION = re.compile(r"^(Args|Attributes):\n((?:(?:    .*)?(?:\n|$))+)", re.MULTILINE)
 """A section of a docstring: its heading, and all lines that are indented more than the heading."""
 ENTRY = re.compile(r"^    (?! )([^:\n]+): ", re.MULTILINE)
-"""The names at the start of an entry, such as ``near, far``. The lines that continue it are indented more."""
+"""Matches the names at the start of an entry, such as ``near, far``. Continuation lines are indented further.
+"""
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
@@ -59,7 +60,9 @@ def _names_of_class(node: ast.ClassDef, heading: str) -> set[str]:
 
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_documented_parameters_exist(folder: str) -> None:
-    """An entry that this test names was renamed or removed in the code: rename or remove it in the text."""
+    """Checks that all listed names exist. If one was renamed or removed in the code, change the docstring as
+    well.
+    """
     unknown = [
         f"{path.relative_to(ROOT)}:{name}"
         for path in sorted((ROOT / folder).rglob("*.py"))
@@ -68,7 +71,7 @@ def test_documented_parameters_exist(folder: str) -> None:
     assert unknown == []
 
 
-def test_the_rule_finds_unknown_names() -> None:
+def test_unknown_documented_names_are_found() -> None:
     """Functions, constructors, fields and properties are compared. Continued lines are not names."""
     source = '''
         def scale(mesh, *factors, centre=None, **options):

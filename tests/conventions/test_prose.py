@@ -1,4 +1,4 @@
-"""Texts and names get plainer and never less so: the counts of each package may only fall."""
+"""Tests that texts and names become plainer: the count of each package may only fall."""
 
 from collections import Counter
 

@@ -1,4 +1,6 @@
-"""Packages have a purpose, a size and an import order. Each rule refuses a violation."""
+"""Tests that packages have one purpose, a limited size and an import order, and that violations are
+reported.
+"""
 
 import ast
 import subprocess
@@ -155,7 +157,9 @@ def test_helpers_import_no_module_of_one_test_folder():
 
 
 def test_test_files_make_contexts_of_zeromq_by_the_helper():
-    """A forgotten context can stop a later test for ever. Benchmarks and the soak test are other programs."""
+    """A forgotten context can block a later test for ever. Benchmarks and the soak test run in their own
+    processes.
+    """
     tests = ROOT / "tests"
     programs = (tests / "benchmarks", tests / "soak", tests / "helpers")
     for path in tests.rglob("*.py"):
@@ -202,7 +206,7 @@ def test_architecture_page_is_current():
         ("enliven_viewer.studio.tools.cut:CutTool", "no earlier file of the trace contains 'CutTool'"),
     ],
 )
-def test_a_trace_that_the_code_does_not_follow_is_refused(at, message):
+def test_wrong_call_trace_is_refused(at, message):
     sys.path.insert(0, str(ROOT / "scripts"))
     import traces
 
@@ -211,12 +215,12 @@ def test_a_trace_that_the_code_does_not_follow_is_refused(at, message):
         traces.table(project_tree(), traces.Trace("somewhere", 9, [start, {"at": at}]))
 
 
-def test_a_public_api_names_each_thing_once_as_itself():
+def test_stubs_export_each_name_under_its_own_name():
     stubs = [path for folder in PACKAGES.values() for path in (ROOT / folder).rglob("*.pyi")]
     assert 8 <= len(stubs) <= 12, "a package has a stub if scripts and plug-ins use it"
     for path in stubs:
         if path.parent == ROOT / "shared" / "enliven":
-            continue  # This list is also read by people.
+            continue  # This list of names is also documentation.
         for line in ast.parse(path.read_text(encoding="utf-8")).body:
             named = isinstance(line, ast.ImportFrom) and all(a.asname == a.name for a in line.names)
             assert named, f"{path.relative_to(ROOT)}:{line.lineno}: write `from .module import name as name`"

@@ -1,4 +1,4 @@
-"""Names, constants and docstrings are such that a stranger finds and understands them."""
+"""Tests that names, constants and docstrings are understandable without knowledge of the project."""
 
 import pytest
 from source_tree import PACKAGES, ROOT
@@ -9,12 +9,12 @@ FILES = [path for folder in PACKAGES.values() for path in sorted((ROOT / folder)
 
 @pytest.fixture(scope="module", autouse=True)
 def forgotten():
-    """What was parsed, some 100 MB, is let go after these tests."""
+    """Releases the parsed modules after these tests, about 100 MB."""
     yield
     body_of.cache_clear()
 
 
-def test_a_riddle_is_found(tmp_path):
+def test_pronouns_in_place_of_nouns_are_found(tmp_path):
     path = tmp_path / "a.py"
     path.write_text('"""Whose it is."""\n\ndef f():\n    """Says\n    nobody."""\n    return "nobody"\n')
     assert [sentence.partition(": ")[2] for sentence in riddles(path)] == [
@@ -23,20 +23,20 @@ def test_a_riddle_is_found(tmp_path):
     ]
 
 
-def test_a_mute_constant_is_found(tmp_path):
+def test_constants_without_docstring_are_found(tmp_path):
     path = tmp_path / "a.py"
     path.write_text('A, B = 1.0, 2.0\n"""Metres."""\nC = 3\nD = 4\n"""Seconds."""\nE = C\nF = "word"\n')
     constants = [sentence.partition(": ")[2][:14] for sentence in mute_constants(path)]
     assert constants == ["A, B share a l", "C has no sente"]
 
 
-def test_a_shared_name_is_found(tmp_path):
+def test_class_names_defined_twice_are_found(tmp_path):
     for name in "ab":
         (tmp_path / f"{name}.py").write_text("class Seen: ...\nclass _Own: ...\n")
     assert len(list(shared_names(sorted(tmp_path.glob("*.py"))))) == 1
 
 
-def test_what_has_no_docstring_is_found(tmp_path):
+def test_missing_docstrings_are_found(tmp_path):
     path = tmp_path / "a.py"
     path.write_text(
         'class A:\n    """A."""\n    def f(self):\n        """Says f."""\n    def g(self): ...\n'
@@ -58,5 +58,5 @@ def test_no_name_has_two_meanings():
     assert "\n".join(shared_names(FILES)) == ""
 
 
-def test_all_that_is_public_says_what_it_is():
+def test_every_public_name_has_a_docstring():
     assert "\n".join(undescribed(FILES)) == ""

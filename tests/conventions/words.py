@@ -1,4 +1,6 @@
-"""Reads the names, constants and docstrings of the packages and tells which a stranger could not use."""
+"""Reads the names, constants and docstrings of the packages and reports those that a new reader could not
+understand.
+"""
 
 from __future__ import annotations
 
@@ -10,18 +12,18 @@ from functools import cache
 from pathlib import Path
 
 RIDDLES = re.compile(r"\b(somebody|nobody|whoever|whomever|whose)\b", re.IGNORECASE)
-"""Pronouns that stand for a thing: the reader has to find out which."""
+"""Pronouns for a person in place of a noun. The reader has to find out which object they mean."""
 _CONSTANT = re.compile(r"_?[A-Z][A-Z0-9_]*")
 
 
 @cache
 def body_of(path: Path) -> list[ast.stmt]:
-    """The statements of a module, parsed once for all rules."""
+    """Returns the statements of a module, parsed once for all rules."""
     return ast.parse(path.read_text(encoding="utf-8")).body
 
 
 def riddles(path: Path) -> Iterator[str]:
-    """A sentence for each docstring with a pronoun in the place of a noun."""
+    """Yields a sentence for each docstring with a pronoun in place of a noun."""
     text = path.read_text(encoding="utf-8")
     for node in ast.walk(ast.parse(text)) if RIDDLES.search(text) else ():
         full_text = _text_of(node)
@@ -31,7 +33,7 @@ def riddles(path: Path) -> Iterator[str]:
 
 
 def mute_constants(path: Path) -> Iterator[str]:
-    """A sentence for each constant of a module without one of its own."""
+    """Yields a sentence for each numeric constant of a module that has no docstring."""
     body = body_of(path)
     for node, after in zip(body, [*body[1:], None], strict=True):
         if not isinstance(node, ast.Assign | ast.AnnAssign):
@@ -49,13 +51,13 @@ def mute_constants(path: Path) -> Iterator[str]:
 
 
 def _text_of(node: ast.AST | None) -> str:
-    """The words of a docstring, or of the sentence below a constant; empty for anything else."""
+    """Returns the words of a docstring, or of the docstring below a constant. Empty for other nodes."""
     words = node.value if isinstance(node, ast.Expr) else None
     return words.value if isinstance(words, ast.Constant) and isinstance(words.value, str) else ""
 
 
 def _is_number(value: ast.expr | None) -> bool:
-    """Whether a constant decides by a number: its expression is of literals alone."""
+    """Returns True if a constant's value is made of literals alone."""
     if value is None:
         return False
     names = [node for node in ast.walk(value) if isinstance(node, ast.Name | ast.Attribute | ast.Call)]
@@ -64,7 +66,7 @@ def _is_number(value: ast.expr | None) -> bool:
 
 
 def shared_names(paths: list[Path]) -> Iterator[str]:
-    """A sentence for each name of a public class that several modules define."""
+    """Yields a sentence for each public class name that several modules define."""
     where: dict[str, list[Path]] = defaultdict(list)
     for path in paths:
         for node in body_of(path):
@@ -76,10 +78,10 @@ def shared_names(paths: list[Path]) -> Iterator[str]:
 
 
 def undescribed(paths: list[Path]) -> Iterator[str]:
-    """A sentence for each public class, function or method without a docstring.
+    """Yields a sentence for each public class, function or method without a docstring.
 
-    A method may be described by a class that it comes from, or by a protocol that its class fulfils, and a
-    setter by its property.
+    A method may inherit its docstring from a base class or from a protocol that its class implements. A
+    setter may inherit it from its property.
     """
     bodies = {path: body_of(path) for path in paths}
     kinds = {item.name: item for body in bodies.values() for item in body if isinstance(item, ast.ClassDef)}
@@ -105,12 +107,12 @@ def _methods(kind: ast.ClassDef) -> Iterator[ast.FunctionDef]:
 
 
 def _fulfils(kind: ast.ClassDef, protocol: ast.ClassDef) -> bool:
-    """Whether a class has every method of a protocol."""
+    """Returns True if a class has every method of a protocol."""
     return {method.name for method in _methods(protocol)} <= {method.name for method in _methods(kind)}
 
 
 def _described(kind: ast.ClassDef, name: str, kinds: dict[str, ast.ClassDef]) -> bool:
-    """Whether a class of the product, or one that it comes from, says what a method does."""
+    """Returns True if the class or one of its base classes in the product documents the method."""
     if any(ast.get_docstring(method) for method in _methods(kind) if method.name == name):
         return True
     bases = [ast.unparse(base).partition("[")[0].rpartition(".")[2] for base in kind.bases]

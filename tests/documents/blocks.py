@@ -1,4 +1,4 @@
-"""The code blocks of a document, and the command lines in them."""
+"""Extracts the code blocks of a document and the command lines in them."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ class Block:
 
     Attributes:
         page: the document.
-        line: where it begins, from 1.
+        line: number of its first line, from 1.
         kind: shell, python, toml, or text.
-        text: without the fence or the four spaces before each line.
-        reason: why it is not run, as the comment before it says; empty where it is run.
+        text: its text without the fence or the four spaces before each line.
+        reason: the reason from the comment before it for not running the block, empty if it is run.
     """
 
     page: Path
@@ -38,13 +38,13 @@ class Block:
 
     @property
     def commands(self) -> list[list[str]]:
-        """Returns the words of each command, without comments; ``&&`` separates two commands."""
+        """Returns the words of each command without comments. ``&&`` separates two commands."""
         lines = [part for line in self.text.splitlines() for part in line.split(" && ")]
         return [words for line in lines if (words := shlex.split(line, comments=True))]
 
 
 def blocks_of(page: Path) -> list[Block]:
-    """All blocks of a document: between fences, or moved in by four spaces."""
+    """Returns all blocks of a document, which are fenced or indented by four spaces."""
     lines, blocks, reason, n = page.read_text(encoding="utf-8").splitlines(), [], "", 0
     while n < len(lines):
         line, start = lines[n], n
@@ -61,7 +61,7 @@ def blocks_of(page: Path) -> list[Block]:
         else:
             n += 1
         reason_match = _REASON.fullmatch(line.strip())
-        # A reason holds for the block that follows it, over blank lines.
+        # A reason applies to the next block, across blank lines.
         reason = reason_match[1] if reason_match else reason if not line.strip() else ""
     return blocks
 

@@ -1,4 +1,4 @@
-"""Lets the documents' tests import the helpers in this folder, and fixtures of other tests."""
+"""Adds the helpers in this folder, and fixtures of other tests, to the import path."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Writes the small input files, named in capitals, that readers of the documents are expected to have."""
+"""Writes the small input files that the documents name in capitals, because readers have their own."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from enliven_synthesis.sensor.profile import load_profile
 from enliven_synthesis.sensor.scene import Box
 
 FRAMES = 45
-"""Frames of a recording, 1.5 s: long enough for a body to be detected and attached."""
+"""Number of frames in a recording: 1.5 s, long enough for a body to be detected and attached."""
 
 
 def make_own_files(folder: Path) -> None:
@@ -82,7 +82,7 @@ def write_models(folder: Path) -> None:
 
 
 def _horse():
-    """A rigged horse, and a motion of it."""
+    """Returns a rigged horse, and a motion of the horse."""
     return meshed("horse", horse()), random_motion(np.random.default_rng(1), horse(), name="Run")
 
 

@@ -1,4 +1,4 @@
-"""Tests that the steps in CONTRIBUTING.md are enough to add a class: the new classes are then used."""
+"""Tests that the steps in CONTRIBUTING.md are sufficient to add a class that the program then uses."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Tests that every code block of the documents runs unchanged, in a folder with only the user's own files."""
+"""Tests that every code block of the documents runs unchanged in a folder with only the user's own files."""
 
 from __future__ import annotations
 
@@ -33,8 +33,10 @@ BOUNDS = {
     "scan": ["--voxel", "16", "--triangles", "4000"],
     "examples fit": ["--end", "0.1"],
 }
-"""Options that are added to a command line so that it ends soon; an edge ends only after a body is attached.
-If an option is given twice, the last value counts."""
+"""Options that are added to a command line so that it ends soon.
+
+An edge ends only after a body is attached. If an option is given twice, the last value counts.
+"""
 SLOW_PAGES = {
     "docs/live-outputs.md",
     "docs/performing.md",
@@ -52,11 +54,11 @@ SLOW_PAGES = {
 }
 """Documents with commands that take more than a second of processor time."""
 TELLS = {"doctor": 4, "examples": 3}
-"""Exit codes of commands that report missing parts: on this machine, or in a session without poses."""
+"""Exit codes of commands that report missing parts on this machine, or in a session without poses."""
 
 
 def pages_of(kind: str) -> list[Path]:
-    """Returns the documents that have blocks of that kind which must run."""
+    """Returns the documents that contain blocks of this kind that must run."""
     return [page for page in PAGES if runnable(page, kind)]
 
 
@@ -85,7 +87,9 @@ def test_every_block_is_run_or_states_a_reason():
 
 @pytest.fixture(scope="module")
 def own(tmp_path_factory) -> Path:
-    """Creates a folder with the files in capitals and the folder that is shipped with them."""
+    """Creates a folder with the files that are named in capitals, and the folder that is shipped with
+    them.
+    """
     folder = tmp_path_factory.mktemp("own")
     make_own_files(folder)
     (folder / "firmware_configs").symlink_to(ROOT / "firmware_configs")
@@ -160,7 +164,7 @@ ELSEWHERE = {
     "examples.md": "tests/shared/examples/test_examples_doc.py",
     "surgery.md": "tests/shared/modeling/test_surgery_doc.py",
 }
-"""Documents that have a test of their own, which runs their code and also checks its output."""
+"""Documents with their own test, which runs their code and also checks its output."""
 
 
 def test_separate_tests_mention_their_pages():

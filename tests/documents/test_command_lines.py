@@ -1,4 +1,4 @@
-"""Tests that every command line in documents and help texts is valid: its options and files exist."""
+"""Tests that every command line in documents and help texts is valid, so that its options and files exist."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FILE = re.compile(r"(?:\w+=)?([\w/*.-]+\.[a-z]\w+)(?:#\w+)?")
 
 
 def leaves(command, name):
-    """(name, command) of a command, or of every command of a group."""
+    """Yields (name, command) of a command, or of every command in a group."""
     with command.make_context(name, [], resilient_parsing=True) as context:
         names = command.list_commands(context) if hasattr(command, "list_commands") else []
         members = [(f"{name} {word}", command.get_command(context, word)) for word in names]
@@ -37,7 +37,7 @@ def parse(words: list[str]):
     Raises:
         Exception: a usage error of click's or typer's.
     """
-    words = list(words) or ["studio"]  # the program alone opens that window
+    words = list(words) or ["studio"]  # the program without arguments opens that window
     with GROUP.make_context("enliven", list(words)) as context:
         name, command, rest = GROUP.resolve_command(context, words)
         while hasattr(command, "list_commands"):
@@ -52,7 +52,7 @@ KNOWN = {*sensor_names(), *EXAMPLE["entry-points"]["enliven.sensors"]}
 
 
 def of_help(name: str) -> list[list[str]]:
-    """Returns the examples in a command's help; a remark on the same line follows two spaces or a #."""
+    """Returns the examples in a command's help. A comment on the same line follows two spaces or a #."""
     text = HELP if name == "enliven" else COMMANDS[name].help or ""
     lines = re.findall(r"^ *(enliven .*)$", text, re.MULTILINE)
     return [shlex.split(re.split(r"\s{2,}| \| ", line)[0], comments=True) for line in lines]
@@ -100,7 +100,9 @@ def test_every_command_line_of_a_document_parses(block: Block):
 
 
 def unmade(commands: list[list[str]]) -> list[str]:
-    """Returns lower-case files that a line reads, that no earlier line writes, and that are not shipped."""
+    """Returns lower-case files that a line reads although they are not shipped and no earlier line writes
+    them.
+    """
     written: set[str] = set()
     missing = []
     for words in commands:

@@ -28,17 +28,17 @@ def instructions() -> list[tuple[str, str]]:
 
 
 def words_of(name: str) -> list[str]:
-    """Returns the words of an instruction in JSON form; the last of that name counts."""
+    """Returns the words of an instruction in JSON form. The last instruction of that name counts."""
     return json.loads([words for kind, words in instructions() if kind == name][-1])
 
 
 def last_stage() -> list[tuple[str, str]]:
-    """Returns the instructions of the stage that becomes the image."""
+    """Returns the instructions of the build stage that becomes the image."""
     every = instructions()
     return every[max(k for k, (kind, _) in enumerate(every) if kind == "FROM") :]
 
 
-def test_the_linter_has_no_complaint() -> None:
+def test_dockerfile_passes_the_linter() -> None:
     beside = Path(sys.executable).parent / "hadolint"
     linter = str(beside) if beside.exists() else shutil.which("hadolint")
     if linter is None:

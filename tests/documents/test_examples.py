@@ -1,4 +1,4 @@
-"""Every script of examples/ runs unchanged, is short, and imports public names only."""
+"""Tests that every script in examples/ runs unchanged, is short, and imports only public names."""
 
 import ast
 import runpy
@@ -22,14 +22,15 @@ ARGUMENTS = {
     "match_limbs": ("SPIDER.glb",),
     "walking_dog": ("DOG.glb",),
 }
-"""Files that scripts are called with; they are made for the test."""
+"""Files that are passed to the scripts. The tests create them."""
 TILE, GAP = 420, 10
-"""Pixels of one picture on a sheet, and of the gap between two."""
+"""Side length of an image on a contact sheet, and the gap between two images, pixels."""
 NEEDS_EDGE = "listen_to_edge"
 NEEDS_PHYSICS = "knock_over"
 MAX_DIFFERENCE = 12.0
-"""Maximum mean difference of the first image to that of the stored film, of 255: other machines draw it
-slightly differently."""
+"""Maximum mean difference (of 255) between the first image and the stored film's. Other machines draw
+slightly differently.
+"""
 
 
 @pytest.fixture(scope="module")

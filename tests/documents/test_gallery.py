@@ -1,4 +1,4 @@
-"""Every film of the gallery is made by the script below it, opens, moves, and is small."""
+"""Tests that every film of the gallery is made by the script below it, opens, moves, and is small."""
 
 import re
 from itertools import pairwise
@@ -11,13 +11,13 @@ from PIL import Image, ImageSequence
 PAGE = ROOT / "docs" / "gallery.md"
 FILMS = re.findall(r"!\[[^\]]+\]\((gallery/[\w/]+\.webp)\)", PAGE.read_text(encoding="utf-8"))
 MAX_BYTES = 400_000
-"""Maximum size of a film: it loads within a second on a slow line."""
+"""Maximum size of a film in bytes, so that it loads within a second on a slow connection."""
 MAX_TOTAL_BYTES = 2_500_000
-"""Maximum size of all films of the page. Every clone of the repository contains them."""
+"""Maximum total size of the page's films in bytes. Every clone of the repository contains them."""
 MIN_SECONDS = 1.9
-"""Minimum length of a film. A shorter loop is hard to look at."""
+"""Minimum length of a film in seconds. A shorter loop is hard to watch."""
 MAX_SECONDS = 4.0
-"""Maximum length of a film: somebody that scrolls past sees all of it."""
+"""Maximum length of a film in seconds, so that a person who scrolls past sees all of it."""
 
 
 def test_the_page_shows_every_film_once():

@@ -1,4 +1,4 @@
-"""Tests that docs/glossary.md is in alphabetical order and that its names exist in the code."""
+"""Tests that docs/glossary.md is in alphabetical order, and that the names in it exist in the code."""
 
 import ast
 import re
@@ -26,7 +26,7 @@ def defined() -> set[str]:
 
 
 @pytest.mark.slow
-def test_every_class_that_it_names_is_there():
+def test_every_class_in_the_glossary_exists():
     names = {name for row in ROWS for name in re.findall(r"`(\w+)`", row[2])}
     assert len(names) > 50
     assert sorted(names - defined()) == []
@@ -53,7 +53,9 @@ TERMS = {
     ),
     *("shortcut", "SLAM", "snapshot", "TSDF"),
 }
-"""Standard terms of the field: a search finds them in the glossary and in the module that implements them."""
+"""Standard terms of the field. A text search finds each in the glossary and in the module that implements
+it.
+"""
 
 
 def test_standard_terms_stand_in_the_modules_that_implement_them():

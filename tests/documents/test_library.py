@@ -1,4 +1,4 @@
-"""docs/library.md has a row and an example for every name of ``from enliven import``."""
+"""Tests that docs/library.md has a row and an example for every name of ``from enliven import``."""
 
 import ast
 import inspect

@@ -19,7 +19,7 @@ def test_tables_of_the_health_page_are_current():
     assert page.count("<!-- end -->") == 3 and "| `enliven_edge_up` | gauge | edge |" in page
 
 
-def test_the_page_of_settings_is_that_of_the_classes():
+def test_settings_page_is_current():
     page = settings_page.PAGE.read_text(encoding="utf-8")
     assert page == settings_page.written(page), "run .venv/bin/python scripts/settings_page.py"
     assert page.count("<!-- end -->") == len(settings_page.KINDS)

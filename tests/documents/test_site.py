@@ -1,4 +1,6 @@
-"""The documentation site has every page in its navigation, right links, and the whole public API."""
+"""Tests that the documentation site has every page in its navigation, valid links, and the whole public
+API.
+"""
 
 import importlib
 import re
@@ -16,7 +18,7 @@ EXAMPLES = ADDED["examples/README.md"]
 
 
 class Files:
-    """The files of the site, as MkDocs offers them to hooks."""
+    """The files of the site, in the form that MkDocs passes to hooks."""
 
     def get_file_from_path(self, path: str):
         pictures = {"enliven.png", "gallery/star.webp", *PICTURES}

@@ -1,4 +1,4 @@
-"""Tests of the camera preview: joints lie on the performer in the small depth image."""
+"""Tests of the camera preview: joints are drawn on the performer in the small depth image."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def turned(angle: float) -> np.ndarray:
 
 
 def body_and_depth(place: np.ndarray) -> tuple[Body, np.ndarray]:
-    """Returns twenty joints, and a depth image with one pixel at each of them and nothing elsewhere."""
+    """Returns twenty joints, and a depth image with only one pixel at each joint."""
     rng = np.random.default_rng(3)
     joints = rng.uniform([-0.6, 0.3, -3.2], [0.6, 1.7, -2.4], (20, 3))
     depth = np.zeros((LENS.height, LENS.width), np.uint16)
@@ -51,7 +51,7 @@ def test_preview_joints_lie_on_the_image(mirrored) -> None:
     body, depth = body_and_depth(place)
     preview = CameraPreview().create_message(DepthFrame(depth, LENS, 0, "s"), place, mirrored=mirrored)
     assert preview is not None and find_aspect(preview) == pytest.approx(4 / 3, rel=0.02)
-    if mirrored:  # by the vertical plane through the line of sight
+    if mirrored:  # mirrored in the vertical plane through the viewing direction
         body = Body(
             1, np.stack([2 * place[0, 3] - body.joints[:, 0], *body.joints.T[1:]], 1), body.confidence
         )

@@ -1,4 +1,6 @@
-"""Tests of characters uploaded to a running stage: the current one stays until a valid one has arrived."""
+"""Tests of uploading characters to a running stage: the current character stays until a valid one has
+arrived.
+"""
 
 import hashlib
 import time
@@ -44,7 +46,7 @@ MESH = make_chair(0.05)
 CHAIR = character_bytes(project_of_mesh(MESH, "chair"), "chair")
 SETTINGS = EdgeSettings(nodes=32)
 COMPILED_WITHIN = 10 * PATIENCE
-"""Timeout in seconds for preparing a character, even if its kernels have to be compiled first."""
+"""Timeout in seconds for preparing a character, including the compilation of its kernels."""
 
 
 def order_of(data: bytes, name="chair", revision=1, fit=False) -> PutCharacter:
@@ -52,7 +54,7 @@ def order_of(data: bytes, name="chair", revision=1, fit=False) -> PutCharacter:
 
 
 def send(uploads: CharacterUploads, data: bytes, order: PutCharacter, step=MAX_PART_BYTES) -> int:
-    """Does what a client does until the character is on the stage; returns the number of parts sent."""
+    """Acts as a client until the character is on the stage. Returns the number of parts sent."""
     parts, deadline = 0, time.monotonic() + COMPILED_WITHIN
     while (answer := uploads.announce(order)) != Done():
         assert isinstance(answer, Awaited) and time.monotonic() < deadline
@@ -95,7 +97,7 @@ def test_a_character_of_any_rig_is_put_and_performs_and_equal_data_is_sent_once(
 
 
 def test_a_character_that_is_put_brings_its_textures_as_far_as_the_wire_carries_them_back():
-    """Its images reach the stage byte for byte; images larger than a message are not sent."""
+    """Its images reach the stage byte for byte. Images larger than a message are not sent."""
     picture = np.frombuffer(b"\x89PNG\r\n\x1a\n" + bytes(range(200)), np.uint8)
     uvs = np.random.default_rng(3).random((len(MESH.faces), 3, 1, 2)).astype(np.float32)
     definition = '{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}'
@@ -122,8 +124,8 @@ def test_a_character_that_is_put_brings_its_textures_as_far_as_the_wire_carries_
 
 
 def test_attachment_continues_in_next_revision():
-    """The chair is edited while its performer stands elsewhere with a lifted knee: no jump, the knee stays
-    up.
+    """The chair is edited while its performer stands elsewhere with a lifted knee. Nothing jumps, and the
+    knee stays up.
     """
     stage = possessed()
     uploads, old = CharacterUploads(stage, SETTINGS), stage.actors["chair"].character
@@ -267,9 +269,8 @@ def test_an_older_revision_is_refused_and_one_that_stops_coming_makes_room(monke
 
 
 def test_person_search_is_not_repeated_after_moving_vertices(monkeypatch):
-    """The search takes as long as everything else.
-
-    It is repeated if faces change, or if it found a person.
+    """The search takes as long as all other steps. It is repeated only if faces change, or if it found a
+    person.
     """
     searched = list[str]()
 

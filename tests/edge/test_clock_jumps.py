@@ -1,4 +1,4 @@
-"""Tests that a wall clock that is set back or forward neither stops the edge nor falsifies its figures."""
+"""Tests that a wall clock that is set back or forward neither stops the edge nor changes its statistics."""
 
 import math
 import time
@@ -21,12 +21,12 @@ from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 HOUR_S = 3600.0
 JUMPS_S = [0.0, 6 * HOUR_S, -30 * HOUR_S, 400 * 24 * HOUR_S, -5 * HOUR_S]
-"""Offsets of the wall clock that follow each other."""
+"""Successive offsets of the wall clock, seconds."""
 
 
 @pytest.fixture
 def jumping_clock(monkeypatch):
-    """A wall clock with an offset in seconds that tests set. The monotonic clock is that of the machine."""
+    """A wall clock with an offset in seconds that tests set. The monotonic clock is the real one."""
     offset_s = [0.0]
     real, real_ns = time.time, time.time_ns
     monkeypatch.setattr(time, "time", lambda: real() + offset_s[0])

@@ -1,4 +1,4 @@
-"""Tests of the settings files of edges: every shipped one is loaded, and its sensors can be opened and
+"""Tests of the edges' settings files: every shipped file is loaded, and its sensors can be opened and
 placed.
 """
 
@@ -22,7 +22,7 @@ EDGES = Path(__file__).resolve().parents[2] / "firmware_configs" / "edges"
 FILES = sorted(EDGES.glob("*.toml"))
 
 
-def test_there_are_some():
+def test_settings_files_are_shipped():
     assert {"laptop", "ceiling", "two-sensors"} <= {path.stem for path in FILES}
 
 
@@ -95,7 +95,7 @@ def test_a_sensor_of_a_package_that_is_not_installed_names_the_package(monkeypat
         parse_source("synthetic", {})
 
 
-def test_two_of_one_name_are_refused():
+def test_two_sensors_of_one_name_are_refused():
     with contextlib.ExitStack() as stack, pytest.raises(InputError, match="Name them yourself"):
         open_sources([Source(None, "synthetic", {})] * 2, stack)
 

@@ -1,4 +1,4 @@
-"""Tests that an edge's start loads only the modules that this run needs."""
+"""Tests that the start of an edge loads only the modules that this run needs."""
 
 import os
 import subprocess
@@ -36,7 +36,9 @@ UNASKED = {
 
 
 def test_an_edge_loads_only_what_its_character_needs(tmp_path):
-    """A kiosk waits for this start if its edge fails. The first start prepares the character and kernels."""
+    """If a kiosk's edge fails, the kiosk waits for this start. The first start prepares the character and
+    kernels.
+    """
     environment = os.environ | {"ENLIVEN_CHARACTERS": str(tmp_path)}
     for _ in range(2):
         shown = subprocess.run(

@@ -20,7 +20,7 @@ FOLDERS = {
     "enliven": "shared", "enliven-edge": "edge", "enliven-viewer": "viewer", "enliven-synthesis": "synthesis"
 }  # fmt: skip
 NAMED = re.compile(r"(enliven(?:-\w+)?|\./\w+)\[([\w, ]+)\]")
-"""A package or its folder with extras, such as enliven-edge[oak] or ./edge[oak]."""
+"""Matches a package or its folder with extras, such as enliven-edge[oak] or ./edge[oak]."""
 HIDDEN = """
 import sys
 OF_EXTRAS = (

@@ -73,7 +73,7 @@ def test_links_and_folders_of_others_stay(temporary: Path, tmp_path_factory: pyt
 
 
 def test_a_name_is_taken_once_while_others_start_and_end(temporary: Path) -> None:
-    """Starts that remove unlocked files never let two processes hold one name."""
+    """Starts that remove unlocked files never allow two processes to hold the same name."""
     again = "import sys; from enliven_edge.network.name_lock import NameLock\n"
     again += "for i in range(300): NameLock(f'run-{sys.argv[1]}-{i}').close()"
     others = [subprocess.Popen([sys.executable, "-c", again, str(n)]) for n in range(2)]

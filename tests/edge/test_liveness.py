@@ -1,4 +1,6 @@
-"""Tests that a supervisor hears of visible progress only, and the health page of the edge's state."""
+"""Tests that a supervisor is notified of visible progress only, and that the health page reads the edge's
+state.
+"""
 
 import os
 import socket
@@ -27,7 +29,7 @@ pytestmark = pytest.mark.skipif(not hasattr(socket, "AF_UNIX"), reason="sd_notif
 
 
 class Supervisor:
-    """The other end of a notifier."""
+    """The receiving end of a notifier."""
 
     def __init__(self, folder) -> None:
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -57,7 +59,7 @@ def supervisor(tmp_path):
 
 
 class Script(Sensor):
-    """A sensor that follows a script: a frame's time, "silent", "fault", or "end"."""
+    """A scripted sensor. Each step is a frame's time, "silent", "fault", or "end"."""
 
     name, fps = "script", 30.0
 
@@ -81,7 +83,7 @@ class Script(Sensor):
 def run(supervisor, sensor) -> list[str]:
     """Returns the notifications of an edge that reads the sensor to its end."""
     with Outlet(WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0), "script") as outlet:
-        # Every report counts here, also those that follow each other closely.
+        # In this test, every report counts, even if it closely follows another.
         supervisor.notifier._reported_at = -1e9
         progress = ProgressReporter(supervisor.notifier)
         Edge(sensor, Tracker(), Stage([]), outlet, progress=progress).run()
@@ -117,7 +119,7 @@ def test_waiting_sensor_keeps_the_edge_alive(supervisor) -> None:
 
 
 class Driver(Sensor):
-    """A driver that blocks at its switch."""
+    """A driver that blocks in :meth:`read` while the event ``hangs`` is set."""
 
     name, fps = "driver", 30.0
 
@@ -191,7 +193,7 @@ def test_state_for_the_health_page_is_written(tmp_path, monkeypatch) -> None:
 
 
 def test_first_frame_is_recorded_at_once(tmp_path, monkeypatch) -> None:
-    # The next usual report and record would come in a day.
+    # The next regular report and record would be a day later.
     monkeypatch.setattr("enliven_edge.liveness._REPORT_INTERVAL_S", 86400.0)
     monkeypatch.setattr("enliven_edge.liveness._RECORD_INTERVAL_S", 86400.0)
     status = StatusMessage("edge", 1, 1, 0, "oak", "tracking")

@@ -1,4 +1,4 @@
-"""ONNX Runtime is loaded without telemetry, and exactly its own telemetry files are removed."""
+"""Tests that ONNX Runtime is loaded without telemetry, and that only its own telemetry files are removed."""
 
 import os
 import sqlite3
@@ -19,9 +19,8 @@ DEVICE_ID = "0f2c6f1a-55d3-4f0e-9b0a-1d2e3f405162"
 
 @pytest.fixture
 def left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Creates the files that an older version left in a home; returns the folder.
-
-    The session file is in ``tmp``.
+    """Creates the telemetry files of an older version in a home folder. Returns the folder. The session file
+    is in ``tmp``.
     """
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))

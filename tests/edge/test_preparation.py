@@ -1,4 +1,4 @@
-"""A second process compiles the tracker while the edge prepares its characters, if kernels are missing."""
+"""Tests that a second process compiles missing tracker kernels while the edge prepares its characters."""
 
 import numba
 import pytest

@@ -1,4 +1,4 @@
-"""Tests of the edge's loop: effects of a frame, health on the wire, and dropping of late frames."""
+"""Tests of the edge's loop: effects of a frame, health on the wire, and dropping late frames."""
 
 import contextlib
 import dataclasses
@@ -33,7 +33,7 @@ STEP = 33_333_333
 
 
 class Frames(Sensor):
-    """A sensor that delivers given frames; None if no frame is due."""
+    """A sensor that delivers given frames, or None if no frame is due."""
 
     name = "given"
 
@@ -66,7 +66,7 @@ def outlet(tmp_path):
 
 
 def serve(frames, outlet, tracker=None, **health) -> list[set[str]]:
-    """Runs an edge on the frames; returns the problems in its heartbeat after each."""
+    """Runs an edge on the frames. Returns the problems in its heartbeat after each frame."""
     monitor = HealthMonitor(HealthSettings(**health), fps=30.0)
     edge = Edge(Frames(frames), Tracker(tracker), Stage([]), outlet, health=monitor)
     reported: list[set[str]] = []
@@ -161,7 +161,7 @@ def test_bodies_of_a_body_sensor_are_smoothed_and_mirrored(outlet, tmp_path):
 
 
 def test_a_viewer_may_turn_a_performer_s_smoothing_off(outlet, tmp_path):
-    """The command uses real sockets; afterwards the published joints are the sensor's."""
+    """The request uses real sockets. Afterwards, the published joints are the sensor's."""
     random = np.random.default_rng(1)
     base = random.normal(size=(20, 3))
     frames = [

@@ -17,12 +17,16 @@ from enliven_synthesis.sensor.studio import SyntheticSettings, SyntheticStudio
 AGAIN = "make it again:  enliven synthesize -o edge/enliven_edge/assets/chair.mcap --overwrite"
 
 ROUNDED_OTHERWISE = 1e-3
-"""Maximum fraction of pixels that may differ on another processor, where millimetres round the other way."""
+"""Maximum fraction of pixels that may differ on another processor, because millimetres are rounded
+differently.
+"""
 
 WHOLE = 270
-"""Frames of the shipped recording."""
+"""Number of frames in the shipped recording."""
 MADE_AGAIN = int(os.environ.get("ENLIVEN_MADE_AGAIN", "40"))
-"""Number of first frames that the command reproduces, the slowest part here. `make test-long` does all."""
+"""Number of initial frames that the command reproduces, the slowest part of this test. `make test-long`
+reproduces all.
+"""
 
 
 def test_recording_has_nine_seconds_with_ground_truth() -> None:
@@ -40,11 +44,11 @@ def test_recording_has_nine_seconds_with_ground_truth() -> None:
     assert frames[0].world_from_camera is not None
     assert recording.info.metadata["synthesize"]["choreography"] == "chair"
     for frame in frames[::30]:
-        assert 0.75 < (frame.depth > 0).mean() < 0.95  # holes, as in a real depth image
+        assert 0.75 < (frame.depth > 0).mean() < 0.95  # with holes, like a real depth image
 
 
 def test_its_images_and_joints_are_those_of_the_studio() -> None:
-    """Sixteen of its frames, independent of compression."""
+    """Checks sixteen of its frames, independent of compression."""
     recording = Recording(CHAIR)
     studio = SyntheticStudio(load_profile("kinect1"), SyntheticSettings(width=320))
     for n, (frame, truth) in enumerate(zip(recording.frames(), recording.truth(), strict=True)):

@@ -1,4 +1,6 @@
-"""Tests of ``enliven track``: depth becomes a take of tracked bodies; refused input changes nothing."""
+"""Tests of ``enliven track``: depth becomes a recording of tracked bodies, and refused input changes
+nothing.
+"""
 
 import itertools
 from dataclasses import replace
@@ -51,7 +53,7 @@ def test_depth_becomes_a_take(depth, tmp_path):
     written = [[body.joints for body in frame.bodies] for frame in Recording(take).frames()]
     assert [len(each) for each in written] == [len(each) for each in expected_frames]
     for actual, expected in zip(written, expected_frames, strict=True):
-        np.testing.assert_allclose(actual, expected, atol=1e-5)  # recordings keep float32 of metres
+        np.testing.assert_allclose(actual, expected, atol=1e-5)  # recordings store float32 metres
     before = take.read_bytes()
     with pytest.raises(InputError, match="exists already"):
         run(depth, "-o", take)
@@ -75,7 +77,9 @@ def image(depth, tmp_path):
 
 
 def test_single_image_gives_a_take(image, tmp_path):
-    """The joints equal those of the same image in a recording, except for the sensor's stated pose."""
+    """The joints equal those of the same image in a recording, except for the sensor pose in the
+    recording.
+    """
     path, frame, lens = image
     take = tmp_path / "bodies.mcap"
     output = run(path, "-o", take, "--lens", lens)

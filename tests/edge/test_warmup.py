@@ -1,4 +1,4 @@
-"""Tests that no frame waits for a compiler: after the warm-up a new tracker compiles and loads no kernel."""
+"""Tests that no frame waits for a compiler: after the warm-up, a new tracker compiles and loads no kernel."""
 
 import subprocess
 import sys
@@ -48,12 +48,12 @@ for name, frames in cases.items():
         tracker.surfaces()
     print(name, *sorted({d.py_func.__name__ for d, n in kernels().items() if n > before.get(d, 0)}), sep="|")
 """
-"""For each kind of frame, prints a line with the kernels that were compiled or loaded while tracking it."""
+"""For each kind of frame, prints the kernels that were compiled or loaded while tracking it."""
 
 
 def kernels_of(*, warm: bool) -> dict[str, list[str]]:
-    """Returns the kernels that each kind of frame compiled or loaded, in its own process; one kind if not
-    warm.
+    """Returns the kernels that each kind of frame compiled or loaded in a separate process. Without ``warm``,
+    only one kind.
     """
     command = [sys.executable, "-c", f"WARM = {warm}\n{COUNTED}"]
     shown = subprocess.run(command, capture_output=True, text=True, timeout=600, check=True)
@@ -70,5 +70,5 @@ def test_warm_up_compiles_all_kernels():
 
 @pytest.mark.timeout(700)
 @pytest.mark.slow
-def test_first_frames_without_warmup_load_kernels():
+def test_first_frames_without_warm_up_load_kernels():
     assert {"minimise", "_solid_pixels"} <= set(kernels_of(warm=False)["live"])

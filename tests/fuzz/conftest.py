@@ -1,4 +1,4 @@
-"""Adds the helpers next to these tests to the import path, and the test folders that contain the seeds."""
+"""Adds the helpers in this folder, and the test folders that contain the seeds, to the import path."""
 
 import sys
 from pathlib import Path

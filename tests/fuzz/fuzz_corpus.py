@@ -1,8 +1,8 @@
-"""The corpus: inputs that reach different code, found by `make fuzz`. A small part is in the repository.
+"""The corpus: inputs that reach different code, found by `make fuzz`. The repository contains a small part.
 
     .venv/bin/python tests/fuzz/fuzz_corpus.py     # choose that part again, from out/fuzz/corpus
 
-All inputs are mutations of files and messages that enliven's own code made. Every test run reads them.
+All inputs are mutations of files and messages made by enliven's own code. Every test run reads them.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ import fuzz_law  # noqa: E402
 from fuzz_law import Target  # noqa: E402
 
 CORPUS = HERE / "corpus"
-"""The folder with a folder for each reader."""
+"""The folder that contains a subfolder for each reader."""
 MAX_READER_BYTES = 6000
-"""Maximum size of the stored corpus of one reader, bytes. About 200 kB in all."""
+"""Maximum size of the stored corpus of one reader, bytes. All readers together have about 200 kB."""
 MAX_INPUT_BYTES = 3000
 """Maximum size of one stored input, bytes."""
 CODE = tuple(str(HERE.parents[1] / part / "enliven") for part in ("shared", "edge", "viewer"))
-"""Start of the paths of the code that counts."""
+"""Path prefixes of the code whose lines are counted."""
 REGRESSION = "fault"
-"""Start of the names of inputs that once broke a reader. They are always kept."""
+"""Prefix of the names of inputs that once broke a reader. They are always kept."""
 
 
 def stored(target: Target) -> list[Path]:
@@ -40,7 +40,7 @@ def stored(target: Target) -> list[Path]:
 
 
 def write_seeds(target: Target, corpus: Path) -> None:
-    """Adds the seeds and the stored inputs of a reader to a corpus of the search."""
+    """Writes the seeds and the stored inputs of a reader to the corpus folder of a search."""
     folder = corpus / target.slug
     folder.mkdir(parents=True, exist_ok=True)
     for data in (*target.seeds, *(path.read_bytes() for path in stored(target))):
@@ -48,7 +48,7 @@ def write_seeds(target: Target, corpus: Path) -> None:
 
 
 def choose(target: Target, candidates: list[bytes], room: Path) -> list[bytes]:
-    """Returns few inputs that together reach as many places of the code as possible, by greedy choice."""
+    """Returns few inputs that together reach as many lines of the code as possible, by greedy choice."""
     covered = {data: _places(target, data, room) for data in candidates}
     for seed in target.seeds:
         reached = _places(target, seed, room)
@@ -83,7 +83,7 @@ def _places(target: Target, data: bytes, room: Path) -> set[tuple[CodeType, int]
     try:
         target.read(data, room)
     except Exception as error:
-        # A refusal for another reason is another outcome.
+        # A refusal for a different reason is a different outcome.
         del error
     finally:
         sys.settrace(None)

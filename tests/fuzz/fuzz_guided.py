@@ -1,10 +1,10 @@
-"""Coverage-guided fuzzing with atheris: inputs that reach new code are kept, and mutated further.
+"""Coverage-guided fuzzing with atheris: inputs that reach new code are kept and mutated further.
 
-Python code of enliven is instrumented. Compiled kernels and libraries in C are not: their faults are noticed,
-but nothing leads the search into them.
+Python code of enliven is instrumented. Compiled kernels and libraries in C are not. Their faults are noticed,
+but the search is not guided into them.
 
-libFuzzer, the engine of atheris, can be started once in a process. So each turn of a target is a child
-process. The parent watches it, because a hang in compiled code or a crash cannot be caught in the child.
+libFuzzer, the engine of atheris, can be started only once in a process. Each turn of a target is therefore a
+child process. The parent watches it, because the child cannot catch a crash or a hang in compiled code.
 """
 
 from __future__ import annotations
@@ -28,13 +28,15 @@ from fuzz_law import PATIENCE, Broken, Target, TooSlow, check_bytes, keep_broken
 from fuzz_mutations import MOST_BYTES
 
 STRUCTURED_SHARE = 0.6
-"""Share of mutations by the target's own mutators. libFuzzer makes the rest."""
+"""Fraction of mutations by the target's own mutators. libFuzzer makes the rest."""
 MAX_ADDRESS_SPACE_MB = 4096
-"""Address space in MB that a child may reserve in addition to its parent's: the limit of one allocation."""
+"""Additional address space in MB that a child may reserve beyond its parent's, the limit of one
+allocation.
+"""
 HANG_FACTOR = 4
-"""Time after which an input is a hang in compiled code, as a multiple of :data:`PATIENCE`."""
+"""Time after which an input counts as a hang in compiled code, as a multiple of :data:`PATIENCE`."""
 LOOK_S = 0.1
-"""Interval at which the parent looks at its child, seconds."""
+"""Interval at which the parent checks its child, seconds."""
 PACKAGES = ("enliven", "enliven_edge", "enliven_viewer")
 """Packages that are instrumented."""
 _HEAD = struct.Struct("<Qdd")
@@ -42,7 +44,7 @@ _HEAD = struct.Struct("<Qdd")
 
 
 class NotInstalledError(Exception):
-    """atheris is missing."""
+    """Raised if atheris is not installed."""
 
 
 @dataclass
@@ -63,8 +65,8 @@ class Turn:
 def instrument() -> int:
     """Instruments all plain functions of enliven that are loaded. Returns their number.
 
-    Numba compiles the byte code of kernels, which must stay unchanged. Kernels are objects of Numba, not
-    plain functions, and so are the functions that only kernels call.
+    Numba compiles the byte code of kernels, which must not be changed. Kernels, and the functions that only
+    kernels call, are objects of Numba instead of plain functions.
 
     Raises:
         NotInstalledError: without atheris.
@@ -134,8 +136,8 @@ def take_turn(target: Target, seconds: float, seed: int, folders: list[Path], ro
 
 
 def _watch(child: int, board: mmap.mmap) -> int:
-    """Waits for the child, and returns its exit code. Kills it if an input takes far too long."""
-    # Looks are counted, not time: if both processes are paused for a while, it must not count.
+    """Waits for the child and returns its exit code. Kills it if an input takes far too long."""
+    # Checks are counted instead of seconds, so that a pause of both processes does not count.
     looks, begun = 0, 0.0
     while True:
         ended, status = os.waitpid(child, os.WNOHANG)
@@ -151,7 +153,7 @@ def _watch(child: int, board: mmap.mmap) -> int:
 def _fuzz(
     target: Target, seconds: float, seed: int, folders: list[Path], room: Path, keep: Path, board: mmap.mmap
 ) -> None:
-    """Runs libFuzzer, and ends the process."""
+    """Runs libFuzzer, and then ends the process."""
     import atheris
 
     with open(os.devnull, "w") as nowhere:
@@ -182,7 +184,7 @@ def _fuzz(
         "max_total_time": max(1, round(seconds)),
         "max_len": MOST_BYTES,
         "timeout": 0,
-        "artifact_prefix": f"{room}/",  # libFuzzer's own copy of a crash; the input is kept from the board
+        "artifact_prefix": f"{room}/",  # libFuzzer's own copy of a crash; the input is read from the board
         "rss_limit_mb": 0,
         "seed": seed % 2**32 or 1,
         "verbosity": 0,
@@ -195,7 +197,7 @@ def _fuzz(
 
 
 def _address_space() -> float:
-    """Returns the address space of this process, bytes."""
+    """Returns the size of this process's address space in bytes."""
     pages = Path("/proc/self/statm")
     if pages.exists():
         return int(pages.read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")

@@ -1,7 +1,7 @@
-"""The rule that every reader must keep.
+"""The rule for every reader: it returns a usable value or raises an EnlivenError.
 
-A reader returns a usable value or raises an EnlivenError (on the wire MalformedMessageError, or the
-ValueError that receivers expect for an array). Nothing else may happen, and time and memory are bounded.
+On the wire, MalformedMessageError is also allowed, and the ValueError that receivers expect for an array. All
+other exceptions are faults, and time and memory are bounded.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ from fuzz_mutations import mutated
 from enliven.errors import EnlivenError
 
 PATIENCE = 30
-"""Maximum processor time for one file, seconds. Each takes milliseconds."""
+"""Maximum processor time for one file, seconds. A typical file takes milliseconds."""
 WAITING_FACTOR = 10
-"""Maximum time for one file, as a multiple of the processor time: a reader may also wait for something."""
+"""Maximum elapsed time for one file, as a multiple of the processor time. A reader may also wait."""
 MAX_GROWTH_MB = 512
-"""Maximum growth of the process while it reads one file, MB. The first file also loads kernels."""
+"""Maximum memory growth of the process for one file, MB. The first file also loads kernels."""
 MIN_GROWTH_S = 0.005
-"""Minimum time in which a process can grow by :data:`MAX_GROWTH_MB`, seconds: that would be 100 GB/s."""
+"""Minimum time in which a process can grow by :data:`MAX_GROWTH_MB`, seconds. It assumes 100 GB/s."""
 PEAK_INTERVAL = 64
-"""Number of files after which the peak of memory is measured again. It takes up to a millisecond."""
+"""Number of files between two measurements of peak memory. A measurement takes up to a millisecond."""
 TICK_S = 0.5
 """Interval of the timers that find slow readers, seconds."""
 
 Mutator = Callable[[bytes, bytes, Random], bytes]
-"""A function that returns a mutation of its first argument. Pieces of the second one are spliced into it."""
+"""A function that returns a mutation of its first argument. It splices in parts of the second argument."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Target:
 
     @property
     def slug(self) -> str:
-        """The name as a part of a file name."""
+        """Returns the name in a form for file names."""
         return self.name.replace(" ", "-")
 
     def make(self, dice: Random) -> bytes:
@@ -78,7 +78,7 @@ class Broken(AssertionError):
 
     Attributes:
         kept: the file.
-        is_new: False if a file with the same fault was kept before.
+        is_new: False if a file with the same fault is already stored.
     """
 
     def __init__(self, message: str, kept: Path, is_new: bool) -> None:
@@ -87,10 +87,11 @@ class Broken(AssertionError):
 
 
 def check(target: Target, seed: str, folder: Path, keep: Path) -> None:
-    """Gives a reader the file of a seed, in ``folder``. A file that breaks the reader is kept in ``keep``.
+    """Gives a reader the mutated file of a seed, in ``folder``. A file that breaks the reader is stored in
+    ``keep``.
 
     Raises:
-        Broken: if the outcome is not allowed; contains the path of the file.
+        Broken: if the outcome is not allowed. The message contains the path of the file.
     """
     check_bytes(target, target.make(dice_of(target, seed)), folder, keep, f"seed {seed}")
 
@@ -98,10 +99,10 @@ def check(target: Target, seed: str, folder: Path, keep: Path) -> None:
 def check_bytes(target: Target, data: bytes, folder: Path, keep: Path, origin: str = "") -> None:
     """Gives a reader the bytes of a file, in ``folder``. A file that breaks the reader is kept in ``keep``.
 
-    The name of a kept file depends on the place of the fault in the code, so that one fault keeps one file.
+    The name of a stored file depends on the line of code of the fault, so that each fault has one file.
 
     Raises:
-        Broken: if the outcome is not allowed; contains the path of the file.
+        Broken: if the outcome is not allowed. The message contains the path of the file.
     """
     _peak.renew_sometimes()
     began = time.perf_counter()
@@ -121,7 +122,7 @@ def check_bytes(target: Target, data: bytes, folder: Path, keep: Path, origin: s
 
 
 def keep_broken(target: Target, data: bytes, keep: Path, error: BaseException, origin: str = "") -> Broken:
-    """Keeps a file that breaks a reader. Returns the exception that describes it."""
+    """Stores a file that breaks a reader. Returns the exception that describes it."""
     frames = traceback.extract_tb(error.__traceback__)
     place = f"{Path(frames[-1].filename).name}:{frames[-1].name}" if frames else ""
     fault = zlib.crc32(f"{type(error).__name__} {place}".encode())
@@ -135,13 +136,15 @@ def keep_broken(target: Target, data: bytes, keep: Path, error: BaseException, o
 
 
 class _PeakMemory:
-    """The largest resident memory of this process, measured only as often as necessary."""
+    """The peak resident memory of this process, measured only as often as necessary."""
 
     def __init__(self) -> None:
         self._mb, self._files = peak_mb(), 0
 
     def renew_sometimes(self) -> None:
-        """Measures the peak before every few files, so that one file is not blamed for the growth of many."""
+        """Measures the peak before every few files, so that one file does not count for the growth of
+        many.
+        """
         if self._files % PEAK_INTERVAL == 0:
             self._mb = peak_mb()
         self._files += 1
@@ -154,13 +157,13 @@ class _PeakMemory:
 
 
 def peak_mb() -> float:
-    """Returns the largest resident memory of this process until now, MB."""
+    """Returns the peak resident memory of this process, MB."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 @contextmanager
 def room() -> Iterator[str]:
-    """Yields a folder for one file after the other, in memory if possible. Readers log and warn nothing."""
+    """Yields a folder for files, in memory if possible. Within the block, readers log and warn nothing."""
     levels = {name: logging.getLogger(name).level for name in ("enliven", "enliven_viewer")}
     place = "/dev/shm" if Path("/dev/shm").is_dir() else None
     with TemporaryDirectory(dir=place) as folder, warnings.catch_warnings(), timers():
@@ -181,15 +184,17 @@ def dice_of(target: Target, seed: str) -> Random:
 
 
 class TooLarge(Exception):
-    """A file that makes its reader take more than :data:`MAX_GROWTH_MB`."""
+    """Raised if reading a file takes more than :data:`MAX_GROWTH_MB`."""
 
 
 class TooSlow(BaseException):
-    """Not a subclass of Exception, so that readers do not mistake it for damage in the file."""
+    """Raised if reading takes too long. It is not an Exception, so that readers do not treat it as file
+    damage.
+    """
 
 
 class _Ticks:
-    """The ticks of a timer while one file is read. Counting them needs no system call for each file.
+    """Counts the ticks of a timer while one file is read, which needs no system call for each file.
 
     Args:
         factor: the limit, as a multiple of :data:`PATIENCE`.
@@ -200,11 +205,11 @@ class _Ticks:
         self._is_reading = False
 
     def begin(self) -> None:
-        """Starts a file."""
+        """Starts counting for a file."""
         self._count, self._is_reading = 0, True
 
     def end(self) -> None:
-        """Ends a file. Later ticks are ignored."""
+        """Stops counting. Later ticks are ignored."""
         self._is_reading = False
 
     def handle(self, *_: Any) -> None:
@@ -225,7 +230,7 @@ _processor, _waiting = _Ticks(1.0), _Ticks(WAITING_FACTOR)
 def timers() -> Iterator[None]:
     """Runs the timers that stop slow readers. A forked child process must start its own.
 
-    Processor time alone counts at first, because a busy machine may pause this process for long.
+    At first only processor time counts, because a busy machine may suspend this process for long.
     """
     kinds = (
         (signal.SIGPROF, signal.ITIMER_PROF, _processor),
@@ -244,8 +249,9 @@ def timers() -> Iterator[None]:
 
 @contextmanager
 def _bounded() -> Iterator[None]:
-    """Stops anything that takes more than :data:`PATIENCE` of processor time, or far more time than that,
-    while :func:`timers` run."""
+    """Stops code that takes more than :data:`PATIENCE` of processor time, or far more elapsed time, while
+    :func:`timers` run.
+    """
     _processor.begin()
     _waiting.begin()
     try:

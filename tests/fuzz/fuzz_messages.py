@@ -1,4 +1,4 @@
-"""A small valid value of every message class, from the declared types and ranges of its fields."""
+"""Generates a small valid value of every message class, from the declared types and ranges of its fields."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Small valid projects, rigs and meshes written by the project, and containers rebuilt around mutations."""
+"""Small valid projects, rigs and meshes written by enliven, and containers rebuilt around mutations."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def project_parts(data: bytes, other: bytes, dice: Random) -> bytes:
             for name, entry in entries.items():
                 archive.writestr(name, entry)
         return out.getvalue()
-    except Exception:  # mutated before: zipfile raises exceptions of many kinds
+    except Exception:  # it was mutated before; zipfile raises many kinds of exceptions
         return mutated(data, other, dice)
 
 
@@ -103,7 +103,7 @@ def gltf() -> bytes:
 
 
 def glb_of(text: bytes, blob: bytes) -> bytes:
-    """Returns a GLB of its JSON and its bytes, with correct lengths."""
+    """Returns a GLB of the given JSON and bytes, with correct lengths."""
     text, blob = text + b" " * (-len(text) % 4), blob + b"\0" * (-len(blob) % 4)
     chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(blob), b"BIN\0") + blob
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
@@ -111,7 +111,7 @@ def glb_of(text: bytes, blob: bytes) -> bytes:
 
 @functools.cache
 def mesh(suffix: str) -> bytes:
-    """Returns a tetrahedron as the project writes it."""
+    """Returns a tetrahedron as a file written by enliven."""
     corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
     colours = np.arange(12).reshape(4, 3).astype(np.uint8)

@@ -40,12 +40,12 @@ LEAVES: list[Any] = [
     "../../../etc/passwd", "\0", "a" * 300, [], {}, [0], [[]], {"a": 1},
 ]  # fmt: skip
 MOST_BYTES = 1 << 17
-"""Maximum size of a mutated file, bytes. Longer files take longer and reveal nothing more."""
+"""Maximum size of a mutated file, bytes. Longer files take longer without finding more."""
 _NUMBER = re.compile(rb"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
 
 def mutated(data: bytes, other: bytes, dice: Random) -> bytes:
-    """Returns the bytes with one to four mutations; ``other`` is the source of spliced pieces."""
+    """Returns the bytes with one to four mutations. ``other`` is the source of spliced parts."""
     for _ in range(dice.choice((1, 1, 1, 2, 4))):
         changed = dice.choice(_BYTES)(data, other, dice)
         data = changed if len(changed) <= MOST_BYTES else data
@@ -53,7 +53,7 @@ def mutated(data: bytes, other: bytes, dice: Random) -> bytes:
 
 
 def mutated_tree(tree: Any, dice: Random) -> Any:
-    """Makes one to three changes in a tree of dicts, lists and leaves, and returns it."""
+    """Changes a tree of dicts, lists and leaves in one to three random positions, and returns it."""
     for _ in range(dice.choice((1, 1, 1, 2, 3))):
         tree = _changed(tree, dice)
     return tree
@@ -130,7 +130,7 @@ _BYTES = (*_OFTEN, *_OFTEN, _cut, _removed, _doubled, _spliced, _patched, _float
 
 
 def _changed(tree: Any, dice: Random) -> Any:
-    """Makes one change at a random place."""
+    """Makes one change at a random position."""
     places = list(_places(tree))
     if not places:
         return copy.deepcopy(dice.choice(LEAVES))

@@ -1,7 +1,7 @@
-"""Small valid files of every format, written by the project itself, and containers rebuilt around mutations.
+"""Small valid files of every format, written by enliven itself, and containers rebuilt around mutations.
 
-A byte mutation of a file with a checksum is refused by the first check and tests nothing else. So containers
-are also rebuilt around mutated contents, with correct checksums and lengths.
+If a byte is mutated in a file with a checksum, the checksum test refuses the file and no other code is
+tested. Containers are therefore also rebuilt around mutated contents, with correct checksums and lengths.
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ from enliven.wire.posecode import PoseCodec
 
 
 def json_tree(data: bytes, other: bytes, dice: Random) -> bytes:
-    """Returns a JSON text with a mutated tree; sometimes nested deeper than any program writes."""
+    """Returns a JSON text with a mutated tree, which is sometimes nested deeper than in any real file."""
     if dice.random() < 0.01:
         return patched(data, dice.choice((b"[", b'{"a":')) * 20_000, dice)
     try:
         return json.dumps(mutated_tree(json.loads(data), dice)).encode()
-    except (ValueError, RecursionError):  # mutated before, no JSON any more
+    except (ValueError, RecursionError):  # it was mutated before and is no longer JSON
         return mutated(data, other, dice)
 
 
@@ -68,13 +68,15 @@ def stream_tree(data: bytes, other: bytes, dice: Random) -> bytes:
 
 
 def msgpack_tree(data: bytes, other: bytes, dice: Random) -> bytes:
-    """Returns a MessagePack value with a mutated tree; sometimes nested deeper than any program writes."""
+    """Returns a MessagePack value with a mutated tree, which is sometimes nested deeper than in any real
+    file.
+    """
     if dice.random() < 0.01:
         return patched(data, dice.choice((b"\x91", b"\x81\xa1a")) * 20_000, dice)
     try:
         return msgspec.msgpack.encode(mutated_tree(msgspec.msgpack.decode(data), dice))
     except (OverflowError, RecursionError, TypeError, ValueError, msgspec.MsgspecError):
-        return mutated(data, other, dice)  # mutated before, no value any more
+        return mutated(data, other, dice)  # it was mutated before and is no longer a value
 
 
 def patched(data: bytes, piece: bytes, dice: Random) -> bytes:
@@ -226,7 +228,9 @@ def take() -> bytes:
 
 
 def take_message(data: bytes, other: bytes, dice: Random) -> bytes:
-    """Returns a take with a mutated message or two. It starts from :func:`take`, whatever the first bytes."""
+    """Returns a take with one to three mutated messages. It always starts from :func:`take`, and ignores
+    ``data``.
+    """
     records = list(_take_records())
     for _ in range(dice.choice((1, 1, 3))):
         at = dice.randrange(len(records))
@@ -249,7 +253,7 @@ def _take_records() -> tuple[tuple[str, str, bytes, int], ...]:
 
 
 def depth_payloads() -> tuple[bytes, ...]:
-    """Returns the depth image in both codecs: today's and that of older recordings."""
+    """Returns the depth image in both codecs: the current one and that of older recordings."""
     return encode_depth(depth().depth), archived(depth().depth)
 
 

@@ -1,4 +1,4 @@
-"""Small valid text files, one of every format."""
+"""Small valid text files, one of each format."""
 
 import numpy as np
 

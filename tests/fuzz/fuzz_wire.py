@@ -58,7 +58,7 @@ MAX_FRAME_BYTES = 4096
 COMMAND = 4
 """Flag of a ZMTP command."""
 RAW, HELLO, INITIATE, MESSAGE = range(4)
-"""Kinds of the steps of a CURVE conversation: plain bytes, and contents that are sealed correctly."""
+"""Kinds of steps in a CURVE conversation: plain bytes, or contents that are encrypted correctly."""
 
 
 def wire_targets() -> list[Target]:
@@ -82,7 +82,7 @@ def wire_targets() -> list[Target]:
 
 @cache
 def _stream_seeds() -> tuple[bytes, ...]:
-    """Returns a message of every topic: typical ones, and one with the smallest values."""
+    """Returns typical messages of every topic, and one of each with the smallest values."""
     payloads = stream_payloads()
     payloads["status"] = msgspec.msgpack.encode(streams.StatusMessage("edge", 1, 2, 3, note="fine", fps=30.0))
     typical = [topic.encode() + b"\0" + HEAD + p for topic, p in payloads.items() if topic in topics.STREAMS]
@@ -91,7 +91,7 @@ def _stream_seeds() -> tuple[bytes, ...]:
 
 @cache
 def _control_seeds() -> tuple[bytes, ...]:
-    """Returns requests and replies: typical ones, and one of every class with the smallest values."""
+    """Returns typical requests and replies, and one of every class with the smallest values."""
     body = msgspec.msgpack.decode(stream_payloads()["character"])
     answer = {"id": 1, "body": {"type": "CharacterMessage", **body} if isinstance(body, dict) else body}
     typical = [msgspec.msgpack.encode(message) for message in requests()]
@@ -105,7 +105,7 @@ def _codec() -> PoseCodec:
 
 
 def _stream(data: bytes, folder: Path) -> None:
-    """Reads like a viewer: unpack, then convert."""
+    """Reads a stream message like a viewer: unpacks it, then converts it."""
     _, message = envelope.unpack_stream(data)
     match message:
         case streams.PoseMessage():
@@ -153,7 +153,7 @@ def _zmtp_seeds() -> Iterator[bytes]:
 
 
 def _zmtp(data: bytes, folder: Path) -> None:
-    """Feeds the bytes to both kinds of listening sockets, with keys and without, in pieces of any length."""
+    """Feeds the bytes to both kinds of listening sockets, with and without keys, in pieces of any length."""
     refused = 0
     for kind in ("ROUTER", "PUB"):
         for curve in (None, _server()):
@@ -222,7 +222,9 @@ def _conversation_step(data: bytes, other: bytes, dice: Random) -> bytes:
 
 
 def _curve(data: bytes, folder: Path) -> None:
-    """Acts as a viewer with valid keys that sends any contents: only what is sealed can be wrong."""
+    """Acts as a viewer with valid keys that sends arbitrary contents, so that only the encrypted contents can
+    be wrong.
+    """
     session, client = ZmtpSession("ROUTER", MAX_FRAME_BYTES, _server()), Client()
     client.shared, welcome = bytes(32), b""
     session.feed(GREETING[:12] + b"CURVE".ljust(20, b"\0") + bytes(32))
@@ -236,7 +238,8 @@ def _curve(data: bytes, folder: Path) -> None:
             session.read_message()
             welcome = bytes(session.answers[2:]) if session.answers[2:10] == b"\x07WELCOME" else welcome
         elif kind == INITIATE and welcome:
-            # After a "!" the content stands for the proof, too. Otherwise a correct proof precedes it.
+            # After a "!", the content also replaces the proof. Otherwise a correct proof precedes the
+            # content.
             proof = b"" if content[:1] == b"!" else VIEWER.public + bytes(16) + client.vouch(welcome)
             session.feed(make_frame(client.initiate(welcome, plain=proof + content), COMMAND))
         elif kind == MESSAGE:
@@ -328,7 +331,7 @@ def _osc_packets() -> Iterator[bytes]:
 
 
 def _osc(data: bytes, folder: Path) -> None:
-    """Gives a packet to both sensors, as their port does."""
+    """Gives a packet to both sensors, as their UDP port does."""
     messages = unpack_osc(data)
     for sensor in _sensors():
         if sensor._store_motion(messages):
@@ -370,7 +373,7 @@ def _rokoko_tree(data: bytes, other: bytes, dice: Random) -> bytes:
 
 
 def _rokoko(data: bytes, folder: Path) -> None:
-    """Gives a packet to the sensor, as its port does."""
+    """Gives a packet to the sensor, as its UDP port does."""
     sensor = _rokoko_sensor()
     if sensor._store_motion(unpack_rokoko(data)):
         for body in sensor._bodies():
@@ -385,11 +388,11 @@ def _rokoko_sensor() -> RokokoSensor:
 
 
 _PANEL_SEEDS = (b"$enliven 1 P*8A1F\n$0001 0000*0000\n", b"$0002 1000*31C3\n$")
-"""Lines of a panel. Their checksums need not be right: :func:`_panel` adds the right ones."""
+"""Lines of a panel. Their checksums may be wrong, because :func:`_panel` adds correct ones."""
 
 
 def _panel(data: bytes, folder: Path) -> None:
-    """Feeds bytes as they come, and again as lines with correct checksums."""
+    """Feeds the bytes unchanged, and again as lines with correct checksums."""
     import binascii
 
     keys = PanelKeys()

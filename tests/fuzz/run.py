@@ -27,9 +27,9 @@ import fuzz_law  # noqa: E402
 import fuzz_readers  # noqa: E402
 
 BATCH = 20
-"""Number of files per reader before the next reader's turn, without atheris."""
+"""Without atheris, number of files per reader before the next reader's turn."""
 MIN_TURN_S, MAX_TURN_S = 2.0, 60.0
-"""Range of the time of one reader before the next reader's turn, seconds. The start of a turn takes 0.2 s."""
+"""Range of the duration of a reader's turn, seconds. Starting a turn takes 0.2 s."""
 OUT = Path("out/fuzz")
 
 
@@ -73,7 +73,7 @@ def fuzz(targets: list[fuzz_law.Target], seconds: float, seed: int) -> tuple[int
 
 
 def repeat(path: Path) -> int:
-    """Reads a kept file again. Prints the traceback and returns 1 if it still breaks its reader."""
+    """Reads a stored file again. If it still breaks its reader, prints the traceback and returns 1."""
     matches = [t for t in fuzz_readers.targets() if path.name.startswith(f"broken-{t.slug}-")]
     if not matches:
         print(f"{path.name} names no reader; a kept file is called broken-READER-NUMBER.bin")
@@ -124,7 +124,7 @@ def _random(
 
 
 def _add_to_totals(name: str, count: int) -> None:
-    """Adds executions to those of all runs."""
+    """Adds a number of executions to the totals of all runs."""
     path = OUT / "totals.json"
     totals = json.loads(path.read_text()) if path.exists() else {}
     totals[name] = totals.get(name, 0) + count

@@ -23,7 +23,7 @@ COUNT = 10_000
 MAX_CORPUS_BYTES = 200_000
 """Maximum size of the stored corpus, bytes."""
 MOST_MB = 768
-"""Maximum growth of the process while it reads files of a few kilobytes, MB, including kernels and caches."""
+"""Maximum memory growth in MB while files of a few kilobytes are read, including kernels and caches."""
 
 
 @pytest.fixture
@@ -49,7 +49,7 @@ def test_reader_survives_every_mutation(target, folder, tmp_path):
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.slug)
 def test_some_mutated_files_are_still_read(target, folder):
-    """Otherwise only the first check of a reader would be tested."""
+    """Otherwise only the first check of each reader would be tested."""
     for number in range(target.count):
         try:
             target.read(target.make(fuzz_law.dice_of(target, str(number))), folder)
@@ -74,9 +74,9 @@ def test_reader_survives_the_corpus(target, folder, tmp_path):
 
 
 def test_chosen_inputs_reach_different_code(folder):
-    """The corpus is chosen by the lines that an input reaches, so equal outcomes are left out."""
+    """The corpus is chosen by the lines that an input reaches, so inputs with equal outcomes are left out."""
     (target,) = (each for each in TARGETS if each.name == "mesh off")
-    target.read(target.seeds[0], folder)  # loads what is loaded at the first call
+    target.read(target.seeds[0], folder)  # loads what the first call loads
     refused = b"OFF\n1 1\n"
     chosen = fuzz_corpus.choose(target, [target.seeds[0], refused, refused + b"#"], folder)
     assert chosen == [refused]
@@ -105,7 +105,7 @@ def test_reader_that_takes_too_much_memory_is_caught_even_if_it_refuses_the_file
     monkeypatch.setattr(fuzz_law, "MAX_GROWTH_MB", 50)
 
     def read(data, folder):
-        # Only memory above the earlier peak of this process counts.
+        # Only memory above the process's earlier peak counts.
         present = int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
         bytes(range(256)) * int((fuzz_law.peak_mb() + 100.0 - present / 2**20) * 2**12)
         raise fuzz_law.EnlivenError("refused")
@@ -116,7 +116,9 @@ def test_reader_that_takes_too_much_memory_is_caught_even_if_it_refuses_the_file
 
 @pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.slug)
 def test_mutators_accept_what_they_have_mutated(target):
-    """The guided search mutates inputs many times. A mutator that raises would end its child process."""
+    """The guided search mutates inputs repeatedly. A mutator that raises an error would end its child
+    process.
+    """
     data, dice = target.seeds[0], fuzz_law.dice_of(target, "mutators")
     for _ in range(100):
         for mutate in target.mutators:

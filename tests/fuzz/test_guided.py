@@ -1,4 +1,4 @@
-"""Tests of the search that coverage guides: it finds rare inputs, and survives hangs and crashes."""
+"""Tests of coverage-guided fuzzing: it finds rare inputs, and survives hangs and crashes."""
 
 import json
 import os
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture
 def turn(tmp_path):
-    """Returns a function that fuzzes a reader for some seconds, and returns the turn."""
+    """Returns a function that fuzzes a reader for some seconds and returns the turn."""
     corpus, keep = tmp_path / "corpus", tmp_path / "keep"
     corpus.mkdir()
     keep.mkdir()
@@ -35,7 +35,9 @@ def turn(tmp_path):
 
 
 def deep(data, folder):
-    """Breaks only for inputs that start with two given bytes. One of 65,536 random inputs does."""
+    """Raises an error only for inputs that start with two given bytes, which holds for one of 65,536 random
+    inputs.
+    """
     if len(data) < 2 or data[0] != 0xE1:
         return
     if data[1] == 0x3B:
@@ -70,20 +72,20 @@ def test_hang_in_compiled_code_keeps_the_input(turn, monkeypatch):
 
     def read(data, folder):
         if len(data) > 20:
-            time.sleep(600)  # as in code that Python cannot stop: the limits of the child are far higher
+            time.sleep(600)  # like code that Python cannot stop; the limits of the child are far higher
 
     result, kept = turn(read)
     assert len(kept) == 1 and "longer than 4.0 s" in result.broken[0]
 
 
 def test_kernels_stay_uninstrumented(tmp_path, monkeypatch):
-    """Numba compiles byte code. If that of a kernel were changed, reading a recording would fail."""
+    """Numba compiles byte code. With instrumented byte code of a kernel, reading a recording would fail."""
     monkeypatch.setattr(run, "OUT", tmp_path)
     assert run.main(["--seconds", "3", "--seed", "1", "--only", "recording chunk"]) == 0
     assert json.loads((tmp_path / "totals.json").read_text())["recording chunk"] > 10
 
 
-def test_kept_input_is_repeated(tmp_path, capsys):
+def test_stored_input_is_read_again(tmp_path, capsys):
     path = tmp_path / "broken-mesh-off-00000000.bin"
     path.write_bytes(b"OFF\n1 1\n")
     assert run.main(["--repeat", str(path)]) == 0

@@ -22,7 +22,7 @@ def energy(solver):
 
 @njit(cache=True, nogil=True)
 def cells_energy(cells, frames, hold):
-    """Returns eq. 4: the sum over all cells and their edges of w |e' - T e|², and hold c (s - 1)²."""
+    """Returns eq. 4: the sum of w |e' - T e|² over all cells and their edges, plus hold · c (s - 1)²."""
     total = 0.0
     for i in range(len(cells.size)):
         s = math.sqrt(frames[16 * i] ** 2 + frames[16 * i + 1] ** 2 + frames[16 * i + 2] ** 2)

@@ -54,7 +54,9 @@ def _ask(coder, data, states, at, bit):
 
 @njit(cache=True, nogil=True)
 def _residual(coder, data, states, base, r):
-    """Encodes a residual: zero? negative? then the size, in unary and then in bits."""
+    """Encodes a residual: whether it is zero, then its sign, then its size, first in unary and then in
+    bits.
+    """
     _ask(coder, data, states, base, int(r == 0))
     if r == 0:
         return
@@ -115,8 +117,10 @@ def _write_image(depth, ranks, count, data, coder, states):
 
 @njit(cache=True, nogil=True)
 def pack_levels(depth, ranks, values, tabled, out):
-    """Returns the used bytes of ``out``. Arguments are as of ``unpack_levels``, with the level of each value
-    (65536,)."""
+    """Encodes the levels into ``out``, and returns the used bytes of it.
+
+    The arguments are those of ``unpack_levels``, plus ``ranks`` (65536,): the level of each value.
+    """
     states = np.full(_STATE_COUNT, 32768 << 8, np.int32)
     coder = np.array([0, 0xFFFFFFFF, 0, 0], np.int64)
     if tabled:

@@ -19,7 +19,7 @@ def armature():
 
 
 def heads(rig):
-    """Returns the place of the beginning of each bone in the world."""
+    """Returns the world position of the head of each bone."""
     return {bone.name: list(rig.matrix_world @ bone.head) for bone in rig.pose.bones}
 
 
@@ -28,7 +28,9 @@ def tails(rig):
 
 
 def describe(rig):
-    """Returns the rest pose, the rate and range of the scene, and the places of the bones in each frame."""
+    """Returns the rest pose, the scene's frame rate and frame range, and the positions of the bones in each
+    frame.
+    """
     scene, place = bpy.context.scene, rig.matrix_world
     rest = {
         bone.name: [list(place @ bone.head_local), list(place @ bone.tail_local)] for bone in rig.data.bones

@@ -23,7 +23,9 @@ from websockets.sync.client import connect
 MISSING = "" if CHROMIUM else "Chromium is not installed"
 """The reason why no page can be opened; empty if everything is installed."""
 _PATIENCE_S = 180.0
-"""Timeout of a condition or a command, seconds: ten pages share the processor, which draws in software."""
+"""Timeout of a condition or a command, seconds. Ten pages share one processor, which also renders in
+software.
+"""
 
 
 class PageError(AssertionError):
@@ -72,7 +74,9 @@ class Page:
         raise PageError(f"not true in time: {condition}; errors of the page: {self.errors}")
 
     def resize(self, width: int, height: int, *, phone: bool = False) -> None:
-        """Sets the size of the page; as a phone with touch. Its finer pixels would take software minutes."""
+        """Sets the size of the page. ``phone`` emulates touch, but not a phone's high pixel density, because
+        software rendering would take minutes.
+        """
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": phone}
         self.call("Emulation.setDeviceMetricsOverride", **size)
         self.call("Emulation.setTouchEmulationEnabled", enabled=phone)
@@ -100,7 +104,7 @@ class Browser:
         self._pages: list[Page] = []
 
     def open(self, address: str = "about:blank") -> Page:
-        """Opens a new page. It starts empty, so that all errors of a script are reported."""
+        """Opens an empty page and then loads the address, so that errors of all scripts are reported."""
         request = urllib.request.Request(f"{self._base}/json/new?about:blank", method="PUT")
         with urllib.request.urlopen(request, timeout=_PATIENCE_S) as response:
             page = Page(json.load(response)["webSocketDebuggerUrl"])
@@ -112,14 +116,14 @@ class Browser:
         return page
 
     def close(self) -> None:
-        """Closes all pages."""
+        """Closes all pages and ends Chromium."""
         for page in self._pages:
             page.close()
 
 
 @contextlib.contextmanager
 def open_browser(folder: Path, *options: str) -> Iterator[Browser]:
-    """Yields a headless Chromium with its files in ``folder``, and ends it."""
+    """Yields a headless Chromium that keeps its files in ``folder``. Ends Chromium afterwards."""
     own = [CHROMIUM, *CHROMIUM_OPTIONS, f"--user-data-dir={folder}", "--remote-debugging-port=0", *options]
     process = subprocess.Popen(
         [*own, "about:blank"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True

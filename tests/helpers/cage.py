@@ -23,12 +23,12 @@ from enliven.modeling.rigged.axes import Axes
 from enliven.rotation import rotate
 
 CORNERS = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
-"""(4, 3) a regular tetrahedron; a ball of radius 0.57 fits in it."""
+"""(4, 3) corners of a regular tetrahedron. A ball of radius 0.57 fits inside it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Swing(LayerBase):
-    """A stream of four positions that moves the corners of a cage."""
+    """Recorded motion of a cage: a stream of the four corner positions."""
 
     take: str
     muted: bool = False
@@ -44,7 +44,7 @@ class Cage(RigBase):
 
     Attributes:
         corners: (4, 3) metres at rest.
-        bent: (4, 3) metres by which they were dragged.
+        bent: (4, 3) metres, offsets by which a user dragged the corners.
         linear, place: (3, 3) and (3,) metres, the transform from the cage to the world.
     """
 
@@ -79,7 +79,7 @@ class CageRig(RigEdits):
     """The cage's implementation of each edit."""
 
     def corners_at(self, project: Project, cage: Cage, time: float) -> Float:
-        """(4, 3) metres in the world."""
+        """Returns (4, 3) world positions of the corners, metres."""
         corners = cage.corners + cage.bent
         for layer in cage.layers:
             stream = project.streams[layer.take]
@@ -152,7 +152,9 @@ class CageRig(RigEdits):
         return project.with_characters(*cages), (name, far)
 
     def merged(self, project: Project, merge: Merge) -> Project:
-        """Adds the graft's mesh to the host's cage at its current position. It then moves with the cage."""
+        """Returns the project with the graft's mesh added to the host's cage at its current position. The
+        mesh then moves with the cage.
+        """
         host, graft = project.character(merge.host, Cage), project.character(merge.graft, Cage)
         there = weights(self.seen(project, graft, merge.time), self.corners_at(project, host, merge.time))
         vertices = np.concatenate([host.mesh.vertices, there @ host.corners])

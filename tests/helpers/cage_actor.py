@@ -38,7 +38,7 @@ class CageSettings:
 
 
 class CageActor(Actor):
-    """A cage that performers hold by its corners."""
+    """An actor for a cage whose corners follow performers' joints."""
 
     def __init__(self, project: Project, cage: Cage) -> None:
         self.character = CageRig().drawn(cage)

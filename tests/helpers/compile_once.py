@@ -21,16 +21,20 @@ from numba.core.compiler_lock import global_compiler_lock
 
 try:
     import fcntl
-except ImportError:  # Windows: every process compiles for itself
+except ImportError:  # Windows has no fcntl: every process compiles all kernels.
     fcntl = None
 
 _LOCKS = 1 << 31
-"""Number of bytes of the lock file that can represent kernels. The file itself stays empty."""
+"""Size in bytes of the range of the lock file in which each kernel locks one byte. The file itself stays
+empty.
+"""
 
 
 @contextlib.contextmanager
 def no_garbage_collection() -> Iterator[None]:
-    """Delays garbage collection, which takes a tenth of compile time, at the cost of at most 80 MB."""
+    """Disables garbage collection within a block. Collection takes a tenth of compile time; without it, up to
+    80 MB are not freed.
+    """
     was = gc.isenabled()
     gc.disable()
     try:

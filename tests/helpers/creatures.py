@@ -1,7 +1,7 @@
 """Random creatures, their point constraints, and fast motions: problems on which no solver was tuned.
 
-A creature is a trunk of blended capsules with legs, a tail and antennae, some of them thin. Its own bones
-rotate randomly about their joints, and carry points of its skin as a performer's bones would.
+A creature is a trunk of blended capsules with legs, a tail and antennae, some of them thin. Its bones rotate
+randomly about their joints. They move points of its skin, as a performer's bones would.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ RATE = 30.0
 
 @dataclass
 class Points:
-    """Points of the rest space and the nodes that move them: (L, 3), (L, 4) and (L, 4)."""
+    """Points in the rest pose (L, 3), the four nodes that move each (L, 4), and their weights (L, 4)."""
 
     points: Float
     node_indices: Int32
@@ -120,7 +120,8 @@ def swings(
     and turns.
 
     Args:
-        pace: 1 is a dance with hands at 2 to 4 m/s; the swings begin from rest within a third of a second.
+        pace: factor on the speed. At 1, hands move at 2 to 4 m/s, as in a dance. The motion starts from
+            rest within a third of a second.
     """
     count = len(bones.parent)
     times = np.arange(frames) / RATE
@@ -187,8 +188,7 @@ def random_problem(seed: int, nodes: int, frames: int, pace: float) -> Creature:
 
 
 def random_creature(seed: int, nodes: int = 128, frames: int = 60, pace: float = 1.0) -> Creature:
-    """Returns the creature of a seed, attached at points of about two thirds of its bones, in a random
-    motion.
+    """Returns the creature of a seed in a random motion, attached to points on about two thirds of its bones.
 
     A few bones are attached to points of another nearby bone, as happens for a performer in a mesh of other
     proportions. Targets have a tracker's noise of 3 mm.

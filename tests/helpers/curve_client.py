@@ -1,4 +1,6 @@
-"""The viewer's side of CURVE made of bytes, and key pairs of an edge, a viewer and a stranger."""
+"""Client side of the CURVE handshake, written at byte level, and key pairs for an edge, a viewer and a
+stranger.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +14,9 @@ EDGE, VIEWER, STRANGER = (KeyPair(*sodium.crypto_box_seed_keypair(bytes([k]) * 3
 
 
 class Client:
-    """The viewer's side, as in the specification.
+    """The client side of a CURVE connection, as in the specification.
 
-    ``plain`` replaces the content of a command before it is sealed, so that tests can send any content.
+    ``plain`` replaces the content of a command before encryption, so that tests can send arbitrary content.
     """
 
     def __init__(self, keys: KeyPair = VIEWER, edge: bytes = EDGE.public) -> None:
@@ -32,7 +34,7 @@ class Client:
         return b"\x05HELLO\x01\x00" + bytes(72) + self.public + count + box
 
     def vouch(self, welcome: bytes, vouched: bytes = b"") -> bytes:
-        """Returns the proof that this side has the secret key of its public one."""
+        """Returns the VOUCH box, which proves that this client has the secret key of its public key."""
         once, _ = self._open_welcome(welcome)
         proof = (vouched or self.public) + self.edge
         return sodium.crypto_box(proof, b"VOUCH---" + bytes(16), once, self.keys.secret)

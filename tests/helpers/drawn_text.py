@@ -113,7 +113,7 @@ def cut_letters(lists: list[Letters]) -> list[tuple[str, list[float]]]:
 
 
 def overlapping_letters(lists: list[Letters]) -> list[tuple[str, list[float], list[float]]]:
-    """Returns window and both rectangles of letters of one draw list that lie on each other."""
+    """Returns the window and both rectangles of overlapping letters within one draw list."""
     wrong = []
     for letters in map(seen, lists):
         places = letters.places

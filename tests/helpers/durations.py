@@ -1,13 +1,17 @@
-"""The table of how long the longest test files take, which orders a run."""
+"""Reads and writes the table of durations of the longest test files. The table orders a test run."""
 
 from collections.abc import Mapping
 from pathlib import Path
 
 TESTS = Path(__file__).parents[1]
 TABLE = TESTS / "durations.txt"
-"""Seconds that each of the longest files took in a whole run of three processes, the longest first."""
+"""Durations in seconds of the longest test files, measured in a complete run with three processes. Longest
+first.
+"""
 MIN_RECORDED_S = 5.0
-"""Shortest file in the table, seconds: the order of shorter ones moves the end of a run by less than that."""
+"""Shortest duration in the table, seconds. The order of shorter files changes the end of a run by less than
+this.
+"""
 
 
 def recorded_durations() -> dict[Path, float]:
@@ -17,7 +21,11 @@ def recorded_durations() -> dict[Path, float]:
 
 
 def table_of(taken: Mapping[str, float]) -> str:
-    """Returns the text of the table for the seconds of each file of a run, by paths from the checkout."""
+    """Returns the text of the table.
+
+    Args:
+        taken: seconds of each test file, by its path relative to the checkout.
+    """
     names = {name: Path(name).relative_to(TESTS.name).as_posix() for name in taken}
     long = sorted((-seconds, names[name]) for name, seconds in taken.items() if seconds >= MIN_RECORDED_S)
     return "".join(f"{-seconds:.0f} {name}\n" for seconds, name in long)

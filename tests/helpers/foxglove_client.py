@@ -15,19 +15,19 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from websockets.sync.client import connect
 
 MESSAGE_DATA = 1
-"""Operation code of a message of a channel."""
+"""Operation code of a message on a channel."""
 
 
 class FoxgloveClient:
     """A connection that subscribes to topics, and keeps the messages of each.
 
     Args:
-        port: of the server on this computer.
-        topics: to subscribe to. None: all.
+        port: the server's port on this computer.
+        topics: topics to subscribe to, None for all.
 
     Attributes:
         info: the server's introduction.
-        channels: by topic, as announced.
+        channels: announced channels, by topic.
         messages: decoded messages by topic, with their time in nanoseconds.
     """
 
@@ -49,7 +49,7 @@ class FoxgloveClient:
         self.socket.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
 
     def poll(self, seconds: float = 0.0) -> None:
-        """Takes all messages that came, and waits at most this time for the first."""
+        """Reads all messages that have arrived. Waits at most ``seconds`` for the first one."""
         while True:
             try:
                 data = self.socket.recv(seconds)
@@ -86,7 +86,7 @@ class FoxgloveClient:
 
 
 def read_message(name: str, schema: bytes, data: bytes):
-    """Returns a message of Protobuf, read by the description of its schema."""
+    """Returns a Protobuf message, decoded by the descriptor of its schema."""
     files = descriptor_pb2.FileDescriptorSet.FromString(schema)
     pool = descriptor_pool.DescriptorPool()
     for file in files.file:

@@ -16,7 +16,7 @@ from enliven_edge.fusion.live.fuser import Fuser
 from enliven_edge.fusion.live.merge import OutputSchedule, transform_bodies
 
 _LONGEST_STEP = 0.06
-"""Maximum time between frames for measuring jitter, seconds. Over longer gaps a change is motion."""
+"""Longest time between frames for measuring jitter, seconds. Over a longer gap, a change counts as motion."""
 _SAME = 0.3
 """Maximum distance between a fused body and one sensor's body to compare them as one person, metres."""
 _NEAR = 0.02
@@ -24,8 +24,9 @@ _NEAR = 0.02
 
 
 def jitter_mm(frames: Iterable[BodyFrame]) -> float:
-    """Returns millimetres: the median distance of a joint from the straight line between its neighbours in
-    time."""
+    """Returns the median distance in millimetres of a joint from the straight line between its neighbours in
+    time.
+    """
     ways: dict[int, list[tuple[int, Float]]] = defaultdict(list)
     for frame in frames:
         for body in frame.bodies:
@@ -46,10 +47,11 @@ def _off_line(way: Sequence[tuple[int, Float]]) -> Float:
 
 
 def agreement(fused: Sequence[BodyFrame], sensor: Sequence[BodyFrame]) -> tuple[float, int]:
-    """Returns millimetres between fused bodies and one sensor's (in one world and clock), and identity
-    changes.
+    """Returns the distance in millimetres between fused bodies and one sensor's bodies, and the number of
+    identity changes.
 
-    An identity change is counted if a fused body matches another person of the sensor than before.
+    Both are in the same world and clock. An identity change is counted if a fused body matches a different
+    person of the sensor than before.
     """
     times = np.array([frame.time_ns for frame in sensor])
     apart: list[float] = []
@@ -69,7 +71,7 @@ def agreement(fused: Sequence[BodyFrame], sensor: Sequence[BodyFrame]) -> tuple[
 
 
 def _partner(body: Body, others: Sequence[Body]) -> Body | None:
-    """Returns the body with its trunk near this body's trunk, or None."""
+    """Returns the body in ``others`` whose trunk is near this body's trunk, or None."""
     if not others:
         return None
     apart = [float(np.linalg.norm(body.joints[:4] - other.joints[:4], axis=1).mean()) for other in others]
@@ -82,7 +84,7 @@ def fused(streams: Mapping[str, Iterable[BodyFrame]], space: Space, fuser: Fuser
 
     Args:
         streams: body streams by sensor of the space.
-        fuser: a fuser of the same sensors. The caller reads its warnings.
+        fuser: a fuser of the same sensors. Its warnings stay readable for the caller.
     """
     rhythm = OutputSchedule()
     for time_ns, name, frame in heapq.merge(

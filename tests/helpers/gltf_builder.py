@@ -113,8 +113,8 @@ def unit(random, size=1.0):
 def random_rig(seed: int, path, joints: int = 7, stretched: float | None = None):
     """Writes a rig with rotating joints (its root also travels), with as many unusual features as possible.
 
-    If ``stretched`` is given, its joints are also moved and scaled, with factors that differ by that much per
-    axis.
+    If ``stretched`` is given, joints are also translated and scaled. Their scale factors differ by that
+    amount per axis.
     """
     random = np.random.default_rng(seed)
     gltf = GltfBuilder()

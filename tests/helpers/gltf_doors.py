@@ -1,4 +1,4 @@
-"""Every way to read a glTF file, each returning the visible surface."""
+"""Lists every entry point that reads a glTF file. Each returns the visible surface."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.files import add_file
 
 Surface = tuple[np.ndarray, np.ndarray]
-"""(V, 3) metres and (F, 3)."""
+"""Vertices (V, 3) in metres, and triangles (F, 3)."""
 
 
 def _of(mesh: Mesh) -> Surface:
@@ -66,8 +66,9 @@ DOORS: dict[str, Callable[[Path], Surface]] = {
 }
 
 STILL = {"load_mesh", "possess", "session", "edge, by a graph"}
-"""Ways that read the surface without its clips. Joints mirrored by a clip are mirrored in the surface
-only."""
+"""Entry points that ignore the file's animation clips. If a clip mirrors joints, only the other entry points
+show a mirrored surface.
+"""
 
 
 def measures(surface: Surface) -> np.ndarray:

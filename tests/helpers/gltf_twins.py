@@ -86,7 +86,7 @@ def tower(rings: int = 9, height: float = 1.6) -> tuple[np.ndarray, np.ndarray]:
 
 
 def still(twin: Twin, points: np.ndarray | None = None, **entries) -> dict:
-    """Adds a mesh with one primitive; returns the primitive."""
+    """Adds a mesh with one primitive and returns the primitive."""
     own, faces = tower()
     points = own if points is None else points
     primitive = {
@@ -99,7 +99,9 @@ def still(twin: Twin, points: np.ndarray | None = None, **entries) -> dict:
 
 
 def chain(twin: Twin, in_scene: bool = True, **middle) -> list[int]:
-    """Adds a tower on three joints, 0, 0.6 and 1.2 m high; ``middle`` are entries of the second's node."""
+    """Adds a tower on three joints at heights of 0, 0.6 and 1.2 m. ``middle`` holds extra entries of the
+    second joint's node.
+    """
     points, _ = tower()
     joints = [twin.node(name="low", in_scene=in_scene)]
     joints.append(twin.node(joints[0], name="middle", translation=[0, 0.6, 0], **middle))
@@ -159,7 +161,9 @@ def sparse() -> Twin:
 
 
 def two_skins() -> Twin:
-    """Returns a second part in centimetres; its scale is only in its own inverse bind matrices."""
+    """Returns the chain with a second skinned part in centimetres. Only the inverse bind matrices of its skin
+    contain its scale.
+    """
     twin, joints = waving()
     part = json.loads(json.dumps(twin.json["meshes"][0]["primitives"][0]))
     points, _ = tower()
@@ -173,7 +177,7 @@ def two_skins() -> Twin:
 
 
 def hidden(popping: bool) -> Twin:
-    """Returns a hat of size 0, which a second clip scales up or not."""
+    """Returns the chain with a hat of scale 0. If ``popping``, a second clip scales it up."""
     twin = Twin()
     still(twin)
     points, faces = tower(2, 0.3)
@@ -188,7 +192,7 @@ def hidden(popping: bool) -> Twin:
 
 
 def flat_matrix() -> Twin:
-    """Returns a part flattened by its node's matrix, as fake shadows are."""
+    """Returns a part that its node's matrix flattens, like a fake shadow."""
     twin = Twin()
     still(twin)
     twin.node(mesh=0)
@@ -217,7 +221,7 @@ def scaled_unevenly() -> Twin:
 
 
 def scaled_parent() -> Twin:
-    """The joint that all hang on is mirrored and scaled unevenly, and what hangs on it turns."""
+    """Returns the chain below a joint that is mirrored and unevenly scaled, with rotating joints below it."""
     twin, joints = waving()
     twin.json["nodes"][joints[0]]["scale"] = [0.7, -1.3, 1.1]
     return twin

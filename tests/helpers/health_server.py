@@ -20,7 +20,7 @@ from enliven.kiosk.profile import EdgeOfKiosk, KioskProfile
 from enliven.wire import BodiesMessage, StatusMessage, free_ports, pack_stream
 
 PATIENCE_S = 60.0
-"""Longest wait for the page or a state, in seconds. An idle machine needs two."""
+"""Timeout for the page or for a state, in seconds. An idle machine needs two seconds."""
 BODIES = pack_stream(BodiesMessage(0, 0, []))
 """The result of a frame without people."""
 FINE = StatusMessage(
@@ -56,11 +56,11 @@ class HeartbeatEdge:
 
     @property
     def address(self) -> str:
-        """HOST:PORT."""
+        """Returns HOST:PORT of the edge."""
         return f"127.0.0.1:{self.port}"
 
     def close(self) -> None:
-        """Ends the edge. It becomes silent."""
+        """Closes the socket, so that the edge becomes silent."""
         self._ended.set()
         self._thread.join()
         self._socket.close()
@@ -77,8 +77,8 @@ class Page:
 
     Attributes:
         port: its port.
-        password: the password of requests. Empty: none.
-        context: trusts its certificate. None: it does not use TLS.
+        password: password sent with requests, empty for none.
+        context: a TLS context that trusts its certificate, None if the page does not use TLS.
     """
 
     port: int
@@ -107,11 +107,11 @@ class Page:
             return answer.status, {k.lower(): v for k, v in answer.getheaders()}, answer.read()
 
     def get(self, path: str) -> str:
-        """Returns the text of a path."""
+        """Returns the text of the response for a path."""
         return self.request("GET", path)[2].decode()
 
     def wait_for(self, text: str, path: str = "/") -> str:
-        """Returns the text of a path as soon as it contains a text.
+        """Polls a path until the response contains ``text``, and returns the response.
 
         Raises:
             TimeoutError: if it does not appear in time.

@@ -1,4 +1,4 @@
-"""A kiosk's show next to its edge, in simulated time."""
+"""A kiosk's show and its edge, in simulated time."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from enliven_viewer.link.edge_client import EdgeClient
 
 
 class Screening:
-    """A show next to its edge, in lock-step.
+    """A show and its edge, advanced in lock-step.
 
     Attributes:
-        frame: the last picture.
+        frame: the last rendered frame.
     """
 
     def __init__(self, profile: KioskProfile, kiosk: StagedKiosk) -> None:
@@ -31,7 +31,9 @@ class Screening:
         self.frame = self.show.advance(1 / RATE_HZ, presses)
 
     def run_until(self, condition, seconds: float = 30.0) -> float:
-        """Advances until a condition is true. Returns the simulated seconds; fails after ``seconds``."""
+        """Advances until a condition is true and returns the elapsed simulated seconds. Fails after
+        ``seconds``.
+        """
         begin = self.kiosk.now
         while not condition(self.frame):
             assert self.kiosk.now - begin < seconds, self.frame.story

@@ -28,11 +28,11 @@ RATE_HZ = 30.0
 
 
 class SyntheticVisitor:
-    """A visitor of any height that stands, walks or dances where a test wants.
+    """A visitor of any height that stands, walks or dances at a position set by the test.
 
     Args:
         number: the tracking id.
-        place: point of the floor (x, z) in metres.
+        place: position on the floor (x, z) in metres.
     """
 
     def __init__(self, number: int, place: tuple[float, float], height: float = 1.72) -> None:
@@ -55,7 +55,7 @@ class SyntheticVisitor:
 
 
 class VisitorSensor(Sensor):
-    """A sensor that sees the visitors of a test, in simulated time.
+    """A sensor that returns the bodies of a test's visitors, in simulated time.
 
     Attributes:
         visitors: those in view.
@@ -80,7 +80,7 @@ class VisitorSensor(Sensor):
         return BodyFrame(bodies, round(self.now * 1e9), self.name)
 
     def close(self) -> None:
-        """Does nothing."""
+        """Does nothing, since there is no device."""
 
 
 class RecordedVisitorSensor(VisitorSensor):
@@ -104,7 +104,7 @@ class RecordedVisitorSensor(VisitorSensor):
         self._began, self.silent = self.now, False
 
     def read(self, timeout: float | None = None) -> BodyFrame | None:
-        """Returns the next frame."""
+        """Returns the next frame of the recording."""
         frame = super().read(timeout)
         number = round((self.now - self._began) * RATE_HZ) - 1
         recorded = self._frames[number].bodies if number < len(self._frames) else []
@@ -113,7 +113,7 @@ class RecordedVisitorSensor(VisitorSensor):
 
 
 class StagedKiosk:
-    """A real edge that a test advances frame by frame.
+    """A real edge that the test advances frame by frame.
 
     Args:
         characters: (name, mesh) of each character.
@@ -143,7 +143,7 @@ class StagedKiosk:
 
     @property
     def holders(self) -> dict[str, list[int]]:
-        """Returns the holders of each character."""
+        """Returns the performer ids attached to each character."""
         return {name: [hold.body for hold in actor.holds] for name, actor in self.edge.stage.actors.items()}
 
     def step(self) -> None:
@@ -158,5 +158,5 @@ class StagedKiosk:
         time.sleep(0.002)  # lets the messages pass through the loopback interface
 
     def close(self) -> None:
-        """Ends the edge."""
+        """Ends the edge and closes its sockets."""
         self.outlet.close()

@@ -13,14 +13,14 @@ STEP_S = 0.1
 
 @dataclass
 class Person:
-    """A person: their places over time.
+    """A person and their position over time.
 
     Attributes:
-        stops: (time, x, z) in seconds and metres. They jump from stop to stop: the story sees no walk.
-        leaves: time at which they leave.
-        gaps: (begin, end) times in which the tracker does not see them.
-        new_ids: times at which the tracker gives them another id.
-        hands: (time, left, right): the heights of both hands from a time on.
+        stops: (time, x, z) in seconds and metres. The person jumps from stop to stop without walking.
+        leaves: time at which they leave, seconds.
+        gaps: (begin, end) intervals in which the tracker loses them, seconds.
+        new_ids: times at which the tracker assigns them a new id, seconds.
+        hands: (time, left, right): heights of both hands from each time on.
     """
 
     stops: list[tuple[float, float, float]]
@@ -30,14 +30,14 @@ class Person:
     hands: list[tuple[float, float, float]] = field(default_factory=list)
 
     def at(self, now: float) -> tuple[float, float] | None:
-        """Returns the place at a time; None while absent."""
+        """Returns the position (x, z) in metres at a time, None if the person is absent."""
         if now < self.stops[0][0] or now >= self.leaves:
             return None
         _, x, z = [stop for stop in self.stops if stop[0] <= now][-1]
         return x, z
 
     def visitor(self, now: float, number: int) -> Visitor | None:
-        """Returns what the tracker measures; None while the person is absent or not seen."""
+        """Returns the tracker's measurement, None if the person is absent or lost by the tracker."""
         place = self.at(now)
         if place is None or any(begin <= now < end for begin, end in self.gaps):
             return None
@@ -48,7 +48,9 @@ class Person:
 
 
 class SimulatedEdge:
-    """The holds of an edge that carries out requests some frames later, and refuses bodies out of view."""
+    """Simulates an edge that attaches performers some frames after the request and refuses bodies out of
+    view.
+    """
 
     def __init__(self, delay: int = 2) -> None:
         self.holders: dict[str, tuple[int, ...]] = {}
@@ -56,7 +58,7 @@ class SimulatedEdge:
         self._orders: deque = deque()
 
     def take_orders(self, requests, present: set[int]) -> None:
-        """Queues requests, and carries out those that are due."""
+        """Queues requests and executes those that are due."""
         self._orders.append(list(requests))
         if len(self._orders) <= self.delay:
             return
@@ -69,12 +71,12 @@ class SimulatedEdge:
                 self.holders[request.character] = (request.body,)
 
     def restart(self) -> None:
-        """Forgets all holds and queued requests."""
+        """Clears all attachments and queued requests."""
         self.holders, self._orders = {}, deque()
 
 
 class Room:
-    """A kiosk's story among people, advanced in simulated time.
+    """A kiosk's story with simulated people, advanced in simulated time.
 
     Attributes:
         views: the view after each step, with its time.
@@ -87,7 +89,7 @@ class Room:
         self.views: list[tuple[float, StoryView]] = []
 
     def step(self, *presses: str) -> StoryView:
-        """Advances by one step."""
+        """Advances by one time step."""
         seen = [person.visitor(self.now, number) for number, person in enumerate(self.people, 1)]
         visitors = [v for v in seen if v is not None] if self.is_connected else []
         view = self.story.advance(
@@ -107,13 +109,13 @@ class Room:
         return view
 
     def run(self, seconds: float) -> StoryView:
-        """Advances by some seconds. Returns the last view."""
+        """Advances by some seconds and returns the last view."""
         for _ in range(max(round(seconds / STEP_S), 1)):
             view = self.step()
         return view
 
     def run_until(self, phase: str, at_most: float = 60.0) -> StoryView:
-        """Advances until a state is shown; fails if it is not within ``at_most`` seconds."""
+        """Advances until the story is in a phase. Fails if this takes longer than ``at_most`` seconds."""
         end = self.now + at_most
         while self.now < end:
             view = self.step()

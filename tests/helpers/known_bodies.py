@@ -19,7 +19,7 @@ from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 
 Capsule = tuple[Float, Float, float, float]
-"""The two ends, and the radius at each, metres."""
+"""The two end points, and the radius at each, metres."""
 _FINGERS = (
     (-0.035, 0.0, 0.09),
     (-0.012, 0.0, 0.10),
@@ -55,7 +55,7 @@ def posed(
     """Returns (20, 3) metres: a posture of the body model, with its soles near y = 0.
 
     Args:
-        scale: factors on the model's lengths, by number.
+        scale: factors on the model's lengths, by the index of the length.
         arms: rotation of the (left, right) upper arm about x, y and z (outward) from hanging, radians.
         elbows: radians, left and right.
         legs: angles by which both thighs are lifted forward, and apart, radians.
@@ -110,7 +110,9 @@ def limbs(joints: Float, girth: float = 1.0, fingers: bool = False) -> list[Caps
 
 
 def blended(capsules: list[Capsule], soft: float = 0.02) -> Callable[[Float], Float]:
-    """Returns the signed distance to capsules with a smooth union of ``soft`` metres."""
+    """Returns the signed distance to the union of capsules. ``soft`` is the blend radius of the smooth union,
+    metres.
+    """
 
     def field(points: Float) -> Float:
         near = np.stack([_to_capsule(points, *capsule) for capsule in capsules])
@@ -173,19 +175,19 @@ def ball(centre: Float, radii: tuple[float, float, float], name: str = "", cell:
 
 
 def a_pose() -> KnownBody:
-    """A tall man with fingers, arms half down."""
+    """Returns a tall man with fingers, in an A-pose."""
     joints = posed({model.THIGH: 1.06, model.SHIN: 1.06}, arms=((0.1, 0.0, 0.75),) * 2, height=1.85)
     return KnownBody(skin("a-pose", limbs(joints, 1.05, fingers=True), 0.03, 0.012), joints)
 
 
 def t_pose() -> KnownBody:
-    """A man with level arms and legs apart."""
+    """Returns a man with level arms and legs apart."""
     joints = posed(arms=((0.0, 0.0, 1.5708),) * 2, elbows=(0.02, 0.02), legs=(0.0, 0.25))
     return KnownBody(skin("t-pose", limbs(joints)), joints)
 
 
 def t_woman() -> KnownBody:
-    """A slim woman with level arms, fingers, a bun, a bosom, and feet that point down."""
+    """Returns a slim woman with level arms, fingers, a bun, a bosom, and feet that point down."""
     scale = {model.SHOULDER: 0.86, model.HIP: 1.15, model.ARM: 0.95, model.FORE: 0.95}
     joints = posed(scale, arms=((0.0, 0.0, 1.5708),) * 2, elbows=(0.0, 0.0), legs=(0.0, 0.06), height=1.66)
     shapes = limbs(joints, 0.82, fingers=True)
@@ -197,19 +199,21 @@ def t_woman() -> KnownBody:
 
 
 def sitting() -> KnownBody:
-    """A man that sits upright without a chair, thighs level, forearms forward."""
+    """Returns a man that sits upright without a chair, with level thighs and forward forearms."""
     joints = posed(arms=((-0.35, 0.0, 0.25),) * 2, elbows=(1.2, 1.2), legs=(1.5, 0.15), knees=1.45)
     return KnownBody(skin("sitting", limbs(joints), 0.025, 0.012), joints)
 
 
 def one_arm_up() -> KnownBody:
-    """The right arm overhead, the left one hanging; rotated, which is unusual for modelled meshes."""
+    """Returns a figure with the right arm overhead and the left one hanging. It is rotated, which is unusual
+    for modelled meshes.
+    """
     joints = posed(arms=((0.0, 0.0, 0.25), (-0.2, 0.0, 2.85)), elbows=(0.2, 0.15), yaw=0.5)
     return KnownBody(skin("one-arm-up", limbs(joints)), joints)
 
 
 def robot() -> KnownBody:
-    """Loose boxes with gaps between them, square hands, broad shoulders."""
+    """Returns loose boxes with gaps between them, square hands and broad shoulders."""
     scale = {model.SHOULDER: 1.35, model.HIP: 1.3, model.THIGH: 0.85, model.NECK: 0.9}
     joints = posed(scale, arms=((0.0, 0.0, 0.3),) * 2, elbows=(0.0, 0.0), legs=(0.0, 0.05))
     sizes = {
@@ -239,7 +243,7 @@ def robot() -> KnownBody:
 
 
 def teddy() -> KnownBody:
-    """A bear: a large head with ears, hardly a neck, short thick limbs."""
+    """Returns a bear with a large head, ears, almost no neck and short thick limbs."""
     scale = {
         model.NECK: 1.35, model.ARM: 0.62, model.FORE: 0.55, model.THIGH: 0.45, model.SHIN: 0.4,
         model.HIP: 1.3,
@@ -263,7 +267,9 @@ def teddy() -> KnownBody:
 
 
 def child() -> KnownBody:
-    """A child of four: a large head, short limbs, arms away from the body and forward."""
+    """Returns a child of four years with a large head, short limbs, and arms away from the body and
+    forward.
+    """
     scale = {
         model.NECK: 1.25, model.ARM: 0.82, model.FORE: 0.8, model.THIGH: 0.78, model.SHIN: 0.75,
         model.SHOULDER: 0.9,
@@ -276,7 +282,7 @@ def child() -> KnownBody:
 
 
 def armour() -> KnownBody:
-    """A man in armour: a breastplate, shoulder plates, a plumed helmet, gauntlets, tassets."""
+    """Returns a man in armour: breastplate, shoulder plates, plumed helmet, gauntlets and tassets."""
     joints = posed(arms=((0.0, 0.0, 0.55), (-0.1, 0.0, 0.45)), elbows=(0.35, 0.2), legs=(0.05, 0.14))
     shells = [skin("man", limbs(joints, 0.95))]
     chest, head = joints[Joint.SHOULDER_CENTER], joints[Joint.HEAD]
@@ -304,7 +310,7 @@ def armour() -> KnownBody:
 
 
 def holed_scan() -> KnownBody:
-    """A noisy scan, rotated, with holes in its back, its crown and beneath its feet."""
+    """Returns a noisy, rotated scan with holes in its back, its crown and beneath its feet."""
     joints = posed(arms=((0.15, 0.0, 0.5), (-0.2, 0.0, 0.6)), elbows=(0.3, 0.5), legs=(0.0, 0.15), yaw=-0.6)
     mesh = skin("holed-scan", limbs(joints), 0.025)
     noise = np.random.default_rng(5).normal(0.0, 0.003, mesh.vertices.shape)
@@ -327,10 +333,10 @@ BODIES: dict[str, Callable[[], KnownBody]] = {
 }
 """The ten bodies by name."""
 SEALED = ("sitting", "teddy", "child", "armour")
-"""Bodies that were not examined before the mapping was finished (held-out set)."""
+"""Held-out set: bodies that were not examined before the mapping was finished."""
 
 NEAR = 0.12
-"""A joint counts as found within this fraction of the mesh's height."""
+"""Tolerance for a joint to count as found, as a fraction of the mesh's height."""
 LIMBS = {
     "left arm": (Joint.ELBOW_LEFT, Joint.HAND_LEFT), "right arm": (Joint.ELBOW_RIGHT, Joint.HAND_RIGHT),
     "left leg": (Joint.KNEE_LEFT, Joint.FOOT_LEFT), "right leg": (Joint.KNEE_RIGHT, Joint.FOOT_RIGHT),

@@ -1,4 +1,4 @@
-"""Edits of single layers, for tests. Programs change layers of all rigs with ``change_layers``."""
+"""Edits single layers, for tests. Product code edits layers of all rigs with ``change_layers``."""
 
 from dataclasses import replace
 

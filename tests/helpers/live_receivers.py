@@ -1,7 +1,7 @@
-"""Independent receivers of live outputs: OSC by python-osc's dispatcher, JSON by the standard library.
+"""Independent receivers of live outputs. OSC uses python-osc's dispatcher, JSON the standard library.
 
-They share no code with the senders. :class:`Avatar` does what a receiving program does with VMC: it applies
-local rotations to its own skeleton in the T-pose, in Unity's left-handed axes, with its own mathematics.
+They share no code with the senders. :class:`Avatar` does what a receiving program does with VMC. It applies
+local rotations to its own skeleton in the T-pose, in Unity's left-handed axes, without code from the package.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from pythonosc.osc_server import BlockingOSCUDPServer
 
 
 class OscReceiver:
-    """A UDP server on loopback that keeps the newest arguments of each address, and of each name below it.
+    """A UDP server on loopback that keeps the newest arguments of each OSC address.
 
     Attributes:
-        values: newest arguments by address. If the first argument is a text, by (address, text).
+        values: newest arguments by address. The key is (address, text) if the first argument is a text.
         history: all arguments by the same keys.
         sizes: bytes of the received packets.
     """
@@ -32,7 +32,7 @@ class OscReceiver:
         dispatcher.set_default_handler(self._take)
         sizes = self.sizes
 
-        # One thread for each packet would let an older packet overtake a newer one.
+        # A thread per packet would allow an older packet to overtake a newer one, so one thread handles all.
         class Server(BlockingOSCUDPServer):
             def verify_request(self, request, client_address):
                 sizes.append(len(request[0]))
@@ -126,21 +126,21 @@ PARENTS = {
     **{f"{s}LowerLeg": f"{s}UpperLeg" for s in ("Left", "Right")},
     **{f"{s}Foot": f"{s}LowerLeg" for s in ("Left", "Right")},
 }
-"""The bone above each bone."""
+"""The parent of each bone."""
 
 
 class Avatar:
-    """A receiver's avatar: its bones in the T-pose face +Z, and its left is -X.
+    """A receiver's avatar. In the T-pose it faces +Z, and its left is -X.
 
     Args:
-        local: by bone, the seven numbers of VMC.
+        local: the seven numbers of VMC (position and quaternion) of each bone.
     """
 
     def __init__(self, local) -> None:
         self._local = local
 
     def turned(self, bone, vector) -> np.ndarray:
-        """Returns a direction of the T-pose after the rotations of a bone and all bones above it."""
+        """Returns a T-pose direction, rotated by a bone and all its ancestors."""
         vector = np.asarray(vector, float)
         while bone is not None:
             if bone in self._local:
@@ -153,7 +153,7 @@ class Avatar:
         return self.turned(bone, ENDS[bone])
 
     def position(self, bone) -> np.ndarray:
-        """Returns where a bone begins, by the local positions alone."""
+        """Returns the position of the head of a bone, computed from the local positions alone."""
         place = np.zeros(3)
         while bone is not None:
             if bone in self._local:

@@ -1,4 +1,4 @@
-"""Frames of a stage with four characters, and outputs that are opened on receivers of loopback."""
+"""Frames of a stage with four characters, and outputs that send to receivers on loopback."""
 
 from __future__ import annotations
 

@@ -7,7 +7,9 @@ from enliven.rotation import to_matrix
 
 
 def lost(performance):
-    """Returns the largest part of a map that is not a rotation and a scale along ``axes`` (the shear)."""
+    """Returns the magnitude of the largest shear: the part of a map that is neither a rotation nor a scale
+    along ``axes``.
+    """
     axes = np.eye(3) if performance.axes is None else performance.axes
     turns, scales = split_stretch(performance.linear @ axes)
     product = to_matrix(turns) * scales[..., None, :] @ np.swapaxes(axes, -1, -2)

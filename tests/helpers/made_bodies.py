@@ -1,4 +1,6 @@
-"""Bodies made for tests: a man, a horse, a spider, a snake, with and without names that tell; and motions."""
+"""Generates bodies for tests (a man, a horse, a spider, a snake), with and without descriptive joint names,
+and motions.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,7 @@ from enliven.rotation import from_rotation_vector, multiply
 
 
 def body(*joints, named=True) -> Skeleton:
-    """Joints as (name, parent's name or None, position); what is named L... is mirrored to R..."""
+    """Returns joints as (name, parent's name or None, position). Each joint named L... is mirrored to R..."""
     names, parents, at = [], [], []
     for name, parent, place in joints:
         sides = [("L", 1), ("R", -1)] if "L" in name else [("", 1)]
@@ -88,7 +90,10 @@ def spider() -> Skeleton:
 
 
 def crawler(random) -> Skeleton:
-    """Two to five pairs of legs of three or four joints, high or wide, with knees above the body or below."""
+    """Returns a body with two to five pairs of legs.
+
+    Each leg has three or four joints. The legs are high or wide, with knees above or below the body.
+    """
     pairs, tall, wide = int(random.integers(2, 6)), random.uniform(0.25, 1.2), random.uniform(0.5, 1.8)
     tail = (0, tall * random.uniform(0.9, 1.2), -random.uniform(0.5, 1.3))
     joints = [("body", None, (0, tall, 0)), ("abdomen", "body", tail)]
@@ -113,14 +118,16 @@ def snake() -> Skeleton:
 
 
 def turned_body(skeleton: Skeleton, angle: float) -> Skeleton:
-    """Turned by radians about +Y."""
+    """Returns the skeleton rotated by ``angle`` radians about +Y."""
     c, s = np.cos(angle), np.sin(angle)
     matrix = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
     return Skeleton(skeleton.names, skeleton.parents, skeleton.positions @ matrix.T)
 
 
 def random_motion(random, skeleton: Skeleton, frames=8, size=0.25, name="take") -> Clip:
-    """Every bone turns a little about random axes in the bone before it; the root walks."""
+    """Returns a random motion. Every bone rotates slightly about random axes relative to its parent, and the
+    root travels.
+    """
     count = len(skeleton)
     turns = np.empty((frames, count, 4))
     ends = random.normal(size=(2, count, 3)) * size
@@ -134,7 +141,7 @@ def random_motion(random, skeleton: Skeleton, frames=8, size=0.25, name="take") 
 
 
 def turned_clip(clip: Clip, angle: float) -> Clip:
-    """The same performance by somebody who stands turned by radians about +Y."""
+    """Returns the same performance by a person that is rotated by ``angle`` radians about +Y."""
     q = from_rotation_vector(np.array([0.0, angle, 0.0]))
     back = q * [1, -1, -1, -1]
     skeleton = turned_body(clip.skeleton, angle)
@@ -144,9 +151,10 @@ def turned_clip(clip: Clip, angle: float) -> Clip:
 
 
 def walk(stride=0.5, heading=0.0, raised=0.0) -> Clip:
-    """A man who walks: of two feet one stands, exactly, while the other goes two strides ahead.
+    """Returns a walking man.
 
-    His arms hang, or are ``raised`` from that by radians.
+    One foot stands exactly still while the other moves two strides ahead. His arms hang, or are ``raised``
+    from hanging by this angle in radians.
     """
     skeleton = man()
     phase = np.arange(61) / 15.0
@@ -179,7 +187,7 @@ def _about_x(angles):
 
 
 def meshed(name: str, skeleton: Skeleton):
-    """A still shape: a small triangle at the end of every bone."""
+    """Returns a mesh in the rest pose with a small triangle at the end of every bone."""
     count = len(skeleton)
     corners = np.array([[0, 0, 0], [0.05, 0, 0], [0, 0.05, 0.02]])
     vertices = (skeleton.positions[:, None] + corners).reshape(-1, 3)
@@ -191,7 +199,9 @@ def meshed(name: str, skeleton: Skeleton):
 
 
 def bvh_text(skeleton: Skeleton, frames: np.ndarray, seconds=0.05) -> str:
-    """A BVH file of rotations (F, N, 3) in degrees, about Z, X, Y, of the joints that have children."""
+    """Returns the text of a BVH file. ``frames`` (F, N, 3) are rotations in degrees about Z, X, Y of the
+    joints with children.
+    """
     lines: list[str] = ["HIERARCHY"]
     order: list[int] = []
 
@@ -221,7 +231,9 @@ def bvh_text(skeleton: Skeleton, frames: np.ndarray, seconds=0.05) -> str:
 
 
 def webbed(name: str, skeleton: Skeleton):
-    """A still shape: a band across every joint, from the bone before it to the bone after it."""
+    """Returns a mesh in the rest pose with a band across every joint, from its parent bone to its child
+    bone.
+    """
     vertices, faces, indices = [], [], []
     wide = np.array([0.1, 0.0, 0.1])
     for j in range(1, len(skeleton)):

@@ -1,4 +1,4 @@
-"""Made-up people with the joint names of real conventions, random proportions, and extras."""
+"""Generates people with the joint names of real conventions, random proportions, and additional joints."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ CONVENTIONS: dict[str, dict[str, str]] = {
         thumb="{l}Thumb1", hip="{l}Thigh", knee="{l}Shin", ankle="{l}Foot", toe="{l}Toe",
     ),
 }  # fmt: skip
-"""Names of the joints of :func:`made_bodies.man` in each convention."""
+"""Joint names of each convention, by the joints of :func:`made_bodies.man`."""
 _SIDES = {
     "Left": {"Left": "Left", "left": "left", "L": "L", "l": "l"},
     "Right": {"Left": "Right", "left": "right", "L": "R", "l": "r"},
@@ -88,9 +88,10 @@ def person(convention: str, random: np.random.Generator | None = None, extras: b
     """Returns a person with a convention's names.
 
     Args:
-        random: gives bones other lengths (times 0.7 to 1.4, both sides alike) and the arms another rest
-            pose; None for neither.
-        extras: with a weapon in the right hand, hair, twist bones in the forearms and a finger more.
+        random: generator for bone lengths (times 0.7 to 1.4, equal on both sides) and the arms' rest
+            pose. None keeps both.
+        extras: True to add a weapon in the right hand, hair, twist bones in the forearms and one more
+            finger.
     """
     plain = man()
     names = [name_in(convention, name) for name in plain.names]

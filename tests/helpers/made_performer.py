@@ -1,4 +1,4 @@
-"""A synthetic recording of bodies: a person stands still, then swings the arms and steps."""
+"""A synthetic recording of bodies. A person stands still, and then swings the arms and steps."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 
 RATE = 60
-"""Frames per second. At a quarter of the speed it is still the rate of a slow camera."""
+"""Frames per second. Played at a quarter of the speed, it still equals a slow camera's 15 frames per second.
+"""
 STILL, LENGTH = 3.0, 18.0
-"""Time for which the performer stands with lifted arms, and length of the loop, seconds."""
+"""Seconds for which the performer stands with lifted arms, and length of the loop in seconds."""
 _LIFTED = 1.75
 """Angle from hanging to which the arms are lifted, radians. Slightly above horizontal."""
 

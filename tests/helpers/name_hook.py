@@ -39,7 +39,7 @@ class NameHook:
         subprocess.run(build, check=True, capture_output=True)
 
     def start(self, *command: str | Path, **more: str) -> subprocess.Popen[str]:
-        """Starts a command under the hook; ``more`` are environment variables."""
+        """Starts a command under the hook. ``more`` are additional environment variables."""
         given = {name: os.environ[name] for name in PASSED_ON if name in os.environ}
         own = {
             "HOME": str(self.home),

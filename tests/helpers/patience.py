@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 PATIENCE = 60.0
-"""Timeout of a wait, seconds. An edge took 28 s to start on a machine with ten times its load."""
+"""Timeout of a wait, seconds. An edge took 28 s to start on a machine with ten times its normal load."""
 PAUSE = 0.005
 """Interval between two checks, seconds."""
 

@@ -31,8 +31,11 @@ BONES = len(ARM.skeleton)
 
 
 def performed(own: np.ndarray, name: str = "take 1", root: float = 0.0) -> PerformedMotion:
-    """Returns an edge's performance of the arm: ``own`` (F, N, 4) rotations of the bones, with the root moved
-    sideways."""
+    """Returns an edge's recorded performance of the arm. The root moves sideways.
+
+    Args:
+        own: (F, N, 4) rotations of the bones.
+    """
     parents = ARM.skeleton.parents
     poses = []
     for frame, turned in enumerate(own):

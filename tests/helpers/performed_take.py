@@ -1,4 +1,4 @@
-"""Performances through the real edge: swaying performers, their orders, and the recording."""
+"""Performances through the real edge: swaying performers, their requests, and the recording."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Performers(Sensor):
 
 
 def chair_actor(settings: ActorSettings, nodes: int = 48, name: str = "chair") -> EmbeddedActor:
-    """Returns a coarse chair as the edge sets it up."""
+    """Returns an actor of a coarse chair, as the edge creates it."""
     mesh = make_chair(0.05)
     character = character_from_graph(mesh, DeformationGraph.build(mesh, nodes), name)
     return EmbeddedActor(character, graph_from_character(character), settings)
@@ -56,8 +56,9 @@ def perform(
     seed: int = 0,
     away: float = 2.5,
 ) -> list[InputError]:
-    """Records a performance. ``orders`` are given after the frames with their numbers. Returns the
-    refusals."""
+    """Records a performance and returns the refusals. Each request in ``orders`` is sent after the frame with
+    its number.
+    """
     wire, refused = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0), list[InputError]()
     with Outlet(wire, "performers", record=path) as outlet:
         edge = Edge(Performers(seen, seed, away), Tracker(), Stage(actors), outlet)

@@ -35,8 +35,9 @@ HIP = 0.93
 
 
 def moved(frames: int = 12, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Returns (F, 3) root positions, metres, and (F, N, 3, 3) rotations of each joint: arms hang, and
-    everything moves slightly."""
+    """Returns (F, 3) root positions in metres and (F, N, 3, 3) rotations of each joint. The arms hang, and
+    everything moves slightly.
+    """
     rng = np.random.default_rng(seed)
     phase = np.linspace(0, 2 * np.pi, frames)[:, None, None] + rng.uniform(0, 6, (1, len(NAMES), 1))
     vectors = 0.15 * np.sin(phase) * rng.normal(size=(1, len(NAMES), 3))
@@ -61,8 +62,8 @@ def bvh(
 
     Args:
         axes: (3, 3) rotation of offsets and rotations into the file's axes.
-        unit: metres.
-        extra: (3, 3) rotation of the root before all others, without the offsets.
+        unit: length of a file unit in metres.
+        extra: (3, 3) rotation of the root, applied before all others. It does not rotate the offsets.
         carrier: (3, 3) rotation of a joint above the hips.
     """
     offsets = OFFSETS @ axes.T / unit

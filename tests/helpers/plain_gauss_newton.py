@@ -1,4 +1,5 @@
-"""The peer: a straightforward SciPy implementation of embedded deformation by sparse Gauss-Newton.
+"""A straightforward SciPy implementation of embedded deformation by sparse Gauss-Newton, as a reference for
+comparison.
 
 It follows KinÊtre, eq. 3-8, with all twelve unknowns per node and Levenberg damping. The pattern of the
 sparse Jacobian is computed once. SciPy computes JᵀJ, and SuperLU factorises it with a symmetric ordering in
@@ -22,7 +23,7 @@ State = tuple[Float, Float]
 
 
 class PlainGaussNewton:
-    """A graph's energy. The unknowns are R (N, 9), row by row, then positions (N, 3)."""
+    """The energy of a deformation graph. The unknowns are R (N, 9), row by row, then positions (N, 3)."""
 
     def __init__(
         self, graph: DeformationGraph, points: PointConstraints, settings: EmbeddedSettings | None = None
@@ -35,8 +36,9 @@ class PlainGaussNewton:
         self._pattern, self._hanging = self._quadratic_patterns()
 
     def _quadratic_patterns(self) -> tuple[tuple[Int, Int], tuple[Int, Int]]:
-        """Returns rows and columns of the Jacobians of E_rot and of E_rig's rotations, in the order of their
-        values."""
+        """Returns rows and columns of the Jacobians of E_rot and of the rotations in E_rig, in the order of
+        their values.
+        """
         rows, columns = [], []
         for node in range(self._count):
             for c in range(3):
@@ -53,7 +55,7 @@ class PlainGaussNewton:
         return pattern, (np.stack([row, row], -1).ravel(), np.stack([of_k, of_j], -1).ravel())
 
     def _linear_part(self) -> tuple[csr_matrix, Float]:
-        """Returns E_reg and E_con as residual = matrix x - constant. The rows of the targets are last."""
+        """Returns E_reg and E_con as residual = matrix x - constant. The last rows belong to the targets."""
         graph, points, count = self.graph, self.points, self._count
         i = np.concatenate([graph.edges[:, 0], graph.edges[:, 1]]).astype(np.int64)
         j = np.concatenate([graph.edges[:, 1], graph.edges[:, 0]]).astype(np.int64)

@@ -1,4 +1,6 @@
-"""Slow, obvious twins of the fast parts of live outputs: NumPy and Python objects, one step at a time."""
+"""Slow, readable reference implementations of the fast parts of live outputs. They use NumPy and Python
+objects, one step at a time.
+"""
 
 from __future__ import annotations
 
@@ -83,7 +85,7 @@ def plain_human(body: Body) -> HumanPose:
 
 
 def plain_rows(frame) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Returns the (3,) position and (4,) rotation of everything on a stage, by name."""
+    """Returns the (3,) position and (4,) rotation of every object on a stage, by name."""
     rows = {}
     for pose in frame.poses:
         info = frame.characters[pose.character]
@@ -113,7 +115,7 @@ def unity_numbers(position, turn) -> list[float]:
 
 
 def plain_vmc(frame, source: str = "") -> dict[str, dict[str, list[float]]]:
-    """Returns the numbers of the bones and of the trackers, by name."""
+    """Returns the VMC numbers of the bones and of the trackers, by name."""
     human = frame.human(source)
     bones = {}
     if human is not None:
@@ -125,7 +127,7 @@ def plain_vmc(frame, source: str = "") -> dict[str, dict[str, list[float]]]:
 
 
 def plain_rokoko(frame) -> dict:
-    """Returns the scene of a packet, without its time."""
+    """Returns the scene object of a Rokoko packet, without its time."""
     rows = plain_rows(frame)
     actors = []
     for human in frame.humans:

@@ -1,5 +1,6 @@
-"""The rotations of one polyline at any position and frame, for tests. A player samples all polylines of a
-shape at once."""
+"""Computes the rotations of one polyline at any arc length and frame, for tests. A player samples all
+polylines of a shape at once.
+"""
 
 import numpy as np
 
@@ -10,7 +11,9 @@ from enliven.rotation import IDENTITY
 
 
 def turns(line, frames, weight=1.0, basis=IDENTITY, mirrored=False):
-    """Returns (T, K, 4) P_i = D_base^-1 D_i at the knots, each with the sign of its predecessor."""
+    """Returns (T, K, 4) relative rotations P_i = D_base^-1 D_i at the knots. Each has the sign that is closer
+    to its predecessor.
+    """
     at = np.array(np.atleast_1d(frames), np.float64).reshape(-1, 1)
     out = np.empty((len(at), len(line.knots), 4))
     first, bases = np.array([0, len(line.bones)], np.int32), np.array([line.base], np.int32)

@@ -1,4 +1,4 @@
-"""A posture that distinguishes left from right and front from back, as a performer and as characters."""
+"""A pose that distinguishes left from right and front from back, for a performer and for characters."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def posed(name: str, skeleton: Skeleton, node_turns, place=(0.0, 0.0, 0.0), time
             world[joint] = multiply(world[parent], node_turns[joint])
             joints[joint] = joints[parent] + rotate(world[parent], skeleton.vectors[joint])
     above = np.maximum(skeleton.parents, 0)
-    # Transform j is the link to joint j. It rotates with the joint above it.
+    # Transform j is the bone that ends at joint j. It rotates with the parent of joint j.
     linear, positions = to_matrix(world[above]).astype(np.float32), joints[above].astype(np.float32)
     return Pose(name, time_ns, linear, positions), joints
 

@@ -1,4 +1,4 @@
-"""An edge of chosen characters: publishes their poses again and again from a thread, over real sockets."""
+"""Publishes the poses of chosen characters repeatedly from a thread over real sockets, as an edge does."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ INTERVAL_S = 0.03
 
 
 class PublishedStage:
-    """Publishes until :meth:`close`. Use it as a context manager.
+    """A thread that publishes until :meth:`close`. Use it as a context manager.
 
     Args:
         name: name of the edge, unique on this machine.
         poses: the characters with the pose of each, which may be replaced at any time.
         bodies: the people in view.
         holders: performer of each possessed character.
-        ports: ports of the streams and of the requests. 0: any free port.
+        ports: ports of the streams and of the requests, 0 for any free port.
     """
 
     def __init__(
@@ -43,13 +43,13 @@ class PublishedStage:
 
     @property
     def ports(self) -> tuple[int, int]:
-        """The ports of the streams and of the requests."""
+        """Returns the ports of the streams and of the requests."""
         endpoint = self._publisher.endpoint
         return endpoint.pose_port, endpoint.control_port
 
     @property
     def address(self) -> str:
-        """The address for viewers."""
+        """Returns the address for viewers."""
         return str(self._publisher.endpoint)
 
     def __enter__(self) -> PublishedStage:
@@ -59,7 +59,7 @@ class PublishedStage:
         self.close()
 
     def close(self) -> None:
-        """Ends the edge."""
+        """Ends the thread and closes the sockets."""
         self._stop.set()
         self._thread.join()
 

@@ -28,11 +28,11 @@ class RealEdge:
 
     @property
     def address(self) -> str:
-        """HOST:PORT:CONTROL_PORT."""
+        """Returns HOST:PORT:CONTROL_PORT."""
         return ":".join(["127.0.0.1", *self.ports])
 
     def wait(self, seconds: float = 300.0) -> None:
-        """Returns as soon as it sends a performer and a character, so that films do not show its start.
+        """Waits until the edge sends a performer and a character, so that films do not show its start.
 
         The edge listens earlier, but it may have to compile its kernels for the first frame.
 
@@ -56,7 +56,7 @@ class RealEdge:
         raise TimeoutError(f"nobody is seen by the edge at {self.address}")
 
     def close(self) -> None:
-        """Ends it like Ctrl-C, or kills it if that fails."""
+        """Ends the process with SIGINT, like Ctrl-C, or kills it if that fails."""
         self._process.terminate()
         try:
             self._process.wait(10.0)

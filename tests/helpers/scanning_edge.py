@@ -24,7 +24,7 @@ from enliven_viewer.link.edge_client import EdgeClient
 LATER = 10**11
 """Nanoseconds added to the images' times in each repetition, so that they are later than before."""
 _BESIDE = 6.0
-"""Timeout factor relative to the edge's working time on an idle machine, for a test suite on two cores."""
+"""Timeout as a multiple of the edge's working time on an idle machine, for a test suite on two cores."""
 
 
 class Follower(Protocol):
@@ -82,19 +82,19 @@ class ScanningEdge:
             follower.poll()
 
     def ask(self, order: Scan) -> Any:
-        """Sends an order as the first viewer, and returns the answer."""
+        """Sends a request as the first viewer and returns the answer."""
         count = len(self.answers)
         self.viewers[0].ask(order, self.answers.append)
         self.until(lambda: len(self.answers) > count, order.do)
         return self.answers[-1]
 
     def said(self, viewer: int = 0) -> ScanMessage:
-        """Returns the state of the scan as a viewer received it."""
+        """Returns the state of the scan that a viewer has received."""
         return self.viewers[viewer].latest(SCAN).get("", ScanMessage())
 
     def show(self, frames: Sequence[DepthFrame], each: Callable[[], object] = bool) -> None:
-        """Feeds images to the sensor, later than all before, until the last was processed or the scan is
-        done.
+        """Feeds images to the sensor until the last one is processed or the scan is done. Their times are
+        later than all before.
 
         Args:
             each: called after each image.
@@ -110,7 +110,7 @@ class ScanningEdge:
         )
 
     def close(self) -> None:
-        """Ends everything."""
+        """Closes the edge and all viewers."""
         self.edge.scans.close()
         for viewer in self.viewers:
             viewer.close()

@@ -9,8 +9,8 @@ from enliven.kernels import njit
 def skin_normals(character, pose, normals, out=None):
     """Returns (V, 3) float32 unit world normals, from ``normals`` (V, 3) at rest.
 
-    A normal follows the inverse transpose of the vertex's blended linear map, computed as its cofactor
-    matrix, which needs no division and therefore also works for a singular map.
+    A normal is transformed by the inverse transpose of the vertex's blended linear map. It is computed as the
+    cofactor matrix, which needs no division and therefore also works for a singular map.
 
     Args:
         out: (V, 3) float32 to write to.
@@ -27,7 +27,7 @@ def skin_normals(character, pose, normals, out=None):
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _skin_normals(normals, indices, weights, m, out):
-    """``m`` (J, 9) are the linear parts, row by row."""
+    """Computes the normals. ``m`` (J, 9) are the linear parts, row by row."""
     for v in range(normals.shape[0]):
         h, i, j, k = indices[v, 0], indices[v, 1], indices[v, 2], indices[v, 3]
         p, q, r, s = weights[v, 0], weights[v, 1], weights[v, 2], weights[v, 3]

@@ -19,7 +19,7 @@ TOP = {5120: 127.0, 5121: 255.0, 5122: 32767.0, 5123: 65535.0}
 
 
 class SlowGltf:
-    """A file, with its vertices at a time of one of its animations."""
+    """A glTF file whose vertices can be computed at any time of one of its animations."""
 
     def __init__(self, path: Path) -> None:
         data = Path(path).read_bytes()
@@ -190,7 +190,9 @@ class SlowGltf:
 
 
 def rotation_matrix(q: np.ndarray) -> np.ndarray:
-    """Returns (3, 3) of a quaternion (x, y, z, w) of any length. Vectors are rotated by q v q*."""
+    """Returns (3, 3) the rotation matrix of a quaternion (x, y, z, w) of any length. It rotates vectors by q
+    v q*.
+    """
     x, y, z, w = q / np.linalg.norm(q)
     return np.array(
         [

@@ -67,7 +67,7 @@ class SlowPerformer(Performer):
         return np.array([posture.x, y, posture.z])
 
     def _trunk(self, posture: PerformerPosture, pelvis: Float, joints: Float, frames: Float) -> None:
-        """Fills pelvis to head: a third of the spine's bend is below the spine joint, the rest above it."""
+        """Fills pelvis to head. A third of the spine's bend is below the spine joint, the rest above it."""
         lower = _bend(posture.spine_yaw / 3, posture.spine_pitch / 3, posture.spine_roll / 3)
         upper = _bend(2 * posture.spine_yaw / 3, 2 * posture.spine_pitch / 3, 2 * posture.spine_roll / 3)
         abdomen = pelvis @ lower
@@ -113,8 +113,9 @@ class SlowPerformer(Performer):
         joints: Float,
         frames: Float,
     ) -> None:
-        """Fills hip to foot. The knee follows from the two lengths, and bends in the plane of the foot and
-        its splay."""
+        """Fills hip to foot. The two segment lengths determine the knee, which bends in the plane of the foot
+        and its splay.
+        """
         first = (Joint.HIP_LEFT, Joint.HIP_RIGHT)[side]
         hip = joints[Joint.HIP_CENTER] + pelvis @ _mirrored(self.hip, side)
         reach = MAX_LEG_REACH * (self.thigh + self.shank)
@@ -138,7 +139,7 @@ class SlowPerformer(Performer):
 
 
 def _bend(yaw: float, pitch: float, roll: float) -> Float:
-    """Returns (3, 3) rotation: to its left, forward bend, and lean to its left."""
+    """Returns (3, 3) the rotation by ``yaw`` to the left, ``pitch`` forward and ``roll`` to the left."""
     return rotation_about_y(yaw) @ rotation_about_x(pitch) @ rotation_about_z(-roll)
 
 

@@ -1,4 +1,4 @@
-"""A session of the studio that follows an edge in the same process."""
+"""A studio session that follows an edge in the same process."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class StagedSession:
         self.perform.advance(0.02)
 
     def until(self, done, what: str = "it") -> None:
-        """Shows the current people to the camera until a condition holds."""
+        """Runs frames with the current people in view until a condition holds."""
 
         def after_a_frame() -> object:
             self.count += 1
@@ -70,7 +70,9 @@ def person(x: float = 0.0, z: float = -2.5) -> Body:
 
 @contextmanager
 def staged_sessions(folder: Path) -> Iterator[Callable[..., StagedSession]]:
-    """Yields a function that opens a session of an edge with the given actors. All are closed at the end."""
+    """Yields a function that opens a session of an edge with the given actors. Closes all sessions at the
+    end.
+    """
     opened: list[StagedSession] = []
 
     def make(*actors: Actor) -> StagedSession:

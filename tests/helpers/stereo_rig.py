@@ -1,4 +1,4 @@
-"""A stereo rig, as lenses for rendering and as the calibration that describes them."""
+"""A stereo rig: two lenses for rendering, and the calibration that describes them."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def rig(width: int = 640, height: int = 400, baseline: float = 0.1, crooked: flo
     degree.
 
     Args:
-        crooked: multiple of the usual rotation.
-        bent: multiple of the usual distortion.
+        crooked: factor on the relative rotation of one degree.
+        bent: factor on the lens distortion.
     """
     scale = width / 640
     turn = Rotation.from_euler("xyz", crooked * np.array([0.4, -0.8, 0.3]), degrees=True).as_matrix()

@@ -1,7 +1,7 @@
 """Renders images and true depth of a synthetic room with people, for tests of stereo cameras.
 
-Rays are cast in NumPy through a second implementation of the lens model, so that no code is shared with the
-tested package. All points are in the left camera's frame (OpenCV's), metres.
+NumPy casts the rays through a second implementation of the lens model, which shares no code with the tested
+package. All points are in the left camera's frame (OpenCV's), metres.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Plane:
     normal: tuple[float, float, float]
 
     def hit(self, eye: np.ndarray, looks: np.ndarray) -> np.ndarray:
-        """Returns (N,) lengths along rays, infinite if they miss."""
+        """Returns (N,) distances along the rays, infinite if they miss."""
         slope = looks @ np.array(self.normal)
         with np.errstate(divide="ignore", invalid="ignore"):
             length = (np.array(self.point) - eye) @ np.array(self.normal) / slope
@@ -82,7 +82,7 @@ class Capsule:
     radius: float
 
     def hit(self, eye: np.ndarray, looks: np.ndarray) -> np.ndarray:
-        """Returns (N,) lengths along rays, infinite if they miss."""
+        """Returns (N,) distances along the rays, infinite if they miss."""
         a, b = np.array(self.start), np.array(self.end)
         axis = b - a
         length = np.linalg.norm(axis)
@@ -181,13 +181,17 @@ class Photographer:
         return points[:, 2].reshape(uu.shape), which.reshape(uu.shape)
 
     def _hit(self, eye: np.ndarray, looks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Returns (N,) length along each ray to the nearest surface, and (N,) which one it is."""
+        """Returns (N,) the distance along each ray to the nearest surface, and (N,) the index of that
+        surface.
+        """
         lengths = np.stack([thing.hit(eye, looks) for thing in self._things])
         which = lengths.argmin(0)
         return lengths[which, np.arange(len(which))], which
 
     def _light(self, points: np.ndarray, which: np.ndarray) -> np.ndarray:
-        """Returns (N,) grey values of points on surfaces."""
+        """Returns (N,) grey values of points on surfaces. ``which`` (N,) is the index of each point's
+        surface.
+        """
         light = np.full(len(points), 110.0)
         is_hit = np.isfinite(points).all(-1)
         place = points[is_hit] + 1.37 * which[is_hit, None]
@@ -202,4 +206,4 @@ class Photographer:
 
 
 _TURN = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
-"""Rotates the texture's cells relative to the surfaces, so that no surface is aligned with the cells."""
+"""Rotates the texture's cells relative to the axes, so that no surface is aligned with the cells."""

@@ -1,6 +1,7 @@
 """Strokes for sketching parts: outlines of a tentacle, a mantis's leg, a torso, a star and a hand.
 
-Each is (N, 2) metres, closed, similar to an artist's drawing, for demonstrations and measurements.
+Each is a closed outline (N, 2) in metres, similar to an artist's drawing. They are used in demonstrations and
+measurements.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ def mantis_leg() -> Float:
 
 
 def torso() -> Float:
-    """A torso with shoulders and a waist."""
+    """Returns a torso with shoulders and a waist."""
     right = [
         (0.20, -0.40),
         (0.21, -0.25),
@@ -61,13 +62,13 @@ def torso() -> Float:
 
 
 def star(arms: int = 5) -> Float:
-    """A starfish."""
+    """Returns a starfish."""
     angle = np.linspace(0, 2 * np.pi, 240, endpoint=False)
     return np.stack([np.sin(angle), np.cos(angle)], 1) * (0.35 + 0.2 * np.cos(arms * angle))[:, None]
 
 
 def hand() -> Float:
-    """A hand: four fingers and a thumb."""
+    """Returns a hand with four fingers and a thumb."""
     points = [(-0.35, -0.5), (-0.42, 0.1)]
     for x, length, half in ((-0.30, 0.55, 0.09), (-0.10, 0.75, 0.09), (0.10, 0.75, 0.09), (0.30, 0.6, 0.085)):
         turn = np.linspace(np.pi, 0, 9)

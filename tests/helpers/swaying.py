@@ -24,7 +24,7 @@ _LIMBS = {
 
 
 def swaying(id: int, frame: int, seed: int = 0, place=(0.0, -2.5)) -> Body:
-    """Returns a performer that steps to and fro, bows and swings the limbs; 30 frames per second."""
+    """Returns a performer that steps back and forth, bows and swings the limbs, at 30 frames per second."""
     random, t = np.random.default_rng(seed + 7 * id), frame / 30
     joints = standing_figure(1.7 + 0.05 * id)
     for middle, ends in _LIMBS.items():
@@ -39,7 +39,7 @@ def swaying(id: int, frame: int, seed: int = 0, place=(0.0, -2.5)) -> Body:
 
 
 def take_of(frames: int = 30, people=(1,), seed: int = 0, place=(0.0, 0.0)) -> BodyTake:
-    """Returns a take of performers that sway about a place, metres on the floor."""
+    """Returns a take of performers that sway about a floor position in metres."""
     bodies = [[swaying(who, n, seed, place) for who in people] for n in range(frames)]
     return BodyTake(
         "sway",

@@ -1,4 +1,4 @@
-"""Renders GLB files with three.js in headless Chromium: a viewer that shares no code with enliven."""
+"""Renders GLB files with three.js in headless Chromium, which shares no code with enliven."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ def headings_on_stage(
     arms = actor.likeness.joints[Joint.HIP_CENTER] - actor.graph.positions[hips]
     stage, name = Stage([actor]), actor.character.id
     gaps, places = np.empty(len(film)), np.empty((len(film), 3))
-    stage.perform([], 0)  # a tracker reports no people in its first frames
+    stage.perform([], 0)  # A tracker reports no people in its first frames.
     for n, body in enumerate(film):
         pose = stage.perform([body], round((n + 1) * 1e9 / FRAME_RATE_HZ))[0]
         turn = pose.linear[hips].astype(np.float64).mean(0)
@@ -103,9 +103,10 @@ def headings_on_stage(
 
 
 def _hip_nodes(actor: EmbeddedActor) -> Int:
-    """Returns the numbers of the pelvis nodes: nearest to the pelvis bones, below the middle of the waist.
+    """Returns the indices of the pelvis nodes. Their nearest bone is a pelvis bone, and they are below the
+    middle of the waist.
 
-    A twist of the chest relative to the hips is spread over the whole belly.
+    Nodes above are excluded because a twist of the chest relative to the hips is spread over the whole belly.
     """
     assert actor.likeness is not None
     nodes, joints = actor.graph.positions, actor.likeness.joints

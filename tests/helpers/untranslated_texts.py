@@ -1,4 +1,4 @@
-"""Finds texts in the window that are drawn or announced without a translation."""
+"""Finds texts that the window draws or announces without a translation."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LABELLED = {
     *("button", "small_button", "checkbox", "radio_button", "selectable", "menu_item", "text"),
     *("text_unformatted", "text_wrapped", "text_disabled"),
 }
-"""Those functions with a visible first argument, not only an ID."""
+"""The functions of :data:`WIDGETS` whose first argument is visible text and not only an ID."""
 TELLING = {
     "add_text",
     "say",

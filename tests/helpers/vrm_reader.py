@@ -1,4 +1,4 @@
-"""Reads VRM files without enliven: the human bones, and the world matrices of their nodes at a key."""
+"""Reads VRM files without enliven: the human bones, and the world matrices of their nodes at a keyframe."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ def view_of(character: Character, poses: Sequence[Pose]) -> CameraView:
 
 
 def unlit(character: Character) -> Character:
-    """Returns a character that shows its colours without light; plain colours become a material's."""
+    """Returns the character with unlit materials. Plain colours become a material."""
     own = character.materials
     if own is None:
         assert character.colours is not None
@@ -107,7 +107,7 @@ def unlit(character: Character) -> Character:
 
 
 def bright(character: Character) -> Character:
-    """Returns a character that is magenta all over; its holes stay."""
+    """Returns the character in plain magenta. Transparent holes in its texture stay."""
     own = unlit(character).materials
     assert own is not None
     return _with_materials(character, own, _BRIGHT, "bright")
@@ -135,7 +135,7 @@ def lower_camera(view: CameraView) -> np.ndarray:
 
 
 def _drawn(renderer: Renderer, character: Character, pose: Pose, view: CameraView) -> np.ndarray:
-    """(H, W, 3) 0..255 as enliven draws it."""
+    """Returns (H, W, 3) 0..255 the image rendered by enliven."""
     up = np.array([0.0, _LIFT, 0.0], np.float32)
     raised = replace(pose, positions=pose.positions + up)
     renderer.draw(Scene((SceneCharacter(character, raised),), (), PLAIN), view)
@@ -143,12 +143,14 @@ def _drawn(renderer: Renderer, character: Character, pose: Pose, view: CameraVie
 
 
 def _shape(picture: np.ndarray) -> np.ndarray:
-    """(H, W) where a picture is magenta by at least a half."""
+    """Returns (H, W) True for pixels that are magenta by at least one half."""
     return (picture[..., 0] + picture[..., 2]) / 2 - picture[..., 1] > 110
 
 
 def _developed(picture: np.ndarray) -> np.ndarray:
-    """(H, W, 3) 0..255 of three.js's pixels by the curve of shaders/develop.glsl; black outside."""
+    """Returns (H, W, 3) 0..255 three.js's pixels after the tone curve of shaders/develop.glsl. The background
+    is black.
+    """
     cover = picture[..., 3:] / 255.0
     colour = np.divide(picture[..., :3], cover, out=np.zeros(picture[..., :3].shape), where=cover > 0)
     across = (np.arange(SIZE) + 0.5) / SIZE - 0.5
@@ -173,7 +175,9 @@ def _compared(own: np.ndarray, shown: np.ndarray, theirs: np.ndarray) -> Compare
 
 
 def _inner(shown: np.ndarray) -> np.ndarray:
-    """(H, W) pixels with all eight neighbours in the shape: both viewers blend its edge in their own way."""
+    """Returns (H, W) True for pixels with all eight neighbours in the shape. The renderers antialias edges
+    differently.
+    """
     inner = np.pad(shown, 1)
     return np.logical_and.reduce(
         [inner[1 + y : SIZE + 1 + y, 1 + x : SIZE + 1 + x] for y in (-1, 0, 1) for x in (-1, 0, 1)]

@@ -1,8 +1,8 @@
-"""ZeroMQ contexts of tests, which a test cannot leave open by mistake.
+"""ZeroMQ contexts for tests, which a test cannot leave open by mistake.
 
-If Python collects a context as garbage while one of its sockets is open, libzmq waits for that socket for
-ever. This happens during another test, which then seems to hang. The contexts from here are held until they
-are closed. A fixture for all tests fails in the file that forgot a context.
+If Python garbage-collects a context while one of its sockets is open, libzmq waits for that socket for ever.
+This happens during another test, which then seems to hang. :func:`make_context` therefore keeps a reference
+to each context until it is closed. A fixture for all tests fails in the file that forgot a context.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 import zmq
 
 _CONTEXTS: list[zmq.Context[Any]] = []
-"""Contexts that no test file has been asked about yet."""
+"""Contexts that :func:`close_forgotten` has not checked yet."""
 
 
 def make_context() -> zmq.Context[Any]:
@@ -24,7 +24,7 @@ def make_context() -> zmq.Context[Any]:
 
 
 def close_forgotten() -> int:
-    """Closes the contexts that are still open, and returns how many there were."""
+    """Closes the contexts that are still open and returns their number."""
     forgotten = [context for context in _CONTEXTS if not context.closed]
     _CONTEXTS.clear()
     for context in forgotten:

@@ -1,12 +1,12 @@
-"""Independent checks that a graph does not join unrelated limbs, and a plain graph for comparison.
+"""Independent checks that a graph does not connect unrelated limbs, and a plain graph for comparison.
 
 The two checks share no code with the product:
 
-- :func:`detours`: an edge is wrong if the shortest path over the mesh's own edges is three times as long as
-  the edge and longer than two node spacings, and the edge's middle is in front of the nearest surface. (The
-  path round a board is long too, but its two sides do belong together.)
-- :class:`Limbs`: the mesh below a height (or far from the middle) consists of separate legs; an edge is wrong
-  if its nodes lie on two of them.
+- :func:`detours`: an edge is wrong if the shortest path over the mesh's edges is three times as long as the
+  edge and longer than two node spacings, and the edge's middle is in front of the nearest surface. (The path
+  around a board is also long, but its two sides do belong together.)
+- :class:`Limbs`: the mesh below a height (or far from the middle) consists of separate legs. An edge is wrong
+  if its nodes are on two of them.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def load(data, case: Case) -> Mesh:
 
 
 def detours(mesh: Mesh, positions, edges) -> int:
-    """Returns the number of edges that leap over a detour; nodes are mapped to their nearest vertices."""
+    """Returns the number of wrong edges across a detour. Nodes are mapped to their nearest vertices."""
     whole, _ = weld(mesh)
     ends = np.concatenate([whole.faces[:, [0, 1]], whole.faces[:, [1, 2]], whole.faces[:, [2, 0]]])
     ends = np.unique(np.sort(ends, 1), axis=0)
@@ -130,7 +130,7 @@ class PlainGraph(NamedTuple):
 
 
 def plain_graph(mesh: Mesh, nodes: int, seed: int = 0) -> PlainGraph:
-    """Poisson-disk samples under the Euclidean distance, each linked with its four nearest."""
+    """Returns Poisson-disk samples under the Euclidean distance, each linked with its four nearest."""
     rng = np.random.default_rng(seed)
     darts = rng.permutation(scatter(mesh, 80 * nodes, rng).positions)
     low, high = 0.0, 4 * np.sqrt(mesh.area / nodes)

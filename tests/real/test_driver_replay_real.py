@@ -1,4 +1,4 @@
-"""Tests that rehearsing a real recording through the cameras' libraries equals replaying it."""
+"""Tests that playing a real recording through the cameras' libraries equals replaying it directly."""
 
 import importlib.util
 import os
@@ -27,13 +27,13 @@ pytestmark = [
 ]
 FRAMES = 60
 MILLIMETRE = 1e-3
-"""Tolerance in metres; the wire's resolution is half of it."""
+"""Tolerance in metres. The wire's resolution is half of it."""
 LIBRARIES = {"oak": "depthai", "realsense": "pyrealsense2"}
 
 
 @pytest.fixture(scope="module")
 def take(tmp_path_factory) -> Path:
-    """Imports the recording's first frames as a user would."""
+    """Imports the first frames of the recording like a user."""
     path = tmp_path_factory.mktemp("rehearsal") / "real.mcap"
     paths = find_files([TAKE])
     with Recorder(path) as recorder:
@@ -43,8 +43,8 @@ def take(tmp_path_factory) -> Path:
 
 
 def performed(output: Path, *words: str) -> tuple[list[tuple], list[tuple]]:
-    """Returns (time, joints of each body) and (time, positions, transforms) of the edge for a sensor's
-    frames.
+    """Returns (time, joints of each body) and (time, positions, transforms) published by an edge for a
+    sensor's frames.
     """
     ports = ["--port", "0", "--control-port", "0", "--name", uuid.uuid4().hex[:12]]
     assert cli.run(["edge", *words, *ports, "--possess-at", "0.5", "--record", str(output)]) == 0
@@ -70,7 +70,7 @@ def replayed(take, tmp_path_factory) -> tuple[list[tuple], list[tuple]]:
 
 @pytest.mark.parametrize("driver", LIBRARIES)
 def test_each_body_and_each_pose_is_the_same_to_the_millimetre(driver, take, replayed, tmp_path):
-    """The whole edge, frame by frame, with the chair that the person possesses; none is skipped."""
+    """The whole edge runs frame by frame with the chair that the person possesses. No frame is skipped."""
     if importlib.util.find_spec(LIBRARIES[driver]) is None:
         pytest.skip(f'{LIBRARIES[driver]} is not installed: pip install "./edge[{driver}]"')
     rehearsed = performed(tmp_path / "b.mcap", "--sensor", driver, "--set", f"rehearse={take}")

@@ -1,4 +1,6 @@
-"""Tests of the example films' sessions: stored as directed, and played within the films' quality bounds."""
+"""Tests that the example films' sessions are stored as directed, and play within the films' quality
+bounds.
+"""
 
 import importlib
 import sys
@@ -26,9 +28,11 @@ pytestmark = [
     pytest.mark.skipif(bool(MISSING), reason=f"{MISSING[:1]} is not there (set ENLIVEN_DATA)"),
 ]
 SMOOTHED = {"cactus": 0.005, "trex": 0.02, "armadillo": 0.02, "alligator": 0.1}
-"""Maximum deviation from key poses in mesh sizes: a hop lasts a tenth of a second."""
+"""Maximum deviation from key poses as a fraction of the mesh size. A hop lasts a tenth of a second, so
+smoothing affects it.
+"""
 HANDS = {"cactus": 0.9, "armadillo": 0.6}
-"""Minimum correlation of the heights of hands."""
+"""Minimum correlation between the heights of hands and of their control points."""
 
 
 @lru_cache
@@ -37,7 +41,7 @@ def project_of(name):
 
 
 def short(name, seconds=1.5, rate=12.0):
-    """Returns the shots of a short part of a film."""
+    """Returns the frames of a short part of a film."""
     act = acts.ACTS[name]
     shown = act.shown[0]
     piece = replace(shown, last=min(shown.last, shown.first + seconds))
@@ -64,7 +68,7 @@ def test_key_poses_are_met(name):
     size = np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0))
     assert measures.missed(puppet, solve_layer_motion(project, puppet, 0)) < SMOOTHED[name] * size
     how = {"examples": replace(puppet.examples, acceleration=0.0)}
-    # Standing feet give way if drift correction pulls a puppet back, so its leash is long here.
+    # Standing feet slide if drift correction pulls a puppet back, so its leash is long here.
     plain = replace(puppet, locomotion=replace(puppet.locomotion, plant=0.0, leash=1000.0), **how)
     plain = plain.with_changes(layers=(replace(puppet.layers[0], level_feet=False),))
     assert measures.missed(plain, solve_layer_motion(project, plain, 0)) < 1e-9
@@ -77,7 +81,7 @@ def test_the_anchor_does_not_slide(name):
     motion = solve_layer_motion(project, puppet, 0)
     assert measures.slide(motion) < 1.5e-3  # metres; lower if no foot is planted
     assert motion.travels
-    # Its supporting points stay above the floor, and it is never thrown far.
+    # Its supporting points stay above the floor, and it never jumps far.
     feet = [k for k, point in enumerate(puppet.points) if point.foot]
     under = motion.places[:, feet, 1] + motion.root[:, 1, None] - puppet.rest[feet, 1].min()
     assert under.min() > -1e-9

@@ -1,4 +1,6 @@
-"""Tests that real meshes become puppets of real motions by the command line, and stay at their performers."""
+"""Tests that real meshes become puppets of real motions by the command line, and stay near their
+performers.
+"""
 
 import importlib
 import os
@@ -66,7 +68,7 @@ def test_a_session_is_suggested_posed_and_fitted(tmp_path, capsys, mesh, options
 
 
 def in_place(mesh, take):
-    """Returns a mesh's locomotion if its files exist."""
+    """Returns a function for a mesh and a take, or skips the test if their files are missing."""
     for file in (travel.MESHES[mesh].file, {**travel.STAYS, **travel.GOES}[take]):
         if not (DATA / file).exists():
             pytest.skip(f"no {file}")

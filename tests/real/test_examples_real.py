@@ -1,4 +1,4 @@
-"""Tests that real motions drive control points by a few key poses."""
+"""Tests that real motions drive control points through a few key poses."""
 
 import os
 from pathlib import Path
@@ -37,7 +37,7 @@ def shown(poses, count):
 
 
 def changes(places, step):
-    """Returns the root mean square acceleration, m/s^2."""
+    """Returns the root mean square acceleration of positions, m/s^2."""
     return float(np.sqrt((np.diff(places, 2, axis=0) ** 2).sum(2).mean())) / step**2
 
 
@@ -73,7 +73,7 @@ def test_walkers_stay_on_the_floor_and_jumpers_leave_it():
         for f in np.flatnonzero((placed.anchors[1:] >= 0) & (placed.anchors[:-1] >= 0)) + 1:
             moved = placed.world[f, placed.anchors[f], ::2] - placed.world[f - 1, placed.anchors[f], ::2]
             assert np.abs(moved).max() < 1e-9
-        # Its legs are as long as theirs to and fro.
+        # Its legs are as long as the performers' step length.
         far, theirs = (np.linalg.norm((way[-1] - way[5])[::2]) for way in (placed.root, took.root))
         assert 0.7 * theirs < far < 1.5 * theirs
 

@@ -1,4 +1,6 @@
-"""Tests of small files that failed once, by every entry point: meshes, motion captures, depth images."""
+"""Tests that small files that once failed are read by every entry point: meshes, motion captures, depth
+images.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,7 @@ app.command("track")(track)
 
 
 def call(*words) -> str:
-    """Runs import or track and returns its output; raises its error."""
+    """Runs import or track and returns its output, or raises its error."""
     result = CliRunner().invoke(app, [str(word) for word in words])
     if isinstance(result.exception, InputError):
         raise result.exception

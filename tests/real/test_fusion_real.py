@@ -1,8 +1,9 @@
-"""Tests of two Kinects that saw the same people: calibrated by those people, and fused.
+"""Tests of calibrating and fusing two Kinects that saw the same people.
 
 The gate, the loyalty and the plausible bones were tuned on Study_24, the low-pass filter of velocities on
-Study_1. The Kinects' positions were not measured. The authors had already moved the skeletons into one world,
-so the placement found must be nearly the identity."""
+Study_1. The Kinects' positions were not measured. The authors had already transformed the skeletons into one
+world, so the placement found must be nearly the identity.
+"""
 
 import dataclasses
 import os
@@ -69,7 +70,7 @@ def performed(study: int):
 
 
 def test_two_people_who_occlude_each_other_place_two_kinects():
-    """Study_24: 4 cm between the two Kinects' joints, and nearly the authors' own placement."""
+    """For Study_24, the Kinects' joints are 4 cm apart, and the placement is nearly that of the authors."""
     calibration, _, _ = performed(24)
     (pair,) = calibration.pairs
     assert calibration.is_good
@@ -83,7 +84,9 @@ def test_two_people_who_occlude_each_other_place_two_kinects():
 
 @pytest.mark.parametrize("degrees", [75.0, -150.0])
 def test_a_kinect_that_is_put_elsewhere_is_found_there(degrees):
-    """The second Kinect's skeletons are moved to another place, with a clock 1000 s ahead: same result."""
+    """The second Kinect's skeletons are moved elsewhere, and its clock is 1000 s ahead. The result must be
+    the same.
+    """
     before = made_of(24)
     placement = compose_transform(
         rotation_from_vector(np.deg2rad(degrees) * np.array([0.0, 1.0, 0.0])), np.array([1.0, 0.0, -2.5])
@@ -110,7 +113,9 @@ def made_of(study: int):
 
 
 def test_two_people_keep_their_identities():
-    """37 s with occlusion, collapsing skeletons, and gaps of nine seconds: two people, no swap."""
+    """In 37 s with occlusion, collapsing skeletons and gaps of nine seconds, there are two people and no
+    swap.
+    """
     _, both, alone = performed(24)
     assert {body.id for frame in both for body in frame.bodies} == {1, 2}
     for frames in alone.values():
@@ -131,13 +136,13 @@ def test_fused_kinects_see_second_person_longer_than_either():
 
 @pytest.mark.parametrize("study", [1, 24])
 def test_fusion_adds_little_jitter(study):
-    """The Kinects' skeletons are smooth; combining two clocks must not add jitter."""
+    """The Kinects' skeletons are smooth, and combining two clocks must not add jitter."""
     _, both, alone = performed(study)
     assert jitter_mm(both) < 1.35 * max(jitter_mm(frames) for frames in alone.values())
 
 
 def test_standing_person_is_not_enough_to_place_a_sensor():
-    """Study_1, 12 s nearly on the spot, and Study_14, under a second, are never accepted."""
+    """Study_1 (12 s, nearly in one place) and Study_14 (less than a second) are never accepted."""
     for study, overlap in ((1, 4.0), (14, 0.5)):
         calibration = placed(seen(study), overlap)
         assert not calibration.is_good

@@ -1,4 +1,4 @@
-"""Tests that real glTF files, and those that failed once, are read alike by every entry point."""
+"""Tests that every entry point reads real glTF files, and files that once failed, in the same way."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ MODELS = sorted(
 )
 FAULTY = sorted(path for path in FAULTS.glob("*.glb") if path.stem != "draco_required")
 HEAVY = ("edge, by a graph", "studio", "stage", "session")
-"""Entry points that do more than read: they are tested on the small files, one of each kind."""
+"""Entry points that do more than read. They are tested on the small files, one of each kind."""
 
 pytestmark = [
     pytest.mark.real,
@@ -42,7 +42,7 @@ pytestmark = [
 
 
 @pytest.mark.parametrize("path", FAULTY, ids=lambda p: p.stem)
-def test_every_door_shows_a_faulty_file_alike(path):
+def test_every_entry_point_shows_a_faulty_file_alike(path):
     mesh = read_gltf(path).shape.mesh
     expected = measures((mesh.vertices, mesh.faces))
     still = load_mesh(path).mesh

@@ -1,6 +1,6 @@
-"""Tests of landmarks of a real colour image, lifted by real depth: a person turning all the way round.
+"""Tests of landmarks in a real colour image, lifted by real depth, of a person who turns around completely.
 
-Needs the real recordings, and in ENLIVEN_MEDIAPIPE a Python that has mediapipe 0.10.21 (with its model).
+It needs the real recordings, and in ENLIVEN_MEDIAPIPE a Python that has mediapipe 0.10.21 (with its model).
 """
 
 import os

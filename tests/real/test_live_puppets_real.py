@@ -1,4 +1,4 @@
-"""Tests that a live performer of another size moves a puppet as their take does."""
+"""Tests that a live performer of another size moves a puppet in the same way as the performer's take."""
 
 from __future__ import annotations
 
@@ -31,14 +31,16 @@ TRACKED = (
     *("RightForeArm", "RightHand", "RightHandIndex1", "LeftUpLeg", "LeftLeg", "LeftFoot", "LeftToeBase"),
     *("RightUpLeg", "RightLeg", "RightFoot", "RightToeBase"),
 )
-"""The joints of CMU's performers most similar to the twenty of a tracked person, in their order."""
+"""The joints of CMU's performers that are most similar to the twenty of a tracked person, in the same
+order.
+"""
 SECONDS = 6.0
 sys.path.insert(0, str(SESSIONS.parent))
 travel = importlib.import_module("example_travel")
 
 
 def bodies_of(clip: Clip, size: float) -> list[tuple[float, Body]]:
-    """Returns the performer's bodies as from a sensor at 30 frames per second, with times; scaled."""
+    """Returns the performer's scaled bodies, as from a sensor at 30 frames per second, with times."""
     places = joint_places(clip)[:, [clip.skeleton.index(name) for name in TRACKED]]
     every = round(1 / 30 / clip.step)
     frames = range(0, min(len(places), round(SECONDS / clip.step)), every)
@@ -47,10 +49,10 @@ def bodies_of(clip: Clip, size: float) -> list[tuple[float, Body]]:
 
 @pytest.mark.parametrize(("mesh", "take"), [("fish", "traffic"), ("humanoid", "walks"), ("cow", "walks")])
 def test_live_travel_is_that_of_the_take(mesh: str, take: str) -> None:
-    """Also for a mesh without feet, and a performer of another size."""
+    """This also holds for a mesh without feet and for a performer of another size."""
     if not (DATA / travel.MESHES[mesh].file).is_file():
         pytest.skip(f"no {mesh}")
-    # The first frames are a calibration pose, and the performer then turns within one frame.
+    # The first frames are a calibration pose, after which the performer turns within one frame.
     clip = travel.clip_named(take).mapped(itemgetter(slice(8, None)))
     project = travel.posed(travel.mesh_named(mesh), clip)
     puppet = project.puppet("it")
@@ -65,7 +67,7 @@ def test_live_travel_is_that_of_the_take(mesh: str, take: str) -> None:
                 actor.possess(body)
             frame = max(seconds - (actor.settings.lag + 1) / actor.settings.rate, 0.0) / motion.step
             apart.append(np.linalg.norm((actor._state.root - motion.root_at(frame)[1])[[0, 2]]))
-        # Each is within two leash lengths (0.06) of the same path.
+        # Both are within two leash lengths (0.06) of the same path.
         assert max(apart) < 0.12 * extent
 
 

@@ -1,4 +1,6 @@
-"""Tests of real models with their first animation in enliven's renderer, in three.js, and after export."""
+"""Tests that real models with their first animation look the same in enliven, in three.js, and after
+export.
+"""
 
 from __future__ import annotations
 
@@ -32,11 +34,13 @@ MODELS = {
     "gltf/quaternius/Manta_ray.glb": 6.0,
     "humanoids/mixamo_xbot.glb": 6.0,
 }
-"""Maximum difference of a region's mean colour, 0..255. Each viewer smooths fine stripes in its own way:
-CesiumMan has some."""
+"""Maximum difference of a region's mean colour, 0..255. Each viewer smooths fine stripes differently, for
+example on CesiumMan.
+"""
 LEAST = 0.97
-"""Minimum intersection over union of silhouettes that fill a tenth of 256 x 256 pixels: an outline a quarter
-of a pixel off costs 2 %."""
+"""Minimum intersection over union of the silhouettes, which fill a tenth of 256 x 256 pixels. An outline that
+is a quarter of a pixel off costs 2 %.
+"""
 
 
 @pytest.mark.parametrize("name", list(MODELS))

@@ -1,6 +1,5 @@
-"""Tests that real meshes driven by real joint recordings stay whole.
-
-Bounds: measured values plus a margin.
+"""Tests that real meshes driven by real joint recordings stay intact. Bounds are measured values plus a
+margin.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ STRETCH = {
     "scan": 1.6,  # an arm that is raised high above where it hung, at the edge of an open surface
     "two-on-a-horse": 1.6,  # each walks round the other while both are attached
 }
-"""Maximum stretch of 95 edges in 100; measured: 1.09, 1.17, 1.31, 1.21. The others are similar."""
+"""Maximum stretch of 95 % of the edges. Measured: 1.09, 1.17, 1.31, 1.21. The others are similar."""
 
 
 @pytest.fixture(scope="module", params=STRETCH)
@@ -49,7 +48,7 @@ def test_hardly_a_triangle_turns_inside_out(filmed) -> None:
 
 
 def test_legs_do_not_collapse(filmed) -> None:
-    """Candy-wrapper twists and collapsed limbs lose volume; the scan is open and has none."""
+    """Candy-wrapper twists and collapsed limbs lose volume. The scan is open and has no volume."""
     low, high = filmed[1].volume
     assert filmed[0] == "scan" or 0.7 < low <= high < 1.25
 

@@ -1,4 +1,6 @@
-"""Tests of real meshes possessed from next to them: each limb follows its own, with real turning people."""
+"""Tests of real meshes that are possessed from next to them by real turning people: each limb follows its own
+limb.
+"""
 
 import functools
 import os
@@ -29,7 +31,7 @@ TURNS = {
 }
 """Recorded motions, and the minimum angle between two headings of their hips, degrees."""
 MAX_SECONDS = 14.0
-"""Maximum duration in seconds: long enough for half a turn, short enough for a test."""
+"""Maximum duration of a motion in seconds, long enough for half a turn."""
 BEASTS = ("libigl/horse_quad.obj", "common3d/cow.obj", "libigl/camel_b.obj")
 MESHES = DATA / "meshes"
 FRAME = 33_333_333
@@ -41,7 +43,7 @@ pytestmark = [
 
 
 def person(reach=0.0) -> Body:
-    """Returns a standing person with hanging arms, the right one raised forward by radians."""
+    """Returns a standing person with hanging arms. The right arm is raised forward by ``reach`` radians."""
     rotations = standing_pose(arm_forward=0.1, elbow=0.1)
     rotations[model.UPPER_ARM_R] = rotation(x=-reach) @ rotations[model.UPPER_ARM_R]
     joints = Posture(np.array([0.0, 1.0, -2.5]), rotations, model.lengths_for_height(1.75)).joints()
@@ -84,7 +86,9 @@ def test_a_raised_arm_raises_a_foreleg_and_no_other(name):
 
 @functools.cache
 def recorded(pattern: str) -> list[Body]:
-    """Returns the bodies of a recorded motion, 30 a second, as one performer in front of the sensor."""
+    """Returns the bodies of a recorded motion at 30 frames per second, as one performer in front of the
+    sensor.
+    """
     paths = find_files([str(DATA / pattern)])
     read = (frame for frame in find_reader(paths).read(paths) if isinstance(frame, BodyFrame))
     frames = [frame for frame in read if frame.bodies]
@@ -99,7 +103,9 @@ def recorded(pattern: str) -> list[Body]:
 @pytest.mark.parametrize("motion", TURNS)
 @pytest.mark.parametrize("mesh", PEOPLE)
 def test_human_meshes_keep_their_performers_heading(mesh, motion, how):
-    """Attached in the middle of the film, after the performer has turned since they were first seen."""
+    """The performer is attached half-way through the motion, after having turned since first being
+    detected.
+    """
     film = recorded(motion)
     actor = create_actor(str(next(DATA.glob(mesh))), 128, ActorSettings(how=how))
     gaps, _ = headings_on_stage(actor, film, len(film) // 2)

@@ -1,7 +1,8 @@
-"""Tests of scanning on a real recording: a camera that was carried through a kitchen (7-Scenes).
+"""Tests of scanning on a real recording of a camera that was carried through a kitchen (7-Scenes).
 
-Settings were chosen on its first 150 frames, and these tests use 60 of them. The reference poses are those of
-another fusion."""
+Settings were chosen on its first 150 frames, and these tests use 60 of them. The reference poses come from
+another fusion algorithm.
+"""
 
 import os
 from dataclasses import replace
@@ -59,12 +60,12 @@ def test_real_turning_person_is_scanned_all_round():
     assert 330 < abs(turned[-1] - turned[0]) < 360  # about 345, from the person's chest in the same recording
     person = largest_part(scanner.surface())
     assert person.area > 0.9 * scanner.surface().area
-    # A head and shoulders of human width, as a single part.
+    # The mesh is a single part: a head, and shoulders of human width.
     assert 0.3 < np.ptp(person.vertices[:, 0]) < 0.8 and 0.5 < np.ptp(person.vertices[:, 1]) < 1.0
 
 
 def test_real_person_is_separated_from_the_room_and_has_joints():
-    """The wall is left in the image; the tracker has to find the person."""
+    """The wall stays in the image, so the tracker has to find the person."""
     frames = list(OpenCvDepthReader().read(sorted((DATA / "depth" / "uva_cv2_person_turn").iterdir())))
     volume = VolumeSettings(voxel=0.01, reach=3.5, far=3.5)
     scanner = PersonScanner(ScanSettings(volume=volume, least_depth=0.01))

@@ -1,4 +1,6 @@
-"""Tests of third-party meshes and motions in the studio, animated through the example panel's parts."""
+"""Tests of animating third-party meshes by third-party motions with the parts of the studio's example
+panel.
+"""
 
 import os
 from pathlib import Path
@@ -27,7 +29,7 @@ pytestmark = [
     ),
 ]
 ENDS = ((0.0, 1.0, 0.0), (-0.27, 0.95, 0.0), (0.27, 0.95, 0.0), (0.0, 0.0, 0.05))
-"""Head, two hands and foot, in heights of the mesh, facing +Z."""
+"""Positions of head, two hands and foot relative to the mesh's height, facing +Z."""
 
 
 def test_a_cactus_that_lies_on_its_back_is_stood_up_and_directs_traffic(tmp_path):

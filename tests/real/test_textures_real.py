@@ -1,4 +1,6 @@
-"""Tests that real models show their own textures, with the mean of the colours baked into vertices."""
+"""Tests that real models show their own textures. Their mean equals that of the colours baked into
+vertices.
+"""
 
 from __future__ import annotations
 
@@ -56,7 +58,7 @@ def test_a_textured_model_has_the_colours_that_were_baked_on_the_whole(renderer,
     assert not caplog.records
     body = abs(textured - grey).max(2) > 12
     assert body.mean() > 0.08
-    # One vertex colours decimetres of a fox, so the means are equal and the images are not.
+    # A vertex colour covers decimetres of a fox. The means are therefore equal, but the images are not.
     np.testing.assert_allclose(textured[body].mean(0), baked[body].mean(0), atol=24)
     assert (abs(textured - baked)[body].max(1) > 20).mean() > 0.24
     sent = message_to_character(character_to_message(character, 1))

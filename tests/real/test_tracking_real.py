@@ -1,7 +1,9 @@
-"""Tests of the tracker on real depth: single-frame detection of eight arm poses, and a person turning round.
+"""Tests of the tracker on real depth: single-frame detection of eight arm poses, and a person who turns
+around.
 
-Both recordings were used in development to choose weights and hypotheses. So these tests prevent regressions,
-and are no evidence for unseen people."""
+Both recordings were used in development to choose weights and hypotheses. These tests therefore detect
+regressions, but say nothing about unseen people.
+"""
 
 import os
 import sys
@@ -33,9 +35,11 @@ pytestmark = [
 UPPER = [Joint.HEAD, Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.SHOULDER_RIGHT, Joint.ELBOW_RIGHT]
 AT_ONCE = TrackerSettings(search=SearchSettings(fits_per_frame=0))
 APPEARS = 2
-"""Frames within which people in the first frame are detected."""
+"""Number of frames within which people in the first frame are detected."""
 JOINED = 8
-"""Frames within which two people that hold hands are detected: they are first searched as one."""
+"""Number of frames within which two people that hold hands are detected. They are first searched as one
+person.
+"""
 HANDS = [Joint.WRIST_LEFT, Joint.WRIST_RIGHT]
 
 
@@ -46,11 +50,11 @@ def frames_of(folder: str) -> list[DepthFrame]:
 
 
 drawn = cache(js6450)
-"""Read once for all tests of this file."""
+"""Recordings of JS6450, read once for all tests of this file."""
 
 
 def pixels_outside(frame: DepthFrame, tracker: Tracker, joints: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Returns how many pixels each joint's projection is outside the mask."""
+    """Returns the number of pixels by which each joint's projection is outside the mask."""
     camera_from_world = np.linalg.inv(tracker.world_from_camera)
     camera = joints @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
     uv = np.round(project(camera, frame.intrinsics)).astype(int)
@@ -59,7 +63,7 @@ def pixels_outside(frame: DepthFrame, tracker: Tracker, joints: np.ndarray, mask
 
 
 def test_arms_are_found_at_first_sight():
-    """Eight single frames: head, shoulders and elbows are on the person in all, the wrists in most."""
+    """In eight single frames, head, shoulders and elbows are on the person in all, the wrists in most."""
     files = sorted((DATA / "depth" / "skeltrack_kinect1").glob("*.u16"))
     wrists = []
     for path in files:
@@ -75,7 +79,9 @@ def test_arms_are_found_at_first_sight():
 
 
 def test_still_seated_person_before_a_realsense_stays():
-    """Two single frames of a room with many holes, a second each: unknown background did not move."""
+    """Two single frames of a room with many holes are repeated for a second each. Unknown background does not
+    move.
+    """
     folder = DATA / "depth" / "vcl3d_realsense_d415"
     if not folder.is_dir():
         pytest.skip(f"{folder} is not here")
@@ -95,7 +101,9 @@ def test_still_seated_person_before_a_realsense_stays():
     ids=["at once", "in a fifth of a second"],
 )
 def test_two_with_raised_and_held_hands_are_two_and_never_less(settings, appear, start, way):
-    """Samples of another tracker: raised arms are not people, and joined hands hide neither person."""
+    """The depth is drawn from another tracker's samples. Raised arms are not people, and joined hands hide
+    neither person.
+    """
     path = DATA / "skeletons" / "js6450_kinect2_json" / "2people_raise-both-arms-MIN.json"
     if not path.exists():
         pytest.skip(f"{path} is not here")
@@ -109,7 +117,9 @@ def test_two_with_raised_and_held_hands_are_two_and_never_less(settings, appear,
 
 @pytest.mark.parametrize("start", [0, 27, 51, 54])
 def test_single_person_before_unmeasured_hall_is_detected(start):
-    """Only the person has depth: a fringe of it learnt as background must not predict the rest."""
+    """Only the person has depth. A fringe that was learnt as background must not predict the rest of the
+    background.
+    """
     path = DATA / "skeletons" / "js6450_kinect2_json" / "1person_lift-both-legs-separate-MIN.json"
     if not path.exists():
         pytest.skip(f"{path} is not here")
@@ -119,7 +129,7 @@ def test_single_person_before_unmeasured_hall_is_detected(start):
 
 
 def test_turning_person_is_tracked_all_round():
-    """One hundred frames of a turn of about 345 degrees, upper body only, in front of a wall."""
+    """One hundred frames show a turn of about 345 degrees, upper body only, in front of a wall."""
     frames = frames_of("depth/uva_cv2_person_turn")
     tracker, yaws, inside = Tracker(), [], []
     for i, frame in enumerate(frames):
@@ -142,7 +152,7 @@ def test_turning_person_is_tracked_all_round():
 
 
 def test_driven_through_to_poses():
-    """The real recording moves the chair: finite poses, and the chair follows the head."""
+    """The real recording moves the chair. Its poses are finite, and the chair follows the head."""
     from enliven_edge.stage.character_setup import create_actor
     from enliven_edge.stage.stage import Stage
 

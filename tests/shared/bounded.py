@@ -1,4 +1,6 @@
-"""A test's bounds: what takes more memory or more time than these fails, and takes nothing down with it."""
+"""Limits memory and time of a block of test code. Exceeding a limit fails the test without crashing the
+process.
+"""
 
 from __future__ import annotations
 
@@ -10,15 +12,17 @@ from typing import Any
 
 
 class TooSlow(BaseException):
-    """No Exception, so that no reader takes it for damage."""
+    """Raised at a timeout. It is no ``Exception``, so that file readers do not handle it as a damaged
+    file.
+    """
 
 
 @contextmanager
 def bounded(megabytes: int = 512, seconds: float = 60) -> Iterator[None]:
     """Limits the additional memory of the process, and the time of the main thread.
 
-    A MemoryError is raised if more memory is requested, and :class:`TooSlow` when the time is over, even if
-    the code under test swallowed it.
+    A MemoryError is raised if more memory is requested. :class:`TooSlow` is raised after the timeout, even if
+    the code under test has caught it before.
     """
     fired = []
 
@@ -29,7 +33,7 @@ def bounded(megabytes: int = 512, seconds: float = 60) -> Iterator[None]:
     before = signal.signal(signal.SIGALRM, stop)
     soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
     resource.setrlimit(resource.RLIMIT_DATA, (_data_bytes() + megabytes * 2**20, hard))
-    # Again and again: a library may swallow the first, and wait for the next pipe.
+    # The timer repeats because a library may catch the first exception and continue to wait.
     signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
     try:
         yield
@@ -42,6 +46,6 @@ def bounded(megabytes: int = 512, seconds: float = 60) -> Iterator[None]:
 
 
 def _data_bytes() -> int:
-    """Bytes of private memory that the process has now, as RLIMIT_DATA counts them."""
+    """Returns the bytes of private memory of the process, as RLIMIT_DATA counts them."""
     with open("/proc/self/status", encoding="ascii") as file:
         return next(int(line.split()[1]) for line in file if line.startswith("VmData:")) * 1024

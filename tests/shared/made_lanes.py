@@ -1,4 +1,4 @@
-"""Time maps of layers at random: offsets, speeds, and segments with gaps and overlaps."""
+"""Draws random time maps of layers: offsets, speeds, and segments with gaps and overlaps."""
 
 from dataclasses import replace
 
@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 
 from enliven.document.time_map import Segment, TimeMap
 
-# Sixteenths are exact in binary: the twin's fractions and the formula's floats must not differ by rounding.
+# Sixteenths are exact in binary, so the reference's fractions and the formula's floats do not differ by
+# rounding.
 sixteenths = st.integers(-160, 160).map(lambda n: n / 16)
 maps = st.builds(
     TimeMap,
@@ -19,7 +20,7 @@ lengths = st.integers(1, 64).map(lambda n: n / 16)
 
 @st.composite
 def lanes(draw):
-    """A time map with some segments, with gaps and overlaps, which holds or does not."""
+    """Draws a time map with segments that have gaps and overlaps. It may or may not hold the last frame."""
     segments, end = [], 0.0
     for number in range(draw(st.integers(0, 4))):
         begin = max(end + draw(st.integers(-8, 8)) / 16, 0.0) if number else 0.0

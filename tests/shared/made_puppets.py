@@ -1,4 +1,4 @@
-"""A bean that stands upright, a performer with hands and a head, and examples of the one for the other."""
+"""An upright bean, a performer with hands and a head, and examples that map the performer to the bean."""
 
 import numpy as np
 
@@ -13,7 +13,9 @@ NAMES = ("hips", "head", "left", "right")
 
 
 def tube(rings=20, around=12, height=1.0, radius=0.15):
-    """A closed tube with round ends on y = 0; the lowest vertex is the first, the highest the last."""
+    """Returns a closed tube with round ends on y = 0. The lowest vertex is the first, the highest the
+    last.
+    """
     angles = np.linspace(0, 2 * np.pi, around, endpoint=False)
     lean = np.linspace(0, np.pi, rings + 2)[1:-1]
     y = height / 2 * (1 - np.cos(lean))
@@ -44,7 +46,7 @@ def take(frames=25, step=0.1, seed=0):
 
 
 def points_of(mesh):
-    """Its foot, its top and its two sides."""
+    """Returns the control points: the foot, the top and both sides."""
     middle = np.abs(mesh.vertices[:, 1] - 0.6)
     sides = [int(np.argmin(middle - 2 * s * mesh.vertices[:, 0])) for s in (1, -1)]
     return (
@@ -56,7 +58,7 @@ def points_of(mesh):
 
 
 def puppet(name="bean", mesh=None, layers=(PuppetLayer("dance", travel=False),), **changes):
-    """It bends to both sides and is squashed, at three moments of the dance."""
+    """Returns a puppet that bends to both sides and is squashed, at three moments of the dance."""
     mesh = tube() if mesh is None else mesh
     points = points_of(mesh)
     rest = mesh.vertices[[point.vertex for point in points]]
@@ -69,5 +71,5 @@ def puppet(name="bean", mesh=None, layers=(PuppetLayer("dance", travel=False),),
 
 
 def project(**changes):
-    """A project with the bean and its take."""
+    """Returns a project with the bean and its take."""
     return Project().with_takes(take()).with_characters(puppet(**changes))

@@ -1,4 +1,4 @@
-"""The camera: projection and its inverse, mountings, and calibrations that cannot be."""
+"""Tests of the camera: projection and its inverse, mountings, and invalid calibrations."""
 
 import numpy as np
 import pytest
@@ -24,12 +24,12 @@ def test_projecting_undoes_unprojecting(lens, millimetres):
 
 
 @pytest.mark.parametrize("fx", [0.0, -5.0, float("nan"), float("inf")])
-def test_a_focal_length_that_cannot_be(fx):
+def test_impossible_focal_length_is_refused(fx):
     with pytest.raises(InputError, match="focal length"):
         Intrinsics(640, 480, fx, 500.0, 320.0, 240.0)
 
 
-def test_a_size_that_cannot_be():
+def test_impossible_size_is_refused():
     with pytest.raises(InputError, match="image size"):
         Intrinsics(0, 480, 500.0, 500.0, 320.0, 240.0)
 

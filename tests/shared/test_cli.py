@@ -1,4 +1,4 @@
-"""The command line: exit codes that mean something, and never a traceback."""
+"""Tests of the command line: meaningful exit codes, and never a traceback."""
 
 import json
 import logging
@@ -26,7 +26,7 @@ def test_help_lists_the_commands_of_every_package():
         assert f"\n  {name} " in shown.stdout
 
 
-def test_wrong_usage_is_2():
+def test_wrong_usage_exits_with_2():
     asked = enliven("edge", "--no-such-option")
     assert asked.returncode == 2
     assert "Traceback" not in asked.stderr
@@ -36,7 +36,7 @@ def test_wrong_usage_is_2():
     ("error", "code"),
     [(InputError("a"), 3), (ResourceError("b"), 4), (KeyboardInterrupt(), 130), (ValueError("c"), 1)],
 )
-def test_exit_codes(monkeypatch, capsys, error, code):
+def test_errors_have_their_exit_codes(monkeypatch, capsys, error, code):
     def application():
         def command(*arguments, **options):
             raise error
@@ -79,7 +79,7 @@ def test_every_missing_item_has_a_fix():
         assert check.ok or check.remedy, check.name
 
 
-def test_json_lines():
+def test_log_is_written_as_json_lines():
     record = logging.makeLogRecord(
         {"name": "enliven", "levelname": "INFO", "msg": "a %s", "args": ("b",), "port": 3}
     )
@@ -105,13 +105,13 @@ def test_a_cut_recording_is_read_with_one_sentence(tmp_path):
 
 
 def test_processes_end_together():
-    """The one that leads ends at once with 0; the other would run for ever."""
+    """The leading program ends at once with 0. The other one would run for ever."""
     follower = Process("follower", ["doctor", "--json"])
     assert run_together([follower, Process("leader", ["--version"], leads=True)]) == 0
 
 
 def test_a_failing_process_ends_the_run(tmp_path):
-    """The leader would replay for minutes; the other fails, and with it the run."""
+    """The leading program would replay for minutes. The other one fails and ends the run."""
     ports = ["--port", "0", "--control-port", "0", "--name", "leader"]
     leader = Process("leader", ["edge", "--loop", *ports], leads=True)
     assert run_together([leader, Process("failing", ["run", "--recording", "nowhere.mcap"])]) == 3

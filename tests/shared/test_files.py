@@ -118,7 +118,7 @@ def test_a_file_of_another_user_keeps_its_owner_or_is_left_alone(tmp_path, mode)
     path = tmp_path / "a.enliven"
     path.write_bytes(b"before")
     path.chmod(mode)
-    command = [sys.executable, "-c", SOMEBODY]  # in the folder: those above it are closed to others
+    command = [sys.executable, "-c", SOMEBODY]  # in the folder, because parent folders are closed to others
     result = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
     assert not result.stderr and (path.stat().st_uid, stat.S_IMODE(path.stat().st_mode)) == (0, mode)
     if mode == 0o666:
@@ -130,7 +130,7 @@ def test_a_file_of_another_user_keeps_its_owner_or_is_left_alone(tmp_path, mode)
 
 @posix
 def test_nobody_can_plant_the_file_that_is_written_first(tmp_path, monkeypatch):
-    """Neither the name of earlier versions, nor any name: a guessed one is passed over."""
+    """A guessed name is skipped, both in the scheme of earlier versions and in the current one."""
     path, other = tmp_path / "a.enliven", tmp_path / "precious"
     other.write_bytes(b"precious")
     (tmp_path / ".a.enliven.part").symlink_to(other)

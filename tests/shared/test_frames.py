@@ -1,4 +1,4 @@
-"""Bodies and characters: what their arrays must be."""
+"""Tests of bodies and characters: the required shapes and values of their arrays."""
 
 import numpy as np
 import pytest
@@ -55,7 +55,7 @@ def made(**changes) -> Character:
         ({"skin": SkinWeights(np.zeros((2, 4), np.uint16), np.ones((2, 4), np.float32))}, "skin weights are"),
     ],
 )
-def test_a_character_that_contradicts_itself(changes, message):
+def test_inconsistent_character_is_refused(changes, message):
     with pytest.raises(InputError, match=message):
         made(**changes)
 

@@ -1,4 +1,4 @@
-"""States of health: their order, and their way over the wire."""
+"""Tests of health states: their order, and their encoding on the wire."""
 
 from hypothesis import given
 from hypothesis import strategies as st

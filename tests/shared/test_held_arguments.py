@@ -1,4 +1,6 @@
-"""Held arguments: kernels see the very arrays that were held, and let them go with the pointer."""
+"""Tests of held kernel arguments: kernels use the held arrays themselves, which are released with the
+pointer.
+"""
 
 import weakref
 from collections import namedtuple
@@ -15,7 +17,7 @@ Both = namedtuple("Both", "first second count")
 
 @njit()
 def write(held, at):
-    """Write into the first room what the second has there, scaled."""
+    """Writes the scaled value of the second array at an index into the first array."""
     both = held.values
     both.first.numbers[at] = both.second.scale * both.second.numbers[at]
     return both.count

@@ -1,4 +1,6 @@
-"""Models that strangers made, and the files that they name: one door, and no number taken at its word."""
+"""Tests of models from untrusted sources and the files to which they refer: all are read by one checked
+function.
+"""
 
 import base64
 import io
@@ -33,7 +35,7 @@ READERS = [read_gltf, load_mesh]
 
 
 def written(path, uri=INLINE, **changes):
-    """A glTF of one triangle; ``changes`` take the place of its entries."""
+    """Writes a glTF of one triangle. ``changes`` replace its entries."""
     document = {**TRIANGLE, "buffers": [{"byteLength": len(DATA), "uri": uri}], **changes}
     path.write_text(json.dumps(document))
     return path
@@ -88,7 +90,7 @@ def test_files_elsewhere_are_not_read(folder, read, uri, words):
     assert str(path) in caught.value.where and caught.value.exit_code == 3
 
 
-def test_all_that_a_file_names_together_is_bounded(tmp_path):
+def test_total_size_of_referenced_files_is_bounded(tmp_path):
     (tmp_path / "a").write_bytes(bytes(60))
     beside = ReferencedFiles(tmp_path / "model.obj", max_bytes=100)
     assert len(beside.file("a")) == 60
@@ -97,7 +99,7 @@ def test_all_that_a_file_names_together_is_bounded(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["pipe.bin", "zero.bin", "../secret.bin"])
-def test_the_materials_and_textures_of_an_obj_go_through_the_same_door(folder, name):
+def test_materials_and_textures_of_an_obj_are_checked(folder, name):
     path = folder / "a.obj"
     body = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n"
     path.write_text(f"mtllib {name}\n{body}")

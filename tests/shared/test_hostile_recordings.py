@@ -1,4 +1,6 @@
-"""Recordings and projects that strangers made: refused in a sentence, at no gigabytes and no minutes."""
+"""Tests that recordings and projects from untrusted sources are refused in a sentence, in bounded memory and
+time.
+"""
 
 import io
 import os
@@ -23,12 +25,12 @@ from enliven.recording import Recorder, Recording
 from enliven.recording.messages import unpack_bodies
 
 FOOTER = 37
-"""Bytes from the footer's record to the end of an MCAP file."""
+"""Number of bytes from the footer record to the end of an MCAP file."""
 
 
 @pytest.fixture
 def seed(tmp_path):
-    """The bytes of a small honest recording."""
+    """Returns the bytes of a small valid recording."""
     path = tmp_path / "seed.mcap"
     with Recorder(path) as recorder:
         recorder.write_frame(BodyFrame([Body(0, np.zeros((J, 3)), np.ones(J))], 5, "seed"))
@@ -36,7 +38,7 @@ def seed(tmp_path):
 
 
 def chunk(content: bytes) -> bytes:
-    """A chunk record with its checksum right."""
+    """Returns a chunk record with a correct checksum."""
     return packed_chunk(zstandard.ZstdCompressor().compress(content), len(content), zlib.crc32(content))
 
 
@@ -46,12 +48,12 @@ def packed_chunk(packed: bytes, size: int, crc: int) -> bytes:
 
 
 def header(seed: bytes) -> bytes:
-    """The magic and the header record of a recording."""
+    """Returns the magic bytes and the header record of a recording."""
     return seed[: 17 + struct.unpack_from("<Q", seed, 9)[0]]
 
 
 def drained(path) -> int:
-    """How many messages a recording yields, of all topics."""
+    """Returns the number of messages in a recording, over all topics."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         recording = Recording(path)
@@ -71,7 +73,7 @@ def test_a_gigabyte_in_32_kilobytes_is_refused(tmp_path, seed):
 
 def test_a_flood_of_records_in_a_few_bytes_is_refused(tmp_path, seed):
     path = tmp_path / "flood.mcap"
-    # Records of a kind that is not known, and of no bytes: 9 bytes each.
+    # Records of an unknown kind without content have 9 bytes each.
     path.write_bytes(header(seed) + chunk(struct.pack("<BQ", 0x80, 0) * 7000) * 3)
     with bounded(), pytest.raises(InputError, match="records in 63000 bytes"):
         drained(path)
@@ -111,7 +113,7 @@ def test_a_message_nested_without_end_is_refused():
 
 
 def test_long_recording_of_covered_sensor_is_read(tmp_path):
-    """The most alike that an honest recording is: nothing but the time changes."""
+    """This is the most repetitive valid recording: only the time changes."""
     path = tmp_path / "covered.mcap"
     with Recorder(path, sync_seconds=1e9) as recorder:
         for number in range(20_000):
@@ -145,7 +147,7 @@ def test_an_entry_that_lies_about_its_size_is_read_no_further(tmp_path):
 
 
 def npy(shape: str, kind: str = "<f8") -> bytes:
-    """An .npy file of 128 bytes."""
+    """Returns an .npy file of 128 bytes."""
     head = f"{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}".ljust(117) + "\n"
     return b"\x93NUMPY\x01\x00" + struct.pack("<H", 118) + head.encode()
 

@@ -1,4 +1,6 @@
-"""Motions, settings and plain meshes that strangers made: refused in a sentence, whatever their heads say."""
+"""Tests that motions, settings and meshes from untrusted sources are refused in a sentence, whatever their
+headers state.
+"""
 
 import struct
 
@@ -23,7 +25,7 @@ def read_settings(path):
 
 
 def nested_bvh(count: int) -> str:
-    """Joints each in the one before; the root turns about X."""
+    """Returns nested joints, each the child of the previous one. The root rotates about X."""
     root = "ROOT r\n{\nOFFSET 0 1 0\nCHANNELS 1 Xrotation\n"
     joints = "".join(f"JOINT j{k}\n{{\nOFFSET 0 1 0\nCHANNELS 0\n" for k in range(count - 1))
     return f"HIERARCHY\n{root}{joints}" + "}\n" * count + "MOTION\nFrames: 1\nFrame Time: 0.01\n0\n"
@@ -114,7 +116,7 @@ def test_settings_of_a_gigabyte_are_refused(tmp_path):
     ],
     ids=["stl", "short stl", "off", "mesh", "ply", "ply properties", "obj", "pcd", "pcd count"],
 )
-def test_the_head_of_a_mesh_is_not_taken_at_its_word(tmp_path, name, data, words):
+def test_counts_in_a_mesh_header_are_checked(tmp_path, name, data, words):
     path = tmp_path / name
     path.write_bytes(data)
     with bounded(300, 20), pytest.raises(InputError, match=words):

@@ -1,4 +1,4 @@
-"""6x6 blocks in vector registers against NumPy."""
+"""Tests of 6x6 blocks in vector registers against NumPy."""
 
 import numpy as np
 from hypothesis import given, settings
@@ -43,7 +43,7 @@ def lengthened(short, at, out):
 
 
 def in_rows(matrix):
-    """(48,) a 6x6 matrix in rows of eight."""
+    """Returns (48,) a 6x6 matrix in rows of eight."""
     block = np.zeros((6, 8), np.float32)
     block[:, :6] = matrix
     return block.ravel()

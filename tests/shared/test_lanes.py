@@ -1,4 +1,4 @@
-"""Vector registers against NumPy."""
+"""Tests of vector registers against NumPy."""
 
 import numpy as np
 import pytest
@@ -47,7 +47,7 @@ def everything8(x, out, scalar):
 
 @njit
 def summed(x):
-    """A register that lives through a loop."""
+    """Sums a register in a loop."""
     total = splat4(0.0)
     for i in range(0, x.shape[0], 4):
         total = total + load4(x, i)
@@ -149,7 +149,7 @@ def test_single_precision_is_widened():
 
 
 def test_numbers_of_another_kind_are_refused():
-    """Read as the other kind they would be nonsense, or lie beyond the array."""
+    """Read as another type, the numbers would be meaningless or beyond the end of the array."""
     with pytest.raises(TypingError, match="widened4"):
         widened(np.zeros(8), np.zeros(4))
     with pytest.raises(TypingError, match="load"):

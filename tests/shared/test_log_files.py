@@ -1,4 +1,4 @@
-"""Tests of log files: bounded size, limited repetition, options anywhere on the command line."""
+"""Tests of log files: bounded size, limited repetition, and options at any position of the command line."""
 
 import json
 import logging

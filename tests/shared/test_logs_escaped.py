@@ -1,4 +1,4 @@
-"""Text from outside is escaped before it is logged, printed or shown."""
+"""Tests that text from outside is escaped before it is logged, printed or shown."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ EVIL = {
     "surrogate": "a\ud800b",
     "tag": "a\U000e0041b",
 }
-"""Names that a stranger may give a character."""
+"""Names that an attacker may give a character."""
 GOOD = ["chair", "Stühlchen", "椅子", "کرسی\u200cها", "👩\u200d🚀", "a b", "50 % (\u00b5m)", "back\\slash"]
 
 
 def is_safe(text: str) -> bool:
-    """Whether a terminal shows every character of a text as itself, on one line."""
+    """Returns True if a terminal shows every character of a text literally, on one line."""
     kinds = {unicodedata.category(letter) for letter in text if letter not in "\u200c\u200d"}
     return not kinds & {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
 

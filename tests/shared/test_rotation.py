@@ -1,4 +1,4 @@
-"""Laws of rotations over any batch shape; the nearest rotation against the singular values."""
+"""Tests of rotations for any batch shape, and of the nearest rotation against the SVD."""
 
 import numpy as np
 import pytest
@@ -94,7 +94,7 @@ def test_swing_between_nearly_opposite_vectors(gap):
 
 
 def svd_nearest(matrices):
-    """The slow way: U diag(1, 1, det(U Vᵀ)) Vᵀ."""
+    """Returns the nearest rotations by the SVD: U diag(1, 1, det(U Vᵀ)) Vᵀ."""
     u, _, v = np.linalg.svd(matrices)
     u[..., 2] *= np.linalg.det(u @ v)[..., None]
     return u @ v

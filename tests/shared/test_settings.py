@@ -1,4 +1,4 @@
-"""Settings: defaults, overrides, and messages that name the nearest known key."""
+"""Tests of settings: defaults, overrides, and messages that name the nearest known key."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -55,7 +55,7 @@ def test_invalid_setting_is_reported(values, message):
         load_settings(Camera, values, where="camera.toml")
 
 
-def test_files(tmp_path):
+def test_settings_files_are_read(tmp_path):
     path = tmp_path / "edge.toml"
     with pytest.raises(InputError, match="no such file"):
         load_settings(EdgeSettings, path)

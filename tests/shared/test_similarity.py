@@ -1,4 +1,4 @@
-"""Laws of fitted similarity transforms."""
+"""Tests of fitting similarity transforms."""
 
 from __future__ import annotations
 

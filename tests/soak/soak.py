@@ -1,4 +1,4 @@
-"""A day of an exhibition in less than an hour, with faults: `make soak MINUTES=5 SEED=1`.
+"""Simulates a day of an exhibition with faults in less than an hour: `make soak MINUTES=5 SEED=1`.
 
 A real edge tracks a synthetic crowd, a real window shows it, and enliven's supervisor restarts both. Sensor
 faults, clock jumps, kills, a full disk, and hostile peers occur on a random schedule, which the seed
@@ -41,24 +41,31 @@ OUT = Path("out/soak")
 ROUND_S = 30.0
 """Seconds of the crowd's recording. It contains four visitors."""
 START_S = 600.0
-"""Maximum seconds until the first frame. The first start on a machine compiles kernels."""
+"""Timeout for the first frame, seconds. The first start on a machine compiles kernels."""
 MAX_SILENCE_S = 180.0
-"""Longest allowed time without a published frame, seconds. The supervisor ends an edge with a hanging sensor
-after 10 s. The start of an edge takes 5 s, or more than a minute on a machine with a load of 30."""
+"""Maximum time without a published frame, seconds.
+
+The supervisor ends an edge with a hanging sensor after 10 s. The start of an edge takes 5 s, or more than a
+minute on a machine with a load of 30.
+"""
 FULL_S = 8.0
 """Seconds for which the disk is full."""
 FAULT_S = (0.5, 4.0)
-"""Range of the seconds of a sensor's fault."""
+"""Range of the duration of a sensor's fault, seconds."""
 JUMP_S = 3600.0
-"""Size of the jumps of the sensor's clock, in seconds, forwards or backwards."""
+"""Size of the jumps of the sensor's clock, forwards or backwards, seconds."""
 VIEWER_SETTINGS = "[playback]\nminutes = 1.0\n"
-"""Settings of the window. It keeps the last minute instead of ten, so that its memory stops growing early."""
+"""Settings of the window. It keeps the last minute instead of ten minutes, so that its memory soon stops
+growing.
+"""
 PART_MINUTES = "1.0"
-"""Minutes of one file of the take. In one file, the long last life of an edge would fill the small disk."""
+"""Minutes per file of the take. As a single file, the take of the last edge process would fill the small
+disk.
+"""
 QUIET_S = 2.0
-"""Seconds without a frame after which the end of a soak is delayed, until frames are published again."""
+"""Seconds without a frame after which the end of a soak is delayed until frames are published again."""
 ENDS = (0, 130, -signal.SIGTERM)
-"""Exit codes of a program that SIGTERM ends: in its loop, or while it starts."""
+"""Exit codes of a program that SIGTERM ends, in its loop or while it starts."""
 TICK_S, SAMPLE_S, CLEAN_S = 0.02, 1.0, 60.0
 """Intervals: of reading, of measuring, and of removing old takes, seconds."""
 
@@ -130,7 +137,7 @@ class Soak:
 
     @property
     def _has_people(self) -> bool:
-        """True if the edge has published people."""
+        """Returns True if the edge has published people."""
         return bool(self.watch.counts.get("bodies"))
 
     def _run_schedule(self) -> None:
@@ -275,7 +282,9 @@ def display() -> Iterator[None]:
 
 @contextlib.contextmanager
 def environment(folder: Path) -> Iterator[None]:
-    """Installs the driver for the programs, and keeps keys and settings of this user away from them."""
+    """Returns environment variables: the soak's driver is installed, and the user's keys and settings are not
+    used.
+    """
     site = folder.resolve() / "site"
     soak_sensor.install(site)
     before = dict(os.environ)

@@ -1,4 +1,4 @@
-"""A synthetic crowd: visitors that enter, dance and leave, drawn once and kept as a recording."""
+"""Draws a synthetic crowd once and stores it as a recording: visitors that enter, dance and leave."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ RATE_HZ = 15.0
 WIDTH = 160
 """Width of a frame, pixels."""
 VISITORS_PER_ROUND = 4
-"""Visitors in each round of the recording."""
+"""Number of visitors in each round of the recording."""
 
 
 def draw_crowd(path: Path, seconds: float, seed: int) -> None:
-    """Writes the recording: four visitors enter and leave one after the other, at times two are there.
+    """Writes the recording: four visitors enter and leave one after another, and sometimes two are present.
 
     In the first and the last tenth, the room is empty.
     """
@@ -39,7 +39,7 @@ def draw_crowd(path: Path, seconds: float, seed: int) -> None:
 
 
 def _visitor(seed: int, exercise: str, x: float, present: tuple[float, float]) -> Appearance:
-    """Returns a visitor that moves while present, of another height each time."""
+    """Returns a visitor that moves while present. Each visitor has a different height."""
     performer = Performer(Proportions(height=1.55 + 0.1 * (seed % 4)))
     motion = DanceMotion(performer, get_exercise(exercise, seed))
     return Appearance(performer, motion, (x, -2.7), start=present[0], present=present)

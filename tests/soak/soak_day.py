@@ -1,8 +1,9 @@
-"""The day that a soak simulates: how often each event occurs, and a random schedule of them.
+"""The simulated day: how often each event occurs, and a random schedule of the events.
 
-A day is one of an exhibition with ten opening hours. The soak compresses it by its events: visitors come,
-viewers connect and programs fail as often as on such a day, with less time in between. The kind of event that
-is furthest behind determines the simulated hours. So a fault that was skipped is not counted as survived.
+It is a day of an exhibition with ten opening hours. The soak compresses it by its events: visitors come,
+viewers connect and programs fail as often as on such a day, with less time in between. The simulated hours
+are determined by the kind of event that is furthest behind. A fault that was skipped therefore does not count
+as survived.
 """
 
 from __future__ import annotations
@@ -29,16 +30,19 @@ PER_DAY = {
     "viewer killed": 3,
     "health page killed": 3,
 }
-"""Events of a day. One visitor comes every 90 s. The sensor has more than two faults an hour. Three kills of
-each program are more than any day should have."""
+"""Number of events per day.
+
+One visitor comes every 90 s. The sensor has more than two faults per hour. A real day should have fewer than
+three kills of each program.
+"""
 COUNTED = ("visitor in view",)
-"""Kinds that are counted, not scheduled: the sensor repeats its crowd."""
+"""Kinds that are counted instead of scheduled, because the sensor repeats its crowd."""
 RESTARTING = ("sensor hangs", "edge killed", "viewer killed", "health page killed")
 """Kinds that make the supervisor restart a program."""
 RESTARTING_SHARE = 0.4
-"""Share of a soak after which no program is restarted, so that the slope of its memory can be measured."""
+"""Fraction of a soak after which no program is restarted, so that the slope of its memory can be measured."""
 LAST_SHARE = 0.92
-"""Share of a soak after which no event begins, so that the last one can be seen to end."""
+"""Fraction of a soak after which no event begins, so that the last event ends in time."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,7 @@ def schedule(minutes: float, seed: int) -> list[Event]:
         if kind in COUNTED:
             continue
         count = max(1, round(per_day * minutes / MINUTES_PER_DAY))
-        # One event in each part of the time, so that chance does not leave long parts without.
+        # There is one event in each part of the time, so that chance leaves no long part without events.
         share = RESTARTING_SHARE if kind in RESTARTING else LAST_SHARE
         part = 60.0 * minutes * share / count
         events += [Event(part * (number + dice.random()), kind) for number in range(count)]

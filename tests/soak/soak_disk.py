@@ -1,4 +1,4 @@
-"""The disk of a soak's recordings: it can be filled and freed."""
+"""The disk for a soak's recordings, which can be filled and freed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class TakeDisk:
     Otherwise a full disk is imitated by a limit of the file size of the edge's process.
 
     Attributes:
-        kind: which of the two it is, for the report.
+        kind: which of the two methods is used, for the report.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -35,7 +35,7 @@ class TakeDisk:
         self.kind = f"a tmpfs of {SIZE_MB} MB" if self._mounted else "a limit of the file size"
 
     def fill(self, pid: int) -> None:
-        """Leaves no room for the process."""
+        """Leaves the process no space to write."""
         if not self._mounted:
             self._limit(pid, 1 << 20)
             return
@@ -44,7 +44,7 @@ class TakeDisk:
                 filler.write(bytes(1 << 16))
 
     def free(self, pid: int) -> None:
-        """Makes room again, and removes old takes."""
+        """Makes space again and removes old takes."""
         if self._mounted:
             (self.folder / "filler").unlink(missing_ok=True)
         else:
@@ -52,7 +52,7 @@ class TakeDisk:
         self.remove_old_takes()
 
     def remove_old_takes(self) -> None:
-        """Removes all takes but the newest, like a person that copies them in the evening."""
+        """Removes all takes except the newest, like a person who moves them away in the evening."""
         takes = sorted(self.folder.glob("*.mcap"), key=lambda path: path.stat().st_mtime)
         for path in takes[:-1]:
             path.unlink()

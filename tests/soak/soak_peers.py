@@ -1,4 +1,6 @@
-"""Other programs on the network of a soak: viewers that come and go, slow ones, and hostile ones."""
+"""Other programs on the network of a soak: viewers that connect and disconnect, slow ones, and hostile
+ones.
+"""
 
 from __future__ import annotations
 
@@ -23,15 +25,15 @@ from enliven_viewer.link.edge_client import EdgeClient
 ATTACK_S = 8.0
 """Seconds of one attack."""
 ATTACK_RATE = 5000
-"""Items per second of an attack, limited so that the attack does not occupy the edge's processor."""
+"""Items per second of an attack. The limit prevents the attack from occupying the edge's processor."""
 STAY_S = (2.0, 15.0)
-"""Range of the seconds that a viewer stays."""
+"""Range of the time for which a viewer stays connected, seconds."""
 ANSWER_S = 20.0
-"""Seconds after which a request counts as unanswered, for example because the edge was killed meanwhile."""
+"""Time after which a request counts as unanswered, for example because the edge was killed, seconds."""
 
 
 class Watch:
-    """A subscriber that counts messages, and measures how long none came.
+    """A subscriber that counts messages and measures the silences between them.
 
     Attributes:
         counts: received messages by topic.
@@ -40,7 +42,7 @@ class Watch:
     """
 
     noted_s = 2.0
-    """Silences longer than this are kept, seconds. Kills and lost sensors cause longer ones."""
+    """Silences longer than this are stored, seconds. Kills and lost sensors cause longer ones."""
 
     def __init__(self, port: int) -> None:
         self._context = zmq.Context()
@@ -68,7 +70,7 @@ class Watch:
 
     @property
     def silent_s(self) -> float:
-        """Seconds since the last message of people."""
+        """Returns the seconds since the last message of people."""
         return time.monotonic() - self._last
 
     def close(self) -> None:
@@ -100,7 +102,9 @@ class Guests:
         self._waiting: dict[int, float] = {}
 
     def connect(self, stay_s: float, reads: bool) -> None:
-        """A viewer connects. One that does not read only opens the connection, and subscribes to all."""
+        """Connects a viewer. One that does not read only opens the connection and subscribes to
+        everything.
+        """
         end = time.monotonic() + stay_s
         if reads:
             self._clients.append((end, EdgeClient([self._address], "guest")))
@@ -112,7 +116,7 @@ class Guests:
             self._slow.append((end, slow))
 
     def upload(self) -> None:
-        """Puts a character on the stage, and removes it when it has arrived."""
+        """Uploads a character and removes it when it has arrived."""
         self._number += 1
         name, number = f"guest {self._number % 3}", self._expect()
 
@@ -125,7 +129,7 @@ class Guests:
         self._host.stage.put(self._project, "box", name=name, then=then)
 
     def possess(self) -> None:
-        """Releases the chair, and lets the person in view possess it again."""
+        """Releases the chair and lets the person in view possess it again."""
         for order in (Release("chair"), Possess("chair")):
             number = self._expect()
             self._host.ask(order, lambda answer, number=number: self._answer(number, answer))
@@ -136,7 +140,7 @@ class Guests:
         self._attacks.append(subprocess.Popen(command, stdout=subprocess.DEVNULL))
 
     def poll(self) -> None:
-        """Lets all viewers read, and ends those with no time left."""
+        """Lets all viewers read, and disconnects those whose time is over."""
         now = time.monotonic()
         self._host.poll()
         for end, client in list(self._clients):

@@ -1,4 +1,4 @@
-"""The programs of a soak: run by enliven's supervisor, killed by the soak, and measured."""
+"""The programs of a soak, which run under enliven's supervisor, are killed by the soak, and are measured."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FROZEN_CAUSE = "no progress"
 _SHELL = 'log="$1"; shift; exec "$@" >>"$log" 2>&1'
 """Shell command that replaces itself by a program, and sends its output to a file."""
 _MAX_END_S = 3.0 * TERMINATION_GRACE_S
-"""Maximum seconds to wait for the supervisor at the end. It kills programs after a third of this time."""
+"""Timeout for the supervisor at the end, seconds. It kills programs after a third of this time."""
 
 
 @dataclass
@@ -35,7 +35,7 @@ class Sample:
 
     Attributes:
         at_s: seconds after the start of the soak.
-        life: number of the process, from 1.
+        life: number of the program's process since the start of the soak, from 1.
         rss_mb: resident memory, MB.
         handles: open file descriptors.
         threads: number of threads.
@@ -52,14 +52,14 @@ class Sample:
 
 @dataclass
 class Program:
-    """One program, which the supervisor starts again whenever it ends.
+    """One program, which the supervisor restarts whenever it ends.
 
     Attributes:
         name: its name in the report.
-        arguments: its arguments of the ``enliven`` command line.
+        arguments: arguments of its ``enliven`` command line.
         service: its name for the supervisor. An edge also writes records with this name.
-        frozen_after_s: seconds without progress until it is restarted. None: it reports no progress.
-        ready: returns True when the next program can be started. None: at once.
+        frozen_after_s: seconds without progress until it is restarted, None if it reports no progress.
+        ready: returns True when the next program can be started, None to start it at once.
         expected_freezes: number of times that the soak has frozen it.
         samples: its measurements.
         restarts: (Unix time in seconds, cause) of each restart, from the supervisor's records.
@@ -83,15 +83,15 @@ class Program:
 
     @property
     def pid(self) -> int:
-        """The process id of the newest life. 0: it has not started."""
+        """Returns the process id of the newest process, 0 if it has not started."""
         return self._pid
 
     def kill(self) -> None:
-        """Kills the process as a power failure does. If it does not run, its next process is killed."""
+        """Kills the process like a power failure. If it does not run, its next process is killed."""
         self._is_kill_due = True
 
     def take_pid(self, pid: int) -> None:
-        """Stores the process id that the supervisor has recorded, and kills the process if that is due."""
+        """Stores the process id that the supervisor has recorded. Kills the process if a kill is pending."""
         if pid and pid != self._pid:
             self._life += 1
             self._pid = pid
@@ -103,7 +103,7 @@ class Program:
                 self._kills += 1
 
     def sample(self, at_s: float, frames: int) -> None:
-        """Measures the process, if it runs. ``frames`` is the number of published frames."""
+        """Measures the process if it runs. ``frames`` is the number of published frames."""
         proc = Path(f"/proc/{self._pid}")
         try:
             status = (proc / "status").read_text()
@@ -116,7 +116,7 @@ class Program:
 
     @property
     def unexpected_ends(self) -> list[str]:
-        """Causes of the restarts that the soak did not bring about."""
+        """Returns the causes of the restarts that the soak did not cause."""
         expected = {KILL_CAUSE: self._kills, FROZEN_CAUSE: self.expected_freezes}
         unexpected = []
         for _, cause in self.restarts:
@@ -128,11 +128,11 @@ class Program:
         return unexpected
 
     def log_path(self, folder: Path) -> Path:
-        """Returns the file of the output of all its lives."""
+        """Returns the log file that contains the output of all its processes."""
         return folder / f"{self.name.replace(' ', '-')}.log"
 
     def read_log(self, folder: Path) -> None:
-        """Keeps the errors among the new lines of the log."""
+        """Stores the errors among the new lines of the log."""
         with contextlib.suppress(FileNotFoundError), self.log_path(folder).open("rb") as file:
             file.seek(self._read_to)
             data = file.read()
@@ -146,8 +146,8 @@ class Program:
 class ProgramGroup:
     """Programs under one supervisor, in the order of their start.
 
-    The supervisor runs in a thread of the soak. The soak learns of processes and restarts from its records,
-    as the health page does.
+    The supervisor runs in a thread of the soak. Like the health page, the soak reads processes and restarts
+    from the supervisor's records.
 
     Args:
         programs: the programs.
@@ -166,7 +166,9 @@ class ProgramGroup:
 
     @property
     def is_over(self) -> bool:
-        """True if the supervisor has ended, because a program ended before the next one was started."""
+        """Returns True if the supervisor has ended, because a program ended before the next one was
+        started.
+        """
         return not self._thread.is_alive()
 
     def poll(self) -> None:
@@ -179,7 +181,7 @@ class ProgramGroup:
             program.read_log(self._folder)
 
     def end(self) -> Mapping[str, int]:
-        """Ends all programs as SIGTERM does. Returns the exit status of each process that ran, by name.
+        """Ends all programs by SIGTERM. Returns the exit status of each running process by name.
 
         Raises:
             SystemExit: if the supervisor does not end.
@@ -194,7 +196,7 @@ class ProgramGroup:
         return {names[service]: code for service, code in self._supervisor.exit_codes.items()}
 
     def _supervised(self, program: Program) -> child.Program:
-        """Returns a program for the supervisor."""
+        """Returns a program's description for the supervisor."""
         command = enliven_command([*program.arguments, "--log-json"])
         return child.Program(
             program.service,

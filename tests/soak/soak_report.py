@@ -12,29 +12,32 @@ import numpy as np
 from soak_programs import Program, Sample
 
 WARM_UP_S = 360.0
-"""Minimum number of seconds of each life of a program that are left out of the slope."""
+"""Minimum number of seconds of each process that are excluded from the slope."""
 WARM_UP_FRAMES = 10_000
-"""Minimum number of published frames of each life that are left out, too. An edge needs this number until it
-has used each kernel, buffer and cache once. Until then, its memory grows by 2 MB. A slow machine publishes
-fewer frames in :data:`WARM_UP_S`."""
+"""Minimum number of published frames of each process that are also excluded.
+
+After this number, an edge has used each kernel, buffer and cache at least once. Until then, its memory grows
+by 2 MB. A slow machine publishes fewer frames in :data:`WARM_UP_S`.
+"""
 MAX_CORRELATION = 0.95
 """Maximum correlation of neighbouring blocks that the error of a slope takes into account."""
 BLOCK_S = 10.0
 """Seconds of one block of samples."""
 SAMPLE_STEP = 5
-"""Every fifth sample is in report.json: time, life, memory, handles and threads, for a chart."""
+"""Every fifth sample is written to report.json: time, process, memory, handles and threads, for a chart."""
 MIN_BLOCKS = 12
-"""Minimum number of blocks of a life that counts."""
+"""Minimum number of blocks of a process that counts."""
 DAY_S = 86_400.0
-"""Seconds of a day without compression."""
+"""Seconds in an uncompressed day."""
 
 
 def slope(samples: Sequence[Sample], value: str) -> tuple[float, float] | None:
-    """Returns the slope of a measured value per second, and its standard error. None: too few samples.
+    """Returns the slope of a measured value per second and its standard error, None if there are too few
+    samples.
 
-    Each life of the program has a level of its own. The slope is common, by least squares. Memory grows in
-    steps, so the deviations of neighbouring blocks are alike. They then count as fewer independent ones,
-    as in a first-order autoregressive process.
+    Each process of the program has its own level. The slope is common, by least squares. Memory grows in
+    steps, so the deviations of neighbouring blocks are correlated. They then count as fewer independent
+    blocks, as in a first-order autoregressive process.
     """
     times, values = [], []
     for life in sorted({sample.life for sample in samples}):
@@ -92,7 +95,7 @@ def describe_program(program: Program, seconds_per_day: float, started_s: float)
 
 
 def _range(samples: Sequence[Sample], value: str) -> list[float]:
-    """Returns the smallest, the median and the largest value."""
+    """Returns the minimum, the median and the maximum of a value."""
     values = [getattr(sample, value) for sample in samples]
     return [round(float(each), 1) for each in (min(values), np.median(values), max(values))]
 
@@ -145,7 +148,9 @@ def _markdown(report: dict[str, Any]) -> str:
 
 
 def _with_error(program: Mapping[str, Any], key: str) -> str:
-    """Returns a slope with its standard error. ``key`` has a place for the word of the error."""
+    """Returns a slope with its standard error as text. ``key`` contains a placeholder for the word
+    "error".
+    """
     value = program[key.format("")]
     return "too short" if value is None else f"{value:g} ± {program[key.format('_error')]:g}"
 

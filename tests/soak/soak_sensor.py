@@ -1,6 +1,6 @@
 """A third-party driver that repeats the crowd for ever, with faults on command.
 
-It is installed as a package of its own (see ``install``), since the edge loads drivers by their entry point.
+It is installed as a separate package (see ``install``), because the edge loads drivers by their entry point.
 Commands are lines of a file, which the soak appends: ``{"kind": "lost", "seconds": 3}``.
 """
 
@@ -17,13 +17,13 @@ from enliven.recording import Recording
 from enliven_edge.sensors.base import Sensor
 
 FAULTS = ("lost", "frozen", "another size", "focal length nan", "out of order")
-"""Faults that a command can start. Each lasts for its seconds."""
+"""Faults that a command can start. Each lasts for the seconds in the command."""
 HANGS = "hangs"
-"""The command for a read that does not return for :data:`HANG_S`. The supervisor restarts the edge then."""
+"""The command for a read that hangs for :data:`HANG_S`. The supervisor then restarts the edge."""
 JUMP = "clock jump"
-"""The command that moves the sensor's clock by its seconds, for good."""
+"""The command that permanently shifts the sensor's clock by its seconds."""
 HANG_S = 30.0
-"""Seconds of a read that hangs, longer than the 10 s without progress that a supervisor allows."""
+"""Duration of a hanging read, longer than the 10 s without progress that a supervisor allows, seconds."""
 
 _frames: dict[str, list[DepthFrame]] = {}
 _state = {"number": 0, "jump_ns": 0, "read_to": 0, "until": 0.0}
@@ -31,9 +31,9 @@ _fault = ""
 
 
 class SoakSensor(Sensor):
-    """Delivers the frames of a recording in a loop, ``pace`` per second, with times that go on.
+    """Delivers the frames of a recording in a loop, ``pace`` per second, with increasing times.
 
-    All devices of a process share their place in the loop and their faults, as one camera does that is
+    All devices of a process share their position in the loop and their faults, like one camera that is
     unplugged and plugged in again.
     """
 
@@ -52,7 +52,7 @@ class SoakSensor(Sensor):
             raise OSError(19, "No such device")
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
-        """Returns the next frame, with the fault that is due."""
+        """Returns the next frame, with the current fault."""
         now = time.monotonic()
         time.sleep(max(0.0, min(self._due - now, 1.0)))
         self._due = max(self._due, now) + 1.0 / self._pace
@@ -88,7 +88,7 @@ class SoakSensor(Sensor):
         self.close()
 
     def _obey(self) -> None:
-        """Reads new commands, and ends a fault with no time left."""
+        """Reads new commands, and ends a fault whose time is over."""
         global _fault
         if time.monotonic() > _state["until"]:
             _fault = ""
@@ -108,7 +108,7 @@ class SoakSensor(Sensor):
 
 
 def install(site: Path) -> None:
-    """Installs this driver as a package in a folder, which must be in PYTHONPATH of the edge."""
+    """Installs this driver as a package in a folder, which must be in the PYTHONPATH of the edge."""
     about = site / "soak_sensor-1.0.dist-info"
     about.mkdir(parents=True, exist_ok=True)
     shutil.copy(__file__, site)

@@ -33,7 +33,7 @@ def test_short_schedule_has_every_kind_of_event():
 
 @pytest.mark.parametrize("minutes", [0.3, 5.0, 50.0])
 def test_programs_are_restarted_only_in_the_first_part(minutes):
-    """The rest is long enough to measure the slope of their memory."""
+    """The remaining time is long enough to measure the slope of their memory."""
     events = soak_day.schedule(minutes, 1)
     last_s = max(event.at_s for event in events if event.kind in soak_day.RESTARTING)
     assert last_s <= 60.0 * minutes * soak_day.RESTARTING_SHARE
@@ -48,7 +48,7 @@ def test_simulated_hours_are_those_of_the_event_that_is_furthest_behind():
 
 
 def test_slope_ignores_warm_up_and_restarts():
-    """Two lives that start at different levels and grow by 0.01 MB per second."""
+    """There are two processes that start at different levels and grow by 0.01 MB per second."""
     samples = [
         Sample(at, life, 100.0 * life + 0.01 * at + (500.0 if at - begin < 350 else 0.0), 9, 9, 30 * at)
         for life, begin in ((1, 0), (2, 700))
@@ -60,7 +60,7 @@ def test_slope_ignores_warm_up_and_restarts():
 
 
 def test_warm_up_of_a_slow_machine_is_not_over_after_some_minutes():
-    """The memory grows until 10,000 frames are published: at ten frames per second, after 1,000 s."""
+    """The memory grows until 10,000 frames are published, which takes 1,000 s at ten frames per second."""
     samples = [Sample(at, 1, min(0.002 * at, 2.0), 9, 9, 10 * at) for at in range(1500)]
     fitted, _ = soak_report.slope(samples, "rss_mb")
     assert fitted == pytest.approx(0.0, abs=1e-9)
@@ -68,7 +68,9 @@ def test_warm_up_of_a_slow_machine_is_not_over_after_some_minutes():
 
 
 def test_error_of_a_slope_covers_memory_that_wanders_without_growing():
-    """Memory changes in steps. The slope of 40 random walks around a level must be within three errors."""
+    """Memory changes in steps. The slopes of 40 random walks around a level must be within three errors of
+    zero.
+    """
     random = np.random.default_rng(1)
     shares = []
     for _ in range(40):
@@ -98,7 +100,7 @@ def test_errors_are_recognised_in_logs(line, counts):
 
 
 def test_only_kills_and_freezes_of_the_soak_are_expected():
-    """One kill and one freeze are the soak's own. A second one, and any other cause, is a fault."""
+    """One kill and one freeze were caused by the soak. A second one, or any other cause, is a fault."""
     program = soak_programs.Program("edge", [], "edge", expected_freezes=1)
     sleeper = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
     program.kill()
@@ -122,7 +124,7 @@ def test_short_soak_survives_every_event(tmp_path):
     assert report["published"]["bodies"] > 10
     for name in ("edge", "viewer", "health page"):
         reasons = [each["reason"] for each in report["programs"][name]["restarts"]]
-        # The hanging driver may last long enough for another restart. Any other cause is among the faults.
+        # The hanging driver may hang long enough for another restart. Any other cause is listed as a fault.
         assert reasons.count(soak_programs.KILL_CAUSE) == 1 and len(reasons) <= 2
         assert report["programs"][name]["lives"] == 1 + len(reasons)
     assert report["limited_by"] in (tmp_path / "report.md").read_text()

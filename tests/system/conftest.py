@@ -1,4 +1,4 @@
-"""A screen for the windows of complete programs."""
+"""Provides a screen for the windows of complete programs."""
 
 import os
 import shutil
@@ -10,7 +10,7 @@ import pytest
 
 @pytest.fixture
 def screen() -> Iterator[str]:
-    """Starts a screen without hooks of its own."""
+    """Starts a virtual screen for the tests of this folder."""
     if shutil.which("Xvfb") is None:
         pytest.skip("the windows need Xvfb")
     read, write = os.pipe()

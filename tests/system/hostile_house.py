@@ -1,4 +1,4 @@
-"""A real edge in the test's own process, and visitors that connect by raw sockets."""
+"""A real edge in the test's own process, and clients that connect by raw sockets."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class NoSensor(Sensor):
 
 
 class House:
-    """An edge that takes one step for each call of :meth:`frame`."""
+    """A real edge that runs one step in each call of :meth:`frame`."""
 
     def __init__(
         self, stage: StageSettings | None = None, rate: float = 10_000.0, access: Access | None = None
@@ -63,7 +63,7 @@ class House:
         self.visitors: list[Visitor] = []
 
     def frame(self) -> None:
-        """Runs one frame of the edge with the house's people in view."""
+        """Runs one frame of the edge with the current people in view."""
         self.time_ns += FRAME_NS
         self.edge.step(BodyFrame(self.people, self.time_ns, "given"))
         self.edge._poll_requests()
@@ -91,7 +91,7 @@ class House:
 
 
 class Visitor:
-    """A DEALER socket to the edge of a house."""
+    """A client of the edge: a DEALER socket."""
 
     def __init__(self, house: House, keys: ClientKeys | None = None) -> None:
         self.house, self.number = house, 0
@@ -102,7 +102,7 @@ class Visitor:
         self.socket.connect(house.outlet.publisher.endpoint.control_address)
 
     def ask(self, body: requests.Ask) -> requests.Answer:
-        """Sends a request, and runs the edge until it is answered."""
+        """Sends a request and runs the edge until it answers."""
         self.number += 1
         self.socket.send(pack_control(requests.Request(self.number, body)))
         self.house.until(lambda: self.socket.poll(0))
@@ -118,7 +118,9 @@ class Visitor:
         return order, self.ask(order)
 
     def put(self, name: str, revision: int = 1, data: bytes = BOX_DATA) -> requests.Answer:
-        """Announces and sends a character; returns Done once it is on the stage, else the refusal."""
+        """Announces and sends a character. Returns ``Done`` when it is on the stage, otherwise the
+        refusal.
+        """
         order, answer = self.announce(name, revision, data)
         while isinstance(answer, requests.Awaited):
             if answer.received < len(data):

@@ -1,7 +1,7 @@
-"""An edge program that replays a performer for ever, with a chair attached to the performer.
+"""An edge program that replays a performer in a loop, with a chair attached to the performer.
 
-Prints its ports (free ones, or the given ones), serves until SIGTERM, and then prints the processor time of
-the longest frame in milliseconds.
+It prints its ports (free ones, or the given ones) and serves until SIGTERM. Then it prints the processor time
+of the longest frame in milliseconds.
 """
 
 import logging

@@ -1,6 +1,6 @@
-"""An edge program, for tests that would take their own process down with it.
+"""An edge program in its own process, for tests that may crash it.
 
-Replays a small recording for ever, with one large character to fetch. Prints its ports, and serves until
+It replays a small recording in a loop and offers one large character. It prints its ports and serves until
 SIGTERM.
 """
 

@@ -1,7 +1,7 @@
 """Tests that unusable input gives a one-line error and an exit code, never a traceback or a hang.
 
-One file of each kind is given to the program as a process, including its start and end; the others to
-the same command line in this process, which costs a tenth.
+One file of each kind is given to a real process, which also covers its start and end. The others use the same
+command line within this process, which takes a tenth of the time.
 """
 
 import logging
@@ -41,7 +41,7 @@ def started(*arguments: str) -> subprocess.CompletedProcess:
 
 @pytest.fixture
 def enliven(capsys, caplog):
-    """Runs a command line in this process."""
+    """Returns a function that runs a command line in this process."""
 
     def run(*arguments: str) -> CommandResult:
         with caplog.at_level(logging.INFO):
@@ -70,7 +70,7 @@ OBJ = {
 
 
 @pytest.mark.parametrize("name", OBJ)
-def test_a_mesh_that_cannot_be_used(tmp_path, name, enliven):
+def test_unusable_mesh_is_reported(tmp_path, name, enliven):
     path = tmp_path / name
     path.write_text(OBJ[name])
     ask = started if name in AS_PROCESS else enliven
@@ -90,7 +90,7 @@ def test_a_mesh_that_cannot_be_used(tmp_path, name, enliven):
         ("cut.mcap", b"\x89MCAP0\r\n"),
     ],
 )
-def test_a_recording_that_cannot_be_used(tmp_path, name, content, enliven):
+def test_unusable_recording_is_reported(tmp_path, name, content, enliven):
     path = tmp_path / name
     if content is not None:
         path.write_bytes(content)
@@ -103,7 +103,9 @@ def test_a_recording_that_cannot_be_used(tmp_path, name, content, enliven):
 
 @pytest.mark.parametrize("value", [0, 65535, 2000])
 def test_frames_without_people_are_processed(tmp_path, value, enliven):
-    """Zeros, all 65535, a wall: the edge runs to the end without attaching a character."""
+    """For depth images of only 0, only 65535, or a wall, the edge runs to the end without attaching a
+    character.
+    """
     path = recorded(tmp_path / "nobody.mcap", lambda i: np.full((120, 160), value, np.uint16))
     ports = ["--port", "0", "--control-port", "0", "--name", f"nobody-{value}"]
     asked = enliven("edge", "--recording", str(path), "--speed", "0", "--possess-at", "0.1", *ports)
@@ -112,12 +114,12 @@ def test_frames_without_people_are_processed(tmp_path, value, enliven):
     assert "Traceback" not in asked.stderr
 
 
-def test_a_port_in_use(enliven):
+def test_port_in_use_is_reported(enliven):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        # Before anything is prepared, so that the missing mesh is not noticed yet.
+        # The edge checks the port before it reads the mesh, so the missing mesh is not reported.
         ports = ["--port", str(port), "--control-port", "0", "--name", "taken"]
         asked = enliven("edge", "--mesh", "none.obj", *ports)
     assert asked.returncode == 4, asked.stderr
@@ -126,7 +128,7 @@ def test_a_port_in_use(enliven):
 
 
 @pytest.mark.slow
-def test_two_edges_of_one_name(tmp_path, enliven):
+def test_second_edge_of_a_name_is_refused(tmp_path, enliven):
     path = recorded(tmp_path / "long.mcap", lambda i: np.zeros((120, 160), np.uint16), 900)
     ports = ["--port", "0", "--control-port", "0", "--name", "twin"]
     command = [sys.executable, "-m", "enliven", "edge", "--recording", str(path), *ports]
@@ -145,11 +147,11 @@ def test_two_edges_of_one_name(tmp_path, enliven):
 
 @pytest.mark.slow
 def test_edge_without_a_log_reader_continues_and_ends_well(tmp_path):
-    """The reader of its log disappears; only later messages are lost."""
+    """If the reader of its log disappears, the edge loses only later messages."""
     path = recorded(tmp_path / "short.mcap", lambda i: np.zeros((120, 160), np.uint16), 30)
     ports = ["--port", "0", "--control-port", "0", "--name", "unheard"]
     command = [sys.executable, "-m", "enliven", "edge", "--recording", str(path), *ports]
-    # Python keeps unwritten output unless told not to, and tries again at exit.
+    # By default, Python keeps unwritten output and tries to write it again at exit.
     usual = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=usual) as edge:
         try:
@@ -160,7 +162,7 @@ def test_edge_without_a_log_reader_continues_and_ends_well(tmp_path):
             edge.kill()
 
 
-def test_a_viewer_with_no_edge(tmp_path, enliven):
+def test_viewer_reports_missing_edge(tmp_path, enliven):
     settings = tmp_path / "viewer.toml"
     settings.write_text("[film]\npatience = 1.0\n")
     film = ["--film", str(tmp_path / "a.mp4"), "--settings", str(settings)]
@@ -170,7 +172,7 @@ def test_a_viewer_with_no_edge(tmp_path, enliven):
     assert "Traceback" not in asked.stderr
 
 
-def test_settings_with_a_misspelt_key(tmp_path, enliven):
+def test_misspelt_setting_is_reported(tmp_path, enliven):
     path = tmp_path / "edge.toml"
     path.write_text("[tracker]\nlost_aftr = 3\n")
     asked = enliven("edge", "--settings", str(path))

@@ -1,6 +1,6 @@
 """Tests of integrations/blender in a real Blender: import, live receiver, and conversion to FBX.
 
-They skip without Blender. `apt install blender python3-numpy` installs Debian's. ENLIVEN_BLENDER names
+They are skipped without Blender. `apt install blender python3-numpy` installs Debian's. ENLIVEN_BLENDER names
 another command that runs a script: "/opt/blender/blender -b --factory-startup -P", or a Python with bpy.
 """
 
@@ -35,7 +35,7 @@ pytestmark = [
 
 
 def blender(script: Path, *words) -> None:
-    """Runs a script in Blender with the system's Python, and not that of the tests."""
+    """Runs a script in Blender with the system's Python instead of that of the tests."""
     folders = [each for each in os.environ["PATH"].split(os.pathsep) if ".venv" not in each]
     environment = {"PATH": os.pathsep.join(folders), "HOME": os.environ.get("HOME", "/")}
     command = [*COMMAND, str(script), "--", *map(str, words)]
@@ -61,13 +61,13 @@ def exported(tmp_path_factory):
 
 
 def up_z(places) -> np.ndarray:
-    """Returns places in Blender's axes, from those of files with +Y up."""
+    """Returns positions in Blender's axes (+Z up), from those of files with +Y up."""
     places = np.asarray(places)
     return np.stack([places[..., 0], -places[..., 2], places[..., 1]], -1)
 
 
 class GlbTruth:
-    """The places of the nodes of a GLB file in each frame, by the rules of glTF alone."""
+    """The node positions of a GLB file in each frame, computed from the glTF specification alone."""
 
     def __init__(self, path: Path) -> None:
         data = path.read_bytes()
@@ -90,7 +90,7 @@ class GlbTruth:
         return np.frombuffer(self.binary, "<f4", accessor["count"] * width, start).reshape(-1, width)
 
     def places(self, frame: int | None) -> dict[str, np.ndarray]:
-        """Returns the place of each node with a name. None: at rest."""
+        """Returns the position of each named node in a frame, or at rest for None."""
         places, nodes = {}, self.document["nodes"]
 
         def walk(index: int, above: np.ndarray) -> None:
@@ -117,7 +117,9 @@ class GlbTruth:
 
 
 def joint_error(frames, truth: GlbTruth) -> float:
-    """Returns the largest distance of a joint from the file, in metres, over all frames."""
+    """Returns the largest distance in metres between a joint and its position in the file, over all
+    frames.
+    """
     worst = 0.0
     for number, frame in enumerate(frames):
         expected = truth.places(number)
@@ -191,7 +193,7 @@ def test_a_rig_follows_a_performer_live(exported, tmp_path):
             first, second = (body.joints[Joint[f"{joint}_{side.upper()}"]] for joint in joints)
             way = unit(heads[side + end] - heads[side + begin])
             assert np.allclose(way, up_z(unit(second - first)), atol=0.02), side + begin
-    # The left arm points to the front, which is -Y for a figure that does not turn. This one turns to +X.
+    # The left arm points to the front. That is -Y for a figure without rotation, but this one faces +X.
     arm = unit(heads["LeftForeArm"] - heads["LeftArm"])
     assert arm[1] < -0.5 and heads["LeftArm"] @ [1.0, 0.0, 0.0] > heads["RightArm"] @ [1.0, 0.0, 0.0]
     hips = up_z(body.joints[Joint.HIP_CENTER])

@@ -1,4 +1,4 @@
-"""Tests of integrations/cpp: the sample reads live poses with the numbers of a viewer in Python."""
+"""Tests that the C++ sample of integrations/cpp reads the same live poses as a viewer in Python."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def compile_cpp(*words: str, input: str | None = None) -> subprocess.CompletedPr
 
 
 def make_scenes() -> dict[str, tuple[Character, list[Pose]]]:
-    """Returns a character of each kind with three poses, one with names of its joints."""
+    """Returns a character of each kind with three poses each. One character has joint names."""
     rng = np.random.default_rng(11)
     characters = [web_vectors.make_character(kind, rng) for kind in web_vectors.KINDS]
     names = tuple(f"joint {j}" for j in range(len(characters[1].pivots)))
@@ -90,7 +90,7 @@ def read_output(path: Path) -> tuple[Numbers, dict[str, list[str]]]:
 
 
 def last_complete_pose(path: Path) -> np.ndarray:
-    """Returns the numbers of the newest pose that another one follows."""
+    """Returns the numbers of the newest complete pose. A pose is complete if another one follows it."""
     text = path.read_text()
     rows = text[: text.rindex("pose ")].rpartition("pose ")[2].splitlines()[1:]
     return np.array([row.split(" ")[:12] for row in rows], float)
@@ -99,7 +99,7 @@ def last_complete_pose(path: Path) -> np.ndarray:
 def read_in_python(
     stage: PublishedStage, scenes: Mapping[str, Sequence[Pose]], is_done: Callable[[], bool]
 ) -> Numbers:
-    """Returns the numbers of a viewer, which receives changing poses until a condition is true."""
+    """Returns the numbers that a viewer receives. Poses change until a condition is true."""
     numbers, turns = Numbers(), itertools.count()
     client = EdgeClient([stage.address], "python")
 
@@ -146,7 +146,7 @@ def test_sample_waits_for_an_edge_and_survives_its_restart(program: Path, tmp_pa
     output, ports = tmp_path / "poses", free_ports()
     with running(program, (ports[0], ports[1]), 10**6, output) as process:
         for character, poses in [*make_scenes().values()][:2]:
-            # Both edges have the same revision, but another character with the same name.
+            # Both edges use the same revision number and character name, but the characters differ.
             shown = replace(character, id="actor"), replace(poses[2], character="actor")
             edge = PublishedStage(f"cpp-{uuid.uuid4().hex[:8]}", {"actor": shown}, ports=(ports[0], ports[1]))
             with edge:

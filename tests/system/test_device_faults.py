@@ -1,4 +1,6 @@
-"""Tests that a failing card, a lost network drive and a full disk are reported with path and advice."""
+"""Tests that a failing memory card, a lost network drive and a full disk are reported with path and
+advice.
+"""
 
 import errno
 import os
@@ -29,7 +31,9 @@ def hook(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(hook: Path, path: Path, number: int, first: int, *words: str | Path) -> tuple[int, str]:
-    """Runs enliven while reads of a file fail from a byte on; returns exit code and messages."""
+    """Runs enliven while reads of a file fail from byte ``first`` on. Returns the exit code and the
+    messages.
+    """
     faults = {"FAULT_READ": path.name, "FAULT_FROM": str(first), "FAULT_ERRNO": str(number)}
     command = [sys.executable, "-m", "enliven", *map(str, words)]
     shown = subprocess.run(
@@ -92,8 +96,8 @@ def test_reads_name_the_file_and_not_its_descriptor(tmp_path) -> None:
         assert file.name == str(tmp_path / "a.txt") and file.read() == b"text"
 
 
-def test_a_part_that_unpacks_to_a_flood_names_its_file(monkeypatch) -> None:
-    """The message used to name the file "3", its descriptor."""
+def test_error_of_a_decompression_bomb_names_the_file(monkeypatch) -> None:
+    """The error names the file, not its descriptor ("3")."""
     monkeypatch.setattr("enliven.recording.chunks._MAX_COMPRESSION_RATIO", 0)
     monkeypatch.setattr("enliven.recording.chunks._MIN_CHUNK_BYTE_LIMIT", 10)
     with pytest.raises(InputError, match=rf"^{CHAIR}, byte \d+: a part of \d+ bytes states"):

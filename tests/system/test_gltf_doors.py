@@ -1,4 +1,4 @@
-"""Tests that every entry point shows the same surface for a glTF file, since all use one reader."""
+"""Tests that every entry point shows the same surface for a glTF file, because all share one reader."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def test_every_entry_point_shows_the_readers_mesh(tmp_path, door):
         if name == "flat_matrix":  # some entry points drop coincident faces
             continue
         path = build().write(tmp_path / f"{name}{SUFFIXES[number % 2]}")
-        is_still = name.startswith(("mirrored", "scaled")) and door in STILL  # otherwise their clips do that
+        is_still = name.startswith(("mirrored", "scaled")) and door in STILL  # otherwise the clips do
         mesh = load_mesh(path).mesh if is_still else read_gltf(path).shape.mesh
         shown = measures(DOORS[door](path))
         np.testing.assert_allclose(shown, measures((mesh.vertices, mesh.faces)), rtol=2e-3, err_msg=name)

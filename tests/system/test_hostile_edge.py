@@ -30,7 +30,9 @@ NOISE = os.urandom(250_000)
 
 
 class HostileEdge:
-    """Raw sockets in place of an edge: sends each viewer a list of characters, and then anything."""
+    """Raw sockets in place of an edge. It sends each viewer a list of characters, and then arbitrary
+    messages.
+    """
 
     def __init__(self) -> None:
         self.context = make_context()
@@ -77,7 +79,7 @@ def edge() -> Iterator[HostileEdge]:
 
 
 def held_bytes(edge: HostileEdge) -> int:
-    """Returns the bytes that the viewer counts for everything it keeps."""
+    """Returns the number of bytes that the viewer counts for all data it stores."""
     own = edge.link.edges[0]
     kept = [*own.inbox.values(), *own.latest.values(), own._waiting, own._unsure]
     return sum(each.bytes for each in kept)
@@ -123,7 +125,7 @@ def test_poses_of_noise_that_wait_for_their_character_are_bounded(edge: HostileE
     assert edge_connection._MAX_UNREAD_BYTES / 2 < held_bytes(edge) < 1.2 * edge_connection._MAX_UNREAD_BYTES
 
 
-def test_pieces_of_a_scan_without_end_are_bounded(edge: HostileEdge, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_memory_of_an_endless_scan_is_bounded(edge: HostileEdge, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("_MAX_STORED_BYTES", "_MAX_NEWEST_BYTES"):
         monkeypatch.setattr(edge_connection, name, 1_000_000)
     for number in range(200):
@@ -134,9 +136,7 @@ def test_pieces_of_a_scan_without_end_are_bounded(edge: HostileEdge, monkeypatch
     assert 0 < len(edge.link.take(topics.SCAN_PIECE)) < 60 and held_bytes(edge) < 1_100_000
 
 
-def test_replies_to_nothing_are_not_decoded_and_end_the_connection(
-    edge: HostileEdge, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unrequested_replies_end_the_connection(edge: HostileEdge, monkeypatch: pytest.MonkeyPatch) -> None:
     decoded: list[int] = []
     real = link_requests.unpack_control
     monkeypatch.setattr(
@@ -160,7 +160,7 @@ def test_replies_to_nothing_are_not_decoded_and_end_the_connection(
     edge.until(ask_again)
 
 
-def test_a_reply_that_comes_late_is_no_fault(edge: HostileEdge) -> None:
+def test_late_reply_is_not_a_fault(edge: HostileEdge) -> None:
     own = edge.link.edges[0]._requests
     own.forget()
     edge.until(lambda: own.count_pending(""))
@@ -224,7 +224,7 @@ def test_containers_keep_the_newest_within_their_limits() -> None:
 
 
 @pytest.mark.parametrize("evil", EVIL.values(), ids=EVIL.keys())
-def test_words_of_an_edge_reach_log_and_window_escaped(evil: str, caplog: pytest.LogCaptureFixture) -> None:
+def test_text_from_an_edge_is_escaped_in_log_and_window(evil: str, caplog: pytest.LogCaptureFixture) -> None:
     if "\ud800" in evil:
         pytest.skip("the wire does not carry lone surrogates")
     edge = HostileEdge()

@@ -22,13 +22,15 @@ from enliven_edge.sensors.attached_cameras import list_attached
 
 HOSTILE = "a\x1b[31m\u202e[red]x[nothing]\x9b2J\n"
 SHOWN = r"a\x1b[31m\u202e[red]x[nothing]\x9b2J\n"
-r"""The displayed form. Some commands write a line end as \n, the option library as \x0a."""
+r"""The escaped form of the name. Some commands write a line end as \n, the option library as \x0a."""
 Print = Callable[..., str]
 
 
 @pytest.fixture
 def printed(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Print:
-    """Runs a command and returns its output; tables are wide enough not to wrap names."""
+    """Returns a function that runs a command and returns its output. Tables are wide enough not to wrap
+    names.
+    """
     monkeypatch.setenv("COLUMNS", "600")
 
     def call(*words: object) -> str:
@@ -41,7 +43,7 @@ def printed(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch)
     return call
 
 
-def test_names_of_files(printed: Print, tmp_path: Path) -> None:
+def test_file_names_are_escaped(printed: Print, tmp_path: Path) -> None:
     model = tmp_path / f"{HOSTILE}.glb"
     TWINS["waving"]().write(model)
     mesh = tmp_path / f"{HOSTILE}.ply"
@@ -65,7 +67,7 @@ def test_names_of_files(printed: Print, tmp_path: Path) -> None:
     assert SHOWN[:-2] in printed(HOSTILE)
 
 
-def test_names_of_images_in_a_folder(printed: Print, tmp_path: Path) -> None:
+def test_image_names_in_a_folder_are_escaped(printed: Print, tmp_path: Path) -> None:
     for number in range(3):
         picture = np.full((48, 64), 2000, np.uint16)
         Image.fromarray(picture).save(tmp_path / f"depth_{number}.png")
@@ -75,7 +77,7 @@ def test_names_of_images_in_a_folder(printed: Print, tmp_path: Path) -> None:
         printed(command, tmp_path, "-o", tmp_path / f"{command}.mcap")
 
 
-def test_names_of_animations(printed: Print, tmp_path: Path) -> None:
+def test_animation_names_are_escaped(printed: Print, tmp_path: Path) -> None:
     twin = TWINS["waving"]()
     twin.json["animations"][0]["name"] = HOSTILE
     twin.json["nodes"][0]["name"] = HOSTILE
@@ -85,7 +87,7 @@ def test_names_of_animations(printed: Print, tmp_path: Path) -> None:
     assert SHOWN[:-2] in printed("export", path, "-c", "another", "-o", tmp_path / "b.glb")
 
 
-def test_names_of_sensors_in_recordings(printed: Print, tmp_path: Path) -> None:
+def test_sensor_names_in_recordings_are_escaped(printed: Print, tmp_path: Path) -> None:
     with Recorder(tmp_path / "a.mcap") as recorder:
         lens, picture = Intrinsics(64, 48, 60.0, 60.0, 31.5, 23.5), np.full((48, 64), 2000, np.uint16)
         for frame in range(10):
@@ -95,7 +97,7 @@ def test_names_of_sensors_in_recordings(printed: Print, tmp_path: Path) -> None:
     printed("recover", tmp_path / "a.mcap", "-o", tmp_path / "c.mcap")
 
 
-def test_names_of_devices(printed: Print, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_device_names_are_escaped(printed: Print, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     device = tmp_path / "devices" / "1-1"
     device.mkdir(parents=True)
     attributes = {"idVendor": "2bc5", "idProduct": "0660", "product": f"Orbbec {HOSTILE}x", "speed": "480"}

@@ -1,4 +1,6 @@
-"""Tests that visitors cannot block the artist or grow memory, whatever they put, reserve or leave."""
+"""Tests that visitors can neither block the artist nor grow memory by adding, reserving or leaving
+characters.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,7 @@ from ..shared.test_logs_escaped import EVIL, is_safe
 from .hostile_house import BOX_DATA, BOX_MESH, House
 
 VISITORS = int(os.environ.get("ENLIVEN_VISITORS", "300"))
-"""Number of characters that come and go in the soak test; `make test-long` takes 10,000."""
+"""Number of characters that are added and removed in the soak test. `make test-long` sets 10,000."""
 
 
 @pytest.fixture
@@ -91,7 +93,9 @@ def test_the_artist_replaces_a_character_that_a_visitor_put_as_high_as_it_may(ho
 
 
 def test_artist_continues_with_a_restarted_edge(house: House) -> None:
-    """The artist counted to 200; the new edge counts from 1 and refuses such a jump."""
+    """The artist's revisions have reached 200. A new edge expects 1 and refuses the jump, and the artist
+    adapts.
+    """
     artist = EdgeClient([house.outlet.publisher.endpoint])
     house.until(lambda: artist.status is not None, artist.poll)
     artist.stage._last["chair"] = 3 * MAX_REVISION_JUMP
@@ -122,7 +126,7 @@ def test_the_stage_takes_a_limited_number_of_characters_in_all_and_of_each_visit
     house.close()
 
 
-def test_visitors_who_come_again_for_each_character_share_their_addresss_share() -> None:
+def test_reconnecting_visitors_share_the_quota_of_their_address() -> None:
     house = House(StageSettings(characters=8, per_viewer=2))
     for name in "ab":
         visitor = house.visitor()
@@ -134,7 +138,7 @@ def test_visitors_who_come_again_for_each_character_share_their_addresss_share()
     house.close()
 
 
-def test_a_default_stage_takes_sixteen() -> None:
+def test_default_stage_holds_sixteen_characters() -> None:
     house = House()
     for number in range(20):
         house.stage.places.watch(lambda k=number: [(f"coming {k}", None)])
@@ -146,7 +150,9 @@ def test_a_default_stage_takes_sixteen() -> None:
 
 
 def test_undelivered_characters_do_not_block_the_artist(house: House) -> None:
-    """Four by one visitor, and one each by thirty: the artist's character is added at once."""
+    """One visitor reserves four characters and thirty others one each. The artist's character is added at
+    once.
+    """
     rude = house.visitor()
     for name in "abcd":
         rude.announce(name)
@@ -157,7 +163,7 @@ def test_undelivered_characters_do_not_block_the_artist(house: House) -> None:
 
 
 @pytest.mark.parametrize("bytes_each", [0, 1])
-def test_reserved_places_are_lost_when_nothing_or_hardly_anything_is_delivered(
+def test_reservations_expire_without_enough_data(
     house: House, monkeypatch: pytest.MonkeyPatch, bytes_each: int
 ) -> None:
     rude = house.visitor()
@@ -177,7 +183,7 @@ def test_reserved_places_are_lost_when_nothing_or_hardly_anything_is_delivered(
 
 
 def latched(house: House) -> list[tuple[str, str]]:
-    """Returns topic and key of each message that a newcomer receives."""
+    """Returns topic and key of each stored message that a new viewer receives."""
     welcome = house.visitor().ask(Hello("newcomer", True))
     house.visitors.pop().close()
     assert isinstance(welcome, Welcome)
@@ -186,7 +192,7 @@ def latched(house: House) -> list[tuple[str, str]]:
 
 
 def box_actor(graph: DeformationGraph, box: Character, name: str) -> EmbeddedActor:
-    """Returns an actor of a small box in which no person is searched."""
+    """Returns an actor of a small box, without searching for a person in it."""
     return EmbeddedActor(replace(box, id=name), graph, ActorSettings(), 1.0, None, lambda: None)
 
 
@@ -199,7 +205,7 @@ def memory() -> float:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is read from /proc")
 def test_departed_characters_leave_no_memory(house: House, capsys: pytest.CaptureFixture[str]) -> None:
-    """Each is put, attached, resized and removed: memory and the newcomer's messages stay the same."""
+    """Characters are added, attached, resized and removed. Memory and messages to new viewers do not grow."""
     viewer, visitor = EdgeClient([house.outlet.publisher.endpoint]), house.visitor()
     house.until(lambda: viewer.status is not None, viewer.poll)
     graph = DeformationGraph.build(BOX_MESH, nodes=8)
@@ -243,7 +249,7 @@ def test_departed_characters_leave_no_memory(house: House, capsys: pytest.Captur
 
 
 @pytest.mark.parametrize("evil", EVIL.values(), ids=EVIL.keys())
-def test_words_of_a_visitor_are_logged_escaped(
+def test_text_from_a_visitor_is_escaped_in_the_log(
     house: House, evil: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     if "\ud800" in evil:

@@ -1,4 +1,4 @@
-"""Tests that a viewer sees the same characters after the edge program was killed and started again."""
+"""Tests that a viewer sees the same characters after the edge program was killed and restarted."""
 
 from __future__ import annotations
 
@@ -40,7 +40,9 @@ def test_killed_edge_shows_the_same_characters_again(tmp_path: Path) -> None:
             project = project_of_mesh(load_sample("lamp"), "lamp")
 
             def is_put() -> bool:
-                """Sends the character again if a busy edge did not answer in time."""
+                """Returns True if the character is on the stage. Sends it again if a busy edge did not answer
+                in time.
+                """
                 link.poll()
                 if not link.stage.busy and Done() not in answers:
                     link.stage.put(project, "lamp", name="guest", then=answers.append)

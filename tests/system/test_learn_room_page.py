@@ -1,4 +1,4 @@
-"""Tests the button of the health page that makes a real edge learn the room again."""
+"""Tests that the button on the health page makes a real edge learn the room again."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .hostile_house import House
 
 @pytest.fixture(autouse=True)
 def own_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Gives each test its own records, data and keys, and lets one action follow another at once."""
+    """Gives each test its own records, data and keys, and removes the minimum time between two actions."""
     monkeypatch.setattr("enliven.health_page.collector.REFRESH_INTERVAL_S", 0.1)
     monkeypatch.setattr("enliven.health_page.app._MIN_ACTION_INTERVAL_S", 0.0)
     monkeypatch.setenv("ENLIVEN_RUNTIME", str(tmp_path / "runtime"))
@@ -32,7 +32,7 @@ def own_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @contextlib.contextmanager
 def running(house: House) -> Iterator[None]:
-    """Runs the edge of a house in the background."""
+    """Runs an edge in the background."""
     is_over = threading.Event()
 
     def run() -> None:
@@ -64,7 +64,7 @@ def test_button_makes_the_edge_learn_the_room() -> None:
     address = str(house.outlet.publisher.endpoint)
     with running(house), health_page(KioskProfile(edges={"floor": EdgeOfKiosk(address=address)})) as page:
         page.wait_for("action=room")
-        # The house's sensor tracks people itself, so the real edge refuses.
+        # The sensor tracks people itself, so the real edge refuses to learn the room.
         status, text = press(page)
         assert status == 409 and "no room is learnt" in text
         house.edge.handlers[LearnRoom] = Handler(done.append)

@@ -1,6 +1,7 @@
-"""Tests of an edge with keys over real sockets: strangers read and change nothing, watchers change nothing.
+"""Tests of an edge with keys over real sockets.
 
-The tests go through the whole table of messages, so they also hold for messages that will be added.
+Unpaired clients can neither read nor change anything, and watchers cannot change anything. The tests iterate
+over the complete table of messages, so they also cover future messages.
 """
 
 from __future__ import annotations
@@ -77,13 +78,13 @@ from enliven_viewer.link.edge_client import EdgeClient
 from .hostile_house import BOX_DATA, House, Visitor
 
 HEARD_S = 0.25
-"""Seconds in which a stranger would have received something: each round of the test sends it in 0.05 s."""
+"""Time for which an unpaired client listens, seconds. A message would arrive within 0.05 s."""
 SECRET = "secretchair"
-"""Name of the character on the stage, which a stranger must not read."""
+"""Name of the character on the stage, which an unpaired client must not read."""
 
 
 class Locked:
-    """A house with keys, and the keys of viewers with each role."""
+    """A locked edge, and the keys of viewers with each role."""
 
     def __init__(self, folder: Path) -> None:
         self.store = KeyStore(folder / "edge")
@@ -103,7 +104,7 @@ class Locked:
         self.done.append(order)
 
     def client_keys(self, role: str) -> ClientKeys | None:
-        """Returns the keys of a viewer with a role. "without keys": None."""
+        """Returns the keys of a viewer with a role, None for "without keys"."""
         return ClientKeys(self.own.public, self.keys[role]) if role in self.keys else None
 
     @property
@@ -128,7 +129,7 @@ def value(kind: type[Any]) -> Any:
 
 
 def exchange(locked: Locked, keys: ClientKeys | None, body: Ask, seconds: float = PATIENCE) -> Any:
-    """Returns the answer to a request, or None if there is none for some seconds."""
+    """Returns the answer to a request, or None if none arrives within ``seconds``."""
     visitor = locked.house.visitor(keys)
     try:
         visitor.number += 1
@@ -219,7 +220,7 @@ def test_only_paired_viewers_receive_any_stream(locked: Locked, peer: str) -> No
 
 
 def test_bytes_on_the_wire_are_not_readable(locked: Locked) -> None:
-    """A relay between a viewer and the edge sees neither names nor messages."""
+    """A relay between a viewer and the edge finds neither names nor messages in the bytes."""
     listener = sockets.create_server(("127.0.0.1", 0))
     listener.setblocking(False)
     keys = locked.client_keys("operate")
@@ -285,7 +286,7 @@ def test_a_long_character_arrives_although_another_thread_encrypts_it(locked: Lo
 
 @pytest.fixture
 def viewer_config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> KeyStore:
-    """Makes the configuration folder of this process that of a viewer's user."""
+    """Sets the configuration folder of this process to that of a viewer's user."""
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "viewer"))
     monkeypatch.setattr("enliven_viewer.link.edge_connection._REOPEN_INTERVAL_S", 0.05)
     return KeyStore()
@@ -307,7 +308,7 @@ def text_of(client: EdgeClient) -> str:
 
 
 def run_beside(locked: Locked, function: Any) -> Any:
-    """Runs a blocking function on another thread while the edge answers. Returns its result."""
+    """Runs a blocking function in another thread while the edge answers, and returns its result."""
     with ThreadPoolExecutor(1) as pool:
         future = pool.submit(function)
         locked.house.until(future.done)
@@ -338,7 +339,7 @@ def test_a_viewer_pairs_and_is_connected_without_a_restart(
     client.close()
 
 
-def test_a_forgotten_viewer_is_disconnected_and_told(
+def test_forgotten_viewer_is_disconnected_and_notified(
     locked: Locked, viewer_config: KeyStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("enliven_edge.network.access._REFRESH_INTERVAL_S", 0.05)
@@ -356,7 +357,7 @@ def test_a_forgotten_viewer_is_disconnected_and_told(
 def test_a_failed_pairing_stores_nothing(
     locked: Locked, viewer_config: KeyStore, monkeypatch: pytest.MonkeyPatch, code: str
 ) -> None:
-    """With keys of its own, an edge of this user would start locked."""
+    """Stored keys would lock the next edge of this user."""
     monkeypatch.setattr("enliven.keys.pairing.secrets.randbelow", lambda limit: 7)
     locked.access.begin()
     with pytest.raises(InputError):
@@ -364,7 +365,7 @@ def test_a_failed_pairing_stores_nothing(
     assert viewer_config.own() is None and viewer_config.edges() == []
 
 
-def test_the_viewer_says_that_the_edges_key_is_another(locked: Locked, viewer_config: KeyStore) -> None:
+def test_viewer_reports_a_changed_edge_key(locked: Locked, viewer_config: KeyStore) -> None:
     viewer_config.make()
     client = visit(locked, lambda client: state_of(client) == "no access")
     assert "has another key" in text_of(client) and "pair again" in text_of(client)
@@ -373,7 +374,7 @@ def test_the_viewer_says_that_the_edges_key_is_another(locked: Locked, viewer_co
         run_beside(locked, lambda: receive_heartbeat(locked.endpoint, 5.0))
 
 
-def test_the_viewer_says_that_the_edge_has_no_keys(viewer_config: KeyStore) -> None:
+def test_viewer_reports_an_edge_without_keys(viewer_config: KeyStore) -> None:
     viewer_config.make()
     with Publisher(name=f"plain-{time.time_ns()}", pose_port=0, control_port=0) as publisher:
         client, deadline = EdgeClient([publisher.endpoint]), time.monotonic() + PATIENCE
@@ -453,7 +454,7 @@ def test_an_expired_code_and_a_closed_edge_pair_nobody(locked: Locked) -> None:
     assert "pairing is closed" in try_code(locked.house.visitor(), code).reason
 
 
-def test_a_box_needs_an_exchange_of_its_own_connection(locked: Locked) -> None:
+def test_pairing_box_is_bound_to_its_connection(locked: Locked) -> None:
     locked.access.begin()
     viewer = ViewerExchange(locked.access.desk.code)
     started = locked.house.visitor().ask(StartPairing(viewer.message))
@@ -509,11 +510,11 @@ def test_strangers_at_many_addresses_keep_no_paired_viewer_out(
 
     def connect(keys: ClientKeys | None, address: str) -> Any:
         socket = make_socket(context, zmq.DEALER, 1000, 10, keys)
-        # A stranger that lost its place must not take the place of the next one, which this test waits for.
+        # A rejected client must not connect again in the slot of the next one, which this test waits for.
         socket.setsockopt(zmq.RECONNECT_IVL, -1)
         socket.connect(f"tcp://{address}:0;127.0.0.1:{server.port}")
         socket.send(b"here")
-        # A place of a silent stranger would be free after 10 s in any case.
+        # The slot of a silent client would become free after 10 s in any case.
         deadline, heard = time.monotonic() + 8.0, False
         while not heard:
             assert time.monotonic() < deadline, "the server does not answer"

@@ -1,4 +1,4 @@
-"""Tests of choosing by posing over real sockets: a viewer browses the matches by keys, and takes one."""
+"""Tests of finding matching poses over real sockets: a viewer browses the matches by keys and selects one."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Pointing(Sensor):
 
 
 class House:
-    """An edge with a star and a windowless viewer, stepped in turn."""
+    """An edge with a star character, and a viewer without a window. They advance in turn."""
 
     def __init__(self, outlet: Outlet) -> None:
         self.actor = RigActor(star(), MatchingSettings(fade=0.1))
@@ -91,7 +91,7 @@ class House:
 
     @property
     def tips(self) -> list[str]:
-        """Returns the limbs that the viewer shows as meant, by the positions of their tips."""
+        """Returns the limbs that the viewer highlights, identified by the positions of their tips."""
         names, joints = self.actor.live_shape.shape.skeleton.names, self.actor.live_shape.joints
         lines = self.board.rows[self.board.shown].lines
         return [names[int(np.linalg.norm(joints - line[-1], axis=1).argmin())][:-2] for line in lines]
@@ -107,7 +107,7 @@ def house() -> Iterator[House]:
         opened.feed.close()
 
 
-def test_a_viewer_sees_chooses_and_takes(house: House) -> None:
+def test_viewer_shows_selects_and_accepts_matches(house: House) -> None:
     live, camera = house.live, house.camera
     live.choose_parts(3)  # the arms
     house.until(lambda: len(house.board.rows[0].lines) == 2)
@@ -133,7 +133,7 @@ def test_a_viewer_sees_chooses_and_takes(house: House) -> None:
     house.until(lambda: house.board.state == "choosing")
 
 
-def test_the_edge_ranks_for_where_the_viewer_looks(house: House) -> None:
+def test_edge_ranks_matches_for_the_viewing_direction(house: House) -> None:
     house.live.choose_parts(3)
     house.until(lambda: house.tips == ["left", "right"])
     house.camera.face(np.pi, 0.2)

@@ -1,4 +1,6 @@
-"""Tests that no program looks up an outside name, sends to an outside address, or leaves telemetry behind."""
+"""Tests that no program looks up a foreign host name, sends to a foreign address, or leaves telemetry
+files.
+"""
 
 import contextlib
 import shutil
@@ -17,11 +19,11 @@ from enliven.wire import free_ports
 
 CHAIR = Path(enliven_edge.assets.__file__).with_name("chair.mcap")
 LONGEST_DELAY = 9.5
-"""Seconds until the library's telemetry first looks up its host: measured 8.9 to 9.0."""
+"""Time until the library's telemetry first looks up its host, seconds. Measured: 8.9 to 9.0."""
 COMMAND_THAT_STAYS = (
     "import sys, time; from enliven.cli import run; run(sys.argv[2:]); time.sleep(float(sys.argv[1]))"
 )
-"""Runs a command, and stays long enough for telemetry to report."""
+"""Runs a command and then keeps the process alive long enough for telemetry to report."""
 LIBRARY = """
 import sys, time
 from enliven_edge.tracking.estimator.estimator import shipped_estimator
@@ -35,7 +37,7 @@ signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
 session = onnxruntime.InferenceSession(sys.argv[1], providers=["CPUExecutionProvider"])
 time.sleep(300)
 """
-"""ONNX Runtime without enliven, ended as enliven ends."""
+"""Runs ONNX Runtime without enliven, and ends as enliven ends."""
 LOOPBACK_ALONE = """
 import fcntl, socket, struct, sys
 from enliven.cli import run
@@ -48,7 +50,7 @@ NETWORK = CHAIR.with_name("estimator.onnx")
 
 
 def ended(process: subprocess.Popen[str]) -> str:
-    """Ends a program, and returns its output."""
+    """Waits for the end of a program and returns its output."""
     process.terminate()
     try:
         return process.communicate(timeout=20)[0]
@@ -58,7 +60,9 @@ def ended(process: subprocess.Popen[str]) -> str:
 
 
 def fenced(*words: str | Path) -> list[str | Path]:
-    """Returns the command line of ``enliven`` with these arguments, without a network if possible."""
+    """Returns the command line of ``enliven`` with the given arguments, without network access if
+    possible.
+    """
     if shutil.which("unshare") is None or subprocess.run(["unshare", "-rn", "true"]).returncode:
         return [sys.executable, "-m", "enliven", *words]
     return ["unshare", "-rn", sys.executable, "-c", LOOPBACK_ALONE, *words]
@@ -66,7 +70,7 @@ def fenced(*words: str | Path) -> list[str | Path]:
 
 @pytest.mark.slow
 def test_no_program_looks_up_an_outside_name(tmp_path: Path, screen: str) -> None:
-    """Runs every program at once under the hook, and also the bare library without enliven.
+    """Runs every program at once under the hook, and also ONNX Runtime without enliven.
 
     ``enliven run`` starts ``enliven edge`` and ``enliven view``, which inherit the hook. If permitted, it
     runs in a network namespace with only a loopback device, as behind a firewall.
@@ -114,7 +118,9 @@ def test_no_program_looks_up_an_outside_name(tmp_path: Path, screen: str) -> Non
 
 @pytest.mark.slow
 def test_the_edge_ends_at_sigterm_after_the_clock_has_jumped_before_1970(tmp_path: Path) -> None:
-    """With the library's telemetry on, a process may hang then: its uploads wait for a later time."""
+    """If the library's telemetry is enabled, a process may hang then, because its uploads wait for a later
+    time.
+    """
     hook = NameHook(tmp_path / "ours")
     port, control = (str(port) for port in free_ports()[:2])
     at = ("--port", port, "--control-port", control, "--name", "past")

@@ -36,7 +36,7 @@ with_engine = pytest.mark.skipif(
 
 
 def walk(path: Path) -> None:
-    """Writes a recording of a person that stands for half a second, and then walks to their left."""
+    """Writes a recording of a person that stands for half a second and then walks to their left."""
     with Recorder(path) as recorder:
         for k in range(FRAMES):
             hip = np.array([max(0.0, 0.045 * (k - 15)), 0.95, 0.0])
@@ -60,7 +60,7 @@ def test_a_chair_walks_through_a_tower(tmp_path):
         message_to_props(msgspec.msgpack.decode(data, type=PropsMessage))
         for _, data in Recording(take).messages("props")
     ]
-    # They exist as soon as the performer's position is known, in every frame from then on.
+    # The boxes exist in every frame from the time at which the performer's position is known.
     times = [k * 33_333_333 for k in range(FRAMES)]
     assert 30 < len(props) < FRAMES and [p.time_ns for p in props] == times[-len(props) :]
     first, last = props[0].positions, props[-1].positions
@@ -70,7 +70,7 @@ def test_a_chair_walks_through_a_tower(tmp_path):
     assert (last[:24, 0] - first[:24, 0]).mean() > 0.15
     half = float(props[0].sizes[0, 0])
     lowest = np.array([p.positions[:, 1].min() for p in props])
-    # Boxes that the chair presses into the floor yield for a moment; none stays in it or falls through.
+    # The chair may press boxes into the floor for a moment. None stays in the floor or falls through it.
     assert lowest.min() > 0.5 * half and np.maximum(lowest[1:], lowest[:-1]).min() > 0.85 * half
     assert "boxes down" in props[-1].note
     with av.open(str(tmp_path / "enliven.mp4")) as film:
@@ -80,13 +80,15 @@ def test_a_chair_walks_through_a_tower(tmp_path):
 
 
 def greens(picture: np.ndarray) -> int:
-    """Returns the number of pixels as green as the second layer's boxes, unlike the chair and the floor."""
+    """Returns the number of pixels that are as green as the second layer's boxes. Chair and floor are not
+    green.
+    """
     red, green, blue = picture.astype(float).transpose(2, 0, 1)
     return int(((green > 1.15 * red) & (green > 1.1 * blue)).sum())
 
 
 def test_missing_physics_engine_is_reported_with_the_install_command(tmp_path):
-    """As on a machine without the extra: the engine is not installed."""
+    """The physics engine is an optional extra, which is not installed here."""
     blind = "import importlib.util as u, sys; find = u.find_spec\n"
     blind += "u.find_spec = lambda name, *more: None if name == 'mujoco' else find(name, *more)\n"
     blind += (

@@ -1,4 +1,6 @@
-"""Tests that constraints.txt and locks/ list every dependency, for every Python and machine of setup.sh."""
+"""Tests that constraints.txt and locks/ list every dependency for every Python and machine that setup.sh
+supports.
+"""
 
 import importlib.util
 import re
@@ -24,7 +26,7 @@ def script(name: str):
 lock, audit = script("lock"), script("audit")
 EVERYWHERE = {f"{at['platform_machine']} {at['python_version']}": at for at in lock.environments()}
 WITHOUT_WHEEL = {"aarch64": {"3.12", "3.13", "3.14"}}
-"""Pythons without a moderngl wheel there, which setup.sh therefore refuses."""
+"""Python versions for which moderngl has no wheel, by machine type. setup.sh refuses them."""
 
 
 def lock_lines(kind: str) -> list[str]:
@@ -42,7 +44,7 @@ def locked(kind: str, where: dict[str, str]) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("where", EVERYWHERE.values(), ids=EVERYWHERE)
-def test_all_that_is_needed_has_a_pin(where) -> None:
+def test_every_dependency_is_pinned(where) -> None:
     pins = lock.pins()
     asked = [*lock.requested_packages("dev"), *lock.requested_packages("peers")]
     assert [
@@ -99,7 +101,7 @@ def test_locks_have_hashes_and_no_address(kind) -> None:
         ("cp311-cp311-macosx_10_9_x86_64", 0),
     ],
 )
-def test_a_wheel_fits_where_its_tag_says(tag, places) -> None:
+def test_wheel_tag_fits_the_expected_environments(tag, places) -> None:
     (tag_parsed,) = parse_tag(tag)
     assert sum(lock.fits(tag_parsed, where) for where in EVERYWHERE.values()) == places
 
@@ -138,7 +140,7 @@ def test_a_bundled_library_is_known_by_its_name(file, name, tmp_path) -> None:
         ("UNKNOWN", True),
     ],
 )
-def test_a_copyleft_package_is_objected_to(licence, objected) -> None:
+def test_copyleft_package_is_reported(licence, objected) -> None:
     assert (
         bool(audit.find_licence_problems([{"Name": "some", "Version": "1", "License": licence}])) is objected
     )
@@ -179,7 +181,7 @@ def test_audit_without_a_network_reports_its_omissions(monkeypatch, capsys) -> N
         assert ended.value.code == code and ("not checked, --offline" in output) == (code == 0)
 
 
-def test_a_host_of_telemetry_in_a_package_is_objected_to(tmp_path, capsys) -> None:
+def test_telemetry_host_in_a_package_is_reported(tmp_path, capsys) -> None:
     for package, content in (
         ("chatty", b"\0https://o1.ingest.sentry.io/api\0"),
         ("onnxruntime", b"\0https://mobile.events.data.microsoft.com/\0"),

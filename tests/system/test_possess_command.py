@@ -1,4 +1,6 @@
-"""Tests of enliven possess, and of the attachments in wire and take: the claims of docs/possession.md."""
+"""Tests of ``enliven possess``, and of the attachments on the wire and in takes, as docs/possession.md
+describes them.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,7 @@ OLD = Path(__file__).parent / "references" / "two_characters.mcap"
 
 @pytest.fixture(scope="module")
 def take(tmp_path_factory) -> Path:
-    """Records two performers: one takes the chair, one joins and releases; 1.5 s."""
+    """Records two performers for 1.5 s. One attaches the chair; the other joins and releases."""
     path = tmp_path_factory.mktemp("possess") / "take.mcap"
     requests_at = {4: (Possess("chair", 1, "all", "alone"),), 20: (Possess("chair", 2, "legs", "join"),)}
     refused = perform(
@@ -109,7 +111,7 @@ def test_invalid_possess_arguments_are_reported(take, tmp_path, capsys):
         assert any(word in error for word in words.split("|")), error
 
 
-def test_a_recording_of_before_has_its_motion_and_no_performers():
+def test_recording_without_attachments_has_motion_and_no_performers():
     assert "holds" not in Recording(OLD).info.topics
     project = read_possessed(OLD)
     assert project.graphs and not project.bodies

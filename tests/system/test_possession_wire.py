@@ -1,4 +1,4 @@
-"""Tests from the viewer's keys to attached nodes and back: an edge, a link and an app over real sockets."""
+"""Tests from key presses to attached nodes and back: an edge, a link and a viewer app over real sockets."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ STEP = 33_333_333
 
 
 class TwoPeople(Sensor):
-    """A sensor of bodies with two people, one inside and one next to the mesh, for as long as it is read."""
+    """An endless sensor of two people, one inside and one next to the mesh."""
 
     name = "two people"
 
@@ -56,7 +56,7 @@ class TwoPeople(Sensor):
 
 
 class House:
-    """An edge and a windowless viewer, stepped in turn."""
+    """An edge and a viewer without a window, which advance in turn."""
 
     def __init__(self, outlet: Outlet) -> None:
         mesh = make_chair(0.05)
@@ -136,7 +136,7 @@ def test_two_performers_attach_their_parts_by_keys(house: House) -> None:
     house.until(lambda: house.holders == {})
 
 
-def test_smoothing_goes_to_the_edge_and_a_lock_that_cannot_be_is_not_shown(house: House) -> None:
+def test_smoothing_reaches_the_edge_and_refused_lock_is_not_shown(house: House) -> None:
     house.live.choose_performer()
     house.live.change_smoothing(1)
     house.until(lambda: house.edge.tracker.output.amount(1) == 2.0)
@@ -147,7 +147,7 @@ def test_smoothing_goes_to_the_edge_and_a_lock_that_cannot_be_is_not_shown(house
 
 
 def test_key_locks_and_unlocks_tracked_people(house: House) -> None:
-    """The sensor falls silent: only requests are processed, as between two depth frames."""
+    """The sensor delivers nothing, so only requests are processed, as between two depth frames."""
     house.edge.tracker = Tracker()  # no frame has been read yet
     tracker, silent = (
         house.edge.tracker,

@@ -1,4 +1,4 @@
-"""Tests of a puppet over sockets and as processes: performers move it, viewers solve it, takes keep it."""
+"""Tests of a puppet over sockets and as processes: performers move it, viewers solve it, takes store it."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class Waving(Sensor):
 
 
 class House:
-    """An edge with the cactus and a windowless viewer, stepped in turn."""
+    """An edge with the cactus and a viewer without a window, which advance in turn."""
 
     def __init__(self, outlet: Outlet) -> None:
         self.actor = PuppetActor(PROJECT, PUPPET, PuppetSettings(fade=0.1))
@@ -180,7 +180,7 @@ def road(tmp_path_factory) -> Path:
 
 
 def taken(take: Path) -> tuple[Character, list[Pose], list[int]]:
-    """Returns the character, its poses, and the size of each in bytes."""
+    """Returns the character, its poses, and the size of each pose in bytes."""
     recording = Recording(take)
     (_, data), *_ = recording.messages("character")
     character = message_to_character(msgspec.msgpack.decode(data, type=CharacterMessage))
@@ -199,12 +199,12 @@ def test_the_shipped_recording_drives_the_shipped_cactus(road: Path) -> None:
     np.testing.assert_allclose(local[10], character.pivots, atol=1e-3)
     assert np.abs(local[60:] - character.pivots).max() > 0.4
     paces = np.linalg.norm(np.diff([p.positions for p in poses], axis=0), axis=2) * 30
-    # It moves to the performer when they appear, within a fifth of a second.
+    # The cactus moves to the performer when they appear, within a fifth of a second.
     assert paces[6:].max() < 5.0
 
 
 @pytest.mark.system
-def test_the_film_shows_a_cactus_that_acts(road: Path) -> None:
+def test_film_shows_the_moving_cactus(road: Path) -> None:
     sheet = np.asarray(Image.open(road / "enliven.png").convert("RGB")).astype(int)
     green = (sheet[..., 1] > sheet[..., 0] + 40) & (sheet[..., 1] > sheet[..., 2] + 30)
     # The performer is in the image from the first frame on, so the cactus fills less of it.
@@ -214,7 +214,7 @@ def test_the_film_shows_a_cactus_that_acts(road: Path) -> None:
 
 @pytest.mark.system
 @pytest.mark.slow
-def test_the_take_plays_back_as_it_was_and_opens_in_the_studio(road: Path) -> None:
+def test_take_plays_back_unchanged_and_opens_in_the_studio(road: Path) -> None:
     character, poses, _ = taken(road / "take.mcap")
     document, surfaces = Document(Timeline(bounded=False)), SolvedSurfaces(wait=True)
     feed = TakeFeed(road / "take.mcap")

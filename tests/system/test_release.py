@@ -1,4 +1,4 @@
-"""Tests of what `make release` builds and refuses. Trying the wheels takes minutes and a network."""
+"""Tests of what `make release` builds and refuses. Installing the wheels takes minutes and a network."""
 
 import importlib.util
 import platform
@@ -22,7 +22,7 @@ ITS = release.version()
 
 @pytest.fixture(scope="module")
 def archives(tmp_path_factory) -> Path:
-    """Builds the sdists and wheels of the two packages with the most different builds."""
+    """Builds sdists and wheels of the two packages whose builds differ most."""
     if not (ROOT / ".git").exists():
         pytest.skip("this is no checkout of git, so nothing says which files belong to the packages")
     place = tmp_path_factory.mktemp("archives")
@@ -158,7 +158,7 @@ def test_a_version_without_notes_is_refused(of):
 
 @pytest.fixture
 def repository(tmp_path, monkeypatch):
-    """Creates a repository with one commit that the script takes for the checkout."""
+    """Creates a repository with one commit and makes the script use it as the checkout."""
 
     def git(*words: str) -> None:
         who = ["-c", "user.name=a", "-c", "user.email=a@b", "-c", "commit.gpgsign=false"]

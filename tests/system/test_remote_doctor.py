@@ -50,7 +50,7 @@ def checked(address: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, dict
     return code, {check["name"]: check for check in json.loads(capsys.readouterr().out)}
 
 
-def test_an_edge_that_is_well(capsys):
+def test_healthy_edge_passes_all_checks(capsys):
     with published(pack_stream(FINE)) as address:
         code, checks = checked(address, capsys)
     assert code == 0 and all(check["ok"] for check in checks.values())
@@ -99,7 +99,7 @@ def test_edge_of_another_version_is_reported(monkeypatch, capsys):
     )
 
 
-def test_an_address_that_is_none_is_refused(capsys):
+def test_invalid_address_is_refused(capsys):
     assert cli.run(["doctor", "--remote", "a b:c"]) == 3
     assert "HOST" in capsys.readouterr().err
 
@@ -113,7 +113,7 @@ def test_text_from_an_edge_controls_no_terminal(capsys):
 
 @pytest.mark.system
 @pytest.mark.slow
-def test_the_real_edge_is_heard(capsys):
+def test_real_edge_is_checked(capsys):
     edge = RealEdge("--sensor", "synthetic")
     try:
         edge.wait()

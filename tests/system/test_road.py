@@ -1,4 +1,4 @@
-"""Tests of both programs as processes, to the recording's end: poses and image match the references.
+"""Tests of both programs as processes to the end of a recording: poses and images match the references.
 
 ``pytest tests/system --record-references`` (or ``make record-references``) stores new references.
 """
@@ -30,26 +30,29 @@ from enliven.wire.streams import BodiesMessage, PoseMessage
 REFERENCES = Path(__file__).parent / "references"
 POSES, PICTURE = REFERENCES / "road.npz", REFERENCES / "road.png"
 SHOWN = 4.0
-"""Seconds of the recording that are filmed, which is most of the work; only the edge runs to its end."""
+"""Seconds of the recording that are filmed. Filming takes most of the time; only the edge runs to the end."""
 WIDE, HIGH = 640, 360
 """Size of the film in pixels: a quarter of the default, and equal to the reference image."""
 EVERY = 9
 """Every ninth frame is stored."""
 JOINT_TOLERANCE, NODE_TOLERANCE, LINEAR_TOLERANCE = 0.05, 0.06, 0.25
-"""Tolerances in metres, metres, and entries of the linear parts: another processor's rounding may flip one
-contact of the fit. A broken stage is off by far more."""
+"""Tolerances in metres, metres, and entries of the linear parts.
+
+Rounding on another processor may flip one contact of the fit. The errors of a broken stage are far larger.
+"""
 PICTURE_TOLERANCE = 12.0
-"""Maximum mean difference of 8-bit channels at a quarter of the size, after a blur: OpenGL's antialiasing
-differs."""
+"""Maximum mean difference of 8-bit channels at a quarter of the size, after a blur. Antialiasing differs
+between OpenGL drivers.
+"""
 APPEARS = 6
-"""Frames, a fifth of a second, within which a performer in the first frame is detected."""
+"""Frames within which a performer in the first frame is detected (a fifth of a second)."""
 
 pytestmark = pytest.mark.system
 
 
 @pytest.fixture(scope="module")
 def road(tmp_path_factory):
-    """Returns the folder with film, sheet and take of one run of the main job."""
+    """Returns the folder with film, contact sheet and take of one run of the main job."""
     folder = tmp_path_factory.mktemp("road")
     command = [sys.executable, "-m", "enliven", "run", "--film", "--out", str(folder)]
     command += ["--seconds", str(SHOWN), "--record", str(folder / "take.mcap"), "--size", f"{WIDE}x{HIGH}"]
@@ -61,7 +64,9 @@ def road(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """Returns the fields of the edge's take of the whole recording, with the main job's options."""
+    """Returns the fields of the edge's take of the whole recording, with the same options as in the main
+    job.
+    """
     take = tmp_path_factory.mktemp("whole") / "take.mcap"
     words = ["edge", "--possess-at", "1.5", "--speed", "0", "--port", "0", "--control-port", "0"]
     assert cli.run([*words, "--name", "whole", "--record", str(take)]) == 0
@@ -69,7 +74,9 @@ def whole(tmp_path_factory):
 
 
 def fields_of(take: Path) -> dict[str, np.ndarray]:
-    """Returns every ninth frame of a take but the first: times, joints, confidences, nodes, linear parts."""
+    """Returns every ninth frame of a take without the first frame: times, joints, confidences, nodes, linear
+    parts.
+    """
     recording = Recording(take)
     (_, data), *_ = recording.messages("character")
     codec = PoseCodec(message_to_character(msgspec.msgpack.decode(data, type=CharacterMessage)))
@@ -93,7 +100,7 @@ def fields_of(take: Path) -> dict[str, np.ndarray]:
     }
 
 
-def test_poses_are_those_of_the_reference(road, whole, request):
+def test_poses_match_the_reference(road, whole, request):
     if request.config.getoption("--record-references"):
         np.savez_compressed(POSES, **whole)
         pytest.skip("stored the poses again")
@@ -107,7 +114,7 @@ def test_poses_are_those_of_the_reference(road, whole, request):
 
 
 def as_stored(found: dict[str, np.ndarray], reference: dict[str, np.ndarray]) -> None:
-    """Checks that every ninth frame equals the reference, which may be longer."""
+    """Checks that every ninth frame equals the reference. The reference may be longer."""
     count = len(found["time_ns"])
     np.testing.assert_array_equal(found["time_ns"], reference["time_ns"][:count])
     for name, tolerance in (
@@ -121,7 +128,7 @@ def as_stored(found: dict[str, np.ndarray], reference: dict[str, np.ndarray]) ->
 
 
 def test_tracked_joints_match_the_truth(whole):
-    """Compared with the truth in the shipped recording, not with an earlier result."""
+    """The joints are compared with the truth in the shipped recording, not with an earlier result."""
     from enliven_edge.assets import CHAIR
 
     truth = {frame.time_ns: frame.bodies[0].joints for frame in Recording(CHAIR).truth()}
@@ -132,7 +139,7 @@ def test_tracked_joints_match_the_truth(whole):
 
 
 def test_the_chair_walks(whole):
-    """The chair is carried along, its legs are lifted one by one, and it does not tear."""
+    """The chair follows the performer, lifts its legs one by one, and does not tear."""
     positions = whole["positions"]
     feet = positions[0, :, 1] < 0.25
     lifted = positions[:, feet, 1].max(0) - positions[0, feet, 1]
@@ -142,7 +149,7 @@ def test_the_chair_walks(whole):
     assert np.percentile(stretch, 99) < 3.0
 
 
-def test_the_film_holds_every_moment(road):
+def test_film_contains_every_frame(road):
     with av.open(str(road / "enliven.mp4")) as film:
         stream = film.streams.video[0]
         count = sum(1 for _ in film.decode(stream))
@@ -150,7 +157,7 @@ def test_the_film_holds_every_moment(road):
     assert abs(count - SHOWN * 30) <= 6
 
 
-def test_the_picture_is_that_of_the_reference(road, request):
+def test_picture_matches_the_reference(road, request):
     """The contact sheet is blurred and compared channel by channel."""
     sheet = Image.open(road / "enliven.png").convert("RGB")
     small = sheet.resize((sheet.width // 4, sheet.height // 4), Image.Resampling.BOX)
@@ -176,7 +183,7 @@ def test_ctrl_c_leaves_no_orphan(tmp_path):
 @pytest.mark.skipif(os.name == "nt", reason="process groups of POSIX")
 @pytest.mark.parametrize("while_it", ["imports", "starts its programs"])
 def test_ctrl_c_in_the_first_second_prints_no_traceback(tmp_path, while_it):
-    """The import log shows when modules of enliven are being loaded."""
+    """The import log shows when modules of enliven are imported."""
     command = [sys.executable, "-X", "importtime", "-m", "enliven", "run", "--film", "--out", str(tmp_path)]
     hearing = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     with (tmp_path / "said.txt").open("w+") as output:
@@ -193,7 +200,9 @@ def test_ctrl_c_in_the_first_second_prints_no_traceback(tmp_path, while_it):
 
 
 def test_ctrl_c_within_a_text_that_is_executed_ends_with_130(tmp_path):
-    """For example while a dataclass is created: Python would end by the signal, although it was caught."""
+    """Ctrl-C may arrive in ``exec``, for example while a dataclass is created. Python would then end by the
+    signal, although the program catches it.
+    """
     broken = "import enliven.cli, enliven.__main__ as start\n"
     broken += "enliven.cli.main = lambda: exec('raise KeyboardInterrupt')\nstart.main()"
     (tmp_path / "broken.py").write_text(broken)
@@ -212,7 +221,7 @@ def test_children_of_a_killed_run_end_by_themselves(tmp_path):
 
 
 def holds_poses(take: Path) -> bool:
-    """Returns True if a take in progress has poses on disk."""
+    """Returns True if an unfinished take has poses on disk."""
     try:
         with warnings.catch_warnings(action="ignore"):
             return "pose" in Recording(take).info.topics
@@ -221,12 +230,12 @@ def holds_poses(take: Path) -> bool:
 
 
 def started_run(folder: Path) -> tuple[subprocess.Popen, list[int]]:
-    """Starts an endless run of the main job, with both programs working, in its own process group."""
+    """Starts an endless run of the main job in its own process group, and waits until both programs work."""
     take = folder / "take.mcap"
     command = [sys.executable, "-m", "enliven", "run", "--film", "--out", str(folder), "--record", str(take)]
     command += ["--sensor", "synthetic", "--seconds", "3600", "--size", "160x90"]
     options = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "start_new_session": True}
-    # A shell's background processes ignore Ctrl-C, and so would this one.
+    # Shells make background processes ignore Ctrl-C, and this process would inherit that.
     options["preexec_fn"] = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     started = subprocess.Popen(command, **options)
     # The edge waits for its viewer, so recorded poses show that both are running.

@@ -1,5 +1,5 @@
-"""Tests that the window of ``enliven run`` survives a crash of its edge, which is restarted; closing it ends
-all.
+"""Tests that the window of ``enliven run`` survives a crash of its edge, which is restarted. Closing it ends
+both.
 """
 
 import os
@@ -25,7 +25,7 @@ CHAIR = Path(enliven_edge.assets.__file__).with_name("chair.mcap")
 
 
 def child(parent: int, command: str) -> int | None:
-    """Returns the process id of the child with an enliven command; None if there is none."""
+    """Returns the process id of the child that runs an enliven command, None if there is none."""
     for number in Path(f"/proc/{parent}/task/{parent}/children").read_text().split():
         words = Path(f"/proc/{number}/cmdline").read_bytes().split(b"\0")
         if b"enliven" in words and command.encode() in words:
@@ -57,7 +57,7 @@ def test_the_window_outlives_a_killed_edge_whose_successor_sends_to_the_same_out
         until(lambda: child(run.pid, "edge") not in (None, edge), "a new edge")
         next_take = tmp_path / "take-restart001.mcap"
         until(lambda: next_take.exists() and next_take.stat().st_size > 1000, "its take", 120.0)
-        receiver.values.clear()  # The packets of the first edge have been read long ago.
+        receiver.values.clear()  # All packets of the first edge have been read.
         until(lambda: "/enliven/performer/1/height" in receiver.values, "the output of the new edge", 120.0)
         assert child(run.pid, "view") == view and run.poll() is None
         log_text = (tmp_path / "log").read_text()
@@ -74,7 +74,7 @@ def test_the_window_outlives_a_killed_edge_whose_successor_sends_to_the_same_out
 
 
 def scripted(monkeypatch, **scripts: str) -> list[str]:
-    """Makes each ``enliven`` command run a Python script instead. Returns the list of started commands."""
+    """Replaces each ``enliven`` command by a Python script. Returns the list of started commands."""
     started: list[str] = []
 
     def start(command, *_arguments, **_options):

@@ -1,4 +1,6 @@
-"""Tests of scanning over the wire: an edge scans its camera's view, and a late viewer sees all of it."""
+"""Tests of scanning over the wire: an edge scans what its camera sees, and a late viewer receives the whole
+scan.
+"""
 
 import sys
 from dataclasses import replace
@@ -42,7 +44,7 @@ def seen(viewer: EdgeClient, number: int = 1) -> set[str]:
 
 
 @pytest.mark.slow
-def test_a_scan_is_begun_grows_goes_back_and_becomes_a_character(running, frames) -> None:
+def test_scan_starts_grows_is_undone_and_becomes_a_character(running, frames) -> None:
     viewer = running.viewer()
     assert isinstance(running.ask(Scan("pause")), Refused), "no scan is running"
     running.ask(Scan("start", name="box", voxel=0.008))

@@ -1,4 +1,4 @@
-"""Tests of a third-party sensor with every fault of a camera, in the real programs."""
+"""Tests of a third-party sensor with every possible camera fault, in the real programs."""
 
 import contextlib
 import os
@@ -29,7 +29,7 @@ FAULTS = "OSError,another size,focal length nan,negative time,RuntimeError,wrong
 
 @pytest.fixture
 def installed(tmp_path) -> dict[str, str]:
-    """Returns an environment with the driver installed as a package."""
+    """Returns environment variables for a Python in which the driver is installed as a package."""
     site = tmp_path / "site"
     about = site / "troubled-1.0.dist-info"
     about.mkdir(parents=True)
@@ -110,7 +110,7 @@ MISSING = "an OAK is not connected"
 PLUG = f"{MISSING}. Plug it into a USB 3 port, check with enliven doctor that it is connected, and type: "
 NO_LIBRARY = "depthai is not installed"
 INSTALL = f'{NO_LIBRARY}. Type: pip install "enliven-edge[oak]"'
-"""Error of docs/tour.md's first camera command without a camera; also if its library is missing."""
+"""Error of the first camera command in docs/tour.md if no camera is connected or its library is missing."""
 
 
 @pytest.fixture

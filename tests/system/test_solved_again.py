@@ -1,4 +1,4 @@
-"""Tests that solving a performance again from its recording, on the same mesh, gives the same result."""
+"""Tests that solving a recorded performance again on the same mesh gives the same result."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ from enliven.wire import Possess, Release
 from enliven.wire.quantize import POSITION_ERROR
 
 LINEAR = 6e-3
-"""Maximum error of entries of a linear part: rotation and stretch on the wire, 0.85 mrad and sqrt(3)
-0.001."""
+"""Maximum error of an entry of a linear part. The wire rounds rotations by 0.85 mrad and stretches by sqrt(3)
+0.001.
+"""
 FRAMES = 40
 parts = st.sampled_from(["all", "legs", "upper body", "hip + right arm"])
 modes = st.sampled_from(["alone", "join", "extend"])
@@ -64,7 +65,9 @@ def test_solving_again_on_the_same_mesh_equals_the_recording(how, given_orders, 
 
 
 def test_characters_side_by_side_and_a_hold_that_is_taken_over(tmp_path):
-    """Waiting positions and hand-overs are in the recording, since both depend on the other characters."""
+    """Waiting positions and hand-overs are read from the recording, because they depend on the other
+    characters.
+    """
     how = ActorSettings(how="beside", fade=0.2, hand_over=0.3)
     actors = [chair_actor(how), chair_actor(how, name="twin")]
     requests_at = {3: (Possess("twin", 2, "all"),), 6: (Possess("chair", 1, "upper body"),)}

@@ -1,4 +1,4 @@
-"""Tests that a client puts characters on a real edge's stage, replaces performing ones, and removes them."""
+"""Tests that a client adds characters to a real edge's stage, replaces attached ones, and removes them."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ CHAIR = load_sample("chair")
 
 
 class StagedEdge:
-    """The program of staged_edge.py, its take, and a client."""
+    """The program of staged_edge.py with its take, and a client."""
 
     def __init__(self, folder: Path, rate: float) -> None:
         script = Path(__file__).with_name("staged_edge.py")
@@ -69,7 +69,7 @@ class StagedEdge:
         return answers[0]
 
     def end(self) -> float:
-        """Ends the edge; returns the processor time of its longest frame in milliseconds."""
+        """Ends the edge and returns the processor time of its longest frame in milliseconds."""
         self.link.close()
         self.process.terminate()
         return float(self.process.communicate(timeout=PATIENCE)[0])
@@ -89,7 +89,7 @@ def taller(by: float) -> Mesh:
 
 
 @pytest.mark.slow
-def test_a_character_comes_changes_while_it_is_held_and_goes_and_the_take_shows_it(edge: StagedEdge) -> None:
+def test_take_records_adding_changing_and_removing_a_character(edge: StagedEdge) -> None:
     link = edge.link
     assert edge.put(project_of_mesh(taller(1.05), "chair"), "chair") == Done()
     edge.until(lambda: link.edges[0].complete and link.characters["chair"].vertices[:, 1].max() > 1.04)
@@ -133,7 +133,7 @@ def test_a_character_comes_changes_while_it_is_held_and_goes_and_the_take_shows_
 
 
 @pytest.mark.parametrize("edge", [20.0], indirect=True)
-def test_a_large_one_arrives_in_spite_of_the_limit_of_requests_and_only_the_newest_follows(
+def test_large_character_passes_the_rate_limit_and_only_the_newest_follows(
     edge: StagedEdge,
 ) -> None:
     random = np.random.default_rng(0)
@@ -168,7 +168,7 @@ def test_stage_command_lists_puts_removes_and_reports_errors(edge: StagedEdge, t
 
 
 @pytest.mark.slow
-def test_a_scan_stands_on_the_stage_of_an_edge_that_runs(edge: StagedEdge, tmp_path: Path) -> None:
+def test_scan_is_added_to_the_stage_of_a_running_edge(edge: StagedEdge, tmp_path: Path) -> None:
     box = trimesh.creation.box((0.4, 0.5, 0.3))
     thing = Mesh(np.add(box.vertices, [0.0, 0.25, 0.0]), np.array(box.faces, np.int32))
     path = HandheldPath(target=(0.0, 0.2, 0.0), radius=1.25, height=(0.8, 1.0), turns=0.1, seconds=0.4)

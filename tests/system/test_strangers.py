@@ -1,4 +1,4 @@
-"""Tests that an edge survives network attacks by strangers, with bounded memory growth."""
+"""Tests that an edge survives network attacks by unknown clients, with bounded memory growth."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PATIENCE = 60.0
 ATTACK = 2.0
 """Duration of an attack in seconds."""
 MOST_GROWTH_MB = 30.0
-"""Maximum growth of the edge's memory by one attack; without limits each took 100 to 1,400 MB."""
+"""Maximum growth of the edge's memory by one attack, megabytes. Without limits, each took 100 to 1,400."""
 PING = make_frame(b"\x04PING\0\0", 4)
 
 pytestmark = [
@@ -37,7 +37,7 @@ pytestmark = [
 
 
 class RunningEdge:
-    """The program of strange_edge.py, and its observable state."""
+    """The program of strange_edge.py and its externally visible state."""
 
     def __init__(self, descriptors: int | None = None) -> None:
         script = Path(__file__).with_name("strange_edge.py")
@@ -50,7 +50,7 @@ class RunningEdge:
         self.memory = self.megabytes()
 
     def megabytes(self) -> float:
-        """Returns resident memory in megabytes."""
+        """Returns the resident memory of the edge in megabytes."""
         status = Path(f"/proc/{self.process.pid}/status").read_text()
         return int(status.split("VmRSS:")[1].split()[0]) / 1024
 
@@ -60,7 +60,7 @@ class RunningEdge:
         return self.megabytes() - self.memory
 
     def hear_bodies(self, count: int) -> None:
-        """Waits until a new viewer has received some frames of bodies."""
+        """Waits until a new viewer has received ``count`` body messages."""
         with make_context() as context, context.socket(zmq.SUB) as viewer:
             viewer.setsockopt(zmq.LINGER, 0)
             viewer.setsockopt(zmq.SUBSCRIBE, b"bodies")
@@ -74,7 +74,7 @@ class RunningEdge:
                     count -= 1
 
     def answer(self) -> None:
-        """Sends a new viewer's request, and waits for the answer."""
+        """Sends a request as a new viewer and waits for the answer."""
         with make_context() as context, context.socket(zmq.DEALER) as viewer:
             viewer.setsockopt(zmq.LINGER, 0)
             viewer.connect(f"tcp://127.0.0.1:{self.control_port}")
@@ -86,12 +86,14 @@ class RunningEdge:
             assert isinstance(unpack_control(viewer.recv(), topics.REPLY).body, requests.Pong)
 
     def goes_on(self) -> None:
-        """Checks that it serves newcomers beyond the end of the recording, after the loop has restarted."""
+        """Checks that the edge serves new viewers beyond the end of the recording, after the loop has
+        restarted.
+        """
         self.answer()
         self.hear_bodies(40)
 
     def close(self) -> int:
-        """Asks it to end, and returns how it ended."""
+        """Asks the edge to end and returns its exit status."""
         self.process.send_signal(signal.SIGTERM)
         try:
             return self.process.wait(PATIENCE)
@@ -102,7 +104,7 @@ class RunningEdge:
 
 @pytest.fixture(scope="module")
 def running() -> Iterator[list[RunningEdge]]:
-    """Returns the edge that the attacks share, restarted if one ended it."""
+    """Returns the edge that all attacks share. Restarts it if an attack ended it."""
     edges: list[RunningEdge] = []
     yield edges
     for each in edges:
@@ -118,7 +120,7 @@ def edge(running: list[RunningEdge]) -> RunningEdge:
 
 
 def connected(port: int, kind: str) -> socket.socket:
-    """Opens a raw connection that has introduced itself as a DEALER or SUB."""
+    """Opens a raw TCP connection that has introduced itself as a DEALER or SUB socket."""
     opened = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE)
     about = b"\x0bSocket-Type" + struct.pack(">I", len(kind)) + kind.encode()
     opened.sendall(GREETING + make_frame(b"\x05READY" + about, 4))
@@ -130,7 +132,9 @@ def connected(port: int, kind: str) -> socket.socket:
 
 
 def pushed(connections: list[socket.socket], data: bytes, seconds: float = ATTACK) -> int:
-    """Sends the same bytes repeatedly to each, as fast as they are accepted; returns the number of bytes."""
+    """Sends the same bytes repeatedly on each connection as fast as possible. Returns the number of bytes
+    sent.
+    """
     deadline, sent = time.monotonic() + seconds, 0
     rest = dict.fromkeys(connections, data)
     while time.monotonic() < deadline and rest:
@@ -147,19 +151,19 @@ def pushed(connections: list[socket.socket], data: bytes, seconds: float = ATTAC
 
 
 def reset(connection: socket.socket) -> None:
-    """Resets a connection without closing it properly."""
+    """Resets a connection (RST) instead of closing it."""
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
     connection.close()
 
 
 def request(body: requests.Ask) -> bytes:
-    """Returns one request in its wire format."""
+    """Returns a request in its wire format."""
     return make_frame(pack_control(requests.Request(1, body)))
 
 
 @pytest.mark.slow
 def test_a_viewer_that_floods_and_leaves_does_not_end_the_edge(edge: RunningEdge) -> None:
-    """Ten thousands of commands from libzmq's own socket, which is closed while they wait."""
+    """Tens of thousands of requests are queued by a libzmq socket, which then closes."""
     context = make_context()
     dealer = context.socket(zmq.DEALER)
     dealer.connect(f"tcp://127.0.0.1:{edge.control_port}")
@@ -201,7 +205,7 @@ def test_long_subscriptions_take_no_memory_and_stop_no_stream(edge: RunningEdge)
 
 
 def test_idle_connections_neither_end_a_loop_nor_keep_others_out() -> None:
-    """More connections than the edge has descriptors, half of them to each port."""
+    """Opens more connections than the edge may have descriptors, half of them to each port."""
     edge, idle = RunningEdge(descriptors=256), []
     try:
         for number in range(1100):

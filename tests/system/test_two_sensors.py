@@ -26,7 +26,7 @@ pytestmark = [pytest.mark.system, pytest.mark.slow]
 SECONDS = 8.0
 COMING = 15
 COVERED = (3.0, 5.0)
-"""Seconds of room time in which a person blocks the left lens."""
+"""Interval in which a person blocks the left lens, seconds of the simulation."""
 PUBLISHED = 3.0
 """Seconds of both recordings that the edge plays."""
 PERFORMER = walker(12.0)
@@ -34,7 +34,7 @@ PERFORMER = walker(12.0)
 
 @pytest.fixture(scope="module")
 def takes(tmp_path_factory):
-    """Returns the folder with left.mcap, right.mcap, and covered.mcap: left with its lens covered for a
+    """Returns the folder with left.mcap, right.mcap and covered.mcap, in which the left lens is covered for a
     while.
     """
     folder = tmp_path_factory.mktemp("space")
@@ -53,7 +53,7 @@ def takes(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def space(takes):
-    """Returns the output file of ``enliven calibrate``."""
+    """Returns the calibration file written by ``enliven calibrate``."""
     path = takes / "space.toml"
     assert run(["calibrate", str(takes / "left.mcap"), str(takes / "right.mcap"), "-o", str(path)]) == 0
     return load_space(path)
@@ -61,12 +61,12 @@ def space(takes):
 
 @pytest.fixture(scope="module")
 def found():
-    """Returns (bodies, state) of every tracked frame, by recording and time."""
+    """Returns a cache of (bodies, state) of every tracked frame, by recording and time."""
     return {}
 
 
 class TrackedOnce(Tracker):
-    """A tracker of a recording with a cache: no frame is tracked twice."""
+    """A tracker of a recording that caches its results, so that no frame is tracked twice."""
 
     def __init__(self, file, found):
         super().__init__(settings_before_fusion(TrackerSettings()))
@@ -84,7 +84,7 @@ class TrackedOnce(Tracker):
 
 
 def performed(takes, space, recordings, found):
-    """Returns the bodies by time of named recordings, fused or alone."""
+    """Returns the bodies by time of the given recordings, fused if there are several."""
     sensors = {name: ReplaySensor(takes / f"{file}.mcap", speed=0.0) for name, file in recordings.items()}
     trackers = {name: TrackedOnce(file, found) for name, file in recordings.items()}
     bodies_by_time = {}
@@ -95,7 +95,9 @@ def performed(takes, space, recordings, found):
 
 
 def errors(space, made):
-    """Returns (N, 20) distances between bodies and truth, metres, in the first sensor's level frame."""
+    """Returns (N, 20) distances between tracked and true joints, metres, in the first sensor's level
+    frame.
+    """
     view = View("left", ())
     world_from_room = space.sensors["left"].camera @ invert(view.world_from_camera)
     return np.array(
@@ -111,8 +113,8 @@ def errors(space, made):
     )
 
 
-def test_the_exact_place_is_found(space):
-    """Rendered and tracked, without prior knowledge: 2.5 cm, 1 degree and 8 ms at most."""
+def test_calibration_finds_the_true_pose(space):
+    """Rendered and tracked without prior knowledge, the error is at most 2.5 cm, 1 degree and 8 ms."""
     right_in_left = invert(space.sensors["left"].camera) @ space.sensors["right"].camera
     true = left_from_right_camera()
     assert np.linalg.norm(right_in_left[:3, 3] - true[:3, 3]) < 0.025
@@ -127,15 +129,15 @@ def test_two_fused_sensors_are_more_accurate_than_one(takes, space, found):
     fused = errors(space, both)
     assert len(fused) > 0.95 * SECONDS * RATE
     assert {body.id for bodies in both.values() for body in bodies} == {1}
-    # A person that has just come in may be turned about for some frames, in one sensor or both.
+    # A tracker may confuse front and back for some frames after a person has come in, in one sensor or both.
     fused, alone = fused[COMING:], [e[COMING:] for e in alone]
     assert fused.mean() < min(e.mean() for e in alone)
-    # Both are near 1 on this clean take: half of one percent is a hand in a dozen frames.
+    # Both scores are near 1 on this clean take. Half of one percent is a hand in a dozen frames.
     assert (fused < 0.1).mean() >= max((e < 0.1).mean() for e in alone) - 0.005
     assert np.percentile(fused, 99) < min(np.percentile(e, 99) for e in alone)
 
 
-def test_a_covered_lens_hands_over_and_takes_back(takes, space, found):
+def test_covered_lens_causes_no_jump_or_new_identity(takes, space, found):
     fused = performed(takes, space, {"left": "covered", "right": "right"}, found)
     ids = [[body.id for body in bodies] for bodies in fused.values()]
     assert ids[10:] == [[1]] * (len(ids) - 10)
@@ -146,7 +148,7 @@ def test_a_covered_lens_hands_over_and_takes_back(takes, space, found):
 
 
 def test_a_failed_calibration_loses_no_file(takes, space, tmp_path, capsys):
-    """The first second is not enough; an earlier calibration file stays unchanged, bit by bit."""
+    """One second of recording is not enough. An earlier calibration file stays unchanged, byte for byte."""
     path = tmp_path / "space.toml"
     path.write_bytes((takes / "space.toml").read_bytes())
     words = ["calibrate", str(takes / "left.mcap"), str(takes / "right.mcap"), "-o", str(path)]
@@ -159,7 +161,7 @@ def test_a_failed_calibration_loses_no_file(takes, space, tmp_path, capsys):
 
 @pytest.mark.parametrize("second", ["{}", "again={}", "link.mcap", "copy.mcap"])
 def test_recording_given_twice_is_refused(tmp_path, monkeypatch, capsys, second):
-    """It agrees with itself perfectly, whatever the place of the sensors."""
+    """A recording agrees perfectly with itself, so any sensor pose would be accepted."""
     monkeypatch.chdir(tmp_path)
     recording = shipped_recording()
     (tmp_path / "link.mcap").symlink_to(recording)
@@ -170,7 +172,7 @@ def test_recording_given_twice_is_refused(tmp_path, monkeypatch, capsys, second)
 
 
 def test_an_edge_with_two_recordings_publishes_fused_bodies(takes, space, tmp_path):
-    """From the command line to the take: one performer all the time, and the chair follows."""
+    """From the command line to the take, one performer is tracked all the time and the chair follows."""
     take = tmp_path / "take.mcap"
     words = ["edge", "--speed", "0", "--space", str(takes / "space.toml"), "--possess-at", "1"]
     words += ["--seconds", str(PUBLISHED)]

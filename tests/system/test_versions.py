@@ -1,8 +1,9 @@
-"""Tests that files of enliven 0.1 open, and files of a later version are refused with an error and kept.
+"""Tests that files of enliven 0.1 can be opened, and that files of a later version are refused and kept
+unchanged.
 
-The folder versions/0.1 was written by a commit of version 0.1, and is never made again. Its settings
-state every key, and its preferences every action, so none can be renamed without a way for old files.
-Projects of every version are in tests/shared/formats/projects.
+The folder versions/0.1 was written by a commit of version 0.1 and is never regenerated. Its settings contain
+every key, and its preferences every action. A renamed key or action therefore fails unless old files are
+still read. Projects of every version are in tests/shared/formats/projects.
 """
 
 from __future__ import annotations
@@ -139,7 +140,7 @@ def test_the_studio_does_not_save_over_a_project_of_a_later_version(tmp_path):
 
 
 @pytest.mark.parametrize("version", ["0", "true", '"new"', "1.5"])
-def test_a_version_that_is_none_is_refused(tmp_path, version):
+def test_invalid_version_is_refused(tmp_path, version):
     (tmp_path / "edge.toml").write_text(f"version = {version}\n")
     with pytest.raises(InputError, match="expected a whole number from 1"):
         load_settings(EdgeSettings, tmp_path / "edge.toml")

@@ -34,11 +34,15 @@ from enliven_viewer.web.server import WebServer
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(bool(MISSING), reason=MISSING or "all is here")]
 PICTURES = Path(__file__).parents[2] / "out" / "web" / "pictures"
 MIN_OVERLAP = 0.97
-"""Minimum intersection over union: the outline of a shape of 100 pixels may be a quarter of a pixel off."""
+"""Minimum intersection over union of the silhouettes. The outline of a shape of 100 pixels may be a quarter
+of a pixel off.
+"""
 MAX_COLOUR = 6.0
-"""Maximum difference of a region's mean colour, 0..255, as for exported files: fields of a texture meet."""
+"""Maximum difference of a region's mean colour, 0..255, as for exported files. Renderers differ at texture
+borders.
+"""
 PATIENCE_S = 60.0
-"""Timeout of the end of the server, seconds."""
+"""Timeout for the end of the server, seconds."""
 PERFORMER = Body(7, np.linspace(0.2, 1.7, 20)[:, None] * [0.1, 1.0, 0.1], np.ones(20))
 """A person at the origin. Its joints lie on a line."""
 
@@ -62,7 +66,7 @@ def skinned_chair() -> tuple[Character, Pose]:
 
 
 def textured_ball() -> tuple[Character, Pose]:
-    """Returns a ball of two bones with a texture with holes, which is moved and repeated."""
+    """Returns a ball with two bones. Its texture has holes, and is shifted and repeated."""
     v, u = np.meshgrid(np.linspace(0, 1, 25), np.linspace(0, 1, 37), indexing="ij")
     up, around = np.pi * v, 2 * np.pi * u
     points = np.stack([np.sin(up) * np.sin(around), 1 + np.cos(up), np.sin(up) * np.cos(around)], -1) * 0.5
@@ -99,7 +103,7 @@ def textured_ball() -> tuple[Character, Pose]:
 
 
 def bent_cactus() -> tuple[Character, Pose]:
-    """Returns the cactus, which control points move, with one point lifted."""
+    """Returns the cactus, which control points deform, with one point lifted."""
     character = character_from_puppet(cactus_project().puppet("cactus"))
     pose = character.rest_pose()
     positions = pose.positions.copy()
@@ -149,7 +153,7 @@ def edge_name() -> str:
 
 
 def wait_for_poses(page: Page, count: int = 3) -> None:
-    """Waits until the page has drawn this number of further poses."""
+    """Waits until the page has drawn ``count`` more poses."""
     page.wait_for("window.enliven?.live?.statistics.poses > 0")
     before = page.run("enliven.live.statistics.poses")
     page.wait_for(f"enliven.live.statistics.poses >= {before + count}")
@@ -157,7 +161,7 @@ def wait_for_poses(page: Page, count: int = 3) -> None:
 
 
 def open_small(browser: Browser, server: WebServer) -> Page:
-    """Opens the live page with few pixels, which software draws fast."""
+    """Opens the live page at a small size, which software rendering draws fast."""
     page = browser.open()
     page.resize(SIZE, SIZE)
     page.call("Page.navigate", url=server.link)
@@ -165,7 +169,7 @@ def open_small(browser: Browser, server: WebServer) -> Page:
 
 
 def wait_for_still_surface(page: Page) -> None:
-    """Waits until the solved surface of the only character has been the same for a second."""
+    """Waits until the solved surface of the only character has not changed for a second."""
     page.wait_for("[...enliven.theatre.figures.values()][0].solved !== null")
     page.wait_for(
         "new Promise((done) => { const [figure] = enliven.theatre.figures.values();"
@@ -174,7 +178,7 @@ def wait_for_still_surface(page: Page) -> None:
 
 
 def draw_only_characters(page: Page, camera: np.ndarray) -> np.ndarray:
-    """Returns (H, W, 4) uint8 of the page's picture: only characters, unlit, without the film curve.
+    """Returns (H, W, 4) uint8 the page's picture of the characters alone, unlit and without the tone curve.
 
     Args:
         camera: (4, 4) clip_from_world.
@@ -204,7 +208,7 @@ def draw_only_characters(page: Page, camera: np.ndarray) -> np.ndarray:
 
 
 def compare_page(page: Page, expected: Character, pose: Pose, name: str) -> Compared:
-    """Returns the similarity of the page's picture and of enliven's own, and keeps both."""
+    """Returns the similarity of the page's picture to enliven's own, and stores both pictures."""
     drawn = draw_only_characters(page, lower_camera(view_of(expected, [pose])))
     ((compared,),), picture = compare_drawn(expected, [pose], [drawn])
     PICTURES.mkdir(parents=True, exist_ok=True)
@@ -257,7 +261,9 @@ def test_page_returns_after_restarts_of_edge_and_server_and_a_reload(browser: Br
 
 
 def wait_for_picture(page: Page) -> np.ndarray:
-    """Returns (H, W, 3) uint8 of the page once its camera is still and the page draws each batch."""
+    """Returns (H, W, 3) uint8 the page's picture, once its camera is still and each batch of poses is
+    drawn.
+    """
     page.wait_for(
         "new Promise((done) => { const before = enliven.theatre.stage.camera.matrixWorld.elements.join();"
         "setTimeout(() => done(before === enliven.theatre.stage.camera.matrixWorld.elements.join()), 500); })"
@@ -278,13 +284,13 @@ def test_ten_pages_show_the_same_picture_at_once(browser: Browser) -> None:
         PICTURES.mkdir(parents=True, exist_ok=True)
         rows = [np.hstack(pictures[:5]), np.hstack(pictures[5:])]
         Image.fromarray(np.vstack(rows)).save(PICTURES / "page ten.png")
-        # The seat is blue, and the page is not.
+        # The seat is blue, and the rest of the page is not.
         shown = [picture.astype(int) for picture in pictures]
         blue = [(picture[..., 2] > picture[..., 0] + 25).sum() for picture in shown]
         assert min(blue) > 100
         for picture in shown[1:]:
             assert np.abs(picture - shown[0]).mean() < 2.0
-        # One page closes, and a character joins: the other nine show both.
+        # One page closes and a character is added. The other nine pages show both characters.
         pages.pop().close()
         stage.poses = {"chair": (character, pose), "ball": textured_ball()}
         for page in pages:

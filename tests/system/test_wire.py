@@ -1,4 +1,6 @@
-"""Tests of publisher and Link over real sockets: late joiners, restarts, rivals, noise, other versions."""
+"""Tests of publisher and Link over real sockets: late viewers, restarts, duplicate edges, noise, other
+versions.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,7 @@ def character(name: str = "chair", count: int = 8) -> Character:
 
 
 def until(link: EdgeClient, done: Callable[[], Any], *publishers: Publisher) -> list[Command]:
-    """Runs both sides' loops until a condition holds; returns the received commands."""
+    """Runs the loops of publisher and link until a condition holds. Returns the received commands."""
     commands: list[Command] = []
     deadline = time.monotonic() + PATIENCE
     while True:
@@ -74,12 +76,12 @@ def pivots_of(link: EdgeClient) -> int:
 
 
 def joined(link: EdgeClient, publisher: Publisher) -> None:
-    """Runs until nothing is missing any more."""
+    """Runs both sides until the link has received everything."""
     until(link, lambda: "chair" in link.characters and publisher.viewers == 1, publisher)
     link.take(POSE)
 
 
-def test_every_pose_comes_once_in_order_with_its_times(link: EdgeClient, publisher: Publisher) -> None:
+def test_every_pose_arrives_once_in_order_with_its_times(link: EdgeClient, publisher: Publisher) -> None:
     joined(link, publisher)
     got: list[Any] = []
     for i in range(300):
@@ -225,7 +227,7 @@ class FakeEdge:
         self.endpoint = Endpoint("127.0.0.1", *ports)
 
     def answer(self, make: Callable[[int], bytes]) -> None:
-        """Replies to every request with the bytes that ``make`` returns for its number."""
+        """Replies to every request with the bytes that ``make`` returns for its request number."""
         while self.router.poll(0):
             viewer, data = self.router.recv_multipart()
             number = 0
@@ -370,7 +372,7 @@ def test_lost_poses_are_counted(fake: FakeEdge) -> None:
     link.close()
 
 
-def test_no_address_is_refused() -> None:
+def test_invalid_address_is_refused() -> None:
     with pytest.raises(InputError):
         EdgeClient([])
     with pytest.raises(InputError):
@@ -381,7 +383,9 @@ SECOND = 1_000_000_000
 
 
 def test_the_clock_is_found_between_its_bounds() -> None:
-    """Random delays, one direction slow: the truth stays within the bounds, and is estimated closely."""
+    """With random delays and one slow direction, the true offset stays within the bounds, and the estimate is
+    close.
+    """
     rng, offset, clock = np.random.default_rng(0), 5 * SECOND, ClockEstimate()
     assert clock.offset_ns == 0 and not clock.is_known
     now = 0

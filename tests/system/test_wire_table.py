@@ -1,9 +1,10 @@
 """Tests of the wire's table: a new message and request, the health of each topic, and a stored take.
 
-A new stream message touches four files: its class in ``wire/streams.py``, its row in ``wire/topics.py``, its
+A new stream message changes four files: its class in ``wire/streams.py``, its row in ``wire/topics.py``, its
 public name in ``wire``, and the line in ``network/outlet.py`` that makes it from a frame's result. A new
-request touches four: its class and entry in ``wire/requests.py``, its public name, its handler in
-``enliven_edge/orders.py``, and the key or button that sends it. The registrations here stand for those lines.
+request changes four: its class and entry in ``wire/requests.py``, its public name, its handler in
+``enliven_edge/orders.py``, and the key or button that sends it. The registrations in these tests replace
+those lines.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ from enliven_viewer.link.take_feed import TakeFeed
 from enliven_viewer.playback.document import Document
 
 STORED = Path(__file__).parent / "references" / "two_characters.mcap"
-"""A take of two characters, written by the first edge that supported several; format version 1."""
+"""A take of two characters in format version 1, written by the first edge that supported several."""
 STEP = 33_333_333
 
 
@@ -162,9 +163,7 @@ def test_handler_error_and_ended_stream_are_refusals() -> None:
     assert execute({}, Lock(True)) == Refused("the stream has ended")
 
 
-def test_each_topic_is_known_to_be_alive_on_rate_and_valid(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_health_of_each_topic_is_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("enliven_viewer.link.topic_health.RATE_WINDOW_S", 0.3)
     monkeypatch.setattr("enliven_viewer.link.topic_health.SILENCE_TIMEOUT_S", 0.3)
     with outlet_of(tmp_path / "take.mcap") as outlet:
@@ -202,7 +201,7 @@ def placed(name: str, frame: int) -> Pose:
 
 
 def write_stored(path: Path) -> None:
-    """Writes the stored take again: 30 frames; the second character appears at the tenth."""
+    """Writes a stored take of 30 frames again. The second character appears at the tenth."""
     with outlet_of(path) as outlet:
         for frame in range(30):
             names = ["left", "right"][: 1 + (frame >= 10)]
@@ -228,6 +227,6 @@ def test_a_stored_take_of_two_characters_is_read(tmp_path: Path) -> None:
 
 
 def test_body_messages_are_bitwise_unchanged() -> None:
-    """The table's row changed, the bytes did not."""
+    """The row in the table has changed since the reference was stored, but the bytes must not change."""
 
     assert pack_stream(BodiesMessage(7, 8, [])) == b"bodies\0\1\x93\x07\x08\x90"

@@ -1,6 +1,6 @@
-"""Shows an installation's stage in full screen; its edge is lost and returns.
+"""Shows an installation's stage in full screen while its edge is lost and returns. Prints the results.
 
-Prints the results. A second argument is a folder for pictures.
+A second argument is a folder for images.
 """
 
 from __future__ import annotations

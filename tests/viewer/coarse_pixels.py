@@ -1,4 +1,4 @@
-"""Draws a window with few pixels if its image does not matter: software OpenGL's cost is per pixel."""
+"""Draws a window with few pixels if its image does not matter. The cost of software OpenGL is per pixel."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.window_pictures import WindowPictures
 
 SHARE = 0.125
-"""Ratio of drawn to usual pixels, in each direction: layout, hovering and clicking stay the same."""
+"""Ratio of drawn to usual pixels in each direction. Layout, hovering and clicking do not change."""
 EVERY = 8
-"""Window frames per image of the scene behind the panels, which was two thirds of their cost. A click in a
-menu takes more frames, so the scene after an action is still drawn."""
+"""Number of window frames per image of the scene behind the panels, which was two thirds of their cost.
+
+A click in a menu takes more frames, so the scene is still drawn after an action.
+"""
 
 
 @contextmanager
@@ -24,7 +26,7 @@ def coarse_pixels(fine: Callable[[], bool] = lambda: False, every: int = EVERY) 
     """Lets every window draw a 64th of its pixels and few images of its scene, except while ``fine()``.
 
     Args:
-        every: frames for each picture of the scene; 1 draws both each time.
+        every: number of frames for each image of the scene. 1 draws the scene in every frame.
     """
     lay_out = Desktop.lay_out
 

@@ -1,4 +1,4 @@
-"""Characters and bodies for the viewer's tests."""
+"""Provides characters and bodies for the viewer's tests."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from enliven.person.body import Body
 from enliven.person.joints import BONES
 from enliven_viewer.render.gl.context import create_offscreen_context
 
-sys.path.insert(0, str(Path(__file__).parent))  # lets tests import the helpers in this folder
+sys.path.insert(0, str(Path(__file__).parent))  # adds the helpers in this folder to the import path
 
 SQUARES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 
@@ -66,7 +66,7 @@ def make_box() -> Callable[..., tuple[np.ndarray, np.ndarray]]:
 
 @pytest.fixture
 def make_body() -> Callable[..., Body]:
-    """Returns the function that builds an upright body at a place, with bones of 10 cm."""
+    """Returns the function that builds an upright body at a position, with bones of 10 cm."""
 
     def make(at: tuple[float, float, float] = (0.0, 1.0, 0.0), confidence: float = 1.0) -> Body:
         ways = np.random.default_rng(3).normal(0, 1, (len(BONES), 3))
@@ -93,14 +93,14 @@ def one_gl() -> Iterator[moderngl.Context]:
 
 @pytest.fixture(scope="module")
 def gl(one_gl) -> Iterator[moderngl.Context]:
-    """Makes the context current again, since another module may have made its own current."""
+    """Makes the context current again, because another module may have made its own context current."""
     with one_gl:
         yield one_gl
 
 
 @pytest.fixture
 def make_limb() -> Callable[..., Shape]:
-    """Returns a closed square tube along +Y with a chain of bones in it, weighted rigidly."""
+    """Returns a closed square tube along +Y with a chain of bones and rigid skin weights."""
 
     def make(
         name: str = "limb", bones: int = 4, length: float = 1.0, at: tuple[float, ...] = (0.0, 0.2, 0.0)

@@ -1,4 +1,6 @@
-"""Helpers for sessions in the real window: scripts for ImGui's test engine, actions by menu and by key."""
+"""Helpers for sessions in the real window: scripts for ImGui's test engine, and actions by menu and by
+key.
+"""
 
 from __future__ import annotations
 
@@ -10,14 +12,17 @@ from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.actions.imgui_keys import KEYS
 
 PATIENCE = 900.0
-"""Timeout in seconds of a script. The engine's default is one minute. After it, mouse and key input silently
-has no effect, which looks like an unresponsive window on a busy machine."""
+"""Timeout of a script in seconds.
+
+The engine's default is one minute. After it, mouse and key input has no effect and no error is raised, which
+looks like an unresponsive window on a busy machine.
+"""
 
 
 def scripted(work: Callable[[imgui.test_engine.TestContext], None]) -> Callable[[], None]:
     """Returns a window's ``register_tests`` that runs a script from the first frame on.
 
-    A script that raises ends the window.
+    If a script raises an error, the window closes.
     """
 
     def guarded(ctx: imgui.test_engine.TestContext) -> None:
@@ -45,7 +50,9 @@ def by_menu(ctx: imgui.test_engine.TestContext, action: Action) -> None:
 
 
 def menu_path(place: str) -> str:
-    """Returns the test engine's path of a menu entry, such as "File/Save": English ids in any language."""
+    """Returns the test engine's path of a menu entry, such as "File/Save". The ids are English in any
+    language.
+    """
     return "/".join(["##MainMenuBar", *(f"###{part}" for part in place.split("/"))])
 
 

@@ -1,4 +1,4 @@
-"""A feature of the studio that only a test knows: an action, a tool, a panel and an overlay."""
+"""A feature of the studio for tests: an action, a tool, a panel and an overlay."""
 
 from imgui_bundle import ImVec2, imgui
 
@@ -16,7 +16,7 @@ SIDE = 40.0
 
 
 class Gauge:
-    """The state: whether the gauge is shown, and the number of frames."""
+    """The feature's state: True while the gauge is shown, and the number of frames."""
 
     def __init__(self) -> None:
         self.is_shown, self.frames = False, 0
@@ -35,7 +35,7 @@ class GaugeTool(Tool):
 
 
 def register(app: App) -> None:
-    """Registers the gauge."""
+    """Registers the gauge's action, tool, panel and overlay."""
     gauge = app.add_state(Gauge())
 
     def draw_panel(area: Area) -> None:

@@ -1,4 +1,7 @@
-"""Opens the kiosk's real window, presses keys, and prints what became of it. Arguments: profile, folder."""
+"""Opens the kiosk's real window, presses keys, and prints the results.
+
+Arguments: profile, folder.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Builds a small project in which every action of the studio is possible, and its required selection."""
+"""Builds a small project in which every action of the studio is possible, and the selection for each
+action.
+"""
 
 from __future__ import annotations
 
@@ -41,11 +43,11 @@ NEEDS: dict[str, dict[str, object]] = {
     "paint.clear": POST,
     "file.session": STAR,
 }
-"""Selection that an action needs; a limb if there is no entry."""
+"""Selection that an action needs. Actions without an entry need a selected limb."""
 
 
 def acting_stage(folder: Path, width: int = 1280, height: int = 720) -> Workspace:
-    """Returns a workspace with a limb that waves, a possessed post and a puppet; each was edited once."""
+    """Returns a workspace with a waving limb, a possessed post and a puppet. Each was edited once."""
     project = project_with("head", "left", "right", "foot", take="sway")
     rest = project.puppets["star"].rest
     for seconds, places in ((0.0, rest), (0.8, np.add(rest, [0.1, 0.03, 0.0]))):

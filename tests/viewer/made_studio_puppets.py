@@ -1,4 +1,4 @@
-"""A studio for tests with a puppet, a star of five limbs, and the library's takes."""
+"""A studio workspace for tests with a puppet, a star of five limbs, and the library's takes."""
 
 from __future__ import annotations
 
@@ -30,12 +30,14 @@ TIPS = {
 _GAPS = ((-0.09, 0.66), (-0.1, 0.42), (0.0, 0.22), (0.1, 0.42), (0.09, 0.66))
 SIDES = Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
 JOINTS = {"head": "bone 3", "left": "bone 1", "right": "bone 2", "foot": "root"}
-"""Of the takes "sway" and "walk"."""
+"""The joint of the takes "sway" and "walk" that each control point follows."""
 
 
 @cache
 def star() -> Mesh:
-    """Returns a standing figure with a head, two arms and two legs, symmetric in x = 0 but for rounding."""
+    """Returns a standing figure with a head, two arms and two legs. Up to rounding, it is symmetric in x =
+    0.
+    """
     ring: list[np.ndarray] = []
     for tip, gap in zip(TIPS.values(), _GAPS, strict=True):
         way = np.array(tip) - np.array([0.0, 0.5])
@@ -65,7 +67,7 @@ def project_with(*names: str, take: str = "") -> Project:
 
 
 def studio(folder: Path, *names: str, take: str = "") -> tuple[Workspace, HeadlessStage]:
-    """Returns a workspace on such a project, its puppet selected and its tool active; and a stage."""
+    """Returns a workspace on such a project, with its puppet selected and its tool active, and a stage."""
     render = RenderSettings(shadow_size=64, contact_size=32, samples=1)
     workspace = Workspace.new(Editor(StudioSettings(render=render, width=1100, height=720)), folder)
     workspace.store.new(project_with(*names, take=take))

@@ -1,4 +1,4 @@
-"""Performs in the real window with a real edge, which is killed and restarted; prints the results."""
+"""Performs in the real window with a real edge, which is killed and restarted. Prints the results."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 
 EDGE = Path(__file__).parents[1] / "system" / "staged_edge.py"
 PATIENCE = 150.0
-"""Timeout in seconds: kernels may have to be compiled first."""
+"""Timeout in seconds, including compilation of the kernels."""
 CLICKS = 3
 """Number of clicks on a menu entry: a slow frame sometimes closes a menu under the pointer."""
 RECORDING = (
@@ -40,9 +40,9 @@ RECORDING = (
     "perform.record_beside_what_was_recorded_last",
 )
 TAKE_OFF = "perform.take_the_chosen_character_from_the_stage"
-"""These are done last, one after the other: they change what is recorded, and the stage."""
+"""The actions that are done last, one after the other, because they change the recording and the stage."""
 AGAIN = 5.0
-"""Seconds until an artist tries again: an edge that compiles is silent, and refuses."""
+"""Seconds until the artist tries again. An edge that compiles is silent or refuses."""
 PAUSE = 0.02
 """Seconds between two polls, so that the edge gets processor time."""
 report: dict[str, object] = {"done": False}
@@ -68,7 +68,7 @@ class RealEdge:
 
 
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdge) -> None:
-    """Plays an artist's actions, and the edge's failures meanwhile."""
+    """Plays an artist's actions, and the edge's failures during them."""
     workspace = window.workspace
     editor, perform = workspace.editor, workspace.perform
 
@@ -110,7 +110,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
         until(lambda: not wanted, "a picture")
 
     def recording(seconds: float) -> bool:
-        # On a loaded machine the edge may be silent long enough to end a recording.
+        # On a loaded machine, the edge may be silent for long enough to end a recording.
         if perform.recording.phase == "idle" and perform.connected:
             perform.recording.toggle()
         return perform.recording.recorder.seconds > seconds
@@ -173,7 +173,7 @@ def close_by(
     until: Callable,
     shot: Callable[[str], None],
 ) -> None:
-    """Releases the chair; the view moves to the legs that would be attached next, and back afterwards."""
+    """Releases the chair. The view moves to the legs that would be attached next, and back afterwards."""
     perform, camera = window.workspace.perform, window.workspace.editor.camera
     until(lambda: not perform.holders, "a chair that is free", lambda: ctx.key_press(int(imgui.Key.r)))
     before = camera.goal
@@ -195,7 +195,9 @@ def layered(
     until: Callable,
     recording: Callable[[float], bool],
 ) -> None:
-    """Steps into the selected arm, records, and records over it during playback; it is cut in between."""
+    """Possesses the selected arm, records it, and records again during playback. The arm is cut in
+    between.
+    """
     editor, perform = window.workspace.editor, window.workspace.perform
     editor.choose("arm")
     until(lambda: perform.sender.states.get("arm") == "on the stage" and perform.target == "arm", "the arm")
@@ -210,7 +212,7 @@ def layered(
             until(lambda: len(live.document.characters["arm"].pivots) == bones, "the cut arm there")  # noqa: B023
         holds = lambda: "arm" in {holder.character for holder in perform.holders}  # noqa: E731
         until(holds, "who holds the arm", lambda: ctx.key_press(int(imgui.Key.p)))
-        # While the edge prepares the cut arm, the project's own arm is shown.
+        # While the edge prepares the cut arm, the project's arm is shown instead.
         until(lambda: recording(seconds) and "arm" in perform.hidden, "a recording of the arm")  # noqa: B023
         shown.append([sorted(perform.hidden), [actor.character.id for actor in perform.scene.actors]])
         perform.recording.toggle()
@@ -221,7 +223,7 @@ def layered(
 def each_action(
     ctx: imgui.test_engine.TestContext, window: StudioWindow, until: Callable
 ) -> dict[str, list[str]]:
-    """Does every stage action once from its menu and once by its key; returns the refused ones."""
+    """Does every stage action once from its menu and once by its key. Returns the refused actions."""
     workspace, refused = window.workspace, dict[str, list[str]]()
     recording = workspace.perform.recording
     stage = [action for action in workspace.actions if action.id.startswith("perform.")]
@@ -243,7 +245,7 @@ def each_action(
             workspace.editor.marked_range = None
             if recording.phase != "idle":
                 until(lambda: recording.recorder.seconds > 0.4, "something that is recorded")
-            # If the stage was busy nothing moved, so it is recorded once more.
+            # If the stage was busy, nothing moved, so it is recorded again.
             until(lambda: not action.why_not(), f"what {action.id} needs", recording.toggle)  # noqa: B023
         why_not = action.why_not()
         for _ in range(CLICKS):

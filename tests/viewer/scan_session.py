@@ -1,4 +1,4 @@
-"""Scans in the real window with a real edge that replays a carried camera; prints the results.
+"""Scans in the real window with a real edge that replays a carried camera. Prints the results.
 
 xvfb-run -a .venv/bin/python tests/viewer/scan_session.py FOLDER CARRIED.mcap [FOLDER OF PICTURES]
 """
@@ -27,9 +27,9 @@ from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 PATIENCE = 150.0
-"""Timeout in seconds: kernels may have to be compiled first."""
+"""Timeout in seconds, including compilation of the kernels."""
 PAUSE = 0.05
-"""Seconds between two frames while waiting: each frame takes processor time from the edge."""
+"""Seconds between two frames while waiting. Each frame takes processor time from the edge."""
 report: dict[str, object] = {"done": False}
 wanted: list[str] = []
 
@@ -58,7 +58,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
             time.sleep(PAUSE)
 
     def watch() -> None:
-        """Notes the positions of a scan's buttons in the last frame."""
+        """Stores the positions of a scan's buttons in the last frame."""
         names = ("scan progress", "scan pause", "scan undo", "scan keep box", "scan done", "scan cancel")
         widgets = [workspace.widgets.get(name) for name in names]
         if scan.active and not scan.has_crop_box and all(widgets):
@@ -77,7 +77,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
         ctx.yield_()
 
     def press(name: str, done: Callable[[], object]) -> None:
-        """Clicks until it has an effect: on a busy machine the edge may be silent."""
+        """Clicks until ``done`` is true, because an edge on a busy machine may be silent."""
         end = time.monotonic() + PATIENCE
         while not done() and time.monotonic() < end:
             click(name)
@@ -93,7 +93,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
         until(lambda: not wanted, "a picture")
 
     def drag_the_top(area: Area) -> None:
-        """Drags the dot at the top of the box down, by less in the small box of a slow machine."""
+        """Drags the dot at the top of the box down, less far if a slow machine has made only a small box."""
         dots = np.array([scan.box._find_handle(end, 1) for end in (1, 0)])
         (x, y), (_, bottom) = editor.lens.project_visible(dots)
         ctx.mouse_move_to_pos(ImVec2(area.x + x, area.y + y))
@@ -105,7 +105,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
         ctx.yield_()
 
     def drag_the_box() -> None:
-        """Drags the dot at the top of the box down by the mouse, twice."""
+        """Drags the dot at the top of the box down with the mouse, twice."""
         press("scan keep box", lambda: scan.has_crop_box)
         views: list[np.ndarray] = []
 
@@ -118,11 +118,11 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
         shot("box")
         area = window.places.viewport
         before: np.ndarray | None = None
-        for drag in range(2):  # First the top's dot, then the dot of the box that resulted.
+        for drag in range(2):  # First the dot of the top, then the dot of the resulting box.
             top = scan.box.corners[1, 1]
             for _ in range(3):  # A busy window may miss a press.
                 if scan.box.corners[1, 1] == top:
-                    # Until a press, the box follows the growing surface.
+                    # Until it is dragged, the box follows the growing surface.
                     before = scan.box.corners.copy() if drag == 0 else before
                     drag_the_top(area)
         assert before is not None

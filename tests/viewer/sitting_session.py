@@ -1,4 +1,4 @@
-"""Scans, steps in, records, speaks and plays with loose boxes in a single window session.
+"""Scans, possesses, records, speaks and plays with loose boxes in a single window session.
 
 xvfb-run -a .venv/bin/python tests/viewer/sitting_session.py FOLDER DEPTH.mcap EDGE.toml [FOLDER OF PICTURES]
 """
@@ -24,15 +24,15 @@ from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 PATIENCE = 150.0
-"""Timeout in seconds: kernels may have to be compiled first."""
+"""Timeout in seconds, including compilation of the kernels."""
 PAUSE = 0.05
-"""Seconds between two frames while waiting: each frame takes processor time from the edge."""
+"""Seconds between two frames while waiting. Each frame takes processor time from the edge."""
 AWAY = (300.0, 330.0)
-"""A position over the picture, in pixels, where the pointer shows no tooltip."""
+"""A position over the image, in pixels, at which the pointer shows no tooltip."""
 FALLEN_M = 0.12
-"""Minimum drop in metres of a tower's box that was knocked over: most of its height."""
+"""Minimum drop of a tower's box that was knocked over, metres: most of its height."""
 FUSED = 42 if len(sys.argv) > 4 else 8
-"""Number of fused images of the chair that is enough: most of a round for pictures, otherwise a part."""
+"""Sufficient number of fused images of the chair: most of a round if images are written, otherwise a part."""
 report: dict[str, object] = {"done": False}
 wanted: list[str] = []
 
@@ -81,7 +81,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
         until(lambda: not wanted, "a picture")
 
     def possess() -> None:
-        # A single press, with or without a person in view: the window acts as soon as it can.
+        # A single press is enough, with or without a person in view: the window acts as soon as possible.
         until(lambda: not perform.performers, "a moment in which nobody is in view")
         click("possess")
         report["waits"] = perform.possession_requests.words
@@ -134,7 +134,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
     workspace.actions.do("scan.open")
     until(lambda: perform.performers, "the performer once more")
     until(lambda: not perform.performers, "the camera that is carried about")
-    scan.size = "room"  # with larger voxels a busy machine keeps up with the camera
+    scan.size = "room"  # larger voxels, so that a busy machine keeps up with the camera
     until(lambda: scan.active, "a scan", lambda: workspace.actions.do("scan.start"))
     until(lambda: scan.message.fused > FUSED and scan.surface, "a surface")
     shot("5 scanning")

@@ -1,4 +1,6 @@
-"""Computes the light of shaders/light.glsl and the curve of shaders/develop.glsl for one point, slowly."""
+"""Computes the lighting of shaders/light.glsl and the tone curve of shaders/develop.glsl for one point,
+slowly.
+"""
 
 from __future__ import annotations
 

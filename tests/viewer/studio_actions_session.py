@@ -1,6 +1,6 @@
 """Opens the studio's window and does every action of its table, once from its menu and once by its key.
 
-Prints the results as JSON; a second argument is a folder for pictures.
+Prints the results as JSON. A second argument is a folder for images.
 """
 
 from __future__ import annotations
@@ -30,18 +30,20 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 report: dict[str, object] = {"done": False, "menu": [], "keys": [], "refused": {}, "complaints": []}
 wanted: list[str] = []
 SELDOM = 12
-"""Window frames per redraw of the 3-D picture, while menus and keys are tried."""
+"""Number of window frames per drawn 3D image while menus and keys are tested."""
 
 
 def without_stage(workspace: Any) -> list[Action]:
-    """Returns the actions that need no edge; perform_session.py does the others."""
+    """Returns the actions that need no edge. perform_session.py does the others."""
     return [action for action in workspace.actions if "stage is" not in action.why_not()]
 
 
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
-    """Does every action from its menu and by its key; then the palette, other keys, and the history."""
+    """Does every action from its menu and by its key, and then tests the palette, other keys, and the
+    history.
+    """
     workspace = window.workspace
-    workspace.editor.show_meshes = False  # there are thousands of frames
+    workspace.editor.show_meshes = False  # meshes are hidden, because there are thousands of frames
     always = drawn_seldom()
     with coarse_pixels():
         tried(ctx, workspace)
@@ -80,7 +82,7 @@ def tried(ctx: imgui.test_engine.TestContext, workspace: Workspace) -> None:
 
 
 def drawn_seldom() -> Callable[[], None]:
-    """Redraws the 3-D picture only now and then, until the returned function is called."""
+    """Draws the 3D image only occasionally, until the returned function is called."""
     draw, count = Viewport.draw, itertools.count()
 
     def seldom(self: Viewport, *args: Any, **how: Any) -> None:
@@ -92,14 +94,14 @@ def drawn_seldom() -> Callable[[], None]:
 
 
 def picture(ctx: imgui.test_engine.TestContext, name: str) -> None:
-    """Takes a picture of the current window."""
+    """Writes an image of the current window."""
     ctx.yield_(3)
     wanted.append(name)
     ctx.yield_(2)
 
 
 def greyed(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
-    """Checks that an impossible action is grey, and gives the reason on its tooltip."""
+    """Checks that an impossible action is grey, and that its tooltip gives the reason."""
     workspace = window.workspace
     workspace.editor.select(character=None)
     ctx.yield_(2)
@@ -136,7 +138,7 @@ def palette(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
 
 
 def keys(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
-    """Gives an action another key: first a free one, then another action's."""
+    """Assigns another key to an action: first a free key, then another action's."""
     workspace = window.workspace
     actions, bones = workspace.actions, workspace.actions["view.bones"]
     workspace.ask("preferences")
@@ -212,7 +214,7 @@ def main() -> None:
 
 
 def keep(name: str, pixels: np.ndarray) -> None:
-    """Writes a picture if a folder is given."""
+    """Writes an image if a folder is given."""
     report.setdefault("spread", {})[name] = float(pixels.std())
     if len(sys.argv) > 2:
         from PIL import Image

@@ -1,4 +1,4 @@
-"""Opens the studio's window and draws a circle within two frames by the window's own events."""
+"""Opens the studio's window and draws a circle within two frames through the window's own events."""
 
 from __future__ import annotations
 

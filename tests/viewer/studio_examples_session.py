@@ -1,4 +1,4 @@
-"""Opens the studio's window on a star, animates it through the example panel, and prints the results."""
+"""Opens the studio's window on a star, animates it with the example panel, and prints the results."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 
 report: dict[str, object] = {}
 STEP = pace.STEP = 0.12
-"""Seconds per frame: a third of a film's frame rate."""
+"""Seconds per frame, three times as long as in a film."""
 
 
 def work(workspace: Workspace) -> Iterator[Action]:
-    """Chooses a take, pairs by hand and automatically, poses twice, retimes, changes a setting, plays."""
+    """Chooses a take, pairs by hand and automatically, poses twice, retimes, changes a setting, and plays."""
 
     def star():
         return workspace.editor.project.puppets["star"]

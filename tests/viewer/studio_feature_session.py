@@ -1,6 +1,6 @@
-"""Opens the studio's window with a feature of another package, and uses it; prints the results as JSON.
+"""Opens the studio's window with a feature of another package and uses it. Prints the results as JSON.
 
-Arguments: a folder for preferences, and perhaps a folder for pictures. The feature must be installed.
+Arguments: a folder for preferences, and optionally a folder for images. The feature must be installed.
 """
 
 from __future__ import annotations

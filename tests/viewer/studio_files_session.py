@@ -1,4 +1,4 @@
-"""Opens the studio's window and saves, drops and films files as an artist does; prints the results."""
+"""Opens the studio's window and saves, drops and films files like an artist. Prints the results."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ report: dict[str, Any] = {"done": False}
 
 
 def title() -> str:
-    """Returns the title of the window on the desktop."""
+    """Returns the title of the desktop window."""
     return glfw.get_window_title(glfw_window_hello_imgui())
 
 
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
-    """Saves by Ctrl+S and Enter, changes something, saves again, drops a mesh, writes a film."""
+    """Saves by Ctrl+S and Enter, changes the project, saves again, drops a mesh, and writes a film."""
     workspace = window.workspace
     ctx.yield_(3)
     report["at first"] = title()
@@ -74,7 +74,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
 
 
 def choose_clip(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
-    """Chooses "no clip" and then the clip again for the dropped model."""
+    """Selects "no clip" for the dropped model, and then the clip again."""
     editor = window.workspace.editor
     dropped = editor.find_selected(Shape)
     assert dropped is not None
@@ -99,7 +99,7 @@ def save(ctx: imgui.test_engine.TestContext, key: int, name: str = "") -> None:
 
 
 def drop(*paths: str) -> None:
-    """Drops files as the desktop does: through the window's own callback."""
+    """Drops files like the desktop, through the window's own callback."""
     window = glfw_window_hello_imgui()
     called = glfw.set_drop_callback(window, None)
     glfw.set_drop_callback(window, called)
@@ -147,7 +147,7 @@ def main() -> None:
             window.close()
 
     def after(window: StudioWindow) -> None:
-        # The screen holds the picture only before the swap.
+        # The back buffer holds the image only until the swap.
         if "still drawn" in report and report["still drawn"] is None:
             report["still drawn"] = float(window.pixels().std())
 

@@ -1,6 +1,7 @@
-"""Opens the studio in German and shows workspaces and dialogs at 1360x820; prints wrong letters as JSON.
+"""Opens the studio in German and shows workspaces and dialogs at 1360x820. Prints cut or overlapping letters
+as JSON.
 
-Arguments: a folder for preferences, and perhaps a folder for pictures.
+Arguments: a folder for preferences, and optionally a folder for images.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Works in studios that are killed at random moments; prints what each next studio recovered.
+"""Works in studios that are killed at random times. Prints what each next studio recovered.
 
 A simulated clock advances 7 seconds per edit, so that a kill comes minutes into the work. Each studio is a
-forked process, so the modules are imported once.
+forked process, so that the modules are imported only once.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from enliven_viewer.studio.workspace.project_store import ProjectStore
 KILLS = 50
 """Number of studios that are killed."""
 TICK = 7.0
-"""Seconds of the studio's clock between two edits: at most two edits are lost."""
+"""Seconds of the studio's clock between two edits. At this interval, at most two edits are lost."""
 EDITS = 14
-"""Maximum number of edits before a kill: four recovery files, however slow the machine is."""
+"""Maximum number of edits before a kill, enough for four recovery files."""
 LONGEST = 0.01
-"""Maximum seconds that it continues: about as long as a recovery file is written."""
+"""Maximum time between the last edit and the kill, seconds. Writing a recovery file takes about as long."""
 
 
 def bone(number: int) -> Shape:
@@ -41,12 +41,12 @@ def bone(number: int) -> Shape:
 
 
 def edited(project: Project) -> int:
-    """Returns the number of the last edit in a project; 0 if there is none."""
+    """Returns the number of the last edit in a project, 0 if there is none."""
     return int(round(project.shapes["bone"].skeleton.positions[0, 0])) if project.shapes else 0
 
 
 def work(folder: Path, told: int) -> None:
-    """Edits for ever, some seconds per edit by the studio's own clock; reports the number of each edit."""
+    """Makes edits for ever, some seconds apart by the studio's own clock. Reports the number of each edit."""
     editor = Editor()
     store = ProjectStore(editor, folder)
     store.new()
@@ -54,12 +54,12 @@ def work(folder: Path, told: int) -> None:
     for number in range(1, 1 << 30):
         editor.edit("edit", lambda project, number=number: project.with_characters(bone(number)))
         store.autosave(start + number * TICK)
-        store.settle()  # this clock is a thousand times as fast as a disk
+        store.settle()  # the simulated clock is a thousand times as fast as a disk
         os.write(told, number.to_bytes(4, "little"))
 
 
 def killed(folder: Path, edits: int, moment: float) -> tuple[int, int]:
-    """Lets a studio make ``edits`` edits and work on for a moment, and kills it.
+    """Lets a studio make ``edits`` edits and continue for ``moment`` seconds, and kills it.
 
     Returns:
         The last reported edit, and the last recovered one.

@@ -1,6 +1,7 @@
-"""Opens the studio once and shows workspaces at sizes of window and text; prints wrong letters as JSON.
+"""Opens the studio once and shows workspaces at several window and text sizes. Prints cut or overlapping
+letters as JSON.
 
-Arguments: a folder for preferences, and perhaps a folder for pictures.
+Arguments: a folder for preferences, and optionally a folder for images.
 """
 
 from __future__ import annotations
@@ -31,10 +32,10 @@ SIZES = {
     "3840x2160": (3840, 2160, 1.0),
 }
 PAGES = {"600x400": (600, 400, 1.0), "1000x640 at 200 %": (1000, 640, 2.0)}
-"""Small windows for the start page, which has more lines than fit."""
+"""Small windows for the start page, which has more lines than fit: width, height, text scale."""
 SMALL = ("600x400", "1280x720 at 200 %")
 FRAMED, SETTLED = 4, 6
-"""Frames until a window has its new size, and until ImGui has laid out its contents."""
+"""Number of frames until a window has its new size, and until ImGui has laid out its contents."""
 ROOMS = ("Perform", "Animate", "Model")
 report: dict[str, dict] = {}
 
@@ -47,7 +48,7 @@ def enter(workspace: Workspace, room: str, *, chosen: str | None = None, tool: s
 
 
 def scan(workspace: Workspace) -> None:
-    """Shows the panel of a scan."""
+    """Shows the scan panel."""
     enter(workspace, "Perform")
     workspace.state(ScanSession).open()
 
@@ -68,7 +69,9 @@ STATES = {
     "a brush": lambda workspace: enter(workspace, "Model", chosen="post", tool="paint"),
     "a scan": scan,
 }
-"""The shown states by name: three workspaces at all sizes, the others in small windows."""
+"""Functions that show each state, by name. Three workspaces are tested at all sizes, the others in small
+windows.
+"""
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Opens the studio's window and types numbers into the fields; prints the results as JSON."""
+"""Opens the studio's window and types numbers into the fields. Prints the results as JSON."""
 
 from __future__ import annotations
 

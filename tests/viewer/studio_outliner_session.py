@@ -1,4 +1,4 @@
-"""Opens the studio's window and works in the outliner; prints the results as JSON."""
+"""Opens the studio's window and works in the outliner. Prints the results as JSON."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ pictures: list[np.ndarray] = []
 
 
 def picture(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> np.ndarray:
-    """Returns the drawn viewport, read while the window's own context is current."""
+    """Returns the drawn viewport. The window's own context must be current."""
     wanted.append(True)
     ctx.yield_(2)
     left, top, wide, high = (round(number) for number in window.places.viewport)

@@ -1,4 +1,4 @@
-"""Opens the studio's window on a star and works in it as an artist does; prints the results as JSON."""
+"""Opens the studio's window on a star and works in it like an artist. Prints the results as JSON."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ pictures: dict[str, np.ndarray] = {}
 
 
 def work(window: StudioWindow, wanted: list[str]) -> Iterator[Action]:
-    """Adds points by clicks and a key pose by its arrow; shows the warning, undoes, and ends."""
+    """Adds points by clicks, and a key pose with its arrow handle. Shows the warning, undoes, and ends."""
     workspace = window.workspace
     snap = lambda name: Do(lambda _: wanted.append(name))  # noqa: E731
     yield Wait(0.1)

@@ -1,6 +1,6 @@
-"""Records in the real window with a real edge: slow presses, a steady panel, and closing meanwhile.
+"""Records in the real window with a real edge: slow presses, a panel without jumps, and closing the window.
 
-Prints the results. A second argument is a folder for pictures.
+Prints the results. A second argument is a folder for images.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 HELD = 0.3
-"""Seconds that a button is pressed: people that aim press this long."""
+"""Seconds for which a button is pressed, as by people who aim carefully."""
 SAID = "The camera sees little: the room is dark, and what is behind the performer is very near to the camera"
 WRONG = tuple(
     HealthState("low frame rate", Severity.WARNING, 0, f"{SAID} ({n})", "Switch on a light. " * 6)
@@ -51,7 +51,7 @@ STEADY = (
     "physics",
     "count in",
 )
-"""Widgets with positions that are checked."""
+"""Widgets whose positions are checked."""
 report: dict[str, object] = {"done": False}
 wanted: list[str] = []
 
@@ -141,7 +141,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
 
 
 def characters_come(ctx, window, until, places) -> list[object]:
-    """Returns the positions of the widgets as an own and a visitor's character come onto the stage."""
+    """Returns the widgets' positions while the user's and a visitor's character are added to the stage."""
     workspace, perform, seen = window.workspace, window.workspace.perform, []
     pill = limb(np.array([[0.0, 0.6], [-0.05, 0.3], [-0.2, 0.0]]), np.array([0.09, 0.06, 0.045]))
     arm = shape_from_stroke(np.add(pill, [-0.8, 0.5]), id="arm")
@@ -167,7 +167,7 @@ def characters_come(ctx, window, until, places) -> list[object]:
 
 
 def close(ctx, window, press, until, shot, folder: Path) -> None:
-    """Closes the window during a recording: it asks, the recording continues, and is then saved with the
+    """Closes the window during a recording. It asks, the recording continues, and is then saved with the
     rest.
     """
     workspace, recording = window.workspace, window.workspace.perform.recording

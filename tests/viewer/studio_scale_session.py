@@ -1,7 +1,7 @@
-"""Opens the studio's window at a screen density and text size; prints the positions of widgets as JSON.
+"""Opens the studio's window at a screen density and text size. Prints the positions of widgets as JSON.
 
-Arguments: a folder, dots per inch, width and height in usual pixels, size of text, and perhaps a
-picture to write.
+Arguments: a folder, dots per inch, width and height in pixels at normal density, text size, and optionally an
+image file to write.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ ROOT = ctypes.c_ulong(X11.XDefaultRootWindow(SERVER))
 
 
 def dense(dpi: int) -> None:
-    """Sets the density of the screen as a desktop does: in the resources of the X server."""
+    """Sets the density of the screen in the X server's resources, as a desktop does."""
     text = f"Xft.dpi:\t{dpi}\n".encode()
     manager = ctypes.c_ulong(X11.XInternAtom(SERVER, b"RESOURCE_MANAGER", 0))
     X11.XChangeProperty(SERVER, ROOT, manager, ctypes.c_ulong(31), 8, 0, text, len(text))
@@ -41,7 +41,7 @@ def dense(dpi: int) -> None:
 
 
 def warp(x: float, y: float) -> None:
-    """Moves the real pointer to a pixel of the screen; the window is at its corner."""
+    """Moves the real pointer to a pixel of the screen. The window is at the screen's corner."""
     left, top = glfw.get_window_pos(glfw_window_hello_imgui())
     X11.XWarpPointer(SERVER, ctypes.c_ulong(0), ROOT, 0, 0, 0, 0, round(left + x), round(top + y))
     X11.XSync(SERVER, 0)

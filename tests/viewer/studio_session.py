@@ -1,4 +1,4 @@
-"""Opens the studio's window and lets ImGui's test engine work in it; prints the results as JSON."""
+"""Opens the studio's window and lets ImGui's test engine work in it. Prints the results as JSON."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ report: dict[str, object] = {"done": False, "errors": []}
 
 
 def settle(ctx: imgui.test_engine.TestContext, frames: int = 4) -> None:
-    """Lets the window draw some frames: an event has effect in the next one."""
+    """Draws some frames, because an event takes effect in the frame after it."""
     for _ in range(frames):
         ctx.yield_()
 
 
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
-    """Plays an artist's actions: tools, a menu, a drag in the viewport, keys, the dialog at the end."""
+    """Plays an artist's actions: tools, a menu, a drag in the viewport, keys, and the dialog at the end."""
     workspace = window.workspace
     editor = workspace.editor
 
@@ -47,7 +47,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
 
         return ImVec2(*where(place, WindowStage(window)))
 
-    # The panels are placed in the first frames, and the layout depends on them.
+    # Panels are placed in the first frames. The layout depends on this.
     settle(ctx)
     report["size"] = list(window.places.viewport)
     ctx.item_click("tools/##carry")

@@ -1,4 +1,4 @@
-"""Shows the start page, the Perform panel and a scan for seconds; prints their widgets' positions as JSON.
+"""Shows the start page, the Perform panel and a scan for seconds. Prints their widgets' positions as JSON.
 
 xvfb-run -a .venv/bin/python tests/viewer/studio_steady_session.py FOLDER [FOLDER OF PICTURES]
 """
@@ -26,9 +26,9 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 PATIENCE_S = 60.0
 """Timeout in seconds for the edge's program to list its cameras on a busy machine."""
 SETTLED = 2
-"""Frames until ImGui knows the size of an auto-sized window, which it hides meanwhile."""
+"""Number of frames until ImGui knows the size of an auto-sized window. ImGui hides the window until then."""
 FRAMES = 5
-"""Number of frames that each list of cameras is shown."""
+"""Number of frames for which each list of cameras is shown."""
 MADE_UP = Camera("A made-up person in front of a wall, far away", "synthetic", {"width": "160"})
 LACKING = Camera("OAK-D Lite", "oak", {}, "depthai is not installed", "Type: pip install enliven-edge[oak]")
 NO_DRIVER = Camera("Kinect", "", {}, "no driver ships for it", "Add one, as docs/add-a-sensor.md describes.")
@@ -37,7 +37,7 @@ report: dict[str, object] = {}
 
 
 def moved(frames: list[dict[str, tuple[float, ...]]]) -> dict[str, list[tuple[float, ...]]]:
-    """Returns the widgets with more than one position, and the positions."""
+    """Returns the widgets that had more than one position, with their positions."""
     places = dict[str, set[tuple[float, ...]]]()
     for frame in frames:
         for name, place in frame.items():
@@ -46,7 +46,7 @@ def moved(frames: list[dict[str, tuple[float, ...]]]) -> dict[str, list[tuple[fl
 
 
 class Steps:
-    """The shown states, one after the other; each frame's widgets are stored by the state's name."""
+    """The shown states, one after another. The widgets of each frame are stored by the state's name."""
 
     def __init__(self, workspace: Workspace, pictures: Path | None) -> None:
         self.workspace, self.pictures = workspace, pictures

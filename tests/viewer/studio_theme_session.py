@@ -1,6 +1,6 @@
-"""Shows three workspaces in both themes, switched while the window is open; prints colours as JSON.
+"""Shows three workspaces in both themes, switched while the window is open. Prints colours as JSON.
 
-Arguments: a folder for preferences, and perhaps a folder for pictures.
+Arguments: a folder for preferences, and optionally a folder for images.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.theme import THEMES
 
 SETTLED = 5
-"""Frames until colours and panels have changed to those of a step."""
+"""Number of frames until colours and panels have changed."""
 
 
 def main() -> None:

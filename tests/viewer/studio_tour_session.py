@@ -1,4 +1,4 @@
-"""Takes the tour in the real window, by hand or by "Show me"; prints its progress as JSON.
+"""Takes the tour in the real window, by hand or by "Show me". Prints its progress as JSON.
 
 xvfb-run -a .venv/bin/python tests/viewer/studio_tour_session.py FOLDER hand|show [PICTURES [SIZE [TEXT]]]
 """
@@ -27,18 +27,20 @@ from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 PATIENCE = 150.0
-"""Timeout in seconds: kernels may have to be compiled first."""
+"""Timeout in seconds, including compilation of the kernels."""
 CALM = 0.02
 """Seconds of sleep per frame while waiting for the stage, which needs the processor."""
 LONG_STEP = 0.12
-"""Seconds per frame if the image does not matter: ticks, hands and views need few frames then."""
+"""Seconds per frame if the image does not matter, so that animations of ticks, hands and views need few
+frames.
+"""
 report: dict[str, object] = {"done": False, "outlines": [], "titles": [], "texts": []}
 wanted: list[str] = []
 stages: list[WindowStage] = []
 
 
 def until(workspace: Workspace, done: Callable[[], object], what: str) -> Iterator[Action]:
-    """Waits for a condition, by wall clock."""
+    """Waits for a condition until a timeout of the wall clock."""
     end = time.monotonic() + PATIENCE
     while not done():
         if time.monotonic() > end:
@@ -60,18 +62,18 @@ def until(workspace: Workspace, done: Callable[[], object], what: str) -> Iterat
 
 
 def shot(name: str) -> Iterator[Action]:
-    """Takes a picture, if pictures are wanted."""
+    """Writes an image if a folder is given."""
     yield Do(lambda _: wanted.append(name))
     yield Wait(STEP)
 
 
 def meets(workspace: Workspace, name: str, *, picture: bool = False) -> Iterator[Action]:
-    """Waits for the outline of a part; notes it, and the widget that it must enclose."""
+    """Waits for the outline around a part. Stores it, with the widget that it must enclose."""
     shown = lambda: "tour outline" in workspace.widgets  # noqa: E731
     if not picture:
         fits = lambda: shown() and name in workspace.tour.target.widgets  # noqa: E731
         yield from until(workspace, fits, f"the outline of {name}")
-        yield Wait(3 * STEP)  # scrolled into view by then
+        yield Wait(3 * STEP)  # scrolling has finished by then
         there = workspace.widget(name)
     else:
         fits = lambda: shown() and workspace.tour.target.path  # noqa: E731
@@ -83,7 +85,7 @@ def meets(workspace: Workspace, name: str, *, picture: bool = False) -> Iterator
 
 
 def by_hand(workspace: Workspace) -> Iterator[Action]:
-    """Does what a child does after reading each sentence."""
+    """Does what a child would do after reading each sentence."""
     editor, perform = workspace.editor, workspace.perform
     yield from meets(workspace, "do Armchair")
     yield Click(Widget("do Armchair"))
@@ -143,7 +145,7 @@ def by_hand(workspace: Workspace) -> Iterator[Action]:
 
 
 def press(workspace: Workspace, name: str, done: Callable[[], object]) -> Iterator[Action]:
-    """Clicks until it has an effect: a busy window may miss a click."""
+    """Clicks until ``done`` is true, because a busy window may miss a click."""
     end = time.monotonic() + PATIENCE
     while not done() and time.monotonic() < end:
         yield Click(Widget(name))
@@ -153,7 +155,7 @@ def press(workspace: Workspace, name: str, done: Callable[[], object]) -> Iterat
 
 
 def typed(text: str):
-    """Returns the action that types letters into the focused field."""
+    """Returns the action that types text into the focused field."""
     from imgui_bundle import imgui
 
     return lambda workspace: imgui.get_io().add_input_characters_utf8(text)
@@ -172,7 +174,7 @@ def leave_and_resume(workspace: Workspace) -> Iterator[Action]:
 
 
 def open_menu(workspace: Workspace, name: str) -> Iterator[Action]:
-    """Opens a menu; in a narrow window through the combined menu."""
+    """Opens a menu. In a narrow window, it is in the combined menu."""
     if "menu all" in workspace.widgets:
         yield Click(Widget("menu all"))
         yield Wait(0.2)
@@ -181,7 +183,7 @@ def open_menu(workspace: Workspace, name: str) -> Iterator[Action]:
 
 
 def follow_the_arrow(workspace: Workspace, *, shift: bool = False) -> Iterator[Action]:
-    """Goes to the start of the arrow, where the chair is still, and drags along it."""
+    """Moves to the start of the arrow, where the chair is still, and drags along the arrow."""
     for _ in range(16):  # the view may still be moving
         yield Do(lambda _: stages[0].move(where(on_picture(workspace)[0], stages[0])))
     yield Wait(2 * STEP)

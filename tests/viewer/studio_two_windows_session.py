@@ -1,6 +1,6 @@
-"""Saves a project in the real window that another program has saved meanwhile.
+"""Saves a project in the real window after another program has changed the file.
 
-A second argument is a folder for pictures.
+A second argument is a folder for images.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def bone(name: str):
 
 
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, path: Path) -> None:
-    """Saves, cancels, saves again, compares, takes over, saves over."""
+    """Saves, cancels, saves again, compares, merges the changes, and overwrites the file."""
     workspace, asked = window.workspace, list[str]()
 
     def click(name: str) -> None:

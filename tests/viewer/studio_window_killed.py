@@ -1,8 +1,8 @@
-"""Works in the studio's real window until it is killed, many times; prints what the next one recovered.
+"""Works in the studio's real window until it is killed, many times. Prints what the next window recovered.
 
     python tests/viewer/studio_window_killed.py FOLDER 50          # make test-long does this
 
-Each window moves a shape slightly in each frame and prints the time; it is killed at a random moment.
+Each window moves a shape slightly in each frame and prints the time. It is killed at a random time.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from enliven_viewer.studio.workspace.project_store import ProjectStore
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 AUTOSAVE = 0.5
-"""Seconds between two recovery files: a real studio waits 20, so it would have to be killed for hours."""
+"""Seconds between two recovery files. A real studio waits 20, for which this test would take hours."""
 STEP = 0.001
-"""Metres per edit: the shape's position counts the edits."""
+"""Metres per edit, so that the shape's position counts the edits."""
 LONGEST = 4.0
-"""Maximum seconds of work before a window is killed: some eight recovery files."""
+"""Maximum seconds of work before a window is killed, enough for about eight recovery files."""
 
 
 def place(project) -> float:
@@ -67,7 +67,7 @@ def work(folder: Path) -> None:
 
 
 def killed(folder: Path, chance: random.Random) -> dict[str, float]:
-    """Lets a window work, kills it, and recovers its work; returns the loss in edits and in seconds."""
+    """Lets a window work, kills it, and recovers its work. Returns the loss in edits and in seconds."""
     folder.mkdir(parents=True)
     command = [sys.executable, str(Path(__file__)), str(folder)]
     child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)

@@ -1,4 +1,4 @@
-"""Opens the window in Play on a moving box, presses keys, and prints the results as JSON."""
+"""Opens the Play window on a moving box, presses keys, and prints the results as JSON."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PRESSED = ["p", "_3", "b", "j", "e", "r", "g", "s", "space", "left_arrow", "up_a
 
 
 class Feed:
-    """A box that moves slightly with every poll; with ``empty`` an edge that never connects."""
+    """A feed of a box that moves slightly with every poll. With ``empty``, an edge that never connects."""
 
     def __init__(self, empty: bool) -> None:
         corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)

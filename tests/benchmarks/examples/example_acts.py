@@ -1,4 +1,4 @@
-"""The acts. Each is defined by at most four key poses."""
+"""The acts of the example films. Each is defined by at most four key poses."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CACTUS = Act(
     up="z",
     turned=90,
     shown=(Shown(0.2, 30.8),),
-    locomotion=LocomotionSettings(plant=0.0),  # it turns on its round base
+    locomotion=LocomotionSettings(plant=0.0),  # it rotates on its round base
     colour=(92, 150, 84),
     points=(
         Point("left base", (0.06, 0.02, 0.0), "LeftFoot", foot=True),

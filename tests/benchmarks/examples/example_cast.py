@@ -33,7 +33,7 @@ from enliven.takes.files import read_take
 DATA = Path(os.environ.setdefault("ENLIVEN_DATA", str(Path(__file__).parents[4] / "shared" / "data")))
 SESSIONS = Path(__file__).parent / "example_sessions"
 MIDDLE = Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
-"""Sagittal plane: control points on the left are mirrored to the right."""
+"""Sagittal plane. Control points on the left are mirrored to the right."""
 _MOST_VERTICES = 3_000_000
 _TENTH_MM = 4
 """Decimals of key poses, metres. Rounding makes a session identical on every machine."""
@@ -60,7 +60,7 @@ class Key:
 
 @dataclass(frozen=True)
 class Shown:
-    """A piece of the take as it is filmed: start and end in seconds, speed, and camera direction.
+    """A filmed part of the take: start and end in seconds, speed, and camera direction.
 
     Attributes:
         azimuth: degrees from the puppet's front towards its left.
@@ -79,16 +79,17 @@ class Act:
     Attributes:
         title: title of the film.
         mesh, take: files of the data.
-        height: metres.
-        up, turned: the file's own axis that points up, and degrees about it then, so that it looks to +Z.
+        height: metres after scaling.
+        up, turned: the axis that points up in the file, and the rotation about it in degrees after which
+            the mesh faces +Z.
         points: control points.
         limbs: limbs by the names used in directions.
         keys: the key poses.
         mirrored: True to add the mirror image of each key pose.
         shown: the film.
         colour: sRGB.
-        of: name of another act; this act plays its session; empty for its own.
-        finer: maximum edge length after refining the mesh, metres; 0 does not refine.
+        of: name of another act whose session this act plays, empty for its own session.
+        finer: maximum edge length after refining the mesh, metres. 0 does not refine.
     """
 
     title: str

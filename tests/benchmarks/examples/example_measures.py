@@ -30,11 +30,12 @@ class Measures:
         surface_ms: median milliseconds of the surface per frame.
         missed_mm: largest distance of a control point from its key pose at the key pose's time.
         slide_mm: largest distance that an anchor slides over the floor, also between frames.
-        volume: (2,) minimum and maximum, relative to the volume at rest; NaN for an open mesh.
+        volume: (2,) minimum and maximum, relative to the volume at rest. NaN for an open mesh.
         crossing: (2,) fraction of faces that intersect but do not at rest: mean and maximum.
-        jitter: root mean square acceleration of the control points relative to the performer's, each relative
-            to its size.
-        hands: correlation of the heights of hands and the points paired with them; NaN without such points.
+        jitter: root mean square acceleration of the control points relative to the performer's, each
+            relative to its size.
+        hands: correlation of the heights of hands and the points paired with them; NaN without such
+            points.
     """
 
     solve_s: float
@@ -58,7 +59,7 @@ class Measures:
 
 
 class Ruler:
-    """Measures a film shot by shot and stores only numbers, since surfaces are large."""
+    """Measures a film shot by shot. It stores only numbers, because surfaces are large."""
 
     def __init__(self, project: Project) -> None:
         self._project, self._puppet = project, next(iter(project.puppets.values()))
@@ -93,8 +94,9 @@ class Ruler:
 
 
 def missed(puppet: Puppet, motion: PuppetMotion) -> float:
-    """Returns the largest distance from key poses at their times, metres. Planted feet are excluded, since
-    they are elsewhere."""
+    """Returns the largest distance from key poses at their times, metres. Planted feet are excluded, because
+    they are moved.
+    """
     kept = [k for k, point in enumerate(puppet.points) if not (point.foot and puppet.locomotion.plant)]
     frames = [round(pose.time / motion.step) for pose in puppet.poses]
     away = [(motion.places[f] - pose.places)[kept] for f, pose in zip(frames, puppet.poses, strict=True)]
@@ -102,7 +104,7 @@ def missed(puppet: Puppet, motion: PuppetMotion) -> float:
 
 
 def slide(motion: PuppetMotion, parts: int = 4) -> float:
-    """Returns the largest distance that an anchor moves over the floor while it is the anchor, metres."""
+    """Returns the largest distance that an anchor moves over the floor during its contact, metres."""
     most = 0.0
     changes = np.flatnonzero(np.diff(motion.anchors)) + 1
     for frames in np.split(np.arange(motion.frames), changes):
@@ -116,7 +118,7 @@ def slide(motion: PuppetMotion, parts: int = 4) -> float:
 
 
 def volumes(mesh: Mesh, surfaces: list[Float]) -> tuple[float, float]:
-    """Returns the minimum and maximum volume relative to rest; NaN if the welded mesh is not closed."""
+    """Returns the minimum and maximum volume relative to rest, NaN if the welded mesh is not closed."""
     welded, of = weld(mesh)
     faces = of[mesh.faces]
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1)
@@ -130,7 +132,7 @@ def volumes(mesh: Mesh, surfaces: list[Float]) -> tuple[float, float]:
 
 
 def crossings(mesh: Mesh, surfaces: list[Float]) -> tuple[float, float]:
-    """Returns the fraction of faces that intersect but do not at rest: mean and maximum."""
+    """Returns the mean and maximum fraction of faces that intersect but do not at rest."""
     asked = SelfIntersection(mesh)
     crossed = np.array([len(asked.newly_crossing(surface)) for surface in surfaces]) / len(mesh.faces)
     return float(crossed.mean()), float(crossed.max())
@@ -155,8 +157,9 @@ def hands(project: Project, puppet: Puppet, motion: PuppetMotion) -> float:
 
 
 def _fresh(project: Project, puppet: Puppet) -> Project:
-    """Returns the same project with copies of its takes, so that no cached results are used. Runs once to
-    warm up."""
+    """Returns the project with copies of its takes, so that no cached results are used. Plays it once to warm
+    up.
+    """
     solve_layer_motion(project, puppet, 0)
     return replace(project, takes={name: replace(take) for name, take in project.takes.items()})
 

@@ -1,4 +1,4 @@
-"""Plays a puppet offline. Each frame has the performer, the control points and the solved surface."""
+"""Plays a puppet offline. Each frame contains the performer, the control points and the solved surface."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Shot:
         vertices: (V, 3) metres, in the world.
         pose: pose of the puppet's character.
         body: the performer.
-        solve_ms: time for the surface; in the first frame, time until it converged.
+        solve_ms: time for the surface, or in the first frame the time until it converged.
     """
 
     seconds: float
@@ -52,7 +52,7 @@ class Shot:
 
 
 class Play:
-    """A piece of an act, played at a frame rate."""
+    """A part of an act, played at a frame rate."""
 
     def __init__(self, act: Act, project: Project, shown: Shown, rate: float) -> None:
         self.act, self.project, self.shown = act, project, shown
@@ -81,7 +81,7 @@ class Play:
         return rotate(whole, joints), multiply(whole, turns)
 
     def surface(self) -> PuppetSurface:
-        """Returns a new surface."""
+        """Returns a new solver for the surface."""
         points = self.puppet.points
         held, weights = [point.vertex for point in points], [point.weight for point in points]
         return PuppetSurface(self.puppet.mesh, held, weights, self.puppet.surface)
@@ -122,5 +122,5 @@ class Play:
 
 
 def _smooth(way: Float, sigma: float) -> Float:
-    """Returns (N, 3) smoothed in time, with y 0."""
+    """Returns (N, 3) a path smoothed in time, with y set to 0."""
     return np.asarray(gaussian_filter1d(way, sigma, axis=0, mode="nearest") * [1.0, 0.0, 1.0])

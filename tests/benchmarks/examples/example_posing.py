@@ -63,7 +63,7 @@ class Figure:
     height: float
 
     def posed(self, *directions: Direction) -> Float:
-        """Returns (P, 3) metres, after applying all directions to the rest position."""
+        """Returns (P, 3) metres: the rest positions after all directions were applied."""
         places = self.rest.copy()
         for direction in directions:
             places = direction(self, places)
@@ -75,14 +75,14 @@ class Figure:
         return [self.names.index(point) for point in points]
 
     def pivot(self, limb: str, places: Float) -> Float:
-        """Returns (3,) the pivot of a limb; for a single control point a point of the trunk next to it."""
+        """Returns (3,) the pivot of a limb. For a single control point, it is a nearby point of the trunk."""
         if limb not in self.limbs:
             return self.rest[self.names.index(limb)] * [0.0, 1.0, 0.0]
         pivot = self.limbs[limb].pivot
         return places[self.names.index(pivot)] if isinstance(pivot, str) else np.array(pivot)
 
     def side(self, limb: str, side: Side) -> Float:
-        """Returns (3,) a direction; "out" and "in" depend on the limb."""
+        """Returns (3,) a direction in the mesh's frame. "out" and "in" depend on the limb."""
         if side in ("out", "in"):
             left = self.rest[self.rows(limb)[-1], 0] >= 0.0
             side = "left" if left == (side == "out") else "right"

@@ -37,7 +37,7 @@ class Panel:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Pixels."""
+        """Returns the width and height of the panel in pixels."""
         return self.renderer.size
 
     def view(self, middle: Float, half: Float, azimuth: float) -> CameraView:
@@ -154,7 +154,7 @@ def half_of(play: Play) -> Float:
 
 
 def _pace(play: Play, shot: Shot) -> str:
-    """Returns the time in the take, and the speed if it is not 1."""
+    """Returns the time in the take, and the speed if it is not 1, as text."""
     slow = "" if play.shown.speed == 1.0 else f"  ·  {play.shown.speed:g} of its speed"
     return format_time(shot.seconds) + slow
 

@@ -3,9 +3,9 @@
     for result in travels():        # one for each mesh and performance
         print(result)
 
-Some puppets swim, some stand on two legs, some on many. Their control points are those suggested by `enliven
-examples new`. In each key pose a control point moves from rest as its joint moves from its median position,
-scaled to the puppet's size. So nothing is tuned to a mesh.
+Some puppets swim, others stand on two or more legs. Their control points are those suggested by `enliven
+examples new`. In each key pose, a control point's offset from rest is its joint's offset from the median
+position, scaled to the puppet's size. Nothing is therefore tuned to a mesh.
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ _LENGTHS = {
 
 @dataclass(frozen=True)
 class _Moment:
-    """The performer's pose at a second: directions of upper arm and forearm, both given for a left arm."""
+    """The performer's pose at a time: directions of upper arm and forearm, both given for a left arm."""
 
     second: float
     left: tuple[Way, Way]
@@ -221,7 +221,7 @@ def _opened(name: str, folder: Path) -> Actions:
 
 
 def _points(workspace: Workspace) -> Actions:
-    """Adds control points to head, hands and elbows, as suggested, and to the pot; on both sides."""
+    """Adds control points to head, hands and elbows, as suggested, and to the pot, on both sides."""
     mesh = workspace.editor.project.puppets[CACTUS].mesh
     for at in ((0.0, 1.33, 0.06), (0.44, 1.07, 0.0), (0.40, 0.66, 0.06), (0.15, 0.02, 0.17)):
         vertex = int(np.linalg.norm(mesh.vertices - at, axis=1).argmin())
@@ -231,7 +231,7 @@ def _points(workspace: Workspace) -> Actions:
 
 
 def _posed(workspace: Workspace) -> Actions:
-    """Poses the first suggested moment like the performer: the arms, then the head."""
+    """Poses the puppet like the performer at the first suggested time: the arms, then the head."""
     yield Click(Widget("suggested 1"))
     yield Wait(0.9)
     puppet, key = workspace.puppets.puppet, workspace.puppets.key
@@ -274,7 +274,7 @@ def _meant(workspace: Workspace, second: float) -> dict[str, Float]:
         shoulder = np.array([sign * 0.13 + 0.5 * lean, 0.66 - 0.3 * max(rest - tall, 0.0), 0.0])
         elbow = shoulder + 0.30 * (0.65 * upper + 0.55 * np.array([sign, 0.0, 0.0]))
         hand = elbow + 0.40 * fore
-        # Not into the trunk, since a drag moves the point in the image plane.
+        # The targets are not inside the trunk, because a drag moves the point in the image plane.
         hand[0] = sign * max(sign * hand[0], 0.32)
         places[f"{side} elbow"], places[f"{side} hand"] = elbow, hand
     return places

@@ -61,7 +61,7 @@ SIZE = StudioSettings(width=1200, height=740)
 LARGE = StudioSettings(width=1360, height=820)
 """Window size of sessions with a puppet, in which the performer is shown next to it."""
 _PLAIN = RenderSettings(shadow_size=64, contact_size=32, samples=1)
-"""Shadow and antialiasing settings for sessions in which only the behaviour matters."""
+"""Shadow and antialiasing settings for sessions in which image quality does not matter."""
 
 
 def outline(points: Float, at: tuple[float, float] = (0.0, 0.0), turned: float = 0.0) -> tuple[Place, ...]:
@@ -203,8 +203,9 @@ def squid() -> Actions:
 
 
 def mantis() -> Actions:
-    """Sketches torso and arm; maps motion onto the arm and copies it; a leg is copied, and cut for the back
-    legs."""
+    """Sketches torso and arm, maps motion onto the arm and copies it. A leg is copied, and cut for the back
+    legs.
+    """
     yield Key("1")
     yield Wait(0.6)
     yield Say("Sketch the torso")
@@ -263,15 +264,16 @@ def framed() -> Actions:
 
 
 def turned(part: str, degrees: float) -> Actions:
-    """Rotates a part about the vertical: Shift-drags its root."""
+    """Rotates a part about the vertical by Shift-dragging its root."""
     yield Key("r")
     root = JointPlace(part, 0)
     yield Drag((root, Near(root, math.radians(degrees) / 0.01, 0)), 0.7, shift=True)
 
 
 def pair(part: str, place: OnBone | JointPlace, node: JointPlace, degrees: float) -> Actions:
-    """Copies a part, rotates the two apart about the vertical, merges the copy at a position and the part at
-    a node."""
+    """Copies a part and rotates both apart about the vertical. Merges the copy at a position and the part at
+    a node.
+    """
     yield Key("q")
     yield Click(JointPlace(part, 0))
     yield Key("ctrl+d")

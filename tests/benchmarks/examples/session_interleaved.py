@@ -1,8 +1,8 @@
-"""Performing, modelling and animating interleaved: one person, one creature, one run of the real window.
+"""Interleaves performing, modelling and animating: one person, one creature, one run of the real window.
 
-A recorded performer plays through the real edge program. Twice the poses select limbs of a sketched creature.
-Their motion is recorded, the second time as an overdub. An arm is cut off and merged elsewhere while
-everything plays, and the person performs with the result.
+A recorded performer plays through the real edge program. The performer twice selects limbs of a sketched
+creature by posing. Their motion is recorded, the second time as an overdub. An arm is cut off and merged
+elsewhere while everything plays, and the person performs with the result.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _PATIENCE = 4000
 """Maximum number of frames to wait for anything, including the edge's start and the compilation of its
 kernels."""
 _LEVEL = 0.4
-"""Maximum slope (rise over run) of an arm that does not hide the head."""
+"""Maximum slope (rise over run) of an arm, so that it does not hide the head."""
 
 
 def creature() -> Float:

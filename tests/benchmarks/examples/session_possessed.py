@@ -31,7 +31,9 @@ _MIDDLE = 0.12
 _ASIDE = 0.2
 """Distance from the seat's middle at which the cactus is held before it is dropped, metres."""
 _OVER = 12.0
-"""Distance above the pot's rim at which it is grabbed, pixels. At the rim itself the pointer may miss it."""
+"""Distance above the pot's rim at which the pointer grabs it, pixels. At the rim itself, the pointer may miss
+it.
+"""
 _NEAR = 0.015
 """An object has arrived if it is within this distance of its target, metres."""
 _SUNK = 0.06
@@ -131,10 +133,10 @@ def _seated(workspace: Workspace) -> Actions:
 
 
 def _carried(editor: Editor, view: str, target: Float) -> Actions:
-    """Drags the cactus in a view until its lowest point is at a target, except in the view's depth.
+    """Drags the cactus in a view until its lowest point is at a target, except for the view's depth.
 
-    The pointer grabs the surface in front of that point, which is nearer to the camera, so one drag is too
-    short.
+    The pointer grabs the surface in front of that point. This surface is nearer to the camera, so one drag is
+    too short.
     """
     across = np.array([0.0, 1.0, 1.0]) if view == "3" else np.array([1.0, 1.0, 0.0])
     yield Key(view)

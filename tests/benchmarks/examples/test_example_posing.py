@@ -1,4 +1,4 @@
-"""Tests that directions work, that stored sessions are small and few, and that missing data is reported."""
+"""Tests that directions work, that stored sessions are small, and that missing data is reported."""
 
 from __future__ import annotations
 

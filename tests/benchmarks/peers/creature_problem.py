@@ -19,13 +19,14 @@ FRAMES = 60
 COMPARED = 6
 """The reference is solved in every sixth frame, since it needs half a second."""
 FLAT = 0.05
-"""Minimum determinant of a node in the reference. Below it the node is turned inside out, which is invalid
-for a mesh."""
+"""Minimum determinant of a node's linear part in the reference. Below it, the node is inverted, which is
+invalid for a mesh.
+"""
 NOTHING = 1e-3
 """Energy below which relative gaps are meaningless."""
 REPEATS = 5
 WARM = 3
-"""Frames after the attachment that are left out."""
+"""Number of frames after the attachment that are left out."""
 
 
 @dataclass
@@ -35,7 +36,7 @@ class CreatureRun:
     Attributes:
         frame_ms: milliseconds of each frame.
         gaps: for each compared frame, its excess over the minimum, relative to the minimum.
-        said: for the same frames, True if the solver reported convergence.
+        said: True for those of the same frames in which the solver reported convergence.
     """
 
     frame_ms: Float
@@ -50,8 +51,9 @@ def creatures(nodes: int) -> list[Creature]:
 
 
 def measured(nodes: int, compare: bool, budget_ms: float = 0.0) -> CreatureRun:
-    """Returns the shortest time of each frame in several passes, and the gaps to a plain Gauss-Newton started
-    from the answers."""
+    """Returns the shortest time of each frame in several passes, and the gaps to a plain Gauss-Newton that
+    starts from the results.
+    """
     times, gaps, settled = [], [], []
     for creature in creatures(nodes):
         solver = EmbeddedSolver(creature.graph, creature.points, EmbeddedSettings(budget_ms=budget_ms))
@@ -74,7 +76,7 @@ def measured(nodes: int, compare: bool, budget_ms: float = 0.0) -> CreatureRun:
 
 
 def _gap(peer: PlainGaussNewton, solver: EmbeddedSolver, targets: Float) -> list[float]:
-    """Returns the frame's relative excess over the minimum; an empty list if there is no valid minimum."""
+    """Returns the frame's relative excess over the minimum, or an empty list if there is no valid minimum."""
     peer.aim(targets)
     x, least, _ = peer.solve(peer.pack(solver.state()), lambda energy: False)
     turned = np.linalg.det(x[: 9 * len(solver.graph.positions)].reshape(-1, 3, 3)).min() < FLAT

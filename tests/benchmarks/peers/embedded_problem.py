@@ -22,9 +22,11 @@ DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[4] / "shared" 
 MOTIONS = ("test_walking_1.txt", "train_jumping_1.txt")
 RATE = 30.0
 _REACH = 0.3
-"""Attachment distance, metres, at which every sample and joint of the body is attached: 324 constraints."""
+"""Attachment distance in metres, at which every sample and joint of the body is attached (324
+constraints).
+"""
 _EASE = 10
-"""Frames from standing to the first posture of a motion."""
+"""Number of frames from standing to the first pose of a motion."""
 
 
 @dataclass(frozen=True)
@@ -67,9 +69,9 @@ def problem(nodes: int) -> list[Problem]:
 
 
 def as_live(solver: EmbeddedSolver) -> None:
-    """Waits until the solver's background thread is done with the last frame, as between two sensor frames.
+    """Waits until the solver's background thread has finished the last frame, as between two sensor frames.
 
-    At 30 frames per second that thread finishes in time. Without the pause, each frame would wait for it, and
+    At 30 frames per second that thread finishes in time. Without the pause, each frame would wait for it and
     share the caches with it.
     """
     under_way = solver._matrix._pending

@@ -1,7 +1,7 @@
-"""Retargeting in the way of Python animation add-ons: frame by frame, bone by bone, constraint by constraint.
+"""Retargets like Python animation add-ons: frame by frame, bone by bone, constraint by constraint.
 
 Every bone's constraint reads the posed source at the two ends of its interval, blends the neighbouring source
-bones there, and applies the difference to the target; then the bone is placed on its parent. It uses small
+bones there, and applies the difference to the target. Then the bone is attached to its parent. It uses small
 NumPy arrays, and no compiled code of ours.
 """
 
@@ -16,7 +16,7 @@ from enliven.motion.layers.travel import travel_scale
 
 
 def evaluated(project: Project, shape_id: str, times: np.ndarray) -> np.ndarray:
-    """Returns (T, N, 3) the joints of a shape at ``times`` (T,), for layers of weight 1 played once."""
+    """Returns (T, N, 3) joints of a shape at ``times`` (T,), for layers of weight 1 that are played once."""
     shape = project.shape(shape_id)
     return np.array([_frame(project, shape, float(t)) for t in times])
 
@@ -49,8 +49,9 @@ def _frame(project, shape, seconds):
 
 
 def _posed(clip, layer, seconds):
-    """Returns the source at a moment: arc length at the joints of its chain, rotations there, and the root's
-    position."""
+    """Returns the source at a time: arc length at the joints of its chain, rotations there, and the root's
+    position.
+    """
     frame = min(max((seconds - layer.offset) * layer.speed / clip.step, 0.0), len(clip.turns) - 1.0)
     low = min(int(frame), len(clip.turns) - 2)
     part = frame - low

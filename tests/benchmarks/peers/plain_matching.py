@@ -1,4 +1,4 @@
-"""The peer: a simple matcher with networkx, one graph, subset and permutation at a time."""
+"""A simple matcher with networkx for comparison. It processes one graph, subset and permutation at a time."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 
 
 def candidates(graph: nx.Graph) -> list[tuple[int, list[np.ndarray]]]:
-    """Returns the root joint and abstract branch vectors of every sub-tree of AniMesh 4.1. Joints have a
-    "pos"."""
+    """Returns the root joint and abstract branch vectors of every sub-tree (AniMesh 4.1). Joints have a
+    "pos".
+    """
     graph = graph.copy()
     at = dict(graph.nodes(data="pos"))
     length = dict.fromkeys(graph, 0.0)
@@ -52,7 +53,9 @@ def candidates(graph: nx.Graph) -> list[tuple[int, list[np.ndarray]]]:
 def ranked(
     found: list[tuple[int, list[np.ndarray]]], source: np.ndarray, axes: np.ndarray, blur: float
 ) -> list[tuple[float, int]]:
-    """Returns score and root of every choice of as many branches as the source has, sorted by score."""
+    """Returns score and root of every choice of branches, sorted by score. A choice has the same number of
+    branches as the source.
+    """
 
     def direction(vector: np.ndarray) -> np.ndarray:
         seen = axes @ vector

@@ -1,4 +1,4 @@
-"""Actors of the films that need more than a mesh's name: a person's own scan, and a horse for two people."""
+"""Actors of films that need more than a mesh's name: a scan of the person, and a horse for two people."""
 
 from __future__ import annotations
 
@@ -47,11 +47,10 @@ def scan_in_world(pcd: Path, table: Path, body: Body) -> Mesh:
 
 
 def as_if_by(own: Body, frames: list[BodyFrame], begin_ns: int) -> list[BodyFrame]:
-    """Returns one person's motion retargeted to another, from the other's own posture and in the other's
-    size.
+    """Returns one person's motion retargeted to another person's initial posture and size.
 
-    Each bone rotates from its own direction as the source's bone has since the first frame. So the first
-    frame shows the target's own posture.
+    Each bone rotates from its own direction by the source bone's rotation since the first frame. The first
+    frame therefore shows the target's own posture.
     """
     first = frames[0].bodies[0]
     moved = []
@@ -78,7 +77,7 @@ def held_still(body: Body, seconds: float) -> list[BodyFrame]:
 
 
 def danced(moves: str, fps: float = 30.0) -> list[BodyFrame]:
-    """Returns a motion of the project's own performer, with every joint visible."""
+    """Returns a motion of the project's synthetic performer, with every joint visible."""
     performer = Performer()
     plan = get_exercise(moves) if moves in exercise_names() else get_choreography(moves)
     frames = []
@@ -90,7 +89,7 @@ def danced(moves: str, fps: float = 30.0) -> list[BodyFrame]:
 
 
 def cut(frames: list[BodyFrame], *pieces: tuple[float, float]) -> list[BodyFrame]:
-    """Returns the pieces, given as (start, end) in seconds, one after the other without a pause."""
+    """Returns the parts, given as (start, end) in seconds, one after another without a pause."""
     joined: list[BodyFrame] = []
     for start, stop in pieces:
         inside = [f for f in frames if start <= (f.time_ns - frames[0].time_ns) * 1e-9 <= stop]

@@ -55,7 +55,7 @@ class Film:
 
 
 def read(pattern: str) -> list[BodyFrame]:
-    """Reads a recording of joints, with the reader for its format."""
+    """Reads a recording of joints with the reader for its format."""
     paths = find_files([str(DATA / pattern)])
     return [frame for frame in find_reader(paths).read(paths) if isinstance(frame, BodyFrame)]
 
@@ -76,11 +76,12 @@ def real_films() -> dict[str, Film]:
     wide = replace(RAISED, enough=0.7)
     return {
         "chair": Film("The chair, by a Kinect's skeleton", _of("chair", LIFT), (Act(0.45),)),
-        # It starts when the feet pass each other. In mid-stride the legs are not where a chair's legs are.
+        # It starts when the feet pass each other. In mid-stride, a person's legs do not match a chair's legs.
         "chair-walk": Film(
             "The chair walks, by motion capture", _of("chair", STROLL, (0.6, 9.0)), (Act(0.0, TRUNK),)
         ),
-        # Its legs are farther apart than a person's, so more points of each leg's bones must be attached.
+        # The chair's legs are farther apart than a person's, so more points of each leg's bones must be
+        # attached.
         "real-chair": Film("A chair from a game", _of(CHAIR, LIFT, settings=wide), (Act(0.45, TRUNK),)),
         "horse": Film("A horse, by one Kinect's skeleton", _of(HORSE, LIFT), (Act(0.45, TRUNK),)),
         # The sensor placed this person's right arm inside their thigh, so that arm is not attached.
@@ -119,7 +120,7 @@ def _of(
     piece: tuple[float, float] | None = None,
     settings: ActorSettings = RAISED,
 ) -> Callable[[], tuple[list[BodyFrame], EmbeddedActor]]:
-    """Returns a function that loads a mesh by name or file, and a recording or a piece of it."""
+    """Returns a function that loads a mesh by name or file, and a recording or a part of it."""
 
     def made() -> tuple[list[BodyFrame], EmbeddedActor]:
         frames = read(recording)
@@ -141,7 +142,7 @@ def _stepped_into(recording: str, meets: bool = True) -> Callable[[], tuple[list
 
 
 def _made(mesh: str, moves: str) -> Callable[[], tuple[list[BodyFrame], EmbeddedActor]]:
-    """Returns a function that creates one of the project's own meshes, and its own performer."""
+    """Returns a function that creates one of the project's own meshes, and its synthetic performer."""
     return lambda: (danced(moves), create_actor(mesh, settings=RAISED))
 
 
@@ -159,8 +160,7 @@ def _scan() -> tuple[list[BodyFrame], EmbeddedActor]:
 
 
 def _two() -> tuple[list[BodyFrame], EmbeddedActor]:
-    """Returns two people next to each other, of whom first one walks, then the other; a horse is under
-    both."""
+    """Returns two people next to each other, who walk one after the other, and a horse that both possess."""
     frames = cut(read(TWO), (1.2, 7.9), (17.2, 26.6))
     bodies = sorted(frames[0].bodies, key=lambda body: body.id)
     mesh = shared_by(DATA / HORSE, bodies)

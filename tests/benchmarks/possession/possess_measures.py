@@ -1,5 +1,6 @@
-"""Quality measures of a mesh in a take: stretch, inverted triangles, volume, gaps between shells, jumps, feet
-in the floor."""
+"""Quality measures of a mesh in a take: stretch, inverted triangles, volume, gaps between shells, jumps,
+floor penetration.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +24,7 @@ _SECONDS_OF_HOLD = 0.7
 
 @dataclass(frozen=True)
 class Measures:
-    """The measurements; those of the worst frame unless stated otherwise.
+    """The measurements, of the worst frame unless stated otherwise.
 
     Attributes:
         stretch_95, stretch_100: edge length relative to rest: 95th percentile and maximum.

@@ -26,8 +26,9 @@ _TEXT = 18
 _RIGHT = np.array([math.cos(math.radians(32)), 0.0, -math.sin(math.radians(32))])
 """The right direction in the image of the film's camera."""
 _STEP_OUT, _STEPPING, _ASIDE = 1.2, 1.0, 0.75
-"""Seconds inside the mesh after attachment, seconds of stepping out, and the distance as a multiple of the
-height."""
+"""Seconds inside the mesh after attachment, seconds of stepping out, and the sideways distance as a multiple
+of the height.
+"""
 _TILES, _COLUMNS, _TILE_WIDTH = 12, 4, 480
 
 
@@ -55,7 +56,7 @@ class Studio:
         return len(times)
 
     def sheet(self, take: Take, path: Path, title: str, count: int = _TILES) -> None:
-        """Writes only the contact sheet, of ``count`` moments. The camera follows its whole path."""
+        """Writes only the contact sheet of ``count`` times. The camera follows the whole path."""
         times = _times(take)
         tiles = set(np.linspace(0.03 * len(times), 0.97 * len(times), count).astype(int).tolist())
         kept, camera = [], FilmCamera()
@@ -99,7 +100,7 @@ class Studio:
             take.character.id, shot.cues.nodes.astype(np.int32), shot.cues.strengths.astype(np.float32)
         )
         actor = SceneCharacter(take.character, shot.pose, cues)
-        # Next to the mesh, the performer does not make it transparent, and attached parts need not glow.
+        # Next to the mesh, the performer does not make the mesh transparent, and attached parts do not glow.
         return Scene((actor,), bodies, SceneStyle(body=1.0, reveal=1.0 - share, cues=1.0 - share))
 
 
@@ -109,7 +110,7 @@ def _aside(body: Body, share: float) -> Body:
 
 
 def _since(take: Take, time_ns: int) -> float:
-    """Returns the seconds since the first attachment; negative before."""
+    """Returns the seconds since the first attachment, negative before it."""
     return (time_ns - take.held_ns[0]) * 1e-9 if take.held_ns else -1.0
 
 

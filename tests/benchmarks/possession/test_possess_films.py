@@ -1,4 +1,6 @@
-"""Tests that the measures of driven meshes are correct, and that the shipped meshes stay within bounds."""
+"""Tests that the quality measures of driven meshes are correct, and that the shipped meshes stay within
+bounds.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,7 @@ SECOND = 1_000_000_000
 
 
 def boxes(apart: float = 0.01) -> Character:
-    """Returns two unit cubes above each other, one transform each."""
+    """Returns two unit cubes, one above the other, with one transform each."""
     corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
     faces = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6],
                       [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]], np.int32)  # fmt: skip
@@ -64,7 +66,7 @@ def test_rest_pose_has_no_deformation() -> None:
 
 def test_stretch_and_volume_of_scaled_boxes() -> None:
     measures = taken(boxes(), STILL, ([np.diag([1, 1, 2]), np.eye(3)], [[0, 0, 0]] * 2))
-    # Nothing is measured about the mesh's own size, the middle of its transforms.
+    # A common motion of the transforms changes nothing.
     size = (2 ** (1 / 3) + 1) / 2
     assert measures.stretch_100 == pytest.approx(2.0 / size)
     assert measures.volume[1] == pytest.approx(1.5 / size**3)
@@ -78,7 +80,7 @@ def test_parting_shells_give_gap_and_speed() -> None:
 
 
 def test_inverted_box_is_detected() -> None:
-    """Corners that cross over face away from where their transforms turn them."""
+    """Triangles whose normal opposes the one rotated by their transforms count as inverted."""
     character = boxes()
     character.skin.indices[[1, 3, 5, 7], 0] = 1
     measures = taken(character, STILL, ([np.eye(3)] * 2, [[0, 0, 2], [0, 0, -2]]))
@@ -96,8 +98,9 @@ def driven() -> dict[str, Measures]:
 
 @pytest.mark.parametrize("mesh", ["chair", "lamp"])
 def test_shipped_meshes_stay_within_bounds(driven, mesh) -> None:
-    """Values at the time of filming: the chair 1.59 (its arms flap by 90 degrees), 12.7 for its worst edge,
-    0.6 % inverted in the armpits, volume 0.93..1.17; the lamp 1.01, 1.6, none, 0.99..1.00."""
+    """Values when the films were made. The chair has 1.59 (its arms flap by 90 degrees), 12.7 for its worst
+    edge, 0.6 % inverted in the armpits, volume 0.93..1.17. The lamp has 1.01, 1.6, none, 0.99..1.00.
+    """
     measures = driven[mesh]
     assert measures.stretch_95 < (2.0 if mesh == "chair" else 1.2)
     assert measures.squeeze_5 > 0.7
@@ -111,7 +114,7 @@ def test_lamp_stays_in_one_piece(driven) -> None:
 
 
 def test_attachment_causes_no_jump(driven) -> None:
-    """The nodes are no faster than the joints and the parts at the end of an arm."""
+    """The nodes are no faster than the joints, and the parts at the end of an arm."""
     for measures in driven.values():
         assert measures.hold_push < 3.0
 

@@ -1,4 +1,6 @@
-"""Measures how well human-like meshes keep their performer's heading, and where they appear first."""
+"""Measures how well human-like meshes keep their performer's heading, and their position when they first
+appear.
+"""
 
 from __future__ import annotations
 
@@ -14,10 +16,11 @@ from enliven.possession import ActorSettings
 from enliven_edge.stage.character_setup import create_mesh_actor
 
 _HELD_FROM_S = 2.5
-"""Time at which the performer is attached, seconds. By then they have turned since they were first
-detected."""
+"""Time at which the performer is attached, seconds. The performer has turned between detection and
+attachment.
+"""
 _NOISE_M = 0.004
-"""Jitter of a tracked hip, metres."""
+"""Standard deviation of a tracked hip's position, metres."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,7 @@ class Turning:
 
 
 def measure_turning(mesh: Mesh, how: str, seed: int, noise_m: float = _NOISE_M) -> Turning:
-    """Lets a simulated person spin before, and while, possessing a human-like mesh."""
+    """Measures a human-like mesh while a simulated person spins before and during possession."""
     settings = ActorSettings(how=how, travel=1.0)
     actor = create_mesh_actor(mesh, "it", 128, settings)
     film = spinning_people(seed, noise_m=noise_m)

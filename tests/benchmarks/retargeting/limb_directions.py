@@ -1,4 +1,4 @@
-"""Angles between the limbs of a written GLB and the performer's: an evaluation independent of the mapping.
+"""Computes angles between the limbs of a written GLB and the performer's limbs, independently of the mapping.
 
 Positions are read from the files alone: the performer's joints from the motion's reader, the model's nodes by
 forward kinematics from the GLB's content. The joint names of elbows and so on are listed here for each naming
@@ -51,8 +51,9 @@ JOINTS: dict[str, tuple[str, ...]] = {
     "biovision": ("{Left}Shoulder", "{Left}Elbow", "{Left}Wrist", "{Left}Hip", "{Left}Knee", "{Left}Ankle"),
     "mocapnet": ("{l}Shldr|{l}shoulder", "{l}elbow", "{l}hand", "{l}hip", "{l}knee", "{l}foot"),
 }
-"""Shoulder, elbow, wrist, hip, knee and ankle of one side in each naming convention; alternatives after a
-bar."""
+"""Shoulder, elbow, wrist, hip, knee and ankle of one side in each naming convention. Alternatives are
+separated by a bar.
+"""
 SIDES = (
     {"Left": "Left", "left": "left", "L": "L", "l": "l"},
     {"Left": "Right", "left": "right", "L": "R", "l": "r"},
@@ -88,7 +89,7 @@ def limb_errors(motion: Path, glb: bytes, model: str) -> dict[str, np.ndarray]:
 
 
 def read_motion(motion: Path) -> tuple[Capture, int]:
-    """Returns a motion as its file has it, and the frame at which its take begins.
+    """Returns the motion of a file, and the frame at which its take begins.
 
     A T-pose that was added at the start is not part of the take.
     """
@@ -189,8 +190,9 @@ def read_accessor(document: pygltflib.GLTF2, blob: bytes, number: int) -> np.nda
 
 
 def _sampled(times: np.ndarray, keys: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Returns the values at the times, with linear interpolation. Quaternions are close enough to be
-    normalised."""
+    """Returns the values at the times by linear interpolation. Neighbouring quaternions are close, so they
+    are only normalised.
+    """
     sampled = np.stack([np.interp(times, keys, column) for column in values.T], axis=1)
     return sampled / np.linalg.norm(sampled, axis=1, keepdims=True) if values.shape[1] == 4 else sampled
 

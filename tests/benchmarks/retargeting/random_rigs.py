@@ -1,4 +1,5 @@
-"""Random rigged models, as glTF files: random builds, proportions, names, orders, roll angles, scaled roots.
+"""Generates random rigged models as glTF files, with random builds, proportions, names, orders, roll angles
+and root scales.
 
 path = random_rig(7, folder / "7.gltf")     # a model that nothing was tuned on, with a tube for every limb
 """
@@ -115,8 +116,9 @@ def _on(place: np.ndarray, x: float, y: float, z: float) -> np.ndarray:
 
 
 def _split(seed: int, limb: tuple[str, int, np.ndarray]) -> tuple[str, int, np.ndarray]:
-    """Returns the limb, sometimes with one bone cut in two, equally on both sides, like the twist bones of
-    rigs."""
+    """Returns the limb, sometimes with one bone split in two (equally on both sides), like the twist bones of
+    rigs.
+    """
     name, fork, places = limb
     chance = np.random.default_rng([seed, *map(ord, name.split()[-1])])
     if fork >= 0 and chance.random() < 0.4 and name != "Spine":

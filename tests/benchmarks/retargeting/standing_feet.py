@@ -1,4 +1,4 @@
-"""How fast standing feet slide over the floor in a written GLB: an evaluation apart from the mapping.
+"""Measures how fast standing feet slide over the floor in a written GLB, independently of the mapping.
 
 The performer's joints come from the motion's file. The model's surface comes from the GLB and is skinned
 here. Nothing of ``enliven.mapping`` is used. A foot of the performer stands if one of its joints is low and
@@ -25,19 +25,19 @@ from limb_directions import (
 )
 
 PERSON_M = 1.75
-"""Height of the person in whose size speeds are given, in metres."""
+"""Height of a person in metres. Speeds are scaled to this size."""
 FOOT_HEIGHT = 0.08
-"""Fraction of a model's height that belongs to its feet at rest: 14 cm of a person."""
+"""Fraction of a model's height that counts as feet at rest, 14 cm for a person."""
 PATCH_M = 0.01
-"""Height above the lowest point, in metres of a person, over which a foot touches the floor."""
+"""Maximum height above the lowest point at which a foot touches the floor, metres for a person."""
 LOW_M = 0.05
-"""Height above its lowest, in metres of a person, at which a joint of a standing foot is at most."""
+"""Maximum height of a standing foot's joint above its lowest height, metres for a person."""
 SLOW_M_S = 0.5
-"""Largest speed of the slowest joint of a standing foot, in m/s of a person. Captures tremble."""
+"""Maximum speed of the slowest joint of a standing foot, m/s for a person. Captures are noisy."""
 PACE = 0.2
-"""The same as a fraction of the body's speed, for runners: their feet roll fast."""
+"""Maximum speed as a fraction of the body's speed, for runners, whose feet roll fast."""
 MIN_CONTACT_S = 0.06
-"""Shortest contact in seconds. A sprinter's lasts 80 ms."""
+"""Minimum duration of a contact in seconds. A sprinter's contact lasts 80 ms."""
 
 
 def standing_slides(motion: Path, glb: bytes, model: str) -> np.ndarray:
@@ -45,8 +45,8 @@ def standing_slides(motion: Path, glb: bytes, model: str) -> np.ndarray:
 
     Args:
         motion: the file that was retargeted, from its beginning on.
-        glb: the written model; it travels.
-        model: the model's convention of names.
+        glb: the written model, which moves over the floor.
+        model: the model's naming convention.
     """
     document = pygltflib.GLTF2.load_from_bytes(glb)
     times = model_times(document)
@@ -69,7 +69,7 @@ def patch_speeds(foot: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 
 def performer_stands(motion: Path, times: np.ndarray) -> np.ndarray:
-    """Returns (T, 2) whether the left and the right foot of the performer stand at some times (T,)."""
+    """Returns (T, 2) True if the performer's left or right foot stands at each of the times (T,)."""
     capture, first = read_motion(motion)
     at = capture.positions[first:]
     height = np.percentile(np.ptp(at[..., 1], axis=1), 90)
@@ -93,7 +93,7 @@ def performer_stands(motion: Path, times: np.ndarray) -> np.ndarray:
 
 
 def _without_short(stands: np.ndarray, seconds: float) -> np.ndarray:
-    """Returns (F,) the contacts without those that are too short."""
+    """Returns (F,) the contacts, without those that are too short."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], stands, [False]]).astype(int)))
     kept = np.zeros(len(stands), bool)
     for start, end in zip(edges[::2], edges[1::2], strict=True):
@@ -127,7 +127,7 @@ def _feet_over_time(document: pygltflib.GLTF2, model: str) -> tuple[list[np.ndar
 
 
 def _vertices(document: pygltflib.GLTF2, blob: bytes, number: int) -> tuple[np.ndarray, ...]:
-    """Returns places (V, 3), joints (V, 4) and weights (V, 4) of all primitives of a mesh."""
+    """Returns positions (V, 3), joints (V, 4) and weights (V, 4) of all primitives of a mesh."""
     kinds = ("POSITION", "JOINTS_0", "WEIGHTS_0")
     parts = [
         [read_accessor(document, blob, getattr(primitive.attributes, kind)) for kind in kinds]

@@ -1,4 +1,4 @@
-"""The measure of sliding feet: known motions of a slab and a wheel have known speeds."""
+"""Tests of the measure of sliding feet: known motions of a slab and a wheel have known speeds."""
 
 import sys
 from pathlib import Path
@@ -15,13 +15,13 @@ TIMES = np.arange(40) * STEP
 
 
 def slab(random):
-    """(V, 3) metres: a sole of 10 by 25 cm, with an upper side."""
+    """Returns (V, 3) metres: a sole of 10 by 25 cm with an upper side."""
     sole = random.uniform([-0.05, 0.0, -0.125], [0.05, 0.0, 0.125], size=(400, 3))
     return np.concatenate([sole, np.add(sole, [0.0, 0.08, 0.0])])
 
 
 def about(axis, angles):
-    """(T, 3, 3) rotations by angles (T,) about +X (0) or +Y (1)."""
+    """Returns (T, 3, 3) rotations by angles (T,) about +X (0) or +Y (1)."""
     cos, sin, ones, zeros = np.cos(angles), np.sin(angles), np.ones_like(angles), np.zeros_like(angles)
     if axis:
         rows = [[cos, zeros, sin], [zeros, ones, zeros], [-sin, zeros, cos]]

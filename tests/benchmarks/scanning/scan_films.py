@@ -73,11 +73,11 @@ RATE, BIT_RATE = 30.0, 5.0
 _SHOWN_EVERY = 4
 """Number of images between two updates of the preview."""
 _TURNED = 3.0
-"""Time in which the cut-out object is shown from all sides, seconds."""
+"""Time for which the cut-out object is shown from all sides, seconds."""
 _INSET = 300
 """Width of the camera image in a corner of the frame, pixels."""
 _BLACK_DEPTH_M = 3.0
-"""Depth that is black in that image, metres."""
+"""Depth that is black in the inset image, metres."""
 _TILES, _COLUMNS, _TILE_WIDTH = 16, 4, 480
 _NO_NUMBER = 1
 """A scan number that does not occur on the wire."""
@@ -116,7 +116,7 @@ def chair() -> Film:
 
 
 def _sat_in(made: ScannedMesh) -> tuple[list[BodyFrame], EmbeddedActor]:
-    """Returns a recorded person that lifts something, or a motion of the project's own performer."""
+    """Returns a recorded person that lifts something, or a motion of the project's synthetic performer."""
     bodies = read(LIFT) if DATA.is_dir() else danced("chair")
     return bodies, create_mesh_actor(made.mesh, "thing", settings=RAISED)
 
@@ -137,8 +137,9 @@ def laid() -> Film:
 
 
 def person() -> Film:
-    """Films a real person that turns round once in front of a fixed camera; another person possesses the
-    scan."""
+    """Films a real person that turns around once in front of a fixed camera. Another person possesses the
+    scan.
+    """
     folder = DATA / "depth" / "uva_cv2_person_turn"
     frames = OpenCvDepthReader().read(sorted(folder.iterdir()))
     settings = ScanSettings(volume=VolumeSettings(voxel=0.005, reach=3.5, far=3.5), least_depth=0.01)
@@ -153,7 +154,7 @@ def _worn(made: ScannedMesh) -> tuple[list[BodyFrame], EmbeddedActor]:
     assert made.person is not None
     others, joints = read(WAVE), made.person.joints
     first, is_known = others[0].bodies[0], np.isfinite(joints).all(1)
-    # Leg joints that were out of view get the positions of the other person's.
+    # Leg joints that were out of view get the other person's positions.
     own = np.where(is_known[:, None], joints, joints[0] + first.joints - first.joints[0])
     up = np.array([0.0, -own[:, 1].min(), 0.0])
     body = Body(first.id, own + up, np.where(is_known, 1.0, 0.0), stature=1.75)
@@ -200,7 +201,7 @@ class Growth:
             self.stage_from_scan = self.told
             return self._mesh.picture
         if isinstance(scanner, PersonScanner):
-            # The largest level plane of a person would be the shoulders.
+            # The largest horizontal plane of a person would be the shoulders.
             self.stage_from_scan[1, 3] = -extract_surface(scanner.volumes[1]).bounds[0, 1]
             return self._mesh.picture
         try:

@@ -42,11 +42,11 @@ _WITHIN = 0.1
 
 
 def logistic(features: np.ndarray, right: np.ndarray, ridge: float = _RIDGE) -> np.ndarray:
-    """Returns (F,) weights by maximum likelihood. Features are standardised inside; the constant is not
-    regularised.
+    """Returns (F,) weights by maximum likelihood.
 
-    The signs of the weights are constrained. Without that, strongly correlated features would get opposite
-    weights, which is wrong in the rare cases in which they differ.
+    Features are standardised internally, and the constant is not regularised. The signs of the weights are
+    constrained. Otherwise strongly correlated features would get opposite weights, which is wrong in the rare
+    cases in which they differ.
     """
     centre, scale = features.mean(0), np.maximum(features.std(0), 1e-3)
     centre[0], scale[0] = 0.0, 1.0

@@ -38,7 +38,9 @@ def joints_of(count: int, aside: float = 0.0, name: str = "overhead") -> np.ndar
 
 
 def take_of(truth: list[np.ndarray], found: list[np.ndarray | None], ids=None, confidence=0.95) -> Take:
-    """Returns a take of people; ``found`` is (F, 20, 3) each, or None if the tracker has no body."""
+    """Returns a take of people. ``found`` is (F, 20, 3) for each person, or None if the tracker has no
+    body.
+    """
     count = len(truth[0])
     moments = [
         Moment(
@@ -125,7 +127,7 @@ def test_exchanged_identities_count_as_swaps_and_flicker_does_not() -> None:
     gone = truth[0].copy()
     gone[30:60] = np.nan
     back = [np.array([1] * 45 + [5] * 45), np.full(90, 2)]
-    assert score(take_of(truth, [gone, truth[1]], back)).identity == 1  # came back with another identity
+    assert score(take_of(truth, [gone, truth[1]], back)).identity == 1  # they came back with another identity
 
 
 def test_mirrored_limbs_count_once_per_pair_and_time() -> None:
@@ -189,7 +191,7 @@ def test_scores_of_sequences_add_up() -> None:
 
 @pytest.mark.parametrize("by", [0.0, 0.4, -1.2])
 def test_turn_errors_are_measured_about_the_right_axis(by: float) -> None:
-    """A turned head and a twisted hand give degrees; a hand that points elsewhere does not."""
+    """A turned head and a twisted hand give an error in degrees. A hand that points elsewhere does not."""
     figure = PERFORMER.pose(get_exercise("still").posture(1.0))
     turns = figure.frames[:, :, :3]
     orientations = np.tile([1.0, 0.0, 0.0, 0.0], (20, 1))

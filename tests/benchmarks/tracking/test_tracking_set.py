@@ -1,4 +1,4 @@
-"""Tests of the set of sequences: its coverage, its splits, and its use without recorded motions."""
+"""Tests of the set of tracking sequences: its coverage, its splits, and its use without recorded motions."""
 
 from __future__ import annotations
 

@@ -31,8 +31,8 @@ class Moment:
 
     Attributes:
         present: (P,) True if in the room.
-        joints: (P, 20, 3) metres; NaN for absent people.
-        visible: (P, 20) True if in the image, in range, and not occluded by anything but the own body.
+        joints: (P, 20, 3) metres, NaN for absent people.
+        visible: (P, 20) True if in the image, in range, and not occluded except by the person's own body.
         contacts: (P, 2) True if the left and the right foot stand.
         turns: (P, 16, 3, 3) world_from_limb of each limb, or None if unknown.
     """
@@ -45,7 +45,7 @@ class Moment:
 
 
 def rendered(sequence: Sequence) -> list[tuple[DepthFrame, Moment]]:
-    """Returns the frames of a sequence in order, before any faults."""
+    """Returns the frames of a sequence in order, without faults."""
     path = CACHE / f"{sequence.scene.replace(' ', '-')}-{_key(sequence)}.mcap"
     if not path.exists():
         _render(sequence, path)
@@ -60,7 +60,7 @@ def rendered(sequence: Sequence) -> list[tuple[DepthFrame, Moment]]:
 
 
 def _turns(cast: list[Appearance], time_ns: int) -> np.ndarray:
-    """Returns (P, 16, 3, 3) the rotations of the limbs at a time; the identity for absent people."""
+    """Returns (P, 16, 3, 3) the rotations of the limbs at a time, the identity for absent people."""
     figures = [a.figure(time_ns * 1e-9) for a in cast]
     still = np.broadcast_to(np.eye(3), (16, 3, 3))
     return np.stack([still if f is None else f.frames[:, :, :3] for f in figures])

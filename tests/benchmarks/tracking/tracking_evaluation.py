@@ -45,7 +45,7 @@ def perform(sequence: Sequence, tracker: Tracker | None = None, start: int = 0) 
     """Runs the tracker on one sequence as the edge does. Returns the take and the reported problems.
 
     Args:
-        start: the first frame that it sees.
+        start: the first frame that the tracker sees.
     """
     tracker = tracker or Tracker()
     frames = delivered(sequence)[start:]
@@ -82,7 +82,7 @@ TOLD = {
 
 
 def evaluated(sequence: Sequence, make: Callable[[], Tracker] = Tracker, start: int = 0) -> Scores:
-    """Returns the scores of one sequence, from a frame on, with a new tracker."""
+    """Returns the scores of one sequence from frame ``start`` on, with a new tracker."""
     take, warnings = perform(sequence, make(), start)
     scores = score(take, still=sequence.kind == "still", covered=sequence.covered)
     if sequence.covered is not None:
@@ -104,8 +104,9 @@ def line(name: str, frames: int, s: Scores) -> str:
 
 
 def mean_recovery(s: Scores) -> float:
-    """Returns the mean recovery time, ms. A person that was never found again counts as 1200, the length of
-    the wait."""
+    """Returns the mean recovery time, ms. A person that was never found again counts as 1200, the maximum
+    wait.
+    """
     return float(np.mean(np.minimum(s.recovery, 1200.0)))
 
 

@@ -1,4 +1,4 @@
-"""Sealed sets of synthetic sequences: the tracker is not tuned on them, and each is measured only once.
+"""Sealed sets of synthetic sequences, on which the tracker is not tuned. Each is measured only once.
 
 Each set contains limbs close to the trunk, exercises, captured motions, two people that cross, and three
 people side by side. It has its own builds, seeds and captures. The second set is turned in the opposite
@@ -16,13 +16,18 @@ from enliven_synthesis.body.performer import Proportions
 OPENED = "opened"
 """Split that was sealed until November 2026: limbs close to the trunk, the set "x"."""
 SEALED = "sealed"
-"""Split that is sealed: it is measured once, when tuning is finished. Set "y" was measured on November 26,
-2026. Before more tuning, call it opened and write another set."""
+"""Split that is measured once, when tuning is finished.
+
+Set "y" was measured on November 26, 2026. Before more tuning, call it opened and write another set.
+"""
 SEALED_TURNS = "turns, sealed"
-"""Sealed turns and floor work. They were measured once, on November 27, 2026, after the work on them."""
+"""Sealed split of turns and floor work, measured once on November 27, 2026, after the work on them."""
 SEALED_FLOOR = "turns and floor work, sealed"
-"""The same kinds with other seeds, builds and yaws, with people that sit on the floor and do not sink into
-it. Measured once, on November 28, 2026."""
+"""Sealed split of turns and floor work with other seeds, builds and yaws, in which people do not sink into
+the floor.
+
+It was measured once, on November 28, 2026.
+"""
 _CLOSE: tuple[tuple[str, float], ...] = (
     ("clap", 0.1), ("book", -0.25), ("watch", 0.3), ("hug", 0.0), ("guitar", 0.2), ("telephone", -0.4),
     ("folded", 0.3), ("jog", 0.25), ("guard", -0.2), ("belly", 0.35), ("chin", -0.3), ("lens", 0.2),
@@ -43,7 +48,7 @@ class KeptSet:
         builds: four builds that no other set uses.
         youth: a growing performer that no other set uses.
         captures: four motions, with their names, positions in front of the sensor and seconds.
-        turn: 1 or -1, the direction in which people are turned and stand aside.
+        turn: 1 or -1, the sign of all yaws and sideways positions.
         shift: offset by which the sensors are permuted.
     """
 

@@ -1,8 +1,8 @@
 """Joints marked by eye in the eight depth images of skeltrack_kinect1, which have no joint data.
 
 Marks are (u, v) pixels, accurate to about 12 px, which is 25 mm at the distance of those people. The people
-face the sensor, so their left is at the image's right. Invisible joints are left out. The last image has a
-second person in the background.
+face the sensor, so their left is on the right of the image. Invisible joints are left out. The last image has
+a second person in the background.
 """
 
 from __future__ import annotations

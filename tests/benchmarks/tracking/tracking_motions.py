@@ -29,7 +29,7 @@ _STEP_LIFT = 0.04
 
 
 class Seed:
-    """Random variations of the written numbers; none for seed 0."""
+    """Random variations of a motion's numbers. Seed 0 varies nothing."""
 
     def __init__(self, seed: int) -> None:
         self._random = np.random.default_rng(seed) if seed else None
@@ -65,7 +65,7 @@ def motion_named(name: str, seed: int = 0) -> Choreography:
 
 
 def _turning(name: str, vary: Seed, sweep: float, pause: float, low: float) -> Choreography:
-    """Makes four half turns with pauses between them. Both feet swing round while the pelvis turns."""
+    """Returns a motion of four half turns with pauses. Both feet swing around while the pelvis turns."""
     starts, time = [], 0.8
     ways = [vary.way, vary.way, -vary.way, vary.way]
     for _ in ways:
@@ -75,7 +75,9 @@ def _turning(name: str, vary: Seed, sweep: float, pause: float, low: float) -> C
     lean = 0.45 if low else 0.04
 
     def heading(time: float) -> tuple[float, float]:
-        """Returns the angle turned so far, radians, and the progress of the current turn (0 between two)."""
+        """Returns the angle turned so far in radians, and the progress of the current turn (0 between two
+        turns).
+        """
         yaw, moving = 0.0, 0.0
         for start, way in zip(starts, ways, strict=True):
             share = (time - start) / sweep
@@ -113,7 +115,9 @@ _Keys = tuple[tuple[float, PerformerPosture], ...]
 
 
 def _kneeling_kick(vary: Seed) -> _Keys:
-    """Goes down on one knee and both hands, and kicks with the other leg, first up behind, then forward."""
+    """Returns a motion: down on one knee and both hands, then a kick with the other leg, up behind and then
+    forward.
+    """
     back = FootPose(-0.13, HOME_Z - 0.50, pitch=-1.1, yaw=-0.05)
     start = _home(left_foot=FootPose(0.13, HOME_Z + 0.08, yaw=0.1))
     down = replace(start, right_foot=back, rise=vary.near(-0.44, 0.02), z=HOME_Z - 0.22, pitch=0.1)
@@ -131,7 +135,7 @@ def _kneeling_kick(vary: Seed) -> _Keys:
 
 
 def _sitting(vary: Seed) -> _Keys:
-    """Sits down on the floor with legs forward, leans back on the hands, pulls the knees up."""
+    """Returns a motion: sitting down with legs forward, leaning back on the hands, pulling the knees up."""
     half = _home(rise=-0.4, pitch=0.5, spine_pitch=0.4, z=HOME_Z - 0.1)
     low = vary.near(-0.80, 0.02)
 
@@ -153,7 +157,7 @@ def _sitting(vary: Seed) -> _Keys:
 
 
 def _hidden_leg(vary: Seed) -> _Keys:
-    """Stands on one leg, with the other shank raised behind the standing one."""
+    """Returns a motion on one leg, with the other shank raised behind the standing leg."""
     over: dict[str, Any] = {"x": -0.10, "roll": -0.04}
     shift = _home(**over)
     behind = _home(
@@ -165,7 +169,7 @@ def _hidden_leg(vary: Seed) -> _Keys:
 
 
 def _keyed(name: str, vary: Seed, *keys: tuple[float, PerformerPosture]) -> Choreography:
-    """Returns keyed postures, times in seconds, with eased interpolation."""
+    """Returns a motion through keyed postures, given with times in seconds, with eased interpolation."""
     tempo = vary.near(1.0, 0.2)
     times, postures = [tempo * at for at, _ in keys], [posture for _, posture in keys]
 

@@ -146,7 +146,7 @@ def bodyscanner() -> Real:
 
 
 def _noisy(depth: np.ndarray, seed: int) -> np.ndarray:
-    """Returns the image with noise on measured pixels."""
+    """Returns the image with noise on its measured pixels."""
     noise = np.random.default_rng(seed).normal(0.0, _NOISE, depth.shape)
     return np.where(depth > 0, np.maximum(1, np.rint(depth + noise)), 0).astype(np.uint16)
 
@@ -204,8 +204,7 @@ def _json(path: Path) -> list:
 
 
 def _near(samples: np.ndarray, middle: float) -> np.ndarray:
-    """Returns the samples within a metre of the body's depth. The others hit the wall behind it, or
-    nothing."""
+    """Returns the samples within a metre of the body's depth. Others hit the wall behind it, or nothing."""
     apart = np.abs(samples[:, 2] - middle) * flow_room._METRES_PER_Z
     return samples[(samples[:, 2] > -499) & (apart < 1.0)]
 
@@ -218,7 +217,9 @@ def _camera_points(uvz: np.ndarray, distance: float) -> np.ndarray:
 
 
 def _splatted(points: np.ndarray, radius: int) -> np.ndarray:
-    """Returns (424, 512) uint16 mm: points drawn as discs, the nearest wins. Outlines are eroded by half."""
+    """Returns (424, 512) uint16 mm: points drawn as discs, of which the nearest is visible. Outlines are
+    eroded by half a radius.
+    """
     image = np.full((KINECT2.height, KINECT2.width), np.inf)
     uv = np.rint(project(points, KINECT2)).astype(int)
     for dv in range(-radius, radius + 1):
@@ -262,7 +263,9 @@ def skeltrack(frames: int = 1) -> tuple[float, float, dict[str, list[Joint]]]:
 
 
 def _closest(bodies: list[Body], marks: dict, depth: np.ndarray) -> dict[Joint, float]:
-    """Returns the distance in the image plane, metres, from each mark to the body nearest to all of them."""
+    """Returns the distance in the image plane, metres, from each mark to the body that is nearest to all
+    marks.
+    """
     if not bodies:
         return {joint: np.inf for joint in marks}
     candidates = []
@@ -278,8 +281,9 @@ def _closest(bodies: list[Body], marks: dict, depth: np.ndarray) -> dict[Joint, 
 
 
 def uva() -> tuple[float, float, list[list[Body]]]:
-    """Returns the fraction of upper joints on the person (15 px), and the mean confidence of the legs, which
-    are never visible."""
+    """Returns the fraction of upper joints on the person (within 15 px), and the mean confidence of the legs,
+    which are never visible.
+    """
     paths = find_files([DATA / "depth" / "uva_cv2_person_turn"])
     tracker, inside, legs, bodies = Tracker(), [], [], []
     for n, frame in enumerate(find_reader(paths).read(paths, ImportOptions())):

@@ -139,7 +139,7 @@ class Sequence:
         return round(self.seconds * load_profile(self.profile).camera.fps)
 
     def ensemble(self, *, knocked: bool = False) -> Ensemble:
-        """Returns the scene; with ``knocked`` the sensor has its pose after the knock."""
+        """Returns the scene. If ``knocked``, the sensor has its pose after the knock."""
         return Ensemble(
             load_profile(self.profile),
             tuple(person.appearance() for person in self.people),
@@ -164,5 +164,5 @@ HOME = (0.0, -2.7)
 def alone(
     build: Proportions, move: Move, place: tuple[float, float] = HOME, yaw: float = 0.0
 ) -> tuple[Person]:
-    """Returns a cast of one person."""
+    """Returns a cast of one person who makes one move at a position and yaw."""
     return (Person(build, ((0.0, move, place, yaw),)),)

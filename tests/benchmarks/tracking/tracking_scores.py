@@ -75,12 +75,13 @@ class Scores:
         hits, visible: (20,) number of visible joints found within 10 cm, and of all visible joints.
         error: sum of the errors of matched visible joints, metres; ``matched`` is their number.
         missed: visible joints of people who were not tracked.
-        early_hits, early_visible: the same for the first half second, of people in view in the first frame;
-            they count in nothing else.
+        early_hits, early_visible: the same for the first half second of people in view in the first
+            frame. They count in no other score.
         sure, sure_hits: (10,) number of joints by confidence, in tenths, and of those within 10 cm.
-        identity, mirrored, false: number of identity changes, left-right swaps, and bodies without a person.
-        seconds: of the sequence.
-        jitter: of each joint that stood still, mm; recovery: time after each forced loss, ms; inf if never.
+        identity, mirrored, false: number of identity changes, left-right swaps, and bodies without a
+            person.
+        seconds: length of the sequence. jitter: jitter of each joint that stood still, mm. recovery: time
+            after each forced loss in ms, inf if never.
         turned: rotation errors of the visible parts of :data:`TURNS`, degrees.
         standing: for each visible foot, True if its floor contact was reported correctly.
         told: for each fault of the input, True if it was reported.
@@ -127,8 +128,9 @@ class Scores:
         return max(self.seconds, 1e-9) / 60.0
 
     def trusted(self, least: float) -> float:
-        """Returns the fraction within 10 cm of the joints with at least this confidence; NaN if there are
-        none."""
+        """Returns the fraction within 10 cm of the joints with at least this confidence, NaN if there are
+        none.
+        """
         first = round(least * BINS)
         total = self.sure[first:].sum()
         return float(self.sure_hits[first:].sum() / total) if total else float("nan")
@@ -149,9 +151,9 @@ def score(take: Take, *, still: bool = False, covered: tuple[float, float] | Non
     """Returns the scores of one take.
 
     Args:
-        still: all people stand still: measure jitter.
-        covered: (from, to) in which the lens was covered, seconds: measure the recovery, and nothing before
-            it ends.
+        still: True if all people stand still. Jitter is then measured.
+        covered: (from, to) in which the lens was covered, seconds. The recovery is then measured, and all
+            other scores only after it.
     """
     count = len(take.moments[0].present)
     pairs = [match(bodies, moment) for bodies, moment in zip(take.bodies, take.moments, strict=True)]
@@ -176,7 +178,9 @@ def score(take: Take, *, still: bool = False, covered: tuple[float, float] | Non
 
 
 def match(bodies: list[Body], moment: Moment) -> dict[int, int]:
-    """Returns the body (index) of each person in the room, matched by the mean distance of visible joints."""
+    """Returns the index of the body matched to each person in the room, by the mean distance of visible
+    joints.
+    """
     people = [p for p in np.flatnonzero(moment.present) if moment.visible[p].sum() >= 3]
     if not people or not bodies:
         return {}
@@ -191,10 +195,10 @@ def match(bodies: list[Body], moment: Moment) -> dict[int, int]:
 
 
 def _due(take: Take) -> tuple[np.ndarray, np.ndarray]:
-    """Returns (F, P) True if a person must be tracked (in view for longer than the grace time); and the grace
-    time at the start.
+    """Returns two (F, P) arrays: people that must be tracked, and people in the grace time at the start.
 
-    The second array is True for people in view in the first frame.
+    A person must be tracked after being in view for longer than the grace time. The second array is True for
+    people in view in the first frame.
     """
     seen = np.array([m.present & (m.visible.sum(1) >= SEEN_ENOUGH) for m in take.moments])
     due = np.zeros_like(seen)
@@ -275,7 +279,9 @@ def _apart(a: np.ndarray, b: np.ndarray, axis: int) -> float:
 
 
 def twist_between(a: np.ndarray, b: np.ndarray) -> float:
-    """Returns the twist from frame ``a`` to ``b`` about their +Y axes, after aligning these, degrees."""
+    """Returns the twist in degrees from frame ``a`` to ``b`` about their +Y axes, after aligning these
+    axes.
+    """
     brought = to_matrix(swing(a[:, 1], b[:, 1])) @ a
     return _apart(brought, b, 2)
 
@@ -291,14 +297,13 @@ def _add_contacts(out: Scores, body: Body, moment: Moment, p: int) -> None:
 
 
 def _identity_changes(take: Take, pairs: list[dict[int, int]], p: int) -> int:
-    """Returns how often a person's identity differs from that of the last tracked frames, for a few frames at
-    least."""
+    """Returns how often a person's identity changes and keeps its new value for some frames."""
     ids = [take.bodies[f][pair[p]].id for f, pair in enumerate(pairs) if p in pair and take.observed[f]]
     return _changes(ids)
 
 
 def _changes(values: list[int]) -> int:
-    """Returns how often a value changes to another that stays for a few frames."""
+    """Returns how often a value changes to another one that stays for some frames."""
     changes, settled = 0, None
     for n, value in enumerate(values):
         if value == settled or values[n : n + _STAYS] != [value] * min(_STAYS, len(values) - n):
@@ -371,8 +376,9 @@ def _jitter(take: Take, pairs: list[dict[int, int]], p: int) -> list[float]:
 
 
 def _recovery(take: Take, pairs: list[dict[int, int]], p: int, start: float) -> float:
-    """Returns the time, ms, from ``start`` until the visible joints are found for a few frames; inf if
-    never."""
+    """Returns the time in ms from ``start`` until the visible joints are found for some frames, inf if
+    never.
+    """
     after = [f for f, time in enumerate(take.times) if time - take.times[0] >= start - 1e-6]
     good = []
     for f in after:

@@ -1,8 +1,8 @@
-"""A motion of a person that sits down on the floor. The lowest part of the body is always on the floor.
+"""A motion of a person that sits down on the floor, with the lowest part of the body always on the floor.
 
-The sitting motion of :mod:`tracking_motions` lowers the pelvis by the same height for every build. So hips
-are up to 7 cm too low there, and knees up to 20 cm. It stays unchanged, because films of it were already
-opened.
+The older sitting motion in :mod:`tracking_motions` lowers the pelvis by the same height for every build. Hips
+are therefore up to 7 cm too low there, and knees up to 20 cm. It stays unchanged, because films of it were
+already opened.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _STANDING = PerformerPosture(
 
 @dataclass(frozen=True)
 class Leg:
-    """The angles of a leg, radians: thigh outward from the heading, knee bend, toes lifted."""
+    """The angles of a leg: thigh outward from the heading, knee bend, and lift of the toes, radians."""
 
     abduct: float
     knee: float
@@ -53,15 +53,16 @@ Legs = tuple[Leg, Leg]
 SettledLegs = tuple[tuple[float, Leg], tuple[float, Leg]]
 """The angle by which each thigh is lifted forward, radians, and the other angles of the leg."""
 _BEHIND = -0.25
-"""Position of the pelvis relative to where the performer stood, metres: behind it."""
+"""Offset of the pelvis along the heading from the standing position, metres. It is behind the performer."""
 
 
 class SittingDown:
-    """A person that sits down on the floor with legs forward, leans back on the hands, pulls the knees up or
-    crosses the legs.
+    """A motion: a person sits down on the floor with legs forward, leans back on the hands, and then pulls
+    the knees up or crosses the legs.
 
     Args:
-        seed: 0 is as written; any other varies angles, tempo, and which way the last third goes.
+        seed: 0 uses the written numbers. Any other seed varies the angles, the tempo, and the choice in
+            the last third.
     """
 
     def __init__(self, performer: Performer, seed: int = 0) -> None:
@@ -129,7 +130,7 @@ def _pair(vary: Seed, leg: Leg) -> Legs:
 
 
 def _settled(performer: Performer, legs: Legs) -> SettledLegs:
-    """Returns the legs, each with the lift of its thigh, radians, at which seat and leg are on the floor."""
+    """Returns the legs, each with the lift of its thigh in radians at which seat and leg are on the floor."""
 
     def lifted(side: int) -> float:
         low, high = 0.8, 2.8
@@ -157,7 +158,7 @@ def _rotations(pitch: float, bend: float, legs: SettledLegs, arm: ArmPose) -> Fl
     """Returns the (16, 3, 3) world_from_limb of a posture that faces +Z.
 
     Args:
-        pitch, bend: angles by which the pelvis leans forward, and the chest relative to the pelvis, radians.
+        pitch, bend: forward lean of the pelvis, and of the chest relative to the pelvis, radians.
         arm: pose of both arms.
     """
     rotations = np.tile(np.eye(3), (len(Limb), 1, 1))

@@ -122,7 +122,7 @@ def _crossing(builds: tuple[Proportions, Proportions], seed: int) -> tuple[Perso
 
 
 def _touching(builds: tuple[Proportions, Proportions], seed: int) -> tuple[Person, ...]:
-    """Returns two people side by side; one holds out a hand to the other."""
+    """Returns two people side by side. One holds out a hand to the other."""
     return (
         Person(builds[0], ((0.0, exercise_move("touch", seed), (-0.55, -2.7), 0.0),)),
         Person(builds[1], ((0.0, exercise_move("crossed", seed), (0.42, -2.75), -0.2),)),
@@ -147,7 +147,7 @@ def _four() -> tuple[Person, ...]:
 
 
 def _four_others() -> tuple[Person, ...]:
-    """Returns four people and positions other than those of "h four"."""
+    """Returns four people with positions different from those of "h four"."""
     return (
         Person(SMALL, ((0.0, exercise_move("crossed", 81), (-1.15, -2.6), 0.3),)),
         Person(TALL, ((0.0, exercise_move("signals", 82), (-0.45, -3.3), -0.1),)),
@@ -192,12 +192,15 @@ _HARD: tuple[tuple[str, Move, float, float], ...] = (
     ("back", exercise_move("crossed"), 3.1, BACK),
     ("one leg", exercise_move("one leg"), 1.7, 0.0),
 )
-"""Name, exercise, its second, yaw: the postures in which a performer is lost and must be found again."""
+"""Name, exercise, its time in seconds, and yaw of the postures in which a performer is lost and must be found
+again.
+"""
 
 
 def recoveries() -> list[Sequence]:
-    """Returns sequences with a covered lens for a second, during which the performer moves into a hard
-    posture."""
+    """Returns sequences in which the lens is covered for a second while the performer moves into a hard
+    posture.
+    """
     out = []
     for split, builds, shift in ((TUNING, (AVERAGE, STOUT), 0), (HELD_OUT, (SLIM, BROAD, CHILD), 50)):
         for n, (name, move, at, yaw) in enumerate(_HARD):
@@ -220,7 +223,7 @@ def recoveries() -> list[Sequence]:
 
 
 def troubles() -> list[Sequence]:
-    """Returns sequences with faulty input: each on frames of its own split."""
+    """Returns sequences with faulty input, each based on frames of the same split."""
     out = []
     for split, build, move in (
         (TUNING, AVERAGE, exercise_move("signals", 61)),
@@ -286,7 +289,7 @@ _OPENED_BUILDS = (
     Proportions(1.62, 0.93, hips=1.04, arms=1.03),
     Proportions(1.72, 1.15, legs=0.97),
 )
-"""Builds that no other split uses."""
+"""Builds of the opened split, which no other split uses."""
 
 
 _TURNS_BUILDS = (
@@ -298,7 +301,9 @@ _TURNS_BUILDS = (
 
 
 def turns() -> list[Sequence]:
-    """Returns turns and floor work: every motion twice for each set, with other seeds, builds and yaws."""
+    """Returns turns and floor work: every motion twice for each split, with different seeds, builds and
+    yaws.
+    """
     out = []
     for split, letter, builds, first in (
         (TURNS, "t", (AVERAGE, SMALL, TALL), 300),

@@ -1,4 +1,4 @@
-"""A serial pedal that the tests press: one end of a pseudo-terminal, which can be pulled out."""
+"""A simulated serial pedal: one end of a pseudo-terminal, which tests can unplug."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 class Pedal:
-    """A port at a path that stays the same through unplugging, as /dev/serial/by-id does."""
+    """A port whose path stays the same when it is unplugged and plugged in again, as in /dev/serial/by-id."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

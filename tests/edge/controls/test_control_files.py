@@ -1,4 +1,4 @@
-"""The settings files of controls: every shipped one is loaded, and each of its controls can be made."""
+"""Tests of the settings files of controls: every shipped file is loaded, and its controls can be created."""
 
 from pathlib import Path
 

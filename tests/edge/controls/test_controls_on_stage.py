@@ -1,4 +1,4 @@
-"""A press of a real serial port reaches the stage through a real edge, as a viewer's key does."""
+"""Tests that a press on a real serial port reaches the stage through a real edge, like a viewer's key."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class People(Sensor):
 
 
 class Say:
-    """A control that sends the commands that the test gives it."""
+    """A control that sends the commands set by the test."""
 
     name = "test"
     is_present = True
@@ -108,7 +108,7 @@ def outlet():
         yield opened
 
 
-def test_a_pedal_goes_through_the_matches_takes_what_is_shown_and_lets_go(outlet, tmp_path):
+def test_pedal_cycles_accepts_and_releases_matches(outlet, tmp_path):
     pytest.importorskip("serial", reason="pyserial is not installed (the extra 'controls')")
     pedal = Pedal(tmp_path / "pedal")
     words = {"A": "possess", "B": "next", "C": "release"}
@@ -203,7 +203,7 @@ def test_parts_are_named_by_a_word(outlet):
         ("posess", "Did you mean 'possess'"),
     ],
 )
-def test_a_command_that_cannot_be_meant_is_refused(said, remedy):
+def test_impossible_command_is_refused(said, remedy):
     with pytest.raises(InputError) as refused:
         check_map({"A": said}, "controls.pedal.map")
     assert remedy in refused.value.remedy
@@ -220,7 +220,7 @@ def test_unsupported_command_is_reported_and_edge_continues(outlet, caplog):
     assert house.driven == [(1, ["left", "right"])]
 
 
-def test_a_locked_cast_is_the_trackers(outlet):
+def test_lock_command_locks_the_tracker(outlet):
     say = Say()
     edge = Edge(People(), Tracker(), Stage([]), outlet, controls=Controls([say]))
     say.words = ["lock"]

@@ -1,5 +1,6 @@
-"""Tests of the panel's messages: they are found in noise, and presses are counted from the received
-counters."""
+"""Tests that the panel's messages are found in noise, and that presses are counted from the received
+counters.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +30,7 @@ def sent(beat: int, counts: list[int]) -> bytes:
     return encode(f"P{beat % 0x10000:04X}" + "".join(f"{count % 16:X}" for count in counts))
 
 
-def test_a_message_on_the_line():
+def test_message_bytes_match_the_protocol():
     assert encode("H01P") == b"$H01P*42AB\n"
     assert lamps_message_body(Lamps("breathing", "steady", "off", "flashing")) == "LBS-F"
 

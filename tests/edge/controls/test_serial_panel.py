@@ -1,4 +1,4 @@
-"""The panel's driver over a real pseudo-terminal, by the real pyserial; tests/devices has the firmware."""
+"""Tests of the panel's driver with pyserial over a pseudo-terminal. tests/devices tests the firmware."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ pytest.importorskip("serial", reason="pyserial is not installed (the extra 'cont
 
 
 class Port(Pedal):
-    """A port on which the test plays the panel; it also reads the edge's output."""
+    """A port on which the test acts as the panel. It also reads the edge's output."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
@@ -88,7 +88,7 @@ def test_panel_of_another_protocol_is_ignored_and_reported_once(port, caplog):
 
 
 class Ear:
-    """Returns the edge's output to a panel that greets repeatedly, while its lamps are to show a state."""
+    """Reads the edge's output while the panel greets repeatedly and its lamps have to show a state."""
 
     def __init__(self, port: Port, controls) -> None:
         self._port, self._controls = port, controls

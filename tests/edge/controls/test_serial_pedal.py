@@ -1,4 +1,4 @@
-"""Serial pedals over a real pseudo-terminal, by the real pyserial."""
+"""Tests of serial pedals over a pseudo-terminal with the real pyserial."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def opened(pedal: Pedal, **more):
 
 
 class Ear:
-    """Collects the reported messages."""
+    """Collects the reported messages in a list."""
 
     def __init__(self, controls) -> None:
         (self._control,) = controls._controls

@@ -1,4 +1,6 @@
-"""Spoken commands by the real PocketSphinx: a synthetic speaker says them, and other things."""
+"""Tests of spoken commands with the real PocketSphinx. A speech synthesiser says commands and other
+phrases.
+"""
 
 from __future__ import annotations
 
@@ -40,10 +42,10 @@ spoken = pytest.mark.skipif(shutil.which("espeak-ng") is None, reason="espeak-ng
 
 @functools.cache
 def said(text: str, voice: str = "en-us") -> bytes:
-    """Returns a phrase spoken in a quiet room, 16 kHz, with a second of silence before and after it."""
+    """Returns a phrase spoken in a quiet room at 16 kHz, with one second of silence before and after it."""
     command = ["espeak-ng", "-v", voice, "-s", "140", "--stdout", text]
     with wave.open(io.BytesIO(subprocess.run(command, capture_output=True, check=True).stdout)) as file:
-        # espeak writes to a pipe, and does not know the length that it announces.
+        # espeak writes to a pipe, so the length in its header is wrong.
         rate, sound = file.getframerate(), np.frombuffer(file.readframes(10 * file.getframerate()), np.int16)
     common = math.gcd(rate, RATE)
     sound = resample_poly(sound.astype(float), RATE // common, rate // common)
@@ -54,7 +56,7 @@ def said(text: str, voice: str = "en-us") -> bytes:
 
 @pytest.fixture(scope="module")
 def other() -> OtherSpeech:
-    """The models for other speech, which take a second to load."""
+    """Returns the language models for other speech, which take a second to load."""
     return OtherSpeech()
 
 
@@ -83,7 +85,7 @@ def test_most_commands_are_heard_and_none_is_taken_for_another(recogniser):
 
 
 @spoken
-def test_two_commands_in_a_row_are_two(recogniser):
+def test_two_commands_in_a_row_are_both_recognised(recogniser):
     assert heard(recogniser, said("puppet let it go") + said("puppet follow my pose")) == [
         "puppet let it go",
         "puppet follow my pose",
@@ -95,7 +97,7 @@ def test_two_commands_in_a_row_are_two(recogniser):
     "talk",
     ["yes", "stop", "look at the lights", "lower your arms", "what time is it", "show me the other one"],
 )
-def test_talk_is_no_command(recogniser, talk):
+def test_other_speech_is_not_a_command(recogniser, talk):
     assert heard(recogniser, said(talk)) == []
 
 
@@ -178,7 +180,7 @@ def written(path: Path, sound: bytes, rate: int = RATE, channels: int = 1) -> Pa
 
 
 @spoken
-def test_a_recording_is_a_rehearsal(tmp_path, caplog):
+def test_recording_replaces_the_microphone(tmp_path, caplog):
     caplog.set_level(logging.INFO)
     written(tmp_path / "say.wav", said("puppet follow my pose"))
     settings = ControlSettings("voice", dict(SETTINGS.map), wav="say.wav")

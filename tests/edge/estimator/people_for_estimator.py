@@ -1,4 +1,4 @@
-"""Images of people that the network was not trained on, with ground truth; and scenes of noise."""
+"""Images of people that were not used for training, with ground truth, and scenes of noise."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from enliven_edge.tracking.estimator.labels import facing_in_plan
 from enliven_synthesis.training.rendering import PersonRenderer, RenderedPerson
 
 _DICE = 2024
-"""Seed that no training album uses."""
+"""A random seed that no training set uses."""
 
 
 @dataclass(frozen=True)
 class Fresh:
-    """One picture with its ground truth.
+    """One image with its ground truth.
 
     Attributes:
-        picture: the rendered picture.
+        picture: the rendered image.
         z: (h, w) measured depth, metres.
         mask: (h, w) True on the person's pixels.
         facing: true facing, radians.
@@ -41,7 +41,7 @@ class Fresh:
 
 @cache
 def fresh(number: int, frontal: float = 0.4) -> Fresh:
-    """Returns the picture with a number."""
+    """Returns the image with a number."""
     taken = _studio().render_person(np.random.default_rng([_DICE, number]), frontal=frontal)
     mask = taken.z > 0
     chest = taken.figure.frames[Limb.CHEST]
@@ -63,7 +63,7 @@ def turned_at_random(dice: np.random.Generator) -> np.ndarray:
 def scene(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Returns (z, mask, camera, world_from_camera) of a blob among noise, seen by a sensor at a random tilt.
 
-    Less than 500 pixels are the blob's, so that none is left out where its place is found.
+    The blob has fewer than 500 pixels, so that all of them are used when its position is estimated.
     """
     dice = np.random.default_rng(seed)
     shape, middle, reach = (40, 50), dice.uniform(12, 28, 2), dice.uniform(2, 11, 2)

@@ -1,4 +1,4 @@
-"""Tests of samples as tensors: batches equal the data set's samples, and mirroring is correct."""
+"""Tests of training samples as tensors: batches equal the data set's samples, and mirroring is correct."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ def samples(dataset) -> TensorDataset:
 
 
 def same(one: TensorBatch, other: TensorBatch | Batch) -> bool:
-    """Returns True if all arrays of two batches are equal; the facing of clutter is NaN in both."""
+    """Returns True if all arrays of two batches are equal. The facing of clutter is NaN in both."""
     pairs = ((np.asarray(getattr(one, name)), np.asarray(getattr(other, name))) for name in NAMES)
     return all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
 
 
 def slowly_mirrored(batch: Batch, some: np.ndarray) -> Batch:
-    """Mirrors a batch sample by sample, part by part and joint by joint: the slow reference."""
+    """Mirrors a batch one sample, body part and joint at a time, as a slow reference."""
     arrays = {name: getattr(batch, name).copy() for name in NAMES}
     for n in np.flatnonzero(some):
         arrays["image"][n] = np.flip(batch.image[n], 2)

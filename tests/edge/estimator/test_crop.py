@@ -1,4 +1,4 @@
-"""Tests of the crop: it equals a slow reference, and does not depend on the sensor's tilt or distance."""
+"""Tests of the crop: it equals a slow reference and is independent of the sensor's tilt and distance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of an estimate: parts are interpolated as by a slow look-up, joints are weighted by confidence."""
+"""Tests of an estimate: body parts are interpolated, and joints are weighted by confidence."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def made_up(seed: int) -> Estimate:
 
 
 def rays_of(estimate: Estimate, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Returns (N, 2) rays to places in the crop, counted in cells from its upper left corner."""
+    """Returns (N, 2) rays to positions in the crop, given in cells from its upper left corner."""
     cell = estimate.crop.cell
     flat = np.stack([(columns - COLUMNS / 2) * cell, (rows - ROWS / 2) * cell, 0.0 * rows], 1)
     points = estimate.crop.to_camera(flat)

@@ -20,23 +20,25 @@ from enliven_edge.tracking.estimator.labels import FACINGS, MIRRORED
 from enliven_synthesis.training.rendering import PersonRenderer
 
 PICTURES = 60
-# Each bound below lies just beyond the value of the shipped network on these pictures.
+# Each bound below is slightly looser than the shipped network's value on these images.
 WITHIN_TOLD, WITHIN_NOT_TOLD = 0.72, 0.715
-"""Minimum fraction of the joints within 10 cm, occluded ones included, with and without the facing as
-input."""
+"""Minimum fraction of joints within 10 cm, occluded ones included, with and without the facing as input."""
 FACING_RIGHT, FACING_NEARLY_RIGHT = 0.8, 0.94
 """Minimum fraction of people with the correct facing, and with a facing within an eighth of a turn."""
 PARTS_RIGHT = 0.82
 """Minimum fraction of the person's pixels with the correct body part."""
 BELIEVED, PEOPLE_BELIEVED, THINGS_BELIEVED = 0.8, 0.97, 0.1
-"""Person probability above which a blob is accepted; minimum fraction of people above it, many of them mostly
-occluded; maximum fraction of objects above it."""
+"""Minimum person probability of an accepted blob. Minimum fraction of people above it, of whom many are
+mostly occluded. Maximum fraction of objects above it.
+"""
 RANKED = 0.83
-"""Minimum rank correlation of the estimated and the true joint error."""
+"""Minimum rank correlation of the estimated and the true joint errors."""
 SAID = (0.9, 1.35)
-"""Bounds of true over estimated joint error: on average, among the many joints and the few confident ones."""
+"""Bounds of the ratio of true to estimated joint error, for all joints on average and for confident
+joints.
+"""
 SURE, UNSURE = 0.06, 0.3
-"""Metres: a joint with a smaller estimated error counts as visible, with a larger one as guessed."""
+"""Metres: joints with a smaller estimated error count as visible, joints with a larger one as guessed."""
 MIRRORED_WITHIN = 0.035
 """Maximum median difference, metres, between a person's joints and those of their mirror image."""
 
@@ -129,7 +131,7 @@ def test_the_mirror_image_is_of_the_mirrored_person():
 
 
 def test_world_frame_changes_only_joint_positions():
-    """Turned about the vertical and moved along the floor."""
+    """The world frame is rotated about the vertical and moved along the floor."""
     for n in range(5):
         case = fresh(n)
         moved = np.eye(4)
@@ -161,7 +163,7 @@ def test_several_threads_give_the_same_estimates():
     with ThreadPoolExecutor(4) as pool:
         several = list(pool.map(lambda n: fresh(n % 12).estimate(True), range(36)))
     for n, estimate in enumerate(several):
-        # As above, a network that runs in other threads may add up in another order.
+        # Like above, a network that runs in other threads may sum in a different order.
         np.testing.assert_allclose(estimate.joints, expected[n % 12].joints, atol=1e-4)
         np.testing.assert_allclose(estimate.parts, expected[n % 12].parts, atol=1e-4)
 

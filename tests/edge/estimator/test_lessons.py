@@ -1,4 +1,6 @@
-"""Tests of lessons: the same seed gives the same lesson, and labels agree with the picture."""
+"""Tests of training samples ("lessons"): the same seed gives the same lesson, and labels agree with the
+image.
+"""
 
 from __future__ import annotations
 
@@ -28,34 +30,35 @@ OWN_PARTS = {
 
 
 def same(one: tuple, other: tuple) -> bool:
-    """Returns True if all arrays of two samples are equal; the facing of an object is NaN in both."""
+    """Returns True if all arrays of two samples are equal. The facing of an object is NaN in both."""
     return all(np.array_equal(a, b, equal_nan=True) for a, b in zip(one, other, strict=True))
 
 
 @pytest.fixture(scope="module")
 def every_lesson() -> list[TrainingSample]:
-    """About people, and things."""
+    """Returns lessons with people and lessons with objects."""
     studio, dice = PersonRenderer(), np.random.default_rng(11)
     return [training_sample(studio, dice, 0.5) for _ in range(60)]
 
 
 @pytest.fixture(scope="module")
 def lessons(every_lesson) -> list[TrainingSample]:
-    """Those about people."""
+    """Returns the lessons with people."""
     return [lesson for lesson in every_lesson if np.isfinite(lesson.facing)]
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """An album of ten, rendered by one process; its folder."""
+    """Returns the folder of an album of ten lessons, rendered by one process."""
     album = tmp_path_factory.mktemp("album")
     render(album, processes=1)
     return album
 
 
 def render(folder, processes: int, count: int = 10) -> list[int]:
-    """Renders a data set with ``processes`` processes, three samples per shard. Returns the reported
-    progress, too."""
+    """Renders a data set with ``processes`` processes and three samples per shard. Also returns the reported
+    progress.
+    """
     progress: list[int] = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(dataset, "SHARD_SAMPLES", 3)
@@ -65,7 +68,9 @@ def render(folder, processes: int, count: int = 10) -> list[int]:
 
 
 def seen_at(joints: np.ndarray, cell: float, parts: np.ndarray) -> dict[Joint, int]:
-    """Returns the body part visible at each joint of :data:`OWN_PARTS`; NOBODY in a picture of an object."""
+    """Returns the body part visible at each joint of :data:`OWN_PARTS`, NOBODY if the image shows an
+    object.
+    """
     labels = {}
     for joint in OWN_PARTS:
         column, row = np.floor(joints[joint, :2] / (2 * cell) + [LABEL_COLUMNS / 2, LABEL_ROWS / 2])
@@ -90,7 +95,7 @@ def shares(cases) -> tuple[float, float]:
 
 
 def test_the_same_dice_make_the_same_lesson(every_lesson):
-    """Independent of the pictures that were rendered before."""
+    """The result does not depend on the images that were rendered before."""
     studio = PersonRenderer()
     studio.render_person(np.random.default_rng(1))
     dice = np.random.default_rng(11)

@@ -23,9 +23,9 @@ from enliven_synthesis.training.pose_network.training import TrainingSettings, e
 
 COUNT, BACK = 40, 8
 NEARLY, MOSTLY = 0.01, 0.8
-"""Maximum median joint difference of the 8-bit network, metres; minimum fraction of equal parts."""
+"""Maximum median joint difference of the 8-bit network in metres. Minimum fraction of equal body parts."""
 LEARNT = 0.8
-"""Maximum ratio of the loss after a few lessons to the first loss."""
+"""Maximum ratio of the loss after a few training steps to the first loss."""
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,9 @@ def test_network_outputs_have_the_documented_shapes():
 
 
 def test_a_joint_is_where_its_heat_is():
-    """At the centre of a map cell, which covers four crop cells, at the depth stored there."""
+    """The joint is at the centre of a map cell, which covers four crop cells, at the depth stored in the
+    map.
+    """
     network = PoseNetwork()
     rows, columns = ROWS // 4, COLUMNS // 4
     maps = torch.zeros(1, 3 * JOINTS, rows, columns)
@@ -82,7 +84,7 @@ def test_facing_output_does_not_depend_on_the_input_facing():
 
 
 def test_exported_network_gives_the_same_outputs(tmp_path):
-    """For any number of crops, and through the estimator."""
+    """This holds for any number of crops, and through the estimator."""
     network = PoseNetwork()
     export(network, tmp_path / "made.onnx")
     estimator = PoseEstimator(tmp_path / "made.onnx")
@@ -139,7 +141,7 @@ def test_lessons_that_are_kept_back_are_not_learnt(album, few_kept_back, monkeyp
 
 
 def test_network_scores_are_fractions(album, monkeypatch, tmp_path):
-    """Measured on the validation lessons, 250 at a time; a small album repeats its lessons."""
+    """Measured on the validation lessons, 250 at a time. A small album repeats its lessons."""
     batch = Dataset.batch
     monkeypatch.setattr(training, "VALIDATION_SAMPLES", 250)
     monkeypatch.setattr(Dataset, "batch", lambda self, which: batch(self, which % COUNT))
@@ -149,7 +151,9 @@ def test_network_scores_are_fractions(album, monkeypatch, tmp_path):
 
 
 def test_8_bit_network_is_smaller_and_nearly_equal(album, tmp_path, few_kept_back):
-    """Joints agree to millimetres, facing and parts in most cases, for a network trained a little."""
+    """Joints agree to millimetres, facing and parts in most cases. The network was trained for a few
+    steps.
+    """
     network = train(album, TrainingSettings(steps=25, batch=16, seed=0))
     full, small = tmp_path / "whole.onnx", tmp_path / "small.onnx"
     export(network, full)

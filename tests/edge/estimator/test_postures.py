@@ -1,4 +1,4 @@
-"""Tests of random postures: each family has its defining property."""
+"""Tests of random postures: each family of postures has its defining property."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def figures(family: str, count: int = 60, arms: str | None = None) -> list[Figur
 
 
 def performers(family: str, count: int, arms: str | None) -> list[tuple[Performer, Figure]]:
-    """Returns ``count`` people of random builds, each with a figure of a family."""
+    """Returns ``count`` people with random builds, each with a figure of the family."""
     pairs = []
     for seed in range(count):
         dice = np.random.default_rng([7, seed])
@@ -33,7 +33,7 @@ def performers(family: str, count: int, arms: str | None) -> list[tuple[Performe
 
 
 def wrists_of_chest(performer: Performer, figure: Figure) -> np.ndarray:
-    """Returns the (2, 3) wrist positions in the chest's frame, metres, of a person of 1.75 m: outward, up,
+    """Returns (2, 3) wrist positions in the chest's frame, scaled to a person of 1.75 m, metres: outward, up,
     ahead.
     """
     chest = figure.frames[Limb.CHEST]
@@ -42,7 +42,7 @@ def wrists_of_chest(performer: Performer, figure: Figure) -> np.ndarray:
 
 
 def test_a_high_leg_is_high_while_the_other_stands():
-    """The standing foot is flat or nearly so: its ankle is a hand's width above the floor."""
+    """The standing foot is almost flat: its ankle is a hand's width above the floor."""
     ankles = np.array([figure.joints[ANKLES, 1] for figure in figures("high leg")])
     assert (ankles.min(1) < 0.13).all() and (ankles.min(1) > 0.0).all()
     assert np.mean(ankles.max(1) > 0.25) > 0.7
@@ -79,7 +79,9 @@ def test_no_arm_is_inside_the_trunk_or_the_head(hold):
 
 @pytest.mark.parametrize("hold", CLOSE_HOLDS)
 def test_arms_held_close_are_near_the_trunk_or_ahead_of_it(hold):
-    """In nearly all people no wrist is an arm's length aside; an arm that cannot be close is held out."""
+    """In nearly all people, no wrist is an arm's length to the side. An arm that cannot be close is held
+    out.
+    """
     near = [np.abs(wrists_of_chest(*pair)[:, 0]).max() < 0.45 for pair in performers("stand", 20, hold)]
     assert np.mean(near) > 0.8
 

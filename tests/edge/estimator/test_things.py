@@ -1,5 +1,6 @@
-"""Tests of clutter: rays hit solids correctly, objects stand at their positions, and samples are labelled as
-clutter."""
+"""Tests of clutter objects: rays hit solids correctly, positions are kept, and samples are labelled as
+clutter.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +36,7 @@ def random_solid(dice) -> ClutterSolid:
 
 
 def holds(solid: ClutterSolid, points: np.ndarray) -> np.ndarray:
-    """Returns which of the (..., 3) points are inside."""
+    """Returns (...) True for the (..., 3) points inside the solid."""
     local = (points - solid.centre) @ solid.turn / solid.half
     return (np.linalg.norm(local, axis=-1) if solid.round else np.abs(local).max(-1)) <= 1.0
 
@@ -91,7 +92,7 @@ def test_clutter_is_near_its_position(seed, x, z):
 
 
 def test_clutter_stands_on_the_floor():
-    """It touches the floor or nearly does; rotated parts may penetrate it slightly."""
+    """Its lowest point is close to the floor. Rotated parts may penetrate the floor slightly."""
     for seed in range(100):
         clutter = random_clutter(np.zeros(2), np.random.default_rng(seed))
         lowest = min((s.centre + (s.half * CORNERS) @ s.turn.T)[:, 1].min() for s in clutter)
@@ -123,7 +124,7 @@ def test_clutter_picture_contains_no_person(studio, seed):
 
 
 def test_the_same_dice_take_the_same_picture(studio):
-    """Independent of the pictures that were rendered before."""
+    """The result does not depend on the images that were rendered before."""
     for seed in range(5):
         first, second = (
             each.render_clutter(np.random.default_rng(seed)) for each in (studio, PersonRenderer())

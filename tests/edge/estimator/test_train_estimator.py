@@ -58,5 +58,5 @@ def test_without_torch_an_existing_file_is_kept(tmp_path, without_torch):
     assert there.read_bytes() == b"precious"
 
 
-def test_no_output_is_wrong_usage():
+def test_missing_output_option_is_wrong_usage():
     assert CliRunner().invoke(app, []).exit_code == 2

@@ -19,9 +19,9 @@ from enliven_synthesis.training.pose_network.training import TrainingSettings, e
 from enliven_synthesis.training.pose_network.weight_import import interpolate_networks, restore_network
 
 ROUNDING = 2e-4
-"""Metres and logits: different summation orders in single precision through twenty layers."""
+"""Tolerance in metres and logits: sums in a different order in single precision, through twenty layers."""
 IN_EIGHT_BITS = 0.02
-"""Median metres: rounding all values to 8 bits moves a joint by millimetres."""
+"""Tolerance of the median in metres: rounding all values to 8 bits moves a joint by millimetres."""
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def outputs(network, batch) -> list[np.ndarray]:
     return [each.numpy() for each in predicted]
 
 
-def test_an_exported_network_comes_back(dataset, tmp_path):
+def test_exported_network_is_restored(dataset, tmp_path):
     torch.manual_seed(3)
     network = PoseNetwork()
     for layer in network.modules():
@@ -56,8 +56,10 @@ def test_an_exported_network_comes_back(dataset, tmp_path):
         np.testing.assert_allclose(exported, other, atol=ROUNDING, rtol=ROUNDING)
 
 
-def test_the_shipped_network_comes_back_and_learns_on(dataset, monkeypatch):
-    """Its joints are unchanged; a training step changes the loss less than one from random weights."""
+def test_shipped_network_is_restored_and_trained_further(dataset, monkeypatch):
+    """Its joints are unchanged. One training step changes the loss less than a step from random weights
+    does.
+    """
     batch = dataset.batch(np.arange(24))
     network = restore_network(ESTIMATOR, dataset, 0)
     apart = np.linalg.norm(outputs(network, batch)[0] - outputs(ESTIMATOR, batch)[0], axis=2)
@@ -74,7 +76,7 @@ def test_the_shipped_network_comes_back_and_learns_on(dataset, monkeypatch):
     assert losses[0] < losses[1] - 1.0
 
 
-def test_between_two_networks_lie_the_two_and_all_on_the_way(dataset):
+def test_networks_are_interpolated_between_both_ends(dataset):
     network, other = (PoseNetwork().eval() for _ in range(2))
     batch = dataset.batch(np.arange(3))
     for share, end in ((0.0, network), (1.0, other)):

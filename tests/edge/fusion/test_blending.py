@@ -1,4 +1,4 @@
-"""Tests of the compiled mean of several sensors' data against a slow reference."""
+"""Tests of the compiled mean of several sensors' data, against a slow reference."""
 
 import numpy as np
 from hypothesis import given, settings
@@ -15,7 +15,7 @@ from enliven_edge.fusion.live.blending import (
 from enliven_edge.fusion.live.side_assignment import MIDDLES, OTHER_SIDE, midline_points, midline_weights
 
 LATERAL = np.arange(20) != OTHER_SIDE
-"""(20,) whether a joint has a side."""
+"""(20,) True for joints with a left and a right side."""
 
 
 def slow_blend(x, w, predicted, known, before, d, share):

@@ -29,7 +29,7 @@ SHORT = np.arange(0.0, 8.0, 1 / 20)
 
 
 def streams(walkers, places, times=TIMES, clocks=None, names="abcdef", **more):
-    """Returns one stream per sensor; their frames have different times."""
+    """Returns one stream per sensor. Frames of different sensors have different times."""
     clocks = clocks or [10.0] * len(places)
     return [
         stream_from_frames(
@@ -62,7 +62,7 @@ def errors(calibration, places, names="abcdef"):
 
 
 def changed(stream: BodyStream, transform: np.ndarray) -> BodyStream:
-    """Returns the stream as a sensor at another position would report it."""
+    """Returns the stream as recorded by a sensor at another position."""
     tracks = tuple(
         dataclasses.replace(t, joints=transform_points(transform, t.joints)) for t in stream.tracks
     )
@@ -72,7 +72,7 @@ def changed(stream: BodyStream, transform: np.ndarray) -> BodyStream:
 def test_exact_bodies_give_exact_places_and_clocks():
     calibration = calibrate(streams([Walker()], [A, B], clocks=[10.0, 13.25]))
     assert calibration.is_good and calibration.advice == []
-    # The remaining error comes from linear interpolation of a curved motion between two frames.
+    # The remaining error is due to linear interpolation of a curved motion between two frames.
     metres, degrees = errors(calibration, [A, B]).max(0)
     assert metres < 1e-4 and degrees < 1e-3
     assert calibration.clock_offset_ns["b"] == pytest.approx(-3.25e9, abs=5e4)
@@ -130,7 +130,7 @@ def test_person_matching_is_independent_of_ids_and_order(order):
     assert errors(calibrate([a, b]), [A, B]).max() < 1e-3
 
 
-def test_a_back_with_sides_exchanged():
+def test_sensor_that_swaps_left_and_right_is_calibrated():
     """A sensor opposite the first one swaps left and right, always or sometimes."""
     opposite = stand(0.0, -5.0, 180.0)
     for swapped, part in ((lambda t: True, 1.0), (lambda t: t % 4 < 1.5, 0.38)):
@@ -142,7 +142,7 @@ def test_a_back_with_sides_exchanged():
         assert calibration.pairs[0].quality.swapped == pytest.approx(part, abs=0.03)
 
 
-def test_joints_that_lie_do_not_matter():
+def test_outlier_joints_are_ignored():
     """One hand of the second sensor is wrong for the whole walk, with full confidence."""
     a, b = streams([Walker()], [A, B])
     track = b.tracks[0]
@@ -157,7 +157,7 @@ def test_straight_walk_is_not_enough_and_gives_advice():
     assert not calibration.is_good
     assert calibration.pairs[0].quality.verdict is Verdict.WALK_ON
     assert "walk on, to the " in calibration.advice[0] and "of sensor b" in calibration.advice[0]
-    # Sensor b sees the line walked in depth only; there are no data to its left or right yet.
+    # Sensor b sees the walk along its viewing direction only, without data to its left or right.
     assert calibration.pairs[0].quality.length == pytest.approx(1.6, abs=0.1)
     assert calibration.pairs[0].quality.breadth < 0.1
 
@@ -176,8 +176,8 @@ def test_different_people_fail_calibration():
     assert not calibration.is_good and calibration.advice
 
 
-def test_a_chain_of_sensors_that_do_not_all_overlap():
-    """Three sensors; the first and the last never see the person at the same time."""
+def test_chain_of_partly_overlapping_sensors_is_calibrated():
+    """There are three sensors. The first and the last never see the person at the same time."""
     far = stand(4.5, -4.0, 130.0)
     a, b, c = streams(
         [Walker(WalkPath(30.0, 1.6, 1.2, (2, 3)))], [A, B, far], np.arange(0, 30, 1 / 30), noise=0.01
@@ -221,7 +221,7 @@ def test_sensor_that_saw_nobody_is_reported():
 
 
 def test_a_slow_sensor_is_placed_too():
-    """Five frames per second against thirty."""
+    """The slow sensor has five frames per second, the other one thirty."""
     a = stream_from_frames("a", told([Walker()], A, TIMES, sensor="a"))
     b = stream_from_frames("b", told([Walker()], B, np.arange(0.02, 16.0, 0.2), sensor="b"))
     calibration = calibrate([a, b])

@@ -1,4 +1,6 @@
-"""Tests of several sensors as one, with threads: recordings in parallel, live clocks, failing sensors."""
+"""Tests of several sensors fused into one, with threads: recordings in parallel, live clocks, failing
+sensors.
+"""
 
 import contextlib
 import time
@@ -27,14 +29,15 @@ from enliven_synthesis.sensor.synthetic import SyntheticSensor
 A, B = stand(0.0, 0.0, 0.0), stand(2.4, -1.8, 70.0)
 TIMES = np.arange(0.0, 3.0, 1 / 30)
 SPACE = Space({"a": Place(nested_tuples(A)), "b": Place(nested_tuples(B), None, -7_000_000_000)})
-"""Sensor b's clock is 7 s ahead."""
+"""Sensor b's clock is 7 s ahead of sensor a's."""
 
 
 class Reel(Sensor):
-    """Body frames from memory: like a recording that waits, or live, each at its time.
+    """Body frames from memory. They are delivered like a recording that waits for its reader, or live at
+    their times.
 
     Args:
-        live: speed factor at which frames arrive; None for a recording.
+        live: speed factor at which frames arrive, None for a recording.
         breaks: number of frames after which the sensor fails.
     """
 
@@ -123,7 +126,7 @@ def test_losing_all_sensors_is_an_error():
 
 
 def test_live_sensors_do_not_wait_for_a_silent_one():
-    """Sensor a delivers a second of frames and then nothing; b continues at its own pace."""
+    """Sensor a delivers frames for a second and then stops. Sensor b continues at its own pace."""
     streams = seen()
 
     class Mute(Reel):
@@ -147,7 +150,7 @@ def test_live_sensors_do_not_wait_for_a_silent_one():
 
 
 def test_restarted_live_clock_is_aligned_by_arrival(caplog):
-    """The file states an offset of 7 s. Then sensor b was reconnected, and counts from 1000 s."""
+    """The file states an offset of 7 s. After a reconnection, sensor b counts from 1000 s."""
     walker = Walker()
     streams = seen(walker)
     late = [BodyFrame(f.bodies, f.time_ns + 1000 * 10**9, "b") for f in streams["b"]]
@@ -158,7 +161,7 @@ def test_restarted_live_clock_is_aligned_by_arrival(caplog):
 
 
 def test_clocks_that_drift_are_kept_together():
-    """A day at 40 ppm is 3.5 s; latencies are 20 and 50 ms, and occasionally far longer."""
+    """A day at 40 ppm is 3.5 s. Latencies are 20 and 50 ms, and occasionally far longer."""
     random, clocks = np.random.default_rng(0), ArrivalClocks()
     for hour in np.linspace(0, 24, 40):
         for moment in np.arange(0, 25, 0.1) + 3600 * hour:
@@ -201,13 +204,13 @@ def test_failed_collector_gives_the_reason():
 
 @pytest.mark.parametrize(("stated", "kept"), [(0.0, 1.0), (1.7, 1.7)])
 def test_sensors_without_a_floor_keep_a_fixed_height(stated, kept):
-    """A height estimated from people would differ from the one used in calibration."""
+    """A height estimated from people would differ from the height used in calibration."""
     settings = settings_before_fusion(TrackerSettings(scene=SceneSettings(height=stated)))
     assert settings.scene.height == kept
 
 
 def test_all_depth_sensors_learn_the_room_again():
-    """Each has a background model of its own. Its age begins again."""
+    """Each sensor has its own background model. The model's age restarts at zero."""
     with SyntheticSensor(choreography="idle", width=160, realtime=False) as sensor:
         frames = [sensor.read() for _ in range(40)]
     pose = nested_tuples(frames[0].world_from_camera)

@@ -25,7 +25,7 @@ OTHERS = np.array([0.0, 0.0, -1.2])
 
 
 def shifted(x: float, y: float = 0.0, z: float = 0.0):
-    """The standing person, moved to another place."""
+    """Returns the standing person, moved to another position."""
     return STANDING + np.array([x, y, z])
 
 
@@ -38,14 +38,14 @@ def body(joints, number=1, sure=1.0, **more) -> Body:
 
 
 def run(says, seconds, sensors=("a", "b"), fuser=None, start=0.0, alive=True):
-    """Feeds a fuser with the bodies that ``says(sensor, time)`` returns, or None; yields (time, bodies)."""
+    """Feeds a fuser with the bodies (or None) from ``says(sensor, time)``, and yields (time, bodies)."""
     fuser = fuser or Fuser({name: EYES[name] for name in sensors})
     for n in range(round(seconds / STEP)):
         time = start + n * STEP
         for name in sensors:
             reported = says(name, time)
             if reported is not None:
-                # A real person never stands so still that no bit changes.
+                # A real person never stands so still that two frames are bit-identical.
                 bodies = [dataclasses.replace(b, joints=b.joints + 1e-9 * n * alive) for b in reported]
                 fuser.update(name, bodies, ns(time))
         yield time, fuser.bodies(ns(time)), fuser
@@ -93,7 +93,7 @@ def test_order_of_sensors_and_their_ids_do_not_matter(order, numbers, seed):
 
 
 def test_bodies_of_different_times_are_aligned():
-    """Two sensors expose at different times; a person passes at 2 m/s."""
+    """Two sensors expose at different times while a person passes at 2 m/s."""
     fuser = Fuser({n: EYES[n] for n in "ab"})
     worst = 0.0
     for n in range(60):
@@ -125,7 +125,7 @@ def test_contradiction_lowers_confidence():
 
 
 def test_handing_over_makes_no_jump_and_ends_where_the_other_sees():
-    """Two sensors differ by 6 cm; one of them loses the person from 1 s to 2.5 s."""
+    """Two sensors differ by 6 cm. One of them loses the person from 1 s to 2.5 s."""
 
     def told(name, time):
         if name == "b":
@@ -152,7 +152,9 @@ def test_one_joint_lost_makes_no_jump():
 
 
 def test_a_hand_that_one_sensor_throws_away_stays():
-    """One sensor reports a hand 60 cm off with full confidence; the previous position decides against it."""
+    """One sensor reports a hand 60 cm off with full confidence. The previous position is evidence against
+    it.
+    """
 
     def told(name, time):
         joints = STANDING.copy()
@@ -187,7 +189,7 @@ def test_left_right_swap_is_corrected_by_majority():
 
 
 def test_walking_direction_decides_between_swapped_sides():
-    """Sensor a swaps left and right from the start; the person walks forward, so b is believed."""
+    """Sensor a swaps left and right from the start. The person walks forward, so b is used."""
     walker = Walker()
     fused, _ = last(
         run(lambda n, t: [swap_sides(body(walker.joints(t))) if n == "a" else body(walker.joints(t))], 6.0)
@@ -208,7 +210,7 @@ def test_lasting_agreement_of_all_sensors_swaps_the_sides():
 
 
 def test_identities_hold_through_a_crossing_in_which_one_sensor_swaps_them():
-    """Two people pass each other 40 cm apart; at that moment sensor a swaps their ids for good."""
+    """Two people pass each other 40 cm apart. At that moment, sensor a permanently swaps their ids."""
     swapped_at = 2.0
 
     def where(time):
@@ -246,7 +248,7 @@ def test_somebody_hidden_from_one_sensor_then_from_the_other_stays_the_same():
 
 
 def test_person_back_soon_keeps_identity():
-    """A person is not seen for 2 s, and keeps the identity at the new place."""
+    """A person is not visible for 2 s, and keeps the identity at the new position."""
 
     def told(name, time):
         return [] if 1.0 <= time < 3.0 else [body(shifted(0.3 * (time > 2), 0, 0), 1 if time < 2 else 9)]
@@ -277,7 +279,7 @@ def test_implausible_joints_are_not_a_person():
 
 
 def test_half_a_body_next_to_a_whole_one_is_not_a_person():
-    """Sensor a detects the legs as a second person; sensor b, which covers the same area, sees one person."""
+    """Sensor a detects the legs as a second person. Sensor b, which covers the same area, sees one person."""
     half = STANDING * [1.0, 0.6, 1.0] + [0.1, 0.0, 0.1]
 
     def told(name, time):
@@ -287,7 +289,7 @@ def test_half_a_body_next_to_a_whole_one_is_not_a_person():
 
 
 def test_two_who_stand_close_and_hide_each_other_stay_two():
-    """Two known people stand 30 cm apart; for two seconds sensor b sees only one of them."""
+    """Two known people stand 30 cm apart. For two seconds, sensor b sees only one of them."""
     close = shifted(0.3)
 
     def told(name, time):
@@ -348,7 +350,9 @@ def test_frames_out_of_order_are_left_out():
 
 
 def test_moved_sensor_is_reported():
-    """The moved one of three sensors is identified, and people stay where the other two see them."""
+    """The moved one of three sensors is identified, and people stay at the positions seen by the other
+    two.
+    """
 
     def told(name, time):
         return [body(shifted(0.35 * (name == "c" and time > 1.0), 0, 0))]

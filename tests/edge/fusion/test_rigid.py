@@ -1,4 +1,4 @@
-"""Rigid transforms from corresponding points."""
+"""Tests of fitting rigid transforms to corresponding points."""
 
 import numpy as np
 from hypothesis import given
@@ -42,7 +42,7 @@ def test_an_upright_turn_is_found_by_the_upright_fit(angle, shift, seed):
 
 
 def test_no_other_transform_is_better():
-    """Least squares: with noise, every other transform near the answer costs more."""
+    """With noise, every other transform near the result has a larger sum of squares."""
     random = np.random.default_rng(3)
     source, weights = points(1), random.uniform(0.1, 1, 12)
     target = transform_points(

@@ -24,7 +24,7 @@ def test_space_survives_saving_and_loading(tmp_path):
     assert path.read_text().startswith("# by a person\n# two lines\n")
 
 
-def test_the_file_before_is_kept(tmp_path):
+def test_previous_file_is_kept(tmp_path):
     path = tmp_path / "space.toml"
     path.write_text("# mine")
     old = save_space(path, SPACE, [])
@@ -33,7 +33,7 @@ def test_the_file_before_is_kept(tmp_path):
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_a_folder_that_cannot_be_written(tmp_path):
+def test_unwritable_folder_is_reported(tmp_path):
     tmp_path.chmod(0o500)
     with pytest.raises(ResourceError, match="cannot be written"):
         save_space(tmp_path / "space.toml", SPACE, [])

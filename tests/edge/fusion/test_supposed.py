@@ -1,16 +1,19 @@
-"""Tests that a body that one sensor only predicts has no effect while another sensor sees the person."""
+"""Tests that a body that is only predicted by one sensor has no effect while another sensor sees the
+person.
+"""
 
 import numpy as np
 from test_fuser import STANDING, body, run, shifted
 
 WALK = 0.25
-"""Walking speed in metres per second: the prediction of an occluded sensor stays behind."""
+"""Walking speed in metres per second, so that the prediction of the occluded sensor falls behind."""
 COVERED = (1.0, 4.0)
 
 
 def supposing(name, time):
-    """Returns frames in which sensor b sees a person walk; sensor a is covered and keeps the last
-    position."""
+    """Returns frames in which sensor b sees a person walk, while sensor a is covered and keeps the last
+    position.
+    """
     here = shifted(WALK * time)
     if name == "a" and COVERED[0] <= time < COVERED[1]:
         return [body(shifted(WALK * COVERED[0]), 1, sure=0.0)]
@@ -24,7 +27,7 @@ def test_predicted_body_keeps_its_identity():
 
 
 def test_return_from_a_predicted_position_has_no_velocity():
-    """The first frame after the occlusion shows no motion at 20 m/s and no new person."""
+    """The first frame after the occlusion shows neither motion at 20 m/s nor a new person."""
     *_, (_, _, fuser) = run(supposing, COVERED[1] + 0.02)
     sighting = fuser.views[0].sightings[1]
     assert np.array_equal(sighting.velocity, np.zeros((20, 3)))
@@ -32,7 +35,7 @@ def test_return_from_a_predicted_position_has_no_velocity():
 
 
 def test_person_hidden_from_all_sensors_is_still_predicted():
-    """Both sensors are covered: the known person is still predicted, without confidence."""
+    """Both sensors are covered. The known person is still predicted, with zero confidence."""
 
     def told(name, time):
         return [body(STANDING, 1, sure=1.0 if time < 1.0 else 0.0)]

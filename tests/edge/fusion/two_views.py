@@ -1,4 +1,4 @@
-"""Renders one space with two depth cameras at unknown poses, with ground truth."""
+"""Renders a scene with two depth cameras at unknown poses, with ground truth."""
 
 import dataclasses
 
@@ -16,7 +16,7 @@ from enliven_synthesis.sensor.profile import load_profile
 WIDTH, RATE = 320, 30.0
 PLACES = {"left": ((0.0, 0.0), 0.0), "right": ((2.3, -1.2), 55.0)}
 CLOCKS = {"left": 50.0, "right": 57.0}
-"""Seconds that each sensor's clock is ahead of the room's."""
+"""Seconds by which each sensor's clock is ahead of the scene's clock."""
 PHASE = 0.4
 """Exposure delay of the second sensor, as a fraction of a frame."""
 
@@ -48,7 +48,7 @@ class View:
         return dataclasses.replace(frame, time_ns=round((self.room_time(index) + CLOCKS[self.name]) * 1e9))
 
     def room_time(self, index: int) -> float:
-        """Returns the room time of a frame in seconds."""
+        """Returns the scene's time of a frame in seconds."""
         return index / RATE + self._later
 
     @property
@@ -57,6 +57,6 @@ class View:
 
 
 def left_from_right_camera() -> np.ndarray:
-    """Returns the (4, 4) pose that calibration should find: right's camera in left's camera frame."""
+    """Returns the (4, 4) pose that calibration should find: the right camera in the left camera's frame."""
     left, right = (View(name, ()) for name in PLACES)
     return invert(left.world_from_camera) @ right.world_from_camera

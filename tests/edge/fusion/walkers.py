@@ -1,4 +1,4 @@
-"""Walking people, as error-free sensors at any position would report them."""
+"""Walking people, as seen by error-free sensors at any position."""
 
 import numpy as np
 
@@ -33,7 +33,7 @@ class Walker:
         self.shift = np.array([shift[0], 0.0, shift[1]])
 
     def joints(self, time: float) -> np.ndarray:
-        """(20, 3) metres, world."""
+        """Returns (20, 3) joint positions in the world, metres."""
         return self.performer.pose(self.way.posture(time)).joints + self.shift
 
 
@@ -49,8 +49,8 @@ def told(
     ids=None,
     seed: int = 0,
 ) -> list[BodyFrame]:
-    """Returns body frames in the sensor's own frame and clock, which is ``clock`` seconds ahead of the
-    world's.
+    """Returns body frames in the sensor's own frame and clock. ``clock`` is its lead over the world's,
+    seconds.
     """
     random = np.random.default_rng(seed)
     sensor_from_world = invert(world_from_sensor)

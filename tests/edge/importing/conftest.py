@@ -1,4 +1,4 @@
-"""Lets tests import the helpers in this folder."""
+"""Adds the helpers in this folder to the import path of its tests."""
 
 import sys
 from pathlib import Path

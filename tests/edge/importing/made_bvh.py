@@ -1,4 +1,4 @@
-"""BVH files of motions of the project's own performer."""
+"""BVH files of motions of the project's synthetic performer."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _ORDER = [Joint(j) for j in (*range(4), *range(4, 8), *range(12, 16), *range(8, 
 
 
 def danced(name: str = "overhead", height: float = 1.75, seconds: float = 3.0) -> np.ndarray:
-    """Returns the (F, 20, 3) joints of the project's performer, metres."""
+    """Returns (F, 20, 3) joint positions of the synthetic performer, metres."""
     performer = Performer(Proportions(height))
     moves = get_choreography(name) if name == "chair" else get_exercise(name)
     times = np.arange(0.0, min(moves.duration, seconds), STEP)
@@ -26,10 +26,9 @@ def danced(name: str = "overhead", height: float = 1.75, seconds: float = 3.0) -
 
 
 def write_bvh(path: Path, joints: np.ndarray, unit: float = 0.01, turn: np.ndarray | None = None) -> Path:
-    """Returns the joints as a BVH file in which every joint has a position channel relative to its parent, in
-    units of ``unit`` metres.
+    """Returns the joints as a BVH file in which every joint has position channels relative to its parent.
 
-    The head's joint is where captures have it, at the skull's base.
+    ``unit`` is the file's unit in metres. The head joint is at the base of the skull, as in motion captures.
     """
     joints = joints.copy()
     joints[:, Joint.HEAD, 1] -= 0.075

@@ -25,7 +25,7 @@ from enliven_viewer.playback.document import Document
 from enliven_viewer.playback.timeline import Timeline
 
 HOLD = 1.64
-"""Seconds into the exercise: the arms are held out."""
+"""Time in the exercise at which the arms are held out, seconds."""
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def performed(tmp_path_factory) -> Document:
 
 
 def play(recording: Path, performance: Path) -> None:
-    """Plays a recording as `enliven edge --recording ... --mesh lamp --possess-at ... --record ...` does."""
+    """Plays a recording like `enliven edge --recording ... --mesh lamp --possess-at ... --record ...`."""
     actor = create_actor("lamp")
     wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
     with (
@@ -86,7 +86,7 @@ def test_the_shade_rises_with_the_right_hand_and_the_foot_stays(performed) -> No
     assert hands[1] - hands[0] > 0.4
     risen = after.positions[:, 1] - before.positions[:, 1]
     assert risen[shade].mean() > 0.25
-    # It leans with the hip, and stays on the floor.
+    # It leans with the hip and stays on the floor.
     assert np.abs(risen[foot]).mean() < 0.12
     assert np.isfinite(after.linear).all()
 

@@ -1,4 +1,4 @@
-"""Tests of malicious bags and databases: each is refused with an error, without much memory or time."""
+"""Tests that malicious bag files and databases are refused with an error, using little memory and time."""
 
 import bz2
 import sqlite3
@@ -36,7 +36,7 @@ BOMB = lz4.frame.compress(bytes(1 << 26))
         (ros1.MAGIC, "no known camera"),
     ],
 )
-def test_hostile_bags(tmp_path, content, words):
+def test_hostile_bags_are_refused(tmp_path, content, words):
     (tmp_path / "hostile.bag").write_bytes(content)
     tracemalloc.start()
     try:
@@ -62,7 +62,7 @@ ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELEC
         "INSERT INTO messages VALUES (1, 1, x'0001000004000000')",
     ],
 )
-def test_hostile_databases(tmp_path, script):
+def test_hostile_databases_are_refused(tmp_path, script):
     path = tmp_path / "hostile.db3"
     database = sqlite3.connect(path)
     database.executescript(script)

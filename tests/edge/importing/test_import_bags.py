@@ -1,4 +1,6 @@
-"""Tests of recordings made by the manufacturers' libraries: contents are read back, damage is an error."""
+"""Tests of importing recordings made by the manufacturers' libraries: contents are correct, damage is an
+error.
+"""
 
 import contextlib
 import importlib.util
@@ -99,7 +101,7 @@ def test_one_of_two_cameras_is_chosen_by_its_number(tmp_path):
     assert len(frames) == IMAGES and frames[0].sensor == f"realsense-{SERIAL[::-1]}"
 
 
-def test_a_bag_of_an_older_librealsense():
+def test_bag_of_an_older_librealsense_is_imported():
     name, frames = read(OLD_BAG)
     assert name == "bag" and [frame.sequence for frame in frames] == [100, 101, 102, 103, 104]
     for number, frame in enumerate(frames):
@@ -113,7 +115,7 @@ def test_a_bag_of_an_older_librealsense():
 
 @pytest.fixture(scope="module")
 def orbbec(tmp_path_factory) -> Path:
-    """A recording as Orbbec's library writes it; tests/edge/sensors/test_contract.py reads it with that
+    """Returns a recording in Orbbec's format. tests/edge/sensors/test_contract.py reads it with Orbbec's
     library.
     """
     folder = tmp_path_factory.mktemp("orbbec")
@@ -140,8 +142,8 @@ def test_orbbec_recording_is_imported_unchanged(orbbec):
     ("number", "value", "millimetres"),
     [(75, struct.pack("<i", 2), 0.4), (176, struct.pack("<f", 0.25), 0.25), (3, b"\0" * 4, 1.0)],
 )
-def test_orbbecs_steps_of_depth(tmp_path, orbbec, monkeypatch, number, value, millimetres):
-    """The camera's precision level, or its step in millimetres, is among the recorded properties."""
+def test_depth_steps_of_orbbec_cameras_are_applied(tmp_path, orbbec, monkeypatch, number, value, millimetres):
+    """The depth step is recorded as a precision level or in millimetres, depending on the camera."""
     about = {0: struct.pack("<d", 2.0), number: value}
     frames = with_properties(tmp_path, orbbec, monkeypatch, about)
     np.testing.assert_array_equal(frames[0].depth, np.rint(depth_image(0) * np.float64(millimetres)))
@@ -173,7 +175,9 @@ def test_unsupported_orbbec_recording_is_refused(tmp_path, orbbec, monkeypatch, 
 def test_images_that_only_the_library_understands_are_refused(
     tmp_path, orbbec, monkeypatch, name, product, made, known
 ):
-    """A camera has to state that its depth is computed from disparities; a Femto has none."""
+    """Disparities are refused if the camera does not state that it computes depth from them. A Femto has
+    none.
+    """
     monkeypatch.setattr(playback, "_CAMERA", (0x2BC5, product, name))
     about = {0: struct.pack("<d", 2.0)} | ({} if made is None else {85: struct.pack("<i", made)})
     if known:
@@ -186,7 +190,7 @@ def test_images_that_only_the_library_understands_are_refused(
 
 
 def with_properties(folder, orbbec, monkeypatch, about):
-    """Returns the frames of a recording of a camera with other properties."""
+    """Returns the frames of a recording with changed camera properties."""
     write_bag = playback._Bag.write
 
     def write(bag, messages):
@@ -201,7 +205,9 @@ def with_properties(folder, orbbec, monkeypatch, about):
 
 
 def test_images_of_a_rational_lens_are_straightened():
-    """A straight image, distorted by a slow copy of OpenCV's model, is straight to within a pixel again."""
+    """A straight line is distorted by a slow version of OpenCV's model, and must become straight to within a
+    pixel.
+    """
     camera = Intrinsics(48, 40, 40.0, 41.0, 23.5, 19.25)
     k1, k2, p1, p2, k3, k4, k5, k6 = bent = (0.3, 0.1, 0.002, -0.001, 0.01, 0.4, 0.05, 0.02)
     places = undistortion_map(camera, bent)

@@ -1,4 +1,4 @@
-"""`enliven import` and `enliven record` as a user types them."""
+"""Tests of the `enliven import` and `enliven record` commands."""
 
 import os
 import signal

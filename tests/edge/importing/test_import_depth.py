@@ -1,4 +1,4 @@
-"""Depth readers, each on small images of its layout that this test writes."""
+"""Tests of the depth readers, each on small images that the test writes in the reader's layout."""
 
 import json
 
@@ -44,7 +44,7 @@ def read_with(name, folder, **options):
     return frames, notes
 
 
-def test_opencv_depth(tmp_path):
+def test_opencv_depth_is_read(tmp_path):
     for i in (0, 1, 2, 10):
         save(tmp_path / f"{i}_depth.png", depth_image(i))
         (tmp_path / f"{i}_camera.xml").write_text(XML)
@@ -62,7 +62,7 @@ def test_opencv_depth(tmp_path):
     assert abs(int(frames[3].colour[5, 5, 1]) - 200) < 3
 
 
-def test_raw_kinect1(tmp_path):
+def test_raw_kinect1_image_is_read(tmp_path):
     for i in range(2):
         depth_image(i, 480, 640).astype("<u2").tofile(tmp_path / f"depth-{i}.u16")
     name, frames = read(tmp_path)
@@ -145,7 +145,7 @@ def test_posed_depth_turns_the_world_upright(tmp_path):
         read(tmp_path)
 
 
-def test_plain_depth_of_the_usual_shape(tmp_path):
+def test_plain_depth_of_the_usual_size_is_read(tmp_path):
     save(tmp_path / "a9.png", depth_image(9, 240, 320))
     save(tmp_path / "a10.png", depth_image(10, 240, 320))
     name, frames = read(tmp_path)
@@ -201,13 +201,13 @@ def test_mirroring_keeps_every_point_in_its_place_across(tmp_path):
     assert np.allclose(project(points[seen], frame.intrinsics)[:, 0], np.nonzero(seen)[1])
 
 
-def test_files_are_sorted_as_people_count(tmp_path):
+def test_files_are_sorted_by_number(tmp_path):
     names = ["a2_x10.png", "a10_x1.png", "a2_x9.png"]
     ordered = sorted((tmp_path / name for name in names), key=natural_order)
     assert [path.name for path in ordered] == ["a2_x9.png", "a2_x10.png", "a10_x1.png"]
 
 
-def test_files_folders_and_patterns(tmp_path):
+def test_files_folders_and_patterns_are_expanded(tmp_path):
     for name in ("a.txt", "b.txt", "c.bin"):
         (tmp_path / name).write_text("x")
     assert len(find_files([str(tmp_path)])) == 3
@@ -358,7 +358,7 @@ def test_a_d405_is_known_by_name(tmp_path):
 
 
 def tum(folder, count=4):
-    """Writes a sequence in the layout of the TUM benchmark: an approaching wall."""
+    """Writes a sequence of an approaching wall in the layout of the TUM benchmark."""
     (folder / "depth").mkdir(parents=True)
     (folder / "rgb").mkdir()
     lists = {name: ["# a comment", "# timestamp filename"] for name in ("depth", "rgb")}

@@ -1,4 +1,4 @@
-"""Skeleton readers, each on small files of its layout that this test writes."""
+"""Tests of the skeleton readers, each on small files that the test writes in the reader's layout."""
 
 import json
 from pathlib import Path
@@ -34,7 +34,7 @@ UPRIGHT = {
 
 
 def person(across: float = 0.0, away: float = 2.5, raised: float = 0.0) -> np.ndarray:
-    """(20, 3) joints in the world; the right hand is ``raised`` metres."""
+    """Returns (20, 3) joints in the world, metres. The right hand is ``raised`` by this height."""
     joints = np.zeros((20, 3))
     for joint in Joint:
         side = -1 if "RIGHT" in joint.name else 1
@@ -45,7 +45,7 @@ def person(across: float = 0.0, away: float = 2.5, raised: float = 0.0) -> np.nd
 
 
 def kinect_space(world: np.ndarray, sensor_height: float = 1.1) -> np.ndarray:
-    """World joints as a level Kinect states them: +X to its left, +Y up from it, +Z away."""
+    """Returns world joints in the frame of a level Kinect: +X to its left, +Y up, +Z away from it."""
     return (world - [0, sensor_height, 0]) * [-1, 1, -1]
 
 
@@ -73,7 +73,7 @@ def labanotation_row(ticks: int, states: np.ndarray) -> str:
     return f"{ticks}," + ",".join(map(str, values.ravel())) + ",\n"
 
 
-def test_labanotation(tmp_path):
+def test_labanotation_is_read(tmp_path):
     states = np.full((25, 1), 2)
     states[KINECT2_ORDER[Joint.HAND_LEFT]] = 1
     states[KINECT2_ORDER[Joint.FOOT_LEFT]] = 0
@@ -146,7 +146,7 @@ def msr_rows(world: np.ndarray, pixels: bool) -> str:
 
 
 @pytest.mark.parametrize("pixels", [False, True], ids=["metres", "pixels"])
-def test_msr_action3d(tmp_path, pixels):
+def test_msr_action3d_is_read(tmp_path, pixels):
     path = tmp_path / "a01.txt"
     path.write_text("".join(msr_rows(person(raised=0.1 * i), pixels) for i in range(4)))
     name, frames = read(path)
@@ -174,7 +174,7 @@ def gait_text(world: np.ndarray, order: list[Joint]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def test_gait(tmp_path):
+def test_gait_recording_is_read(tmp_path):
     order = [Joint.HEAD, *(joint for joint in Joint if joint != Joint.HEAD)]
     path = tmp_path / "walk.txt"
     text = "".join(gait_text(person(), order) for _ in range(3))
@@ -197,7 +197,7 @@ def test_missing_joint_keeps_its_position_without_effect(tmp_path):
     without = "".join(line + "\n" for line in whole.splitlines() if not line.startswith("Hand-Left"))
     path.write_text(whole + without + gait_text(person(0.03), order))
     frames = read(path)[1]
-    # As the edge does with every body of a sensor or a recording.
+    # The edge does this with every body of a sensor or a recording.
     output = Output()
     shown = [output(frame.bodies, frame.time_ns)[0] for frame in frames]
     assert np.allclose(shown[1].joints[Joint.HAND_LEFT], person()[Joint.HAND_LEFT], atol=1e-6)
@@ -250,7 +250,9 @@ def test_flow_room_sets_the_distance_by_the_stature(tmp_path):
 
 
 def scanner_text(world: np.ndarray, degrees: float) -> str:
-    """Writes the joints in the frame of a sensor that looks down; levelling restores the world joints."""
+    """Returns a file with the joints in the frame of a sensor that looks down. Levelling restores the world
+    joints.
+    """
     tilted = (world - [0, 1.1, 0]) @ level_from_tilted(np.radians(degrees))
     lines = ["Joints,X,Y,Z", f"Degree,{degrees},{degrees},{degrees}"]
     lines += [name + "," + ",".join(map(str, xyz)) for name, xyz in zip(KINECT2_NAMES, tilted, strict=True)]

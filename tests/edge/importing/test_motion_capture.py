@@ -1,4 +1,4 @@
-"""Motion captures as bodies, on files that the project's own performer dances: sizes, sides, clock, floor."""
+"""Tests of motion captures as bodies, with files from the synthetic performer: sizes, sides, clock, floor."""
 
 from __future__ import annotations
 
@@ -29,7 +29,9 @@ def read(path: Path, **options):
 
 
 LIMBS = [j for j in Joint if j not in (Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD)]
-"""Joints that such a capture states exactly; the trunk's joints are moved to where sensors report them."""
+"""Joints that a motion capture contains exactly. The joints of the trunk are moved to where sensors report
+them.
+"""
 
 
 @settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -1,4 +1,4 @@
-"""Tests of the films: objects are drawn at their positions, and the file is a valid video."""
+"""Tests of the inspection films: objects are drawn at their positions, and the file is a valid video."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_joints_are_drawn_where_they_are_seen(scale: float) -> None:
     uv = np.rint((project(camera, CAMERA) + 0.5) * scale).astype(int)
     head, hand = picture[uv[3, 1], uv[3, 0]], picture[uv[7, 1], uv[7, 0]]
     assert tuple(head) == confidence_colour(1.0)
-    assert not hand.any()  # a ring marks a guess: it is not filled
+    assert not hand.any()  # a ring marks a guessed joint and is not filled
     assert (picture.any(2).sum(0) > 0).sum() < 0.2 * picture.shape[1]
 
 
@@ -101,7 +101,7 @@ def test_a_film_can_be_watched(tmp_path) -> None:
     assert abs(int(pictures[9].mean()) - 180) < 12 and pictures[0].mean() < 12
 
 
-def test_no_picture_no_file(tmp_path) -> None:
+def test_film_without_images_writes_no_file(tmp_path) -> None:
     with FilmWriter(tmp_path / "a.mp4", None, 25.0, 8.0):
         pass
     assert not (tmp_path / "a.mp4").exists()
@@ -127,7 +127,7 @@ def test_a_person_is_followed_in_the_pictures() -> None:
     assert len(inspector.bodies) == 1
     last = pictures[-1].astype(int)
     green = (last[..., 1] > 200) & (last[..., 0] < 120) & (last[..., 2] < 120)
-    assert green.sum() > 700  # bones with high confidence
+    assert green.sum() > 700  # bones with high confidence are green
     assert all(p.shape == (240, 320, 3) for p in pictures)
 
 

@@ -1,4 +1,4 @@
-"""Tests that a stage comes back after a restart: characters, sizes, switches; also from damaged files."""
+"""Tests that the stage is restored after a restart: characters, sizes, switches, and after file damage."""
 
 import json
 import logging
@@ -39,7 +39,7 @@ INITIAL = {"chair": "chair", "lamp": "lamp.obj"}
 
 @dataclass
 class Parts:
-    """The parts of an edge that orders act on, without its network and camera."""
+    """The parts of an edge that requests change, without its network and camera."""
 
     keeper: StageKeeper
     stage: Stage = field(init=False)
@@ -57,7 +57,7 @@ class Parts:
         self.keeper.restore(self)
 
     def carry_out(self, order) -> None:
-        """Carries an order out. One that is refused changes nothing."""
+        """Executes a request. A refused request changes nothing."""
         try:
             self.handlers[type(order)].apply(order)
         except EnlivenError:
@@ -72,7 +72,7 @@ def start(folder: Path) -> Parts:
 
 
 def restart(parts: Parts, folder: Path) -> Parts:
-    """Ends the parts as a stop of the edge does, and starts others with the same folder."""
+    """Stops the parts like a stopped edge, and starts new ones with the same folder."""
     parts.keeper.close()
     return start(folder)
 
@@ -129,7 +129,7 @@ def test_scanned_character_comes_back(tmp_path) -> None:
 
 
 def put_guest(folder: Path) -> str:
-    """Keeps a stage with the character "guest", and returns the name of its data."""
+    """Stores a stage with the character "guest" and returns the name of its data file."""
     parts = start(folder)
     send(parts.uploads, DATA[0], order_of(DATA[0], "guest"))
     parts.keeper.close()
@@ -242,7 +242,7 @@ CRASHING = """
 @pytest.mark.slow
 @pytest.mark.parametrize(("when", "crashes"), [("prepared", 2), ("performed", 3)])
 def test_character_that_crashes_the_edge_twice_is_left_out(tmp_path, when, crashes) -> None:
-    """A crash while frames run names no character, so it takes one more start to find it."""
+    """A crash during frames does not reveal its character, so finding it takes one more start."""
     parts = start(tmp_path)
     for name, data in (("good", DATA[0]), ("bad", DATA[1]), ("fine", MORE)):
         send(parts.uploads, data, order_of(data, name))

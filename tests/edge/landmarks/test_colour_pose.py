@@ -1,4 +1,4 @@
-"""Tests of colour in addition to the tracker: it helps if depth is insufficient, and is optional."""
+"""Tests that colour improves tracking if depth is insufficient, and is optional."""
 
 import dataclasses
 
@@ -15,7 +15,7 @@ FRAMES = 25
 
 
 class Truth:
-    """Landmark source that returns the true landmarks of the next frame."""
+    """A landmark source that returns the true landmarks of the next frame."""
 
     def __init__(self, landmarks_of) -> None:
         self.landmarks_of, self.asked = landmarks_of, 0
@@ -29,7 +29,9 @@ class Truth:
 
 
 def errors(landmarks_of, *, with_colour: bool, eye: bool) -> tuple[np.ndarray, np.ndarray, int]:
-    """Returns (F, 20) errors, metres, and (F, 20) confidence; half of the depth below the hips is missing."""
+    """Returns (F, 20) errors in metres and (F, 20) confidence. Half of the depth below the hips is
+    missing.
+    """
     truth_source, away, sure = Truth(landmarks_of), [], []
     tracker = Tracker(RAW, ColourPoseEstimator(truth_source) if eye else None)
     with SyntheticSensor(choreography="walk", width=320, realtime=False) as sensor:

@@ -1,4 +1,4 @@
-"""Tests of combining depth and colour."""
+"""Tests of combining joints from depth and colour."""
 
 import dataclasses
 

@@ -1,4 +1,6 @@
-"""Tests of lifting landmarks by depth, or by height alone; landmarks are true, depth is a sensor's."""
+"""Tests of lifting 2D landmarks to 3D by depth, or by body height alone. Landmarks are exact, depth is
+noisy.
+"""
 
 import dataclasses
 
@@ -15,7 +17,7 @@ LIMBS = [j for j in Joint if j not in (Joint.HIP_CENTER, Joint.SPINE)]
 
 
 def seen(choreography="walk", frames=20, every=5):
-    """Frames with a colour image of twice the size, and the true bodies."""
+    """Returns frames with a colour image of twice the size, and the true bodies."""
     with SyntheticSensor(choreography=choreography, width=320, realtime=False) as sensor:
         for i in range(frames):
             frame = sensor.read()
@@ -45,7 +47,7 @@ def test_lifted_joints_are_correct_for_any_source_scale(landmarks_of, choreograp
 
 
 def test_occluder_does_not_carry_a_limb_away(landmarks_of):
-    """A board is in front of the left hand: the hand stays with the body, with low confidence."""
+    """A board is in front of the left hand. The hand stays with the body, with low confidence."""
     for frame, truth in seen("idle", 1):
         landmarks = landmarks_of(truth.joints, frame.intrinsics, frame.world_from_camera)
         landmarks = dataclasses.replace(landmarks, points=2 * landmarks.points + 0.5)

@@ -1,4 +1,4 @@
-"""Tests of MediaPipe in its own process: errors if it cannot run. See tests/real for tests with it."""
+"""Tests of the errors if MediaPipe cannot run in its own process. Tests with MediaPipe are in tests/real."""
 
 import sys
 from pathlib import Path
@@ -51,7 +51,9 @@ def test_a_model_that_is_not_there_is_named():
 
 
 def test_the_worker_needs_nothing_of_this_program():
-    """Another environment's Python runs it: it may import the standard library, NumPy and MediaPipe."""
+    """Another environment's Python runs the worker. It may import only the standard library, NumPy and
+    MediaPipe.
+    """
     import ast
 
     tree = ast.parse(Path(worker.__file__).read_text())

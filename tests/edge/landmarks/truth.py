@@ -1,4 +1,4 @@
-"""A landmark source that knows the truth: the synthetic performer's joints, projected into the image."""
+"""A landmark source without errors: the synthetic performer's joints, projected into the image."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LIMBS = {
 def landmarks_of(
     joints: np.ndarray, camera: Intrinsics, world_from_camera: np.ndarray, scale: float = 1.0
 ) -> Landmarks:
-    """Returns a perfect source's landmarks of (20, 3) joints, scaled by ``scale``."""
+    """Returns the exact landmarks of (20, 3) joints. ``scale`` multiplies their size."""
     places = np.tile(joints[Joint.HEAD], (len(NAMES), 1))
     for side in ("left", "right"):
         for name, joint in _LIMBS.items():

@@ -1,4 +1,4 @@
-"""A generated rigged star, and pointing people."""
+"""A generated star-shaped rig, and people that point in given directions."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ LIMBS = {
     "lower left": (-0.6, -0.8, 0.0),
     "front": (0.0, 0.0, 1.0),
 }
-"""Limb directions by name, as seen by a viewer looking along -Z."""
+"""Limb directions by name, seen by a viewer that looks along -Z."""
 
 
 LEG = (("HIP", 0.05, 0.0), ("KNEE", 0.5, 0.0), ("ANKLE", 0.92, 0.0), ("FOOT", 0.98, 0.15))
-"""Joint, metres below the hip centre, metres ahead of it."""
+"""Joints of a leg: name, metres below the hip centre, metres ahead of it."""
 
 
 def star() -> Shape:
@@ -50,7 +50,9 @@ def star() -> Shape:
 
 
 def person(left=(1.0, 0.0, 0.0), right=(-1.0, 0.0, 0.0), id=1, at=(0.0, 0.0, -2.5)) -> Body:
-    """Returns a person facing +Z, with straight arms in these directions and hanging legs; left is at +X."""
+    """Returns a person that faces +Z with straight arms in the given directions and hanging legs. Left is at
+    +X.
+    """
     joints = np.zeros((20, 3))
     middle = {"HIP_CENTER": 1.0, "SPINE": 1.15, "SHOULDER_CENTER": 1.45, "HEAD": 1.65}
     for name, height in middle.items():

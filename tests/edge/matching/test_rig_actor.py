@@ -1,4 +1,4 @@
-"""Tests of a rigged character on the stage: chosen by posing, driven by moving."""
+"""Tests of a rigged character on the stage, which is selected by posing and driven by moving."""
 
 from __future__ import annotations
 
@@ -51,12 +51,12 @@ class Show:
         return [self.names[b.chain[1]][:-2] for b in self.actor.chooser.pick.match.pairs if b is not None]
 
     def limb(self, name: str) -> np.ndarray:
-        """Returns (3,) the current vector from the middle to the tip of a limb."""
+        """Returns (3,) the current vector from the centre to the tip of a limb."""
         joints = self.actor.live_shape.joints
         return joints[self.names.index(f"{name} 2")] - joints[0]
 
     def last_bone(self, name: str) -> np.ndarray:
-        """Returns the (3,) direction of a limb's second bone, which has the arm's whole rotation."""
+        """Returns (3,) the direction of a limb's second bone, which has the arm's complete rotation."""
         joints = self.actor.live_shape.joints
         bone = joints[self.names.index(f"{name} 2")] - joints[self.names.index(f"{name} 1")]
         return bone / np.linalg.norm(bone)
@@ -66,7 +66,7 @@ def test_arms_held_out_mean_the_limbs_that_a_mirror_shows() -> None:
     show = Show()
     show.actor.preview(None, "arms")
     board = show.play(person())
-    # The left arm, at +X, is on the left of the mirror, where the star has its left limb (-X).
+    # The left arm, at +X, is on the left of the mirror, and so is the star's left limb (-X).
     assert show.shown == ["left", "right"]
     assert (board.state, board.body, board.shown, board.total) == ("choosing", 1, 0, 15)
     assert board.rows[0].score == pytest.approx(2.0, abs=0.01)
@@ -109,7 +109,7 @@ def test_the_limbs_move_as_the_arms_do_in_a_mirror(degrees, axis) -> None:
     show.stage.possess("star", parts="arms")
     still = {name: show.limb(name) for name in ("left", "right", "up", "lower left")}
     show.play(person())
-    for name, limb in still.items():  # the pose at that moment becomes the rest pose
+    for name, limb in still.items():  # the pose at the time of attachment becomes the rest pose
         np.testing.assert_allclose(show.limb(name), limb, atol=1e-9)
     body = moved(degrees, axis)
     board = show.play(body)

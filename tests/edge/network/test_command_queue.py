@@ -1,4 +1,6 @@
-"""Tests that viewers' commands run within a time budget, and a slow one does not block its viewer."""
+"""Tests that viewers' requests run within a time budget, and that a slow request does not block its
+viewer.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,7 @@ def served() -> Iterator[OrderTarget]:
 
 
 class OrderTarget:
-    """The command queue of an edge with one viewer, and the commands that were executed."""
+    """The request queue of an edge with one viewer, and the executed requests."""
 
     def __init__(self, near: socket.socket) -> None:
         self.peer = Connection(near, "here", ZmtpSession("ROUTER", 1000))
@@ -61,6 +63,6 @@ def test_an_edge_with_few_frames_a_second_answers_as_soon(served: OrderTarget) -
     served.add("slow")
     served.work()
     served.add("next")
-    time.sleep((_MAX_DEBT_FRAMES + 1) / 30)  # a loaded machine: one frame in half a second
+    time.sleep((_MAX_DEBT_FRAMES + 1) / 30)  # on a loaded machine, one frame may take half a second
     served.work()
     assert served.done == ["slow", "next"]

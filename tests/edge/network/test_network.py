@@ -1,5 +1,4 @@
-"""Tests of untrusted connections to the edge, over real sockets: admission, reading, and order of
-execution."""
+"""Tests of untrusted connections to the edge over real sockets: admission, reading, and execution order."""
 
 from __future__ import annotations
 
@@ -55,14 +54,14 @@ def publisher() -> Iterator[Publisher]:
 
 
 class Stage:
-    """An outlet, the commands it received, and the duration of each command."""
+    """An outlet, the requests that it received, and the duration of each request."""
 
     def __init__(self, outlet: Outlet) -> None:
         self.outlet, self.done, self.seconds = outlet, [], 0.0
         self.handlers = {kind: replace(how, do=self.do) for kind, how in create_handlers(self).items()}
 
     def hear(self) -> None:
-        """Reads and executes commands for one frame."""
+        """Reads and executes requests for one frame."""
         self.outlet.poll_requests(self.handlers)
 
     def do(self, order: requests.Order) -> None:
@@ -113,7 +112,7 @@ def peers(request: pytest.FixtureRequest) -> Iterator[Callable[[Publisher], Peer
 
 
 def test_orders_that_take_long_wait_for_later_frames(stage: Stage, peers) -> None:
-    """Two viewers send 100 commands of 20 ms each: the first frame runs a few, later frames mostly none."""
+    """Two viewers send 100 requests of 20 ms each. The first frame runs a few, later frames mostly none."""
     stage.seconds = 0.02
     rude = [peers(stage.outlet.publisher) for _ in range(2)]
     for each in rude:
@@ -132,8 +131,8 @@ def test_orders_that_take_long_wait_for_later_frames(stage: Stage, peers) -> Non
     assert len(stage.done) == 100, "nothing is lost"
 
 
-def test_a_viewer_that_asks_little_comes_first(stage: Stage, peers) -> None:
-    """Its command runs after at most one command of the others, not after their hundred."""
+def test_viewer_with_few_requests_is_served_first(stage: Stage, peers) -> None:
+    """Its request runs after at most one request of the other viewers, not after their hundred."""
     rude = [peers(stage.outlet.publisher) for _ in range(2)]
     good = peers(stage.outlet.publisher)
     good.send(requests.Ping("good", 0))
@@ -148,8 +147,8 @@ def test_a_viewer_that_asks_little_comes_first(stage: Stage, peers) -> None:
     assert stage.done.index(requests.Release("lamp")) - before <= 6
 
 
-def test_newcomers_without_end_do_not_keep_a_known_viewer_waiting(stage: Stage, peers) -> None:
-    """Each connects, sends forty commands and leaves, so it has used no budget when it sends."""
+def test_endless_new_viewers_do_not_delay_a_known_viewer(stage: Stage, peers) -> None:
+    """Each new viewer sends forty requests and leaves, so it has used no budget when it sends."""
     good = peers(stage.outlet.publisher)
     good.send(requests.Ping("good", 0))
     until(lambda: good.replies, stage.hear, good.read)
@@ -173,8 +172,8 @@ def test_newcomers_without_end_do_not_keep_a_known_viewer_waiting(stage: Stage, 
         waited.append(len(stage.done) - before)
     for each in crowd:
         each.close()
-    # The edge shares its time by its cost. If a busy machine suspends the edge, that counts as cost, too, and
-    # some commands come after many.
+    # The edge divides its time by cost. If a busy machine suspends the edge, that time counts as cost, and
+    # some requests run after many others.
     assert statistics.median(waited) <= 4, waited
 
 
@@ -184,7 +183,7 @@ def test_superseded_requests_are_skipped_and_answered(stage: Stage, peers) -> No
     viewer.send(requests.Ping("v", 0))
     until(lambda: viewer.replies, stage.hear, viewer.read)
     viewer.replies.clear()
-    # Each takes longer than a frame allows: later commands wait.
+    # Each request takes longer than a frame allows, so later ones wait.
     stage.seconds = 0.02
     viewer.send(*looks)
     until(lambda: len(viewer.replies) == 60, stage.hear, viewer.read)
@@ -194,8 +193,8 @@ def test_superseded_requests_are_skipped_and_answered(stage: Stage, peers) -> No
     assert answers.count(requests.Refused(requests.SUPERSEDED)) == 60 - len(stage.done)
 
 
-def test_each_of_many_steps_is_done(stage: Stage, peers) -> None:
-    """A command that states an amount, or advances a choice, is not superseded by the next one."""
+def test_every_step_request_is_executed(stage: Stage, peers) -> None:
+    """A request that states an amount or advances a choice is not replaced by the next one."""
     viewer = peers(stage.outlet.publisher)
     viewer.send(*[requests.Browse("chair", 1)] * 20, *[requests.Possess("chair", mode="join")] * 3)
     until(lambda: len(viewer.replies) == 23, stage.hear, viewer.read)
@@ -217,7 +216,7 @@ def test_rate_limit_is_enforced_and_logged(peers, caplog: pytest.LogCaptureFixtu
 
 
 def known_viewers() -> int:
-    """Returns the viewers that the edge has state about."""
+    """Returns the viewers for which the edge stores state."""
     gc.collect()
     return sum(type(each).__name__ == "_Viewer" for each in gc.get_objects())
 
@@ -264,7 +263,7 @@ def test_silent_connection_does_not_block(publisher: Publisher, port: str) -> No
 
 @pytest.mark.parametrize("port", ["pose_port", "control_port"])
 def test_a_newcomer_finds_a_place_among_idle_connections(publisher: Publisher, peers, port: str) -> None:
-    """More connections than places: the newcomer replaces an idle one, and the limit holds."""
+    """There are more connections than the limit. The new one replaces an idle one, and the limit holds."""
     address = ("127.0.0.1", getattr(publisher.endpoint, port))
     idle = []
     for _ in range(300):

@@ -25,7 +25,7 @@ from enliven_edge.network.name_lock import NameLock
 from enliven_edge.network.publisher import Publisher
 
 ROUNDS = 12_000
-"""Number of polls of 5 ms, a minute in all: enough for a loaded machine."""
+"""Number of polls of 5 ms. They take a minute in total, which is enough for a loaded machine."""
 
 
 def unique() -> str:
@@ -81,7 +81,7 @@ class Peer:
         raise AssertionError("no command")
 
     def listen(self) -> None:
-        """Waits until the streams arrive."""
+        """Waits until messages of the streams arrive."""
         for _ in range(ROUNDS):
             self.publisher.send_heartbeat()
             if self.sub.poll(5):
@@ -120,7 +120,7 @@ def test_poses_arrive_in_order_with_their_times(publisher: Publisher, peer: Peer
     assert {m.instance for m in got} == {publisher.instance} and {m.revision for m in got} == {1}
 
 
-def test_a_late_joiner_is_welcomed_with_all_there_is(publisher: Publisher, peer: Peer) -> None:
+def test_late_viewer_receives_the_complete_state(publisher: Publisher, peer: Peer) -> None:
     for name in ("chair", "lamp"):
         publisher.set_character(character(name))
     publisher.set_character(character("lamp"))
@@ -216,7 +216,7 @@ def test_a_message_beyond_the_limit_costs_only_its_sender_the_connection(
 
 
 def test_subscriber_that_never_reads_blocks_no_other(publisher: Publisher, peer: Peer) -> None:
-    """More bytes than all buffers hold: a publisher that blocked would never finish."""
+    """The messages exceed all buffers, so a publisher that blocks would never finish."""
     thing = character(count=64)
     publisher.set_character(thing)
     peer.sub.setsockopt(zmq.RCVHWM, 1)
@@ -269,7 +269,7 @@ def test_invalid_character_keeps_the_current_one(publisher: Publisher) -> None:
     publisher.publish_pose(character().rest_pose())
 
 
-def test_status_fields_are_made_fit_for_the_wire(publisher: Publisher) -> None:
+def test_status_fields_are_clamped_for_the_wire(publisher: Publisher) -> None:
     publisher.set_status(fps=float("nan"), note="x" * 1000, latency_p50_ms=float("inf"))
     data = msgspec.msgpack.encode(publisher.status)
     back = msgspec.msgpack.decode(data, type=streams.StatusMessage)

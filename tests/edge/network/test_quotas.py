@@ -1,4 +1,4 @@
-"""Tests of a flood of connections from one address: served viewers continue, and newcomers get in."""
+"""Tests of a flood of connections from one address: served viewers keep working, and new viewers get in."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from enliven.wire.zmtp import GREETING, make_frame
 from enliven_edge.network.publisher import Publisher
 
 PLACES, CROWD = 20, 200
-"""Places of the server, and connections that compete for them."""
+"""Connection limit of the server, and number of connections that compete for it."""
 READY = make_frame(b"\x05READY\x0bSocket-Type" + struct.pack(">I", 6) + b"DEALER", 4)
 PING = make_frame(pack_control(requests.Request(1, requests.Ping("rude", 1))))
 ORDER = make_frame(pack_control(requests.Request(1, requests.Possess("chair", mode="join"))))
@@ -112,7 +112,7 @@ def test_a_crowd_of_the_same_address_does_not_mute_a_studio(
     crowd = Crowd(publisher, first, again)
     new, before, start = Studio(publisher), studio.answered, time.monotonic()
     try:
-        # A newcomer competes with many connections for half of the places: it gets in after some seconds.
+        # A new viewer competes with many connections for half of the slots. It gets one after some seconds.
         waits = PING not in first and not again
         while time.monotonic() < start + 1.5 or (waits and new.answered < 3):
             assert time.monotonic() < start + PATIENCE, f"{new.answered} of {new.asked} answers"

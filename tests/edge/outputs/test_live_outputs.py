@@ -1,4 +1,4 @@
-"""Tests that an edge hands its frames, holds and health states to its live outputs."""
+"""Tests that an edge passes its frames, attachments and health states to its live outputs."""
 
 import logging
 import socket
@@ -71,11 +71,11 @@ def test_many_outputs_get_the_same_frames():
                 time.sleep(0.01)
 
             def all_have(number):
-                publish(number)  # Again: a busy machine drops packets that a receiver did not read yet.
+                publish(number)  # again, because a busy machine drops unread packets
                 times = [r.values.get(key, (None,))[0] for r, key in zip(receivers, keys, strict=True)]
                 return None not in times and times == pytest.approx([0.01 * number] * len(times))
 
-            # A frame that is late is left out, and the first one that is sent has the time 0.
+            # Late frames are dropped, and the first frame that is sent has time 0.
             until(lambda: all_have(0), "the first frame")
             for number in range(1, 20):
                 publish(number)
@@ -106,7 +106,7 @@ def test_an_edge_without_outputs_does_nothing():
 
 
 def ready_client(kind, outputs: LiveOutputs, port: int):
-    """Returns a client of the process of the outputs, when it listens."""
+    """Returns a client of the output process as soon as the process listens."""
     until(lambda: outputs.outputs.is_ready, "the process of the outputs")
     return kind(port, ["/health", "/stage"])
 

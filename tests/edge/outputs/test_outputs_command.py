@@ -1,4 +1,4 @@
-"""Tests of live outputs in the programs: the edge, a replay and a run, from the options to the receivers."""
+"""Tests of live outputs in the edge, in a replay and in a run, from the options to the receivers."""
 
 import socket
 from itertools import count, pairwise
@@ -28,7 +28,7 @@ SHORT = ["--possess-at", "0.3", "--port", "0"]
 
 
 class Bodies(Sensor):
-    """A sensor of bodies from memory."""
+    """A sensor that returns bodies from memory."""
 
     name = "bodies"
 
@@ -57,14 +57,14 @@ def test_an_edge_sends_a_recording_to_several_programs(tmp_path):
         assert osc.values["/cue/possess", "chair"] == (1,) and "/enliven/time" not in osc.values
 
 
-def test_a_replay_has_outputs(monkeypatch):
+def test_replay_sends_outputs(monkeypatch):
     original = Edge.step
     with OscReceiver() as receiver:
 
         def step(self, frame):
             original(self, frame)
             if "/tracking/trackers/head/position" in receiver.values:
-                self.stop()  # The whole recording would take longer, and shows nothing more.
+                self.stop()  # The rest of the recording would take longer and test nothing more.
 
         monkeypatch.setattr(Edge, "step", step)
         words = ["replay", str(shipped_recording()), "--fast", "--out", f"vrchat:127.0.0.1:{receiver.port}"]

@@ -17,7 +17,7 @@ from enliven_edge.tracking.body_model.posture import Posture
 
 FRAME = 1 / 30
 UNBOUND = EngineSettings(budget=0.0)
-"""The engine's time budget is off, so that results do not depend on the wall clock."""
+"""Settings with an unlimited time budget, so that results do not depend on the wall clock."""
 
 
 def boxes(count: int = 1, side: float = 0.2, mass: float = 0.4) -> PropSpecs:
@@ -43,7 +43,7 @@ def balls(count: int = 1, radius: float = 0.1, bounce: float = 0.0) -> PropSpecs
 
 
 def pushed(speed: float, way: tuple[float, float, float] = (1, 0, 0), frames: int = 30) -> World:
-    """Returns a world in which one sphere was moved past a box, along ``way``."""
+    """Returns a world in which one sphere was moved past a box in the direction ``way``."""
     world = World(boxes(), UNBOUND)
     world.set_state(slice(None), np.array([[0.0, 0.1, 0.0]]))
     along = np.array(way, float)

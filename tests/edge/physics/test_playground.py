@@ -74,7 +74,7 @@ def test_a_character_knocks_the_tower_over():
     simulation = playground()
     places = performed(simulation, across)
     assert np.abs(places[8] - places[0]).max() < 0.005
-    # Two lie on the floor beyond; the third may lie on the block.
+    # Two boxes are on the floor beyond the block; the third may be on the block.
     assert (places[-1][:, 0] > 0.7).all() and (places[-1][:, 1] < 0.1).sum() >= 2
     props = step(simulation, [at(across(60))], [], set(), 60 * NS)
     assert props.note == "3 of 3 boxes down"
@@ -91,7 +91,9 @@ def test_towers_are_not_built_into_a_character():
 
 @pytest.mark.parametrize(("name", "tower"), [("chair", 0), ("lamp", 1)])
 def test_no_tower_box_flies_before_attachment(name: str, tower: int) -> None:
-    """A shipped mesh stands at the place of a default tower; 43 of the 48 boxes once flew off."""
+    """A shipped mesh stands at the position of a default tower. Without the check, 43 of 48 boxes flew
+    off.
+    """
     mesh, boxes = load_sample(name), BoxesSettings()
     weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(mesh.vertices), 1))
     skin = SkinWeights(np.zeros((len(mesh.vertices), 4), np.uint16), weights)
@@ -126,7 +128,7 @@ def test_tower_moves_only_if_its_place_is_occupied(seed, count, wide):
     assert np.abs(boxes[0].mean(0) - boxes[1].mean(0)).max() > 2 * wide * half
 
 
-def test_a_performer_who_never_stands_still_gets_the_world_too():
+def test_world_is_built_for_a_performer_that_never_stands_still():
     simulation = playground(place="performer", patience=2.0)
     for k in range(100):
         swing = 0.4 * np.sin(0.3 * k)

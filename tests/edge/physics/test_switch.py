@@ -1,4 +1,6 @@
-"""Tests that the physics of a running edge can be switched on and off, and reports missing parts."""
+"""Tests that the physics of a running edge can be switched on and off, and that a missing engine is
+reported.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of the engine's world: resting props stay, hit props move away, and nothing explodes."""
+"""Tests of the physics engine's world: resting props stay, hit props move away, and nothing explodes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from enliven_edge.physics.contacts import FLOOR, NOTHING, correct_contacts, limi
 from enliven_edge.physics.world import MAX_PROP_SPEED_M_S, World
 
 LONGEST_ROCKING = 60
-"""Maximum seconds until two dropped boxes lie still; 17 s was the maximum of 2,700 random tries."""
+"""Maximum seconds until two dropped boxes are at rest. The maximum of 2,700 random tries was 17 s."""
 
 
 def energy_of(world: World) -> float:
@@ -63,7 +63,7 @@ def test_a_tower_stands_still():
 
 @given(height=st.floats(0.3, 2.0), turn=st.integers(0, 99))
 @settings(max_examples=10, deadline=None)
-@example(1.1, 0)  # the upper box balances on the edge of the lower one, slips for 12 s, and falls
+@example(1.1, 0)  # the upper box balances on the lower one's edge, slips for 12 s, and falls
 def test_no_energy_comes_from_nowhere(height, turn):
     """Two boxes that fall on each other lose energy and come to rest, however long they rock and slide."""
     world = World(boxes(2), UNBOUND)
@@ -102,7 +102,7 @@ def test_box_moves_away_from_the_sphere_that_hits_it(angle, speed):
 
 @pytest.mark.parametrize("speed", [1.0, 3.0, 6.0])
 def test_box_is_pushed_at_the_spheres_speed(speed):
-    """Like a collision with a heavy body: the box leaves at the sphere's speed, or slightly faster."""
+    """As in a collision with a heavy body, the box leaves at the sphere's speed or slightly faster."""
     fastest = 0.0
     world = World(boxes(), UNBOUND)
     world.set_state(slice(None), np.array([[0.0, 0.1, 0.0]]))
@@ -114,12 +114,12 @@ def test_box_is_pushed_at_the_spheres_speed(speed):
 
 
 def test_teleported_sphere_does_not_push_the_box_at_its_speed():
-    """The reason for correcting contacts: the engine treats mocap bodies as having no velocity."""
+    """This is why contacts are corrected: the engine treats mocap bodies as having no velocity."""
     world = World(boxes(), UNBOUND)
     world.set_state(slice(None), np.array([[0.0, 0.1, 0.0]]))
     for k in range(12):
         world.move(np.array([[min(-0.4 + 6.0 * k * FRAME, 0.3), 0.12, 0.0]]), np.array([0.06]))
-        world.mark_as_new(slice(0, 1))  # teleported in every frame, so it has no velocity
+        world.mark_as_new(slice(0, 1))  # it is teleported in every frame, so it has no velocity
         world.advance(FRAME)
     assert world.velocities[0, 0] < 0.5 * 6.0
 
@@ -133,7 +133,7 @@ def test_character_appearing_inside_a_tower_does_not_explode_it():
         world.move(cloud, np.full(60, 0.08))
         assert world.advance(FRAME) == ""
         highest = max(highest, float(np.linalg.norm(world.velocities[:, :3], axis=1).max()))
-    # Falling from the tower's height gives the maximum speed.
+    # A fall from the tower's height gives the maximum speed.
     assert highest < np.sqrt(2 * 9.81 * 1.2) + 1.0
     assert np.abs(world.positions).max() < 4
 
@@ -178,7 +178,7 @@ def test_five_minutes_of_rampage_stay_in_the_room():
         assert world.advance(FRAME) == "", k
         farthest = max(farthest, float(np.abs(world.positions).max()))
         assert world.positions[:, 1].min() > -0.05, "through the floor"
-    # Boxes are thrown at most a few metres in the ten seconds before they are put back.
+    # Boxes fly at most a few metres in the ten seconds until they are put back.
     assert farthest < 40
 
 

@@ -1,4 +1,4 @@
-"""People that stand, wave, walk and jump, for puppets on the stage."""
+"""People that stand, wave, walk and jump, for tests of puppets on the stage."""
 
 from __future__ import annotations
 

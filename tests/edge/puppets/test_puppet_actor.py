@@ -124,7 +124,7 @@ def test_pose_never_jumps(deeds: list[str]) -> None:
 
 
 @pytest.mark.parametrize("step", [FRAME // 2, FRAME, 3 * FRAME])
-def test_the_pace_of_the_frames_does_not_matter(step: int) -> None:
+def test_result_is_independent_of_the_frame_rate(step: int) -> None:
     def waving(seconds: float) -> Body:
         return person(left=1.4 - 1.4 * np.cos(1.5 * seconds))
 
@@ -148,7 +148,7 @@ def test_the_pace_of_the_frames_does_not_matter(step: int) -> None:
     assert worst < 0.03
 
 
-def test_frames_that_come_unevenly_and_are_left_out_do_no_harm() -> None:
+def test_uneven_and_missing_frames_are_tolerated() -> None:
     rng = np.random.default_rng(1)
     show, smooth = Show(), Show()
     for performance, jitter in ((show, True), (smooth, False)):
@@ -376,7 +376,7 @@ def test_release_without_hold_and_hold_out_of_view_are_refused() -> None:
         show.stage.possess("cactus", 3)
 
 
-def test_a_rehearsal_changes_nothing() -> None:
+def test_rehearsal_leaves_the_puppet_unchanged() -> None:
     show = Show()
     show.actor.warm_up()
     assert not show.actor.holds

@@ -36,7 +36,7 @@ SOLES = [1 + k for k, point in enumerate(PUPPET.points) if point.foot]
 
 
 def walked(frames: int = 120, stride: float = 0.3) -> np.ndarray:
-    """Returns (F, 3, 3) a head and two feet that step forward in turn, with the moving foot lifted."""
+    """Returns (F, 3, 3) a head and two feet that step forward in turn. The moving foot is lifted."""
     phase = 2 * np.pi * np.arange(frames) / 60
     places = np.tile(REST, (frames, 1, 1))
     for foot, shift in ((1, 0.0), (2, np.pi)):
@@ -46,7 +46,7 @@ def walked(frames: int = 120, stride: float = 0.3) -> np.ndarray:
 
 
 def gone(places: np.ndarray, yaw=None, footings=None, size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-    """Returns (F, 3) roots and (F,) anchors."""
+    """Returns (F, 3) root positions and (F,) anchor feet."""
     way = Locomotion(REST, FEET, STEP, LocomotionSettings(leash=1000.0), travel=STEPS)
     way.begin(np.zeros(3), 0j)
     roots, anchors = [], []
@@ -170,7 +170,7 @@ def test_small_floor_error_does_not_lift_the_puppet() -> None:
 
 
 def jumped(jump: float = 1.0) -> np.ndarray:
-    """Returns (F,) heights in metres of the lower sole of the cactus while its performer jumps by 0.3 m."""
+    """Returns (F,) heights in metres of the cactus's lower sole while its performer jumps by 0.3 m."""
     actor = PuppetActor(PROJECT, PUPPET, PuppetSettings(fade=0.0, meet=False, jump=jump))
     heights = []
     for f in range(110):
@@ -208,7 +208,7 @@ def test_the_cactus_waddles_and_its_standing_foot_does_not_slide() -> None:
             actor.possess(body)
     at = np.array(poses)[30:, SOLES]
     speeds = np.linalg.norm(np.diff(at[..., [0, 2]], axis=0), axis=2) * 30
-    assert np.percentile(speeds.min(1), 95) < 0.01  # a person who stands still
+    assert np.percentile(speeds.min(1), 95) < 0.01  # the performer stands still in these frames
     assert np.median(speeds.max(1)) > 0.05
     assert at[:, :, 1].max() > 0.05
     assert np.isfinite(at).all()

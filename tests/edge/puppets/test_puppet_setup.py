@@ -1,4 +1,4 @@
-"""Tests of puppets from files: missing parts are reported with a fix before the stage opens."""
+"""Tests of puppets from files: missing parts are reported with advice before the stage opens."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_puppet_names_are_recognised() -> None:
     assert not any(is_puppet(name) for name in ("chair", "cactus.obj", "toml", "a#b.obj"))
 
 
-def test_the_made_cactus_a_session_and_a_project_are_the_same_puppet(tmp_path: Path) -> None:
+def test_generated_cactus_session_and_project_give_equal_puppets(tmp_path: Path) -> None:
     session = tmp_path / "show.toml"
     write_session(session, CACTUS, "cactus")
     actors = [

@@ -1,4 +1,6 @@
-"""Tests of a tracked person as the examples' performer: size, place and facing do not matter."""
+"""Tests that a tracked person can replace the examples' performer: size, position and facing do not
+matter.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,7 @@ def person(x=0.0, z=-2.5, yaw=0.0, arm=0.4, knee=0.0, height=1.75) -> Body:
 
 
 def other_skeleton() -> Skeleton:
-    """Returns a performer with other bones and names, arms out, facing +X at rest."""
+    """Returns a performer with other bones and joint names, with stretched arms, facing +X at rest."""
     names, parents, at = ["Hips"], [-1], [(0.0, 1.0, 0.0)]
 
     def add(name: str, parent: str, way: tuple[float, float, float]) -> None:
@@ -101,7 +103,7 @@ def own_skeleton() -> Skeleton:
 
 def test_other_bones_go_where_the_persons_go() -> None:
     retargeting = Retargeting(OTHER, HANDS)
-    # The examples' performer looks along +X at rest: ahead is +X, left is -Z.
+    # The examples' performer faces +X at rest, so ahead is +X and left is -Z.
     straight = person(arm=np.pi / 2 - 0.1)
     straight.joints[[Joint.WRIST_LEFT, Joint.HAND_LEFT]] = straight.joints[Joint.SHOULDER_LEFT] + np.outer(
         [0.54, 0.64], [0.0, 0.0, 1.0]

@@ -1,4 +1,4 @@
-"""Tests of takes that run for weeks: parts by duration and size, and space that is kept free on the disk."""
+"""Tests of takes that run for weeks: splitting by duration and size, and keeping disk space free."""
 
 import os
 import time
@@ -33,7 +33,7 @@ OLD_S = 3600.0
 
 @pytest.fixture
 def clock(monkeypatch):
-    """A monotonic clock that tests set. Names of parts follow the real wall clock."""
+    """A monotonic clock that tests set. File names still use the real wall clock."""
     now = [0.0]
     fake = SimpleNamespace(monotonic=lambda: now[0], strftime=time.strftime)
     monkeypatch.setattr(parts, "time", fake)
@@ -181,7 +181,7 @@ def test_take_pauses_on_a_nearly_full_disk_and_resumes(tmp_path, clock, monkeypa
 
 
 def test_record_command_continues_in_new_files(tmp_path) -> None:
-    """With a part of 0.6 s, 3 s of a synthetic camera fill several files, and each can be read alone."""
+    """With parts of 0.6 s, 3 s of a synthetic camera fill several files, each of which is readable alone."""
     app = typer.Typer(pretty_exceptions_enable=False)
     app.command()(record)
     words = "--sensor synthetic --set width=80 --seconds 3 --part-minutes 0.01 --keep-free 0 -o"

@@ -1,4 +1,6 @@
-"""Tests that a recording continues in a new part once there is space, under a free name at each start."""
+"""Tests that a recording resumes in a new file once there is space, and that each start uses a free file
+name.
+"""
 
 import os
 import shutil
@@ -25,7 +27,7 @@ MESSAGE = ("topic", "kind", "", "", "bytes")
 
 
 def poses(path: Path) -> int:
-    """Returns the number of poses in a recording that may still grow; 0 while there is none."""
+    """Returns the number of poses in a recording that may still grow, 0 if the file does not exist."""
     time.sleep(0.2)
     with warnings.catch_warnings(action="ignore"):
         return topics(path).get("pose", 0) if path.exists() and path.stat().st_size else 0
@@ -61,7 +63,7 @@ def test_a_full_disk_pauses_and_room_resumes(tmp_path, monkeypatch) -> None:
     mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "none", str(disk)]
     if subprocess.run(mount, capture_output=True).returncode:
         pytest.skip("a small disk can be mounted by root only")
-    now = [0.0]  # a clock that only advances when told, so that a pause of the machine is not a retry
+    now = [0.0]  # a clock that only the test advances, so that a delay of the machine causes no retry
     monkeypatch.setattr(parts, "time", SimpleNamespace(monotonic=lambda: now[0]))
     filler, begun = disk / "filler", []
     filler.write_bytes(bytes(600 << 10))

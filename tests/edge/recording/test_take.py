@@ -1,4 +1,4 @@
-"""Tests of recording a take: a failed write ends it or leaves a gap, and never stops the show."""
+"""Tests of recording a take: a failed write ends the take or leaves a gap, and never stops the show."""
 
 import subprocess
 import sys
@@ -54,7 +54,7 @@ def test_a_character_is_written_again_every_minute_and_at_the_end(tmp_path, char
 
 
 def test_negative_clock_leaves_gaps_in_the_take_and_is_reported(tmp_path):
-    """A sensor's clock starts at -1 s: frames before 0 are not written, later ones are."""
+    """A sensor's clock starts at -1 s. Frames before 0 are not written, later ones are."""
 
     class Clock(Sensor):
         name = "x"
@@ -70,7 +70,7 @@ def test_negative_clock_leaves_gaps_in_the_take_and_is_reported(tmp_path):
         edge.run()
         (state,) = [s for s in outlet.publisher.status.health if s.kind == HealthKind.TAKE_GAPS]
     assert edge.frames == 60
-    # 31 frames of bodies, and the stage messages that are written with the first frame.
+    # There are 31 frames of bodies, and the stage messages that are written with the first frame.
     assert state.what.startswith("32 messages are not in the take") and "clock" in state.remedy
     times = [time_ns for time_ns, _ in Recording(tmp_path / "take.mcap").messages("bodies")]
     assert times == [i * STEP - 10**9 for i in range(31, 60)]
@@ -113,7 +113,7 @@ FULL = """
 
 
 def performed(path, limit: str) -> str:
-    """Returns the final output of a process that records 900 frames of six bodies to that disk."""
+    """Returns the final output of a process that records 900 frames of six bodies with a file size limit."""
     command = [sys.executable, "-c", textwrap.dedent(FULL), str(path), limit]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr

@@ -1,4 +1,4 @@
-"""Tests of a relay over real sockets: late viewers, characters, clocks, restarts, keys, and orders."""
+"""Tests of a relay over real sockets: late viewers, characters, clocks, restarts, keys, and requests."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def open_relay(edge: Endpoint, access: Access | None = None, viewers: int = 100)
 
 
 def until(done: Callable[[], Any], *parts: Publisher | Relay | EdgeClient) -> None:
-    """Runs the loops of all parts until a condition holds."""
+    """Runs the loops of all programs until a condition holds."""
     deadline = time.monotonic() + PATIENCE
     while not done():
         for part in parts:
@@ -216,7 +216,7 @@ def test_more_viewers_than_an_edge_accepts(edge: Publisher, relay: Relay) -> Non
 
 
 def test_edge_and_relay_with_keys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The relay is a paired client of the edge, and a server with keys for its own viewers."""
+    """The relay is a paired client of the edge, and a server with its own keys for its viewers."""
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "relay"))
     edge_store, relay_store = KeyStore(tmp_path / "edge"), KeyStore()
     edge_keys, relay_keys = edge_store.make(), relay_store.make()

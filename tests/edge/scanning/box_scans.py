@@ -1,4 +1,4 @@
-"""Recordings of a synthetic camera that is carried round a box, and ``enliven scan`` of them."""
+"""Recordings of a synthetic camera that is carried around a box, and ``enliven scan`` of them."""
 
 import sys
 from dataclasses import replace
@@ -20,10 +20,10 @@ from test_handheld import box_mesh
 app = typer.Typer(pretty_exceptions_enable=False)
 app.command()(scan)
 PATH = HandheldPath(target=(0.0, 0.2, 0.0), radius=1.25, height=(0.8, 1.0), turns=1.0, seconds=6.0)
-"""Once round in six seconds: a fifth of a metre a second."""
+"""Once around the box in six seconds, at 0.2 m/s."""
 THING = box_mesh(Box((-0.2, 0.0, -0.15), (0.2, 0.5, 0.15)))
 NOTHING = box_mesh(Box((50.0, 0.0, 50.0), (50.1, 0.1, 50.1)))
-"""An object that is out of view."""
+"""A mesh that is out of view."""
 
 
 def run(*words) -> str:
@@ -36,12 +36,12 @@ def run(*words) -> str:
 
 
 def take_of(thing=THING, path=PATH, colour=False, width=240, **given) -> HandheldScan:
-    """Returns the take of the carried camera."""
+    """Returns the recording of the carried camera."""
     return HandheldScan(thing, load_profile("kinect1"), path, width=width, colour=colour, **given)
 
 
 def write(frames, path: Path) -> Path:
-    """Frames as a recording."""
+    """Writes frames as a recording."""
     with Recorder(path) as recorder:
         for frame in frames:
             recorder.write_frame(frame)
@@ -56,7 +56,7 @@ def recorded(path: Path, thing=THING, first=0, last=180, step=4, way=PATH, chang
 
 
 def with_depth(frame, change):
-    """A frame with its depth image changed."""
+    """Returns the frame with its depth image changed."""
     depth = frame.depth.copy()
     change(depth)
     return replace(frame, depth=depth)

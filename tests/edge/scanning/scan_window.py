@@ -7,7 +7,7 @@ from enliven_viewer.studio.features.scan.session import ScanSession
 from enliven_viewer.studio.perform.session import PerformSession
 
 ASKED_EVERY = 20.0
-"""Seconds between two requests for a scan: enough for a busy link to recover."""
+"""Seconds between two scan requests, enough for a busy link to recover."""
 
 
 class Window:

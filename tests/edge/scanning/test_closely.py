@@ -1,4 +1,6 @@
-"""Tests of a stool seen from above: floor noise hides the camera's motion until fine alignment runs."""
+"""Tests of scanning a stool from above, where floor noise hides the camera's motion until fine alignment
+runs.
+"""
 
 from scanned_things import THINGS
 
@@ -9,9 +11,11 @@ from enliven_synthesis.sensor.profile import load_profile
 
 PATH = HandheldPath(target=(0.0, 0.3, 0.0), radius=1.0, height=(0.3, 1.1), turns=1.1, seconds=15.0)
 BEFORE, IMAGES = range(282, 297, 3), (297, 300, 303)
-"""Images that are fused at their true poses, and images that are aligned to the last of them."""
+"""Image numbers that are fused at their true poses, and image numbers that are aligned to the last of
+them.
+"""
 ELSEWHERE = 225
-"""An image of another side, 2 m away on the path, that is also aligned from there."""
+"""Number of an image from another side, 2 m away on the path, from which the images are also aligned."""
 
 
 def test_close_alignment_finds_pose_hidden_by_floor_noise():

@@ -1,4 +1,4 @@
-"""Tests of scanning in the background: a viewer's command has effect at once, however busy the scan is."""
+"""Tests of scanning in the background: a viewer's request takes effect at once, however busy the scan is."""
 
 import copy
 import sys
@@ -23,7 +23,7 @@ from enliven_edge.scanning.scan_view import create_scan_view
 from enliven_synthesis.sensor.handheld import HandheldPath
 
 PATIENCE = 60.0
-"""Timeout in seconds that is enough on any machine."""
+"""Timeout in seconds, enough for any machine."""
 
 
 def phases(scan):
@@ -32,7 +32,7 @@ def phases(scan):
 
 @pytest.fixture
 def busy(monkeypatch):
-    """Blocks a scan in its surface step; returns the event that reports it and the one that ends it."""
+    """Blocks a scan in its surface step. Returns the event that reports this, and the event that ends it."""
     looks, free = threading.Event(), threading.Event()
 
     def update(place, scanner):
@@ -115,7 +115,8 @@ def test_a_box_of_the_stage_cuts_out_what_it_holds():
         until(lambda said: said.fused == 15 and said.view)
         scan.queue_order(Scan("pause"))
         place = np.array(messages[-1].stage_from_scan).reshape(3, 4)
-        # The box is 0.5 m high and stands about the origin of the made-up world, by the first camera.
+        # The box is 0.5 m high and stands around the origin of the synthetic world, as seen by the first
+        # camera.
         world = take.pose(0) @ np.linalg.inv(LEVEL_WORLD_FROM_CAMERA)
         at = place[:, :3] @ (np.linalg.inv(world) @ [0.0, 0.25, 0.0, 1.0])[:3] + place[:, 3]
         assert abs(at[1] - 0.25) < 0.02, "the floor is y = 0 on the stage"

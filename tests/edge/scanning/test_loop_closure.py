@@ -1,4 +1,4 @@
-"""Tests of loop closure: a camera is carried round a large room, drifts, and each surface ends up once."""
+"""Tests of loop closure: after drift in a large room, each surface occurs only once."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ FRAMES = 90
 VOXEL = 0.02
 SETTINGS = ScanSettings(volume=VolumeSettings(voxel=VOXEL, reach=5.0))
 DRIFT = np.array([0.06, 0.02, -0.08, 0.004, 0.015, -0.004])
-"""Final tracking drift in metres and radians; it grows linearly from 0."""
+"""Final tracking drift, which grows linearly from 0: translation in metres, rotation in radians."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def hall():
 
 @pytest.fixture(scope="module")
 def frames():
-    """Renders the camera's images on 1.12 rounds, and returns them with the true poses."""
+    """Renders the camera's images of 1.12 rounds. Returns them with their true poses."""
     path = Round(radius=2.0, turns=1.12, seconds=FRAMES / 30)
     take = HandheldScan(load_sample("chair"), load_profile("kinect1"), path, room=hall(), width=240)
     return [take.frame(n) for n in range(FRAMES)], [take.pose(n) for n in range(FRAMES)]
@@ -96,13 +96,13 @@ def doubled(mesh):
 
 @pytest.fixture(scope="module")
 def closed(frames):
-    """Closes the loop; returns the scanner, the closure, and errors and duplication before it."""
+    """Closes the loop. Returns the scanner, the closure, and the errors and duplication before it."""
     scanner = drifted(*frames)
     before = off(scanner, frames[1]), doubled(scanner.surface()), len(scanner.keyframes)
     return scanner, scanner.close_loops(), before
 
 
-def test_a_way_that_comes_back_is_closed_and_fused_again(frames, closed):
+def test_returning_path_is_closed_and_fused_again(frames, closed):
     scanner, closing, (before, twice, keyframes) = closed
     assert before > 0.015 and twice > 0.01, "it is doubled before"
     assert closing.taken and closing.loops >= 4 and closing.gap > 0.05
@@ -111,13 +111,13 @@ def test_a_way_that_comes_back_is_closed_and_fused_again(frames, closed):
     np.testing.assert_allclose(scanner.poses[0][1], frames[1][0], atol=1e-9)
     assert pose_difference(scanner.poses[-1][1], frames[1][-1])[0] < 0.03
     assert 0 < len(scanner.keyframes) <= keyframes + 2
-    # A closed loop stays unchanged, and scanning continues from there.
+    # A closed loop does not change any more, and scanning continues from there.
     volumes = scanner.volumes
     assert not scanner.close_loops().taken and scanner.volumes is volumes
     assert scanner.add(frames[0][-1]).state is ScanState.SCANNING
 
 
-def test_every_loop_that_is_believed_is_true(frames, closed):
+def test_accepted_loops_are_correct(frames, closed):
     closing = closed[1]
     anchors = [piece.anchor for piece in closing.pieces]
     _, belief = optimize_poses([closing.poses[n] for n in anchors], closing.links)
@@ -130,7 +130,7 @@ def test_every_loop_that_is_believed_is_true(frames, closed):
         assert move < 0.04 and turn < 0.02
 
 
-def test_a_way_that_does_not_come_back_stays(frames):
+def test_open_path_is_unchanged(frames):
     scanner = drifted(*(part[: FRAMES // 3] for part in frames))
     poses = list(scanner.poses)
     closing = scanner.close_loops()

@@ -1,4 +1,4 @@
-"""Tests of a chair that is scanned upright, laid on its back by hand, and scanned on: one surface results."""
+"""Tests of a chair that is scanned upright, laid on its back by hand, and scanned further, as one surface."""
 
 import sys
 from contextlib import ExitStack, closing
@@ -39,7 +39,7 @@ pytestmark = pytest.mark.slow
 CHAIR = load_sample("chair")
 BACK = lie_on_back_pose(CHAIR, (0.0, 0.15))
 MOVE = 8.0, 10.0
-"""Seconds in which the chair is laid on its back."""
+"""Interval in which the chair is laid on its back, seconds."""
 WAY = MovedObjectPath([np.eye(4), BACK], [MOVE], grips=[(-0.2, 1.5, -0.05), (0.25, 0.6, 0.2)])
 PATH = HandheldPath(target=(0.0, 0.8, 0.15), radius=1.5, height=(0.7, 1.6), turns=1.7, seconds=18.0)
 SETTINGS = ScanSettings(volume=VolumeSettings(voxel=0.008))
@@ -49,11 +49,16 @@ EVERY = 3
 
 @dataclass
 class Scanned:
-    """A whole take, scanned by an edge and followed over the wire by a window.
+    """A whole recording, scanned by an edge and followed over the wire by a window.
 
-    steps: the scanner's result for each image; truth: its true object_from_camera; times: seconds;
-    scanner: after it; told: messages received by the window after each image, with its texts; grown: the
-    surface at the end, on the stage; made: the character's mesh in the window's project.
+    Attributes:
+        steps: the scanner's result for each image.
+        truth: the true (4, 4) object_from_camera of each image.
+        times: seconds of each image.
+        told: messages that the window has received after each image, with the window's texts.
+        scanner: the scanner after the last image.
+        grown: vertices of the final surface on the stage, metres.
+        made: the mesh of the new character in the window's project.
     """
 
     steps: list
@@ -116,13 +121,13 @@ def test_reported_object_pose_is_accurate(scanned):
     ]
     assert len(off) > 0.7 * len(scanned.steps)
     metres, radians = np.array(off).T
-    # While the chair begins to tilt, the camera follows it for an image or two.
+    # While the chair begins to tilt, the camera estimate may follow it for an image or two.
     assert np.quantile(metres, 0.95) < 0.03 and np.median(metres) < 0.015
     assert np.quantile(radians, 0.95) < 0.025
 
 
 def seconds_of(message):
-    """Returns the take's times in seconds."""
+    """Returns the times of the recording that a message covers, seconds."""
     return (message.time_ns - LATER) * 1e-9
 
 
@@ -166,7 +171,7 @@ def test_incompatible_options_are_refused(other, tmp_path):
 
 
 def complete(mesh, points):
-    """Returns the fraction of the true points (N, 3) that have surface within a voxel."""
+    """Returns the fraction of the true points (N, 3) with surface within a voxel."""
     return float((cKDTree(sample_surface(mesh, 400_000).points).query(points)[0] < 0.008).mean())
 
 
@@ -200,5 +205,5 @@ def test_both_halves_are_one_surface_with_its_undersides(scanned):
     error = distance_bounds(CHAIR, sample_surface(whole, 20_000).points)
     # Voxels are twice the default size, and images half as wide.
     assert error.mean() < 0.003 and np.quantile(error, 0.95) < 0.009
-    # A second layer, or a hand: at most a hundredth of the surface may be that far off.
+    # A second layer or a hand would show as surface far off. At most one percent may be that far off.
     assert (error > 0.02).mean() < 0.01

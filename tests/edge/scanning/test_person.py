@@ -1,4 +1,6 @@
-"""Tests of ``enliven scan --person``: a person turning before a still camera becomes a mesh with joints."""
+"""Tests of ``enliven scan --person``: a person that turns in front of a still camera becomes a mesh with
+joints.
+"""
 
 import sys
 from dataclasses import replace
@@ -21,9 +23,11 @@ from enliven_edge.scanning.person import PersonScanner
 from enliven_edge.stage.character_setup import create_mesh_actor
 
 STILL, IMAGES = 5, 24
-"""Images before the turn, and in all: 5.8 degrees from one to the next, 104 in all."""
+"""Number of images before the turn, and in all. The person turns 5.8 degrees per image, 104 degrees in
+all.
+"""
 HALF = 14
-"""Number of images of a person that stands still: half of all images, with joints."""
+"""Number of images of a person that stands still, which show one side of the body and its joints."""
 
 
 def scanner():
@@ -69,7 +73,7 @@ def test_turning_person_is_tracked_and_upright_on_the_floor(scanned, scene):
     true, is_known = scene.joints(), np.isfinite(person.joints).all(1)
     assert is_known.sum() >= 16
     offsets = (person.joints - true)[is_known]
-    # the origin of the mesh is the centre of its bounding box
+    # The origin of the mesh is the centre of its bounding box.
     offsets -= np.median(offsets, axis=0) * [1.0, 0.0, 1.0]
     assert np.median(np.linalg.norm(offsets, axis=1)) < 0.03 and np.linalg.norm(offsets, axis=1).max() < 0.1
     assert person_scanner.advice(IMAGES) == []
@@ -83,7 +87,7 @@ def test_still_person_with_hidden_feet_reaches_the_floor(half):
         foot = mesh.vertices[side * mesh.vertices[:, 0] > 0]
         assert foot[:, 1].min() == 0.0
         low = foot[foot[:, 1] < 0.02]
-        # The lowest visible part is as wide as a shin; only the completed part below it may be there.
+        # The lowest scanned part is as wide as a shin. Only the part that was completed may be below it.
         assert np.ptp(low[:, 0]) < 0.15 and np.ptp(low[:, 2]) < 0.2 and len(low) >= 5
     assert np.ptp(mesh.vertices[:, 1]) == pytest.approx(1.7, abs=0.05)
 
@@ -92,7 +96,7 @@ def test_still_person_with_hidden_feet_reaches_the_floor(half):
 def test_the_mesh_is_possessed_at_once_by_the_bones_of_the_scan(scanned, half, one_side):
     person = (half if one_side else scanned[0]).person()
     actor = create_mesh_actor(person.mesh, "me", settings=ActorSettings(how="mapped"), joints=person.bones)
-    # The mesh is life-size and centred on the stage, and so are its bones.
+    # The mesh and its bones are life-size and centred on the stage.
     grown = 1.75 / np.ptp(person.mesh.vertices[:, 1])
     arms = [np.diff(of[[4, 5, 6]], axis=0) for of in (actor.likeness.joints, grown * person.joints)]
     np.testing.assert_allclose(*(np.linalg.norm(arm, axis=1) for arm in arms), rtol=1e-6)

@@ -1,4 +1,6 @@
-"""Tests that a person turning in front of a still camera becomes a character in the window, over the wire."""
+"""Tests that a person who turns in front of a still camera becomes a character in the window, over the
+wire.
+"""
 
 import copy
 import sys
@@ -19,7 +21,7 @@ from scan_window import Begun, Window
 from turning import TurningPerson
 
 STILL, TURNED, STEP = 3, 62, 5.8
-"""Images before the turn, images during one full turn, and degrees per image."""
+"""Number of images before the turn, number of images of one full turn, and degrees per image."""
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Tests of ``enliven scan`` on bad input: the reason is reported, and usable data are kept."""
+"""Tests of ``enliven scan`` on bad input: the reason is reported, and usable data is kept."""
 
 import errno
 import os
@@ -23,7 +23,7 @@ from enliven_synthesis.sensor.scene import Box
 
 @pytest.fixture(scope="module")
 def carried(tmp_path_factory):
-    """Records a third of a round about the box, without colours."""
+    """Records a third of a round about the box, without colour."""
     return recorded(tmp_path_factory.mktemp("bad") / "carried.mcap", last=60)
 
 
@@ -43,7 +43,7 @@ def test_too_fast_camera_gives_advice(tmp_path):
 
 
 def test_partly_too_fast_scan_keeps_the_rest_and_reports_it(carried, tmp_path):
-    """In the second half every image is from somewhere else."""
+    """In the second half, every image is from a different position."""
     take, frames = take_of(), []
     for n, index in enumerate([*range(0, 60, 4), *range(61, 180, 17)]):
         frames.append(replace(take.frame(index), time_ns=n * 33_000_000))
@@ -64,7 +64,7 @@ def test_blank_wall_is_reported(tmp_path, distance):
 
 
 def test_mirror_hole_stays_a_hole(tmp_path):
-    """A part of the object has no depth from any direction; the rest is scanned."""
+    """A part of the object has no depth from any direction. The rest is scanned."""
 
     def mirror(depth):
         height, width = depth.shape
@@ -82,7 +82,7 @@ def test_mirror_hole_stays_a_hole(tmp_path):
 
 
 def test_missing_object_is_reported_and_sensor_recording_is_kept(tmp_path):
-    # The surfaces used for tracking are farther away than the kept range.
+    # The surfaces for camera tracking are beyond the kept depth range.
     empty = recorded(tmp_path / "empty.mcap", NOTHING, last=60)
     target = tmp_path / "no.glb"
     with pytest.raises(InputError, match=r"no object on the floor.*--whole"):
@@ -145,7 +145,7 @@ def test_ctrl_c_saves_the_scan(carried, tmp_path, monkeypatch):
 
     monkeypatch.setattr(ScanLog, "add", interrupted)
     before = signal.getsignal(signal.SIGINT)
-    # The camera never ends.
+    # The camera delivers images for ever.
     camera = ["--sensor", "replay", "--set", f"path={carried}", "--set", "loop=true", "--set", "speed=0"]
     output = run(*camera, "-o", tmp_path / "part.glb", "--voxel", 16)
     assert "of 8 frames" in output and len(load_mesh(tmp_path / "part.glb").mesh.faces) > 100
@@ -154,7 +154,7 @@ def test_ctrl_c_saves_the_scan(carried, tmp_path, monkeypatch):
 
 
 def full_disk(monkeypatch, folder, of_all=False):
-    """Every write into a folder, or anywhere, fails as on a full disk."""
+    """Makes every write into a folder, or every write at all, fail as on a full disk."""
 
     def no_room(descriptor):
         if of_all or os.readlink(f"/proc/self/fd/{descriptor}").startswith(str(folder)):

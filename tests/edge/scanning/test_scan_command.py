@@ -1,4 +1,4 @@
-"""Tests of ``enliven scan``: a carried camera's recording becomes a mesh; bad input gives an error."""
+"""Tests of ``enliven scan``: a hand-held camera's recording becomes a mesh, and bad input gives an error."""
 
 import re
 import sys
@@ -23,7 +23,7 @@ from box_scans import THING, recorded, run
 
 @pytest.fixture(scope="module")
 def carried(tmp_path_factory):
-    """A recording of a camera that was carried round a box."""
+    """Returns a recording of a camera that was carried around a box."""
     return recorded(tmp_path_factory.mktemp("scan") / "carried.mcap", step=2, width=320, colour=True)
 
 
@@ -34,7 +34,7 @@ def test_a_box_becomes_a_mesh_on_the_floor_with_a_sheet(carried, tmp_path):
     mesh = load_mesh(target).mesh
     size = mesh.bounds[1] - mesh.bounds[0]
     assert mesh.bounds[0, 1] == pytest.approx(0.0, abs=1e-6)
-    # The first camera defines the heading, so the box's extent lies between its side and its diagonal.
+    # The first camera defines the heading, so the box's extent is between its side and its diagonal.
     assert size[1] == pytest.approx(0.5, abs=0.02) and 0.3 < size[0] < 0.56 and 0.3 < size[2] < 0.56
     assert mesh.colours is not None and np.abs(np.median(mesh.colours, axis=0) - 90).max() < 12
     picture = np.asarray(Image.open(sheet))
@@ -58,7 +58,7 @@ def test_all_that_was_scanned_is_level_on_the_floor(carried, tmp_path):
     target = tmp_path / "room.ply"
     run("--recording", carried, "-o", target, "--voxel", 16, "--seconds", 1, "--whole", "--triangles", 0)
     mesh = load_mesh(target).mesh
-    # The camera looked down by 30 degrees, and its first image has no pose.
+    # The camera looked down by 30 degrees, and its first image states no pose.
     floor = (mesh.face_normals()[:, 1] > 0.9) & (np.abs(mesh.vertices[mesh.faces[:, 0], 1]) < 0.02)
     areas = np.linalg.norm(mesh.face_vectors(), axis=1)
     assert areas[floor].sum() > 0.75 * areas.sum()
@@ -95,7 +95,7 @@ def test_scan_log_measures_the_path_and_gives_advice():
     for n in range(10):
         scan_log.add(step(ScanState.LOST), (10 + n) * 33_000_000)
     scan_log.add(step(ScanState.SCANNING, 3.0, room=False), 900_000_000)
-    # the gap between losing and re-finding the camera adds no path length
+    # The gap between losing and finding the camera adds no path length.
     assert scan_log.path_length_m == pytest.approx(0.18)
     advice = " ".join(scan_log.advice())
     assert "10 of 21 frames" in advice and "memory" in advice and "1 m/s" not in advice

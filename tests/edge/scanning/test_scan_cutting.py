@@ -23,12 +23,12 @@ ROOM = (
     Box((-0.4, 0.0, -1.0), (-0.1, 0.4, -0.8)),
     Box((0.35, 0.0, -0.75), (0.75, 0.45, -0.35)),
 )
-"""A bare floor alone would not constrain the camera's pose."""
+"""The furniture constrains the camera's pose, which a bare floor alone would not."""
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Records the place with the object, and the place alone from a part of the path."""
+    """Records a room with the object, and the room without it from a part of the path."""
     folder = tmp_path_factory.mktemp("cutting")
     recorded(folder / "with.mcap", room=ROOM)
     recorded(folder / "empty.mcap", NOTHING, 20, 160, room=ROOM)
@@ -55,7 +55,7 @@ def test_box_option_equals_the_whole_scan_inside_it(folder, tmp_path):
     np.testing.assert_allclose(
         size, [high[:, 0].max() - high[:, 0].min(), 0.5, np.ptp(high[:, 2])], atol=0.03
     )
-    # The lower half of the kept scan, as a project.
+    # This writes the lower half of the kept scan as a project.
     half = tmp_path / "half.enliven"
     corners = ",".join(f"{x:.3f}" for x in (low[0], 0.0, low[2], top[0], 0.25, top[2]))
     kept_recording = tmp_path / "box.scan.mcap"
@@ -91,14 +91,14 @@ def test_object_added_between_two_scans_is_extracted(folder, tmp_path):
         run("--recording", target, "--before", target, "--whole", "-o", tmp_path / "no.glb")
 
 
-def test_another_place_is_no_place_before(folder, tmp_path):
+def test_scan_of_another_place_is_refused(folder, tmp_path):
     pillars = tuple(Box((x, 0.0, 0.3), (x + 0.12, 2.0, 0.5)) for x in np.arange(-1.5, 1.5, 0.3))
     other = recorded(tmp_path / "other.mcap", NOTHING, 0, 40, room=pillars)
     with pytest.raises(InputError, match="no part of the earlier scan was seen again"):
         run("--recording", folder / "with.mcap", "--before", other, "-o", tmp_path / "no.glb", "--voxel", 16)
 
 
-def test_a_bare_floor_is_no_place_before(folder, tmp_path):
+def test_scan_of_a_bare_floor_is_refused(folder, tmp_path):
     """A bare floor does not constrain the camera, so it must not count as an earlier scan of the place."""
     bare = recorded(tmp_path / "bare.mcap", NOTHING, 0, 60, room=(Box((-9, -0.2, -9), (9, 0, 9)),))
     with pytest.raises(InputError, match=r"little more than one blank surface.* Keep other objects"):

@@ -1,4 +1,4 @@
-"""Tests that docs/scanning.md is correct: its options, refusals and numbers."""
+"""Tests that the options, error messages and numbers in docs/scanning.md are correct."""
 
 import re
 from pathlib import Path
@@ -16,7 +16,7 @@ app = typer.Typer(pretty_exceptions_enable=False)
 app.command()(scan)
 
 
-def test_its_options_are_those_of_the_command():
+def test_options_of_the_page_exist():
     help_text = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200", "TERM": "dumb"}).output
     named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", PAGE)) - {"--help"}
     assert {"--voxel", "--reach", "--whole", "--sheet", "--seconds", "--sensor", "--recording"} <= named
@@ -35,7 +35,7 @@ def test_its_options_are_those_of_the_command():
     assert [option for option in named if option not in help_text] == []
 
 
-def test_its_refusals_are_in_the_code():
+def test_error_messages_of_the_page_exist():
     folders = (ROOT / "edge" / "enliven_edge", ROOT / "shared" / "enliven" / "scanning")
     code = "".join(
         path.read_text(encoding="utf-8")
@@ -55,7 +55,7 @@ def test_its_refusals_are_in_the_code():
         )
 
 
-def test_its_numbers_are_the_defaults():
+def test_numbers_of_the_page_are_the_defaults():
     settings = VolumeSettings()
     assert "Voxels of 4 mm" in PAGE and settings.voxel == 0.004
     assert "4 voxels before a surface and\n   3 behind it" in PAGE
@@ -63,7 +63,7 @@ def test_its_numbers_are_the_defaults():
     assert (tsdf_volume._TRUNCATION_VOXELS, tsdf_volume._TRUNCATION_BEHIND_VOXELS) == (4.0, 3.0)
 
 
-def test_its_numbers_of_the_search_are_the_defaults():
+def test_search_numbers_of_the_page_are_the_defaults():
     assert "off by 15 mm, or\n   tilted by 15 mrad" in PAGE
     assert (rest._MIN_MOVED_DISTANCE_M, rest._MIN_MOVED_ANGLE_RAD) == (0.015, 0.015)
     assert "from 900 turns" in PAGE and "24 best answers" in PAGE

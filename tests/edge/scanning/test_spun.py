@@ -17,8 +17,7 @@ from enliven_synthesis.sensor.profile import load_profile
 from enliven_synthesis.sensor.turntable_object import TurntablePath
 
 IMAGES, TURNING = 85, 70
-"""Number of images at 30 per second; first image in which the chair turns at full speed and counts as
-moving."""
+"""Number of images at 30 per second, and number of the first image in which the chair turns at full speed."""
 
 
 @pytest.mark.slow
@@ -35,12 +34,12 @@ def test_spun_object_is_tracked_and_room_stays_still():
     off = np.array(
         [pose_difference(steps[n].object_from_camera, true) for n, true in zip(turned, pose, strict=True)]
     )
-    # Metres and radians; this camera's depth is off by 4 mm there.
+    # Metres and radians. This camera's depth error is 4 mm there.
     assert np.median(off[:, 0]) < 0.015 and off[:, 0].max() < 0.06 and off[:, 1].max() < 0.06
     room = [
         pose_difference(steps[index].scan.world_from_camera, take.pose(index))[0] for index in range(IMAGES)
     ]
-    # Surfaces that may start moving are ignored in camera tracking, so the camera does not follow them.
+    # Surfaces that may start moving are not used for camera tracking, so the camera does not follow them.
     assert max(room) < 0.015, "the room does not turn with it"
     assert not any("objects stand there" in sentence for sentence in describe_objects(scanner)), (
         "what moved is the thing"
@@ -49,7 +48,7 @@ def test_spun_object_is_tracked_and_room_stays_still():
 
 @pytest.mark.slow
 def test_object_picked_up_by_two_hands_is_tracked():
-    """It stands for a second and a half, is picked up within the next second, and is then turned."""
+    """The object stands for 1.5 s, is picked up within the next second, and is then turned."""
     take = MovedObjectScan(THING, HandTurnedPath(), load_profile("kinect1"), HELD, room=ROOM, width=320)
     scanner, off = MovedScanner(object_tracking_settings(ScanSettings())), list[float]()
     for index in range(0, 130, 2):

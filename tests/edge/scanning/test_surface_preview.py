@@ -1,4 +1,4 @@
-"""Tests of the incremental surface: chunks equal the volume's surface, changes are sent, undo works."""
+"""Tests of the incremental surface: chunks equal the volume's surface, changes are sent, and undo works."""
 
 import sys
 from pathlib import Path
@@ -21,7 +21,7 @@ from enliven_edge.scanning.surface_preview import SurfacePreview, message_from_p
 
 RADIUS = 0.25
 ALL = 10**9
-"""Byte limit without effect: all changes are sent."""
+"""Byte limit that sends all changes."""
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def pieces(volume):
 
 def test_the_pieces_together_are_the_sphere_without_gaps(sphere):
     chunks = pieces(sphere)
-    assert len(chunks) == 8  # chunks of 1.28 m: one for each octant
+    assert len(chunks) == 8  # chunks of 1.28 m, one for each octant
     away = np.concatenate([np.linalg.norm(chunk.vertices, axis=1) for chunk in chunks])
     assert np.abs(away - RADIUS).max() < 0.02 and abs(away.mean() - RADIUS) < 0.003
     vertices = np.concatenate([chunk.vertices for chunk in chunks])
@@ -50,7 +50,7 @@ def test_the_pieces_together_are_the_sphere_without_gaps(sphere):
     # Cells are twice as large, so that more of them touch unobserved space.
     assert 0.75 < merged.area / extract_surface(sphere, 0.05).area < 1.02
     assert (np.einsum("fi,fi->f", merged.face_normals(), merged.vertices[faces].mean(1)) > 0).mean() > 0.99
-    # After welding it is closed along its seams: each edge there has exactly one opposite edge.
+    # After welding, the seams are closed: each edge there has exactly one opposite edge.
     _, place = np.unique(np.round(vertices * 1e5).astype(int), axis=0, return_inverse=True)
     welded = place.reshape(-1)[faces]
     sides = np.concatenate([welded[:, [0, 1]], welded[:, [1, 2]], welded[:, [2, 0]]])
@@ -81,7 +81,7 @@ def test_only_changed_chunks_are_sent_within_the_budget(sphere):
     # A chunk that vanished, as after an undo, is sent without a surface.
     empty = fused_sphere(0.05)
     emptied = [chunk for chunk in growing.changes(empty, ALL) if not chunk.seen]
-    assert not emptied  # all octants still contain a part of a small sphere at the origin
+    assert not emptied  # every octant still contains a part of the small sphere at the origin
     shifted = np.eye(4)
     shifted[:3, 3] = 5.0
     assert len([chunk for chunk in growing.changes(fused_sphere(move=shifted), ALL) if not chunk.seen]) == 8

@@ -1,4 +1,6 @@
-"""Tests of a chair that turns, or is turned by hand, in front of a still camera: all sides are scanned."""
+"""Tests that all sides of a chair are scanned by a still camera while the chair turns or is turned by
+hand.
+"""
 
 from dataclasses import replace
 
@@ -36,7 +38,7 @@ WALL = (Box((-3.0, -1.0, -2.4), (3.0, 3.0, -2.0)),)
 STILL = HandheldPath(target=(0.0, 0.88, 0.0), radius=1.45, height=(1.4, 1.4), turns=0.0, sway=0.0, shake=0.0)
 FRAMES = 72
 STEP = 2.2 * np.pi / FRAMES
-"""Radians per frame: a full turn in little more than two seconds, and a tenth more."""
+"""Radians per frame: 1.1 turns in little more than two seconds."""
 CHAIR = load_sample("chair")
 THING = replace(CHAIR, vertices=CHAIR.vertices - np.mean(CHAIR.bounds, axis=0) * [1, 0, 1])
 
@@ -60,7 +62,7 @@ def test_object_turning_before_a_wall_is_scanned_from_all_sides(frames):
     scanner = Scanner(ScanSettings(volume=volume, least_depth=0.01))
     steps = [scanner.add(image) for image in [replace(images[0], world_from_camera=pose), *images[1:]]]
     assert all(step.state is ScanState.SCANNING for step in steps)
-    # In the object's frame the camera went round it the other way.
+    # In the object's frame, the camera moved around it in the opposite direction.
     apart = [
         np.linalg.norm(turn(n).T @ pose[:3, 3] - step.world_from_camera[:3, 3])
         for n, step in enumerate(steps)
@@ -87,9 +89,9 @@ def test_within_option_cuts_off_the_background(frames, tmp_path):
 
 
 HELD_UP = HandTurnedPath(begins=-1.5, lift=0.6, behind=0.55)
-"""Held up by both hands of a person behind it, and turned once while the hands change their grip."""
+"""Motion of an object that a person behind it holds up and turns once, changing their grip."""
 WITHIN = 1.8
-"""Depth limit in metres: the object is nearer, the person is not."""
+"""Depth limit in metres. The object is nearer, the person is farther away."""
 
 
 @pytest.mark.slow
@@ -103,7 +105,7 @@ def test_object_turned_in_two_hands_is_scanned_without_hands():
     states = [step.state for step in steps]
     assert states.count(ScanState.SCANNING) > 0.95 * len(states)
     mesh = largest_part(scanner.surface())
-    # A hand covers the object in a part of the images; other images see the free space where it was.
+    # A hand covers the object in some images. Other images measure free space there.
     grid = make_nearest_grid(sample_surface(SMALL, 30_000), 0.01, 0.1)
     ((pose,), _) = align_from_starts(
         grid, sample_surface(mesh, 4000), np.eye(4)[None], 25, 0.01, (0.05, 0.003)

@@ -1,4 +1,4 @@
-"""A synthetic person that stands in front of a still camera and turns round once."""
+"""A synthetic person that stands in front of a still camera and turns around once."""
 
 import numpy as np
 
@@ -19,7 +19,9 @@ STEP_NS = 66_666_667
 
 
 def posture(left_arm=0.35):
-    """Returns a posture with legs apart and arms held away; the left arm by ``left_arm`` radians."""
+    """Returns a posture with legs apart and arms away from the trunk, the left arm by ``left_arm``
+    radians.
+    """
     right, left = ArmPose(abduct=0.35, elbow=0.1), ArmPose(abduct=left_arm, elbow=0.1)
     feet = FootPose(0.15, 0.0), FootPose(-0.15, 0.0)
     return PerformerPosture(left_arm=left, right_arm=right, left_foot=feet[0], right_foot=feet[1])
@@ -41,7 +43,7 @@ class TurningPerson:
         return self.performer.pose(posture()).joints
 
     def frame(self, number, angle=0.0, left_arm=0.35, aside=0.0, seen=True):
-        """Renders the image with a number; the person stands ``aside`` metres to the left, or is absent."""
+        """Renders the image with a number. The person stands ``aside`` metres to the left, or is absent."""
         placed = np.eye(4)
         turn = rotation.from_rotation_vector([0.0, angle, 0.0])
         placed[:3, :3], placed[:3, 3] = rotation.to_matrix(turn), (aside, 0.0, AWAY)

@@ -1,7 +1,8 @@
-"""A process that asks the cameras' real libraries for unavailable features, and prints the drivers' errors.
+"""A process that requests unavailable features of the cameras' real libraries, and prints the drivers'
+errors.
 
-It is a process of its own because the libraries set signal handlers and leave threads behind. The first word
-of its command line is a folder with recordings and made-up USB trees; its answer is JSON.
+It is a separate process because the libraries set signal handlers and leave threads behind. The first word of
+its command line is a folder with recordings and simulated USB trees. Its output is JSON.
 """
 
 import json
@@ -27,12 +28,12 @@ def say(ask: Callable[[], object]) -> list[str]:
 
 
 def on_usb(folder: Path, name: str) -> None:
-    """Makes the system list the cameras of this USB tree."""
+    """Makes the system list the cameras of a simulated USB tree."""
     refusals.list_attached = lambda: list_attached(folder / name / "devices", folder / name / "nodes")
 
 
 def opened_twice() -> object:
-    """Triggers librealsense's own error for a stream that is already open."""
+    """Triggers librealsense's error for a stream that is already open."""
     with RealSenseSensor(rehearse=str(folder / "lensless-realsense.mcap")) as sensor:
         stream = depth_mode(sensor._rs, sensor._depth, (320, 240, 30), sensor.name)
         return sensor._open(sensor._depth, stream, sensor._images)
@@ -47,7 +48,7 @@ def on_usb_2() -> object:
 
 
 def lensless(kind: type, name: str) -> object:
-    """Returns the lens used for a device without calibration, and the reported warning."""
+    """Returns the lens used for a device without calibration data, and the reported warning."""
     with kind(rehearse=str(folder / f"lensless-{name}.mcap")) as sensor:
         while True:
             try:

@@ -1,4 +1,4 @@
-"""A driver for a device that reports bodies itself."""
+"""A driver of a device that tracks bodies itself."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ STEP = 40_000_000
 
 
 def bodies(number: int) -> list[Body]:
-    """Returns as many bodies as the frame's number; all different."""
+    """Returns ``number`` bodies, all different."""
     random = np.random.default_rng(number)
     return [Body(i, random.normal(size=(20, 3)), random.uniform(size=20), stature=1.7) for i in range(number)]
 
 
 class BodyDriver(Sensor):
-    """Frames with an increasing number of bodies."""
+    """A sensor of frames with an increasing number of bodies."""
 
     isolated = True
     name = "telling"
@@ -35,4 +35,4 @@ class BodyDriver(Sensor):
         return BodyFrame(bodies(number), number * STEP, self.name) if number < FRAMES else None
 
     def close(self) -> None:
-        """Has nothing to close."""
+        """Does nothing, since there is no device."""

@@ -1,4 +1,4 @@
-"""Lets these tests import the driver in this folder."""
+"""Adds the driver in this folder to the import path of these tests."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,6 @@
-"""The contract of every live sensor, and the sensors under test. Adding one is one line of DRIVERS."""
+"""The requirements that every live sensor fulfils, and the sensors under test. A new one is one line of
+DRIVERS.
+"""
 
 from __future__ import annotations
 
@@ -27,28 +29,31 @@ from enliven_edge.sensors.isolation.isolated import IsolatedOpener
 from enliven_edge.sensors.reopening import open_reopening
 
 FULL = os.environ.get("ENLIVEN_CONTRACT") == "full"
-"""make test-devices tests every driver completely; make test runs a shorter version."""
+"""True to run the complete tests of every driver (make test-devices), False for a shorter version (make
+test).
+"""
 FRAMES = 300 if FULL else 60
 STEP = 11_111_111
-"""Nanoseconds between two images, 90 per second: the cameras' fastest mode."""
+"""Nanoseconds between two images at 90 per second, the cameras' fastest mode."""
 CLOCK = 1_000
 """Maximum rounding of a library's clock in nanoseconds."""
 SIZE, OTHER = (96, 64), (128, 72)
 """Image sizes in pixels, before and after the mode change."""
 LONG = 1_200
-"""Images of a rehearsal, 13 s: longer than any test needs."""
+"""Number of images in a recording that replaces a device: 13 s, longer than any test."""
 PAUSE = 40
-"""Images, 0.44 s, for which a device sends nothing while its mode changes: shorter than a loss."""
+"""Number of images (0.44 s) for which a device is silent while its mode changes. A loss takes longer."""
 
 
 @dataclass(frozen=True)
 class Driver:
-    """One driver under the contract.
+    """A driver that has to fulfil the requirements.
 
     Attributes:
-        kind: its class; run in a helper process, with ``rehearse=`` for a device.
-        garbled: the same one, with a library that delivers garbage at times (None: it cannot be made to).
-        needs: the library that must be installed, and the extra of enliven-edge that brings it.
+        kind: its class. It runs in a helper process, with ``rehearse=`` in place of a device.
+        garbled: the same driver with a library that sometimes delivers garbage, None if that cannot be
+            simulated.
+        needs: the required library, and the extra of enliven-edge that installs it.
     """
 
     name: str
@@ -58,7 +63,7 @@ class Driver:
 
     @property
     def rounds(self) -> int:
-        """Number of times that the device is lost and returns."""
+        """Returns how often the tests disconnect and reconnect the device."""
         return 5 if FULL else 2 if self.name == "plain" else 1
 
     def opener(self, take: Path, kind: type | None = None) -> IsolatedOpener:
@@ -92,7 +97,7 @@ def usable(driver: Driver) -> Driver:
 
 
 def numbered(number: int, size: tuple[int, int] = SIZE) -> np.ndarray:
-    """Returns a (height, width) uint16 depth image, millimetres, that encodes its number."""
+    """Returns a (height, width) uint16 depth image in millimetres that encodes its number."""
     depth = picture(number % 7, *size)
     depth[0, :2] = number % 1000, number // 1000
     return depth
@@ -108,7 +113,7 @@ def lens(size: tuple[int, int]):
 
 
 def recorded(path: Path, frames: int, change_at: int | None = None) -> Path:
-    """Writes a recording of numbered images; after a pause at ``change_at`` their size changes."""
+    """Writes a recording of numbered images. After a pause at ``change_at`` their size changes."""
     with Recorder(path) as recorder:
         for number in range(frames):
             changed = change_at is not None and number >= change_at
@@ -118,17 +123,17 @@ def recorded(path: Path, frames: int, change_at: int | None = None) -> Path:
 
 
 def helpers() -> list:
-    """Returns the helper processes of this process."""
+    """Returns the helper processes of the current process."""
     return [p for p in multiprocessing.active_children() if p.name.startswith("sensor")]
 
 
 def helper_of(sensor: Sensor) -> int:
-    """Returns the helper process of a sensor that is kept open."""
+    """Returns the helper process of an open sensor."""
     return sensor._device._helper._process.pid
 
 
 def next_frame(sensor: Sensor, errors: list[Exception] | None = None, most: float = PATIENCE):
-    """Returns the next frame, skipping silence and recording faults."""
+    """Returns the next frame, and skips timeouts and faults of the recording."""
     deadline = time.monotonic() + most
     while time.monotonic() < deadline:
         try:
@@ -142,7 +147,7 @@ def next_frame(sensor: Sensor, errors: list[Exception] | None = None, most: floa
 
 
 class Live:
-    """A sensor that is kept open on a recording, which may be exchanged, removed and restored."""
+    """A sensor that stays open on a recording, which may be exchanged, removed and restored."""
 
     def __init__(self, driver: Driver, take: Path, folder: Path) -> None:
         self.driver, self.take, self.path = driver, take, folder / "rehearsal.mcap"
@@ -160,11 +165,11 @@ class Live:
         return frame
 
     def signal(self, number: int) -> None:
-        """Sends a signal to the helper process: SIGSTOP simulates a hanging library call, SIGKILL a crash."""
+        """Sends a signal to the helper process. SIGSTOP simulates a hanging library call, SIGKILL a crash."""
         os.kill(helper_of(self.sensor), number)
 
     def awake(self) -> Live:
-        """Returns the sensor with enough of its recording left; reopens it if the recording is over or was
+        """Returns the sensor with enough of its recording left. Reopens it if the recording has ended or was
         changed.
         """
         frame = next_frame(self.sensor, [])
@@ -182,14 +187,14 @@ class Live:
         here.rename(there)
 
     def lose(self) -> Exception:
-        """Kills the helper; returns the reported error once the edge has noticed."""
+        """Kills the helper process. Returns the reported error once the edge has noticed it."""
         self.signal(signal.SIGKILL)
         errors: list[Exception] = []
         self.until(lambda: errors, errors)
         return errors[0]
 
     def play(self, take: Path) -> None:
-        """Switches to another recording, like a camera that was reconfigured while it was away."""
+        """Switches to another recording, like a camera that was reconfigured while disconnected."""
         self.gone()
         self.lose()
         shutil.copy(take, self._aside)
@@ -213,7 +218,7 @@ class Live:
 
 
 def processor_seconds(pid: int) -> float:
-    """Returns the processor time of another process in seconds; 0 if the system does not report it."""
+    """Returns the processor time of another process in seconds, 0 if the system does not report it."""
     if not sys.platform.startswith("linux"):
         return 0.0
     fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()

@@ -1,4 +1,6 @@
-"""Drivers with a real library that delivers a garbage image now and then, in its usual way."""
+"""Drivers with a real library that occasionally delivers a garbage image, in the form that is typical for
+it.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,7 @@ def is_garbage(number: int) -> bool:
 
 
 class Plain(Sensor):
-    """A user's own driver, in a helper process: it opens, reads and closes a recording."""
+    """A user's own driver in a helper process, which opens, reads and closes a recording."""
 
     isolated = True
 
@@ -46,7 +48,7 @@ class Plain(Sensor):
 
 
 class GarbledPlain(Plain):
-    """Delivers an image of another type, and one of another size than its camera's."""
+    """Delivers an image of another type, and one whose size is not that of its camera."""
 
     def _made(self, frame: DepthFrame, number: int) -> DepthFrame:
         camera, depth = frame.intrinsics, frame.depth
@@ -56,7 +58,9 @@ class GarbledPlain(Plain):
 
 
 class GarbledOak(OakSensor):
-    """Delivers too few bytes, none, another type, no size, a NaN lens, and an object that is not an image."""
+    """Delivers too few bytes, no bytes, another type, no size, a NaN lens, and an object that is not an
+    image.
+    """
 
     def _send(self, frame: DepthFrame, number: int) -> None:
         if not is_garbage(number):
@@ -90,7 +94,7 @@ class GarbledOak(OakSensor):
 
 
 class GarbledRealSense(RealSenseSensor):
-    """Delivers another type, half a row, and NaN times. Such a device reports no missing rows."""
+    """Delivers another type, half a row, and NaN times. A RealSense does not report missing rows."""
 
     def _send(self, frame: DepthFrame, number: int) -> None:
         if not is_garbage(number):

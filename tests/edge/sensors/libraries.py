@@ -1,4 +1,4 @@
-"""The libraries that drivers need for their rehearsals, and skipping of tests if one is missing."""
+"""The libraries that drivers need for their tests, and a skip if one is missing."""
 
 import importlib.util
 
@@ -13,6 +13,6 @@ LIBRARIES = {
 
 
 def needs(driver: str) -> None:
-    """Skips a test where the driver's library is missing."""
+    """Skips a test if the driver's library is missing."""
     if importlib.util.find_spec(LIBRARIES[driver]) is None:
         pytest.skip(f"{LIBRARIES[driver]} is not installed: docs/sensors.md")

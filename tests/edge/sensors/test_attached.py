@@ -1,4 +1,6 @@
-"""Tests of the USB cameras that the system lists: their kinds, missing parts, and the command to type."""
+"""Tests of the USB cameras listed by the system: their models, missing software, and the command to install
+it.
+"""
 
 import fnmatch
 import re
@@ -15,7 +17,7 @@ RULES = Path(__file__).parents[3] / "firmware_configs" / "udev" / "60-enliven-ca
 
 @pytest.fixture
 def usb(tmp_path):
-    """Adds a device to an artificial USB tree."""
+    """Returns a function that adds a device to a simulated USB tree."""
     devices, nodes = tmp_path / "devices", tmp_path / "nodes"
 
     def plug(vendor: str, product: str, title: str = "", speed: str = "5000", mode: int = 0o666) -> None:
@@ -72,7 +74,7 @@ def test_missing_parts_of_a_camera_are_reported_with_the_command(usb, monkeypatc
     assert len(usb.found()) == 3 and "USB 2" not in str(usb.found()[1].find_problems()[1:])
 
 
-def test_the_doctor_shows_each(usb, monkeypatch):
+def test_doctor_lists_each_camera(usb, monkeypatch):
     usb("045e", "02c4", "Xbox NUI Sensor")
     monkeypatch.setattr(doctor, "list_attached", usb.found)
     check = next(check for check in doctor.checks() if check.name == "Kinect v2")
@@ -90,7 +92,7 @@ def test_a_library_that_no_extra_can_have_has_its_own_line(usb, monkeypatch):
 
 
 def test_the_rules_open_the_cameras_that_are_known_and_no_other_devices(usb):
-    """Read as udev reads them: all conditions of a line must hold."""
+    """The rules are read as udev reads them: all conditions of a line must hold."""
     lines = [line for line in RULES.read_text().splitlines() if line.startswith("ATTR")]
     assert all('TAG+="uaccess"' in line and 'MODE="0660"' in line for line in lines)
 

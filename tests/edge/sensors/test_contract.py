@@ -1,4 +1,4 @@
-"""Tests of one contract for every live sensor, on its real library if any, with a recording as device."""
+"""Tests the same requirements for every live sensor, with its real library and a recording as device."""
 
 import itertools
 import os
@@ -44,15 +44,18 @@ from enliven_synthesis.sensor.profile import load_profile
 from enliven_synthesis.sensor.studio import SyntheticSettings, SyntheticStudio
 
 LOAD = 0.5
-"""Maximum fraction of the waiting time spent on computing. Busy waiting uses all of it; a helper's threads,
-decoding and reading 90 images per second use less than a tenth."""
+"""Maximum fraction of the waiting time that is spent computing.
+
+Busy waiting uses all of it. A helper's threads, decoding and reading 90 images per second use less than a
+tenth.
+"""
 TURN = 0.1
-"""Seconds for which the edge waits for a frame at a time."""
+"""Timeout of each wait of the edge for a frame, seconds."""
 
 
 @pytest.fixture(scope="module")
 def takes(tmp_path_factory):
-    """Writes a long recording, and one with a change of image size after 120 images."""
+    """Writes a long recording, and one in which the image size changes after 120 images."""
     folder = tmp_path_factory.mktemp("takes")
     return recorded(folder / "long.mcap", LONG), recorded(folder / "changing.mcap", LONG // 2, change_at=120)
 
@@ -64,7 +67,7 @@ def driver(request):
 
 @pytest.fixture(scope="module")
 def kept(driver, takes, tmp_path_factory):
-    """One sensor for all tests, since it must survive each of them."""
+    """Returns one sensor for all tests, which has to survive each of them."""
     rehearsed = Live(driver, takes[0], tmp_path_factory.mktemp("rehearsed"))
     yield rehearsed
     rehearsed.close()
@@ -78,7 +81,9 @@ def live(kept):
 
 @pytest.mark.slow
 def test_images_arrive_unchanged_and_gaps_are_reported(live):
-    """Compared by clock and count: on a loaded machine some frames are skipped, as with a camera."""
+    """Frames are compared by time and number. On a loaded machine some frames are skipped, as with a
+    camera.
+    """
     seen = []
     for _ in range(FRAMES):
         frame = live.frame()
@@ -98,7 +103,7 @@ def test_images_arrive_unchanged_and_gaps_are_reported(live):
 
 @pytest.mark.slow
 def test_a_call_that_hangs_is_noticed_by_the_edge_s_own_timer(live):
-    """Counted in waits of minimum duration; the edge does nothing else meanwhile."""
+    """The timeout is counted in waits of minimum duration. The edge does nothing else meanwhile."""
     before, at = time.process_time(), time.monotonic()
     live.signal(signal.SIGSTOP)
     waits, last = 0, live.last.time_ns
@@ -115,8 +120,10 @@ def test_a_call_that_hangs_is_noticed_by_the_edge_s_own_timer(live):
 
 
 @pytest.mark.slow
-def test_lost_and_back_again_and_again(live):
-    """Its process is killed, the device is gone for two attempts and returns: each time a new process."""
+def test_device_is_reopened_after_every_loss(live):
+    """The helper process is killed, and the device is absent for two attempts. Each time, a new process opens
+    it.
+    """
     for _ in range(live.driver.rounds):
         live.gone()
         assert "signal 9" in str(live.lose())
@@ -128,8 +135,8 @@ def test_lost_and_back_again_and_again(live):
 
 
 @pytest.mark.slow
-def test_another_size_in_the_middle_of_the_stream(live, takes):
-    """Image and lens always match; nothing computes in its place while the mode changes."""
+def test_image_size_may_change_during_the_stream(live, takes):
+    """Image and lens always match. While the mode changes, the helper is idle."""
     live.play(takes[1])
     shapes: list[tuple[int, ...]] = []
     errors: list[Exception] = []
@@ -149,9 +156,9 @@ def test_another_size_in_the_middle_of_the_stream(live, takes):
 
 @pytest.mark.slow
 def test_garbage_and_closing_of_one_sensor_do_not_affect_another(live, takes, monkeypatch, request):
-    """An image of garbage is reported and skipped; the other sensor is not affected.
+    """A garbage image is reported and skipped, and the other sensor is not affected.
 
-    Finally its library hangs for ever: neither closing nor the reader waits for it.
+    Finally the library hangs for ever. Neither closing nor the reader waits for it.
     """
     other = open_reopening(live.driver.opener(takes[0], live.driver.garbled))
     request.addfinalizer(other.close)
@@ -179,7 +186,7 @@ def test_garbage_and_closing_of_one_sensor_do_not_affect_another(live, takes, mo
 
 
 def read_to_the_end(sensor):
-    """Reads for ever, each frame at its own duration."""
+    """Reads for ever, and holds each frame for its duration."""
     while True:
         try:
             if sensor.read() is None:
@@ -190,7 +197,7 @@ def read_to_the_end(sensor):
 
 @pytest.fixture(scope="module")
 def rooms(tmp_path_factory):
-    """Renders an empty room for a camera, and for the same camera rotated and raised."""
+    """Renders an empty room for a camera, and for the same camera after rotation and lifting."""
     folder = tmp_path_factory.mktemp("rooms")
     for name, tilt, height in (("here", 6.0, 1.2), ("there", 20.0, 1.6)):
         more = {"choreography": "idle", "width": 160, "camera_height": height, "camera_tilt": tilt}
@@ -229,7 +236,7 @@ class Nobody:
 
 
 def filmed(path):
-    """Writes a film of one second at 12 images per second."""
+    """Writes a video of one second with 12 images."""
     av = pytest.importorskip("av")
     with av.open(path, "w") as container:
         stream = container.add_stream("libx264", rate=12)
@@ -246,7 +253,7 @@ IN_THE_EDGE = {
     "synthetic": lambda takes, folder: {"width": 64},
     "webcam": lambda takes, folder: {"device": filmed(folder / "film.mp4"), "source": Nobody()},
 }
-"""Options for the sensors that run without a process of their own."""
+"""Options of the sensors that run without their own process."""
 
 
 @pytest.mark.parametrize("name", IN_THE_EDGE)

@@ -1,4 +1,6 @@
-"""Tests that crashes of a camera's program or library leave a bounded report, which the doctor names."""
+"""Tests that crashes of a camera's program or library leave a report of bounded size, which the doctor
+lists.
+"""
 
 import importlib.util
 import re
@@ -41,7 +43,7 @@ def test_library_crash_is_located_and_repeats_are_counted(tmp_path):
 
 
 def test_crash_dump_of_an_oak_is_kept_unchanged(state):
-    """The library's own dump format; only the device that delivers it is simulated."""
+    """The dump has the library's own format. Only the device that delivers it is simulated."""
     if importlib.util.find_spec("depthai") is None:
         pytest.skip('depthai is not installed: pip install "./edge[oak]"')
     import depthai as dai

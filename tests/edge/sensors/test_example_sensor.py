@@ -1,4 +1,4 @@
-"""Tests that the driver of docs/add-a-sensor.md, installed as a user would, runs in the edge."""
+"""Tests that the driver in docs/add-a-sensor.md, installed like by a user, runs in the edge."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""Tests of every sensor fault through the real edge: reported, survived and cleared; ended if requested."""
+"""Tests that the real edge reports and survives every sensor fault, or ends if requested."""
 
 import time
 import uuid
@@ -21,7 +21,7 @@ from enliven_edge.tracking.health.health import HealthMonitor
 from enliven_edge.tracking.tracker import Tracker
 
 FRAMES = 160
-"""Number of frames after which a state has cleared, by the sensor's clock."""
+"""Number of frames by the sensor's clock after which a health state has been cleared."""
 SAID = {
     "OSError": HealthKind.SENSOR_LOST,
     "RuntimeError": HealthKind.SENSOR_LOST,
@@ -97,7 +97,7 @@ def test_another_size_that_stays_is_a_new_mode_of_the_sensor(outlet):
 
 
 class Plugged(Troubled):
-    """A live sensor with its own frame numbers that fails once, for a while."""
+    """A live sensor with its own frame numbers that fails once for a while."""
 
     breaks_at = 10
 
@@ -116,7 +116,7 @@ class Plugged(Troubled):
 
 
 def fused(once: bool) -> FusedSensors:
-    """Fuses two sensors; the first fails once after ten frames."""
+    """Fuses two sensors. The first fails once after ten frames."""
     outages = ["No such device"]
     sensors = {
         "a": open_reopening(lambda: Plugged("a", outages)),

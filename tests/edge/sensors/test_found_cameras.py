@@ -1,4 +1,4 @@
-"""Tests of the window's list of all cameras: what each is, how it starts, what it lacks."""
+"""Tests of the window's list of cameras: model, command to start it, and missing software."""
 
 import json
 
@@ -13,7 +13,7 @@ from enliven_edge.sensors.camera_list import find_cameras, video_cameras
 
 @pytest.fixture
 def video(tmp_path):
-    """Adds video devices to an artificial system tree."""
+    """Returns a function that adds video devices to a simulated system tree."""
     devices, nodes = tmp_path / "video4linux", tmp_path / "dev"
     devices.mkdir()
     nodes.mkdir()

@@ -1,4 +1,4 @@
-"""Tests that a recorded live sensor is replayed identically: frames, conditions, health and losses."""
+"""Tests that a recorded live sensor is replayed identically: frames, device conditions, health and losses."""
 
 import importlib.util
 import threading
@@ -42,7 +42,7 @@ conditions = st.builds(
 
 @dataclass(frozen=True)
 class Step:
-    """One read of the scripted sensor: a frame after some lost ones, or an error."""
+    """One read of the scripted sensor: a frame (after some lost ones), or an error."""
 
     lost_before: int = 0
     condition: Condition | None = None
@@ -61,7 +61,7 @@ steps = st.lists(
 
 
 SLOPE = 5
-"""Colour difference between neighbouring pixels."""
+"""Grey value difference between neighbouring pixels."""
 
 
 def shades(number: int) -> np.ndarray:
@@ -71,7 +71,7 @@ def shades(number: int) -> np.ndarray:
 
 
 class Scripted(Sensor):
-    """Does one step per read; its condition holds until the next step with one."""
+    """A sensor that does one step per read. A device condition holds until a step with another one."""
 
     name, fps = "scripted", 30.0
 
@@ -102,7 +102,7 @@ class Scripted(Sensor):
 
 
 def lived(sensor) -> list[tuple]:
-    """Returns all output of a sensor, with an edge's health monitor's states."""
+    """Returns all output of a sensor, with the states of an edge's health monitor."""
     health, events = HealthMonitor(fps=30.0), []
     while True:
         try:
@@ -196,7 +196,7 @@ def test_inspect_reports_gaps_temperature_and_losses(tmp_path, capsys):
 
 
 def test_damaged_sensor_reports_never_cost_a_frame(tmp_path):
-    """Damaged messages next to the frames, and a device that measures NaN."""
+    """Messages next to the frames are damaged, and the device reports NaN."""
     frame = Scripted([Step()]).read()
     with Recorder(tmp_path / "a.mcap") as recorder:
         EventLog(recorder).frame(frame, Condition(temperature=float("nan"), gravity=(float("nan"), 0.0, 0.0)))
@@ -215,7 +215,7 @@ def test_an_older_recording_says_nothing_of_its_device(tmp_path):
 
 
 def test_every_frame_waits_for_a_slow_reader(tmp_path):
-    """More frames than fit in memory: the driver then waits; none is lost or exchanged."""
+    """There are more frames than fit in memory. The driver then waits, and no frame is lost or replaced."""
     with opener(tmp_path, pace=0.002, every_frame=True)() as sensor:
         next_frame(sensor)
         time.sleep(0.5)
@@ -235,20 +235,21 @@ def test_images_that_wait_stay_when_larger_ones_need_other_memory(tmp_path):
 
 @pytest.mark.parametrize("driver", LIBRARIES)
 def test_a_driver_on_its_real_library_is_recorded_and_replayed_frame_for_frame(driver, tmp_path):
-    """Rehearses a recording with gaps as a user does: frames, numbers and conditions are the same.
+    """A recording with gaps is used as the device. Frames, numbers and conditions are the same.
 
-    Depth is the same to the bit. The RealSense library maps colour onto it, at most one pixel off.
+    Depth is bit-identical. The RealSense library maps colour onto depth, with an error of at most one pixel.
     """
     needed(driver)
     cold, hot = Condition("USB 3", False, 41.0, 90.0, (0.0, 9.8, 0.1)), Condition("USB 2", True, 93.0, 90.0)
     script = [Step(error="bad frame"), Step(error="lost"), Step(condition=cold), *[Step()] * 30]
     script += [Step(4, hot), *[Step()] * 26, Step(grey=True), Step(1)]
-    # Silent for four seconds: a driver counts one second as a loss, and would start again for ever.
+    # The recording is silent for four seconds. A driver that counts one second as a loss would restart for
+    # ever.
     script += [Step(error="lost"), Step(120), Step()]
     take, copied = tmp_path / "take.mcap", tmp_path / "made.mcap"
     recorded(take, Scripted(script, coloured=True)).close()
     words = ["--sensor", driver, "--set", f"rehearse={take}", "--set", "colour=true"]
-    # It ends by itself; a recording that starts again for ever ends this way.
+    # The first recording ends by itself. A recording that restarts for ever is ended like this.
     assert cli.run(["record", *words, "--seconds", "12", "-o", str(copied)]) == 0
     with ReplaySensor(take, speed=0.0) as first, ReplaySensor(copied, speed=0.0) as second:
         assert [type(next_said(first)) for _ in range(2)] == [InputError, SensorFault]
@@ -260,11 +261,11 @@ def test_a_driver_on_its_real_library_is_recorded_and_replayed_frame_for_frame(d
             b = second.read()
             assert (b.sequence, b.time_ns) == (a.sequence, a.time_ns)
             np.testing.assert_array_equal(a.depth, b.depth)
-            # A camera always has colour; if the recording has none, the previous image is repeated.
+            # A camera always delivers colour. If the recording has none, the previous image is repeated.
             colour = colour if a.colour is None else a.colour
             judge_colour(driver, colour, b)
         assert second.read() is None, "and no loss of its own"
-        # The helper process reads the condition once per second.
+        # The helper process reads the device condition once per second.
         assert second.condition() in (cold, hot)
 
 
@@ -275,7 +276,7 @@ def needed(driver: str) -> None:
 
 
 def judge_colour(driver: str, expected: np.ndarray, frame: DepthFrame) -> None:
-    """Checks that a driver's colour image has the right time and position."""
+    """Checks that a driver's colour image has the right time and is aligned with the depth."""
     if driver == "oak":
         np.testing.assert_array_equal(frame.colour, expected)
         return
@@ -297,7 +298,9 @@ def test_a_recording_without_colour_is_no_rehearsal_of_colour(driver, tmp_path):
 
 
 def test_each_depth_gets_the_colour_of_its_moment_or_none(tmp_path):
-    """On the RealSense library: a colour image alone is skipped, one that is ahead waits for its depth."""
+    """With the RealSense library, a colour image without depth is skipped, and an early one waits for its
+    depth.
+    """
     needed("realsense")
     recorded(tmp_path / "a.mcap", Scripted([Step()] * 8, coloured=True)).close()
     with ReplaySensor(tmp_path / "a.mcap", speed=0.0) as replayed:

@@ -1,6 +1,6 @@
-"""Tests that a camera that hangs is reset on its port: in an artificial USB tree, by real system calls.
+"""Tests that a hanging camera is reset on its USB port, with real system calls on a simulated USB tree.
 
-A port reset itself needs a camera. Here its request reaches a regular file, which the kernel refuses.
+A real port reset needs a camera. Here, the request goes to a regular file, and the kernel refuses it.
 """
 
 import itertools
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="USB devices are
 
 @pytest.fixture
 def usb(tmp_path: Path):
-    """Two OAK cameras and a mouse in an artificial sysfs. Returns its folders."""
+    """Creates two OAK cameras and a mouse in a simulated sysfs. Returns its folders."""
     devices, nodes = tmp_path / "devices", tmp_path / "nodes"
     for number, (vendor, title) in enumerate((("03e7", "Luxonis Device"),) * 2 + (("046d", "Mouse"),), 1):
         device = devices / f"1-{number}"
@@ -42,7 +42,7 @@ def usb(tmp_path: Path):
 
 @pytest.fixture
 def switched(usb, monkeypatch) -> list[list[str]]:
-    """Records the state of all switches while a camera is disconnected, instead of waiting."""
+    """Records the state of all switches while a camera is disconnected, without waiting."""
     states: list[list[str]] = []
 
     def look(seconds: float) -> None:
@@ -104,7 +104,7 @@ def test_pauses_between_resets_grow_until_frames_come(usb, monkeypatch) -> None:
 
 
 class Hanging(Sensor):
-    """A driver that cannot open its camera until it was reset."""
+    """A driver that cannot open its camera until the camera was reset."""
 
     def __init__(self, usb, resets: int) -> None:
         self.opened = 0

@@ -1,4 +1,4 @@
-"""Tests of sensor profiles: every shipped file is valid and plausible; invalid ones are refused with a
+"""Tests of sensor profiles: every shipped file is valid and plausible, and invalid ones are refused with a
 reason.
 """
 
@@ -15,7 +15,7 @@ from enliven_edge.sensors.profile import TypicalCamera, typical_camera
 from enliven_synthesis.sensor.profile import load_profile
 
 
-def test_the_known_cameras_are_there() -> None:
+def test_known_cameras_have_profiles() -> None:
     expected = {"kinect1", "kinect2", "tof", "oak-d", "oak-d-lite", "realsense-d415", "pi-stereo"}
     assert expected <= set(profile_names())
 
@@ -34,7 +34,7 @@ def test_a_shipped_profile_is_plausible(name: str) -> None:
     for z in (reach.near, 1.0, 2.0, min(reach.far, 4.0)):
         assert 0.0003 < profile.sigma(z) < 0.12
         assert profile.step(z) <= 0.065
-        # Published deviations include the quantisation, so they cannot be below it.
+        # Published deviations include the quantisation, so they cannot be smaller.
         assert profile.sigma(z) > 0.9 * profile.step(z) / math.sqrt(12)
 
 

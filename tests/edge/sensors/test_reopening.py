@@ -1,4 +1,4 @@
-"""Tests of a live sensor that runs for ever: it fails, hangs and returns, and its stream continues."""
+"""Tests of a live sensor that fails, hangs and returns while its stream continues."""
 
 import itertools
 import threading
@@ -36,7 +36,7 @@ def until(condition) -> None:
 
 
 def stream(sensor) -> tuple[list, list[Exception]]:
-    """Yields every frame, and every error in between."""
+    """Yields every frame, and every error between frames."""
     frames, errors = [], []
     deadline = time.monotonic() + DEADLINE
     while time.monotonic() < deadline:
@@ -92,7 +92,7 @@ def test_continuing_clock_is_not_shifted():
 
 @pytest.mark.parametrize("place", [4, 5, 6])
 def test_one_wrong_time_next_to_a_failure_is_harmless(place):
-    """The last time before it, or the first one after it."""
+    """The wrong time is the last before the failure, or the first after it."""
 
     class Wild(Troubled):
         def read(self, timeout=None):
@@ -111,8 +111,10 @@ SECOND = 10**9
 steps = st.tuples(
     st.integers(1, 3 * SECOND), st.integers(1, SECOND), st.none() | st.integers(-SECOND, SECOND) | st.just(0)
 )
-"""Nanoseconds until a frame arrives, and since the previous one by the device's clock; for a reopened device,
-the offset of its clock from the previous one."""
+"""Nanoseconds until a frame arrives, and nanoseconds since the previous frame by the device's clock.
+
+For a reopened device, the third value is its clock's offset from the previous device's clock.
+"""
 
 
 @given(st.lists(steps, max_size=20))
@@ -207,7 +209,7 @@ def test_closing_does_not_wait_for_a_read_that_hangs():
 
 
 def test_no_frame_is_read_ahead():
-    """The device is read when the edge asks, so no frame waits and ages."""
+    """The device is read when the edge requests a frame, so no frame is delayed in a queue."""
     with ReopeningSensor(lambda: Troubled(20)) as sensor:
         for count in range(1, 6):
             sensor.read(DEADLINE)

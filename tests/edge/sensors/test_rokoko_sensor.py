@@ -1,4 +1,4 @@
-"""Tests of Rokoko Studio's stream as a sensor, by packets written by hand and by those of enliven's output.
+"""Tests of Rokoko Studio's stream as a sensor, with packets written by hand and by enliven's output.
 
 The packets follow Rokoko's page "Custom Streaming" (JSON v3): Unity's axes, +Y up, +Z forward, metres, and
 rotations x, y, z, w. The rotations of the T-pose are those of Rokoko's plug-in for Unity.
@@ -62,7 +62,9 @@ def placement(position, rotation) -> dict:
 
 
 def packet(*actors, version="3,0", **more) -> bytes:
-    """Returns a packet with (name, joints) of each actor, and the other parts that Rokoko Studio sends."""
+    """Returns a packet with the (name, joints) of each actor and all other fields that Rokoko Studio
+    sends.
+    """
     rows = []
     meta = {"hasGloves": False, "hasLeftGlove": False, "hasRightGlove": False, "hasBody": True}
     common = {"meta": {**meta, "hasFace": True}, "face": {"jawOpen": 12.5}}
@@ -97,7 +99,7 @@ def test_the_t_pose_of_rokoko_faces_forward_with_the_arms_out(compress):
     ):
         assert np.allclose(body.joints[joint], [x, y, z], atol=1e-6), joint
     assert np.allclose(rotate(body.orientations[Joint.HIP_CENTER], [0.0, 0.0, 1.0]), [0, 0, 1], atol=1e-4)
-    # The hands point away from the body: no bone follows the wrist, so the rotation decides.
+    # The hands point away from the body. No bone follows the wrist, so its rotation determines the hand.
     assert body.joints[Joint.HAND_LEFT][0] > 0.8 and body.joints[Joint.HAND_RIGHT][0] < -0.8
     assert body.confidence.min() == 1.0
 

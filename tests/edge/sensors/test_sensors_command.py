@@ -1,4 +1,4 @@
-"""Tests of ``enliven sensors``: it lists the sensors, and describes one sensor's view."""
+"""Tests of ``enliven sensors``, which lists the sensors and describes what one sensor sees."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +19,7 @@ def said(capsys, *words: str) -> tuple[int, str, str]:
     return code, out, err
 
 
-def test_all_are_listed(capsys):
+def test_all_sensors_are_listed(capsys):
     code, out, _ = said(capsys)
     assert (
         code == 0
@@ -52,14 +52,14 @@ class CameraManager:
         made.cameras = [Camera(*each) for each in models.items()]
         return made
 """
-"""The used part of libcamera's binding, as in the virtual machine of make test-devices."""
+"""A minimal version of libcamera's Python binding, as in the virtual machine of make test-devices."""
 AT_PORTS = [
     ("", ["imx708 /base/i2c@88000/imx708@1a: --sensor libcamera --set left=0", "@60: --sensor", "left=1"]),
     ("os.abort()", ["libcamera cannot list its cameras (exit code -6", "rpicam-hello --list-cameras"]),
     ("time.sleep(60)", ["libcamera has not listed its cameras within"]),
     ("import nothing_of_the_kind", ["libcamera does not load (No module named", "apt install python3-lib"]),
 ]
-"""One more line of the binding, and the expected output: libcamera may end or hang its process."""
+"""A line to add to the binding, and the expected output. libcamera may end or block its process."""
 
 
 @pytest.mark.parametrize(("line", "words"), AT_PORTS)
@@ -86,7 +86,7 @@ def test_only_raspberry_pi_gets_libcamera_advice(capsys, monkeypatch, tmp_path):
 
 
 def test_view_of_one_sensor_is_described_and_drawn(capsys, tmp_path):
-    """Floor, tilt and size of the shipped recording are known: 1.15 m high, five degrees down."""
+    """Floor height, tilt and size in the shipped recording are known: 1.15 m high, five degrees down."""
     path = f"path={shipped_recording()}"
     code, out, _ = said(capsys, "replay", "--set", path, "--seconds", "0.5", "-o", str(tmp_path / "a.png"))
     assert code == 0

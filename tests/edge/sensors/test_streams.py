@@ -1,4 +1,6 @@
-"""Tests of motion from other programs as sensors: VMC and OSC trackers, sent by enliven and by others."""
+"""Tests of motion from other programs as sensors: VMC and OSC trackers, sent by enliven and by other
+programs.
+"""
 
 import contextlib
 import socket
@@ -36,7 +38,7 @@ WAIT = 30.0
 
 
 def received(sensor, scheme: str, frame: LiveFrame, frames: int = 1):
-    """Sends frames by an output of enliven, and returns the bodies of the last one."""
+    """Sends frames through an output of enliven. Returns the bodies of the last frame."""
     with open_outputs(outputs_of([f"{scheme}:127.0.0.1:{sensor.port}"], {})) as outputs:
         for _ in range(frames):
             outputs.put(frame)
@@ -45,7 +47,7 @@ def received(sensor, scheme: str, frame: LiveFrame, frames: int = 1):
 
 
 def send(port: int, *messages) -> None:
-    """Sends messages of another program in one bundle."""
+    """Sends messages as another program would, in one bundle."""
     builder = OscBundleBuilder(IMMEDIATELY)
     for address, *arguments in messages:
         builder.add_content(build_msg(address, list(arguments)))
@@ -83,7 +85,7 @@ def test_rotations_alone_give_a_person_of_average_proportions():
     )
     with open_sensor("vmc", port=0, height=1.6) as sensor:
         bones = [("/VMC/Ext/Bone/Pos", name, *still) for name in names]
-        # The left arm is forward: a quarter turn from -X to +Z about +Y in Unity's axes.
+        # The left arm is forward: in Unity's axes, a quarter turn about +Y from -X to +Z.
         bones.append(("/VMC/Ext/Bone/Pos", "LeftUpperArm", 0.0, 0.0, 0.0, 0.0, half, 0.0, half))
         bones[0] = ("/VMC/Ext/Bone/Pos", "Hips", 0.5, 0.9, -1.0, 0.0, 0.0, 0.0, 1.0)
         send(sensor.port, *bones)
@@ -129,7 +131,7 @@ def test_garbage_is_ignored():
         assert len(received(sensor, "vmc", LiveFrame(0, {1: performer()}))) == 1
 
 
-def test_a_suit_of_another_program_moves_a_mesh():
+def test_motion_suit_of_another_program_moves_a_mesh():
     graph = DeformationGraph.build(make_chair(0.05), nodes=24, seed=0)
     actor = EmbeddedActor(
         character_from_graph(make_chair(0.05), graph, "chair"), graph, ActorSettings(fade=0.0)
@@ -167,7 +169,7 @@ def test_trackers_become_a_body():
         assert np.allclose(read.joints[Joint[name]], body.joints[Joint[name]], atol=1e-4), name
         assert read.confidence[Joint[name]] == 1.0
     assert read.confidence[Joint.WRIST_LEFT] == 0.0 and np.isfinite(read.joints).all()
-    # Left and right: the guessed shoulders are on the right sides.
+    # The estimated shoulders are on the correct sides.
     left = body.joints[Joint.SHOULDER_LEFT] - body.joints[Joint.SHOULDER_RIGHT]
     assert (read.joints[Joint.SHOULDER_LEFT] - read.joints[Joint.SHOULDER_RIGHT]) @ left > 0
 

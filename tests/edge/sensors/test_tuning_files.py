@@ -1,4 +1,6 @@
-"""Tests that libcamera's tuning files contain what its readers need (its src/ipa/rpi/controller/rpi)."""
+"""Tests that libcamera's tuning files contain the data that libcamera reads (its
+src/ipa/rpi/controller/rpi).
+"""
 
 import itertools
 import json
@@ -8,9 +10,9 @@ import pytest
 
 FILES = sorted((Path(__file__).parents[3] / "firmware_configs" / "libcamera").glob("*.json"))
 KNOWN = {"black_level", "lux", "dpc", "noise", "geq", "denoise", "agc", "alsc", "contrast", "sharpen", "sync"}
-"""Algorithms that a sensor without colour may have."""
+"""Algorithms that a monochrome sensor may use."""
 ZONES = {"pisp": 15 * 15, "bcm2835": 15}
-"""Weights of a metering mode on the Raspberry Pi 5 and before."""
+"""Number of weights of a metering mode on the Raspberry Pi 5 and on older models."""
 
 
 def rising(points: list[float], strictly: bool = True) -> bool:
@@ -43,8 +45,8 @@ def test_a_tuning_file_has_what_libcamera_reads(path):
 def test_the_one_for_two_cameras_keeps_them_in_step_sharp_and_steady():
     (path,) = [path for path in FILES if "stereo" in path.stem]
     algorithms = {k: v for each in json.loads(path.read_text())["algorithms"] for k, v in each.items()}
-    # At 30 images per second with a message every ten: synchronised within a second.
+    # At 30 images per second with a message every ten images, cameras are synchronised within a second.
     assert algorithms["rpi.sync"]["sync_period"] <= 10
-    # Half a period of 50 Hz light; a hand at 1 m/s blurs over two pixels at 2 m in that time.
+    # Half a period of 50 Hz light. In this time, a hand at 1 m/s and 2 m distance blurs over two pixels.
     assert max(algorithms["rpi.agc"]["exposure_modes"]["normal"]["shutter"]) == 10_000
     assert "rpi.denoise" not in algorithms and "rpi.sharpen" not in algorithms

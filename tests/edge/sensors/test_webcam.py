@@ -1,4 +1,6 @@
-"""Tests of a film in place of a webcam; the landmarks are a performer's that is not in it."""
+"""Tests of a video file in place of a webcam. The landmarks are those of a performer that is not in the
+video.
+"""
 
 import math
 import time
@@ -22,7 +24,7 @@ MOUNT = world_from_level_camera(1.2)
 
 
 class Truth:
-    """Returns the synthetic performer's projected joints for every image."""
+    """A landmark source that returns the synthetic performer's projected joints for every image."""
 
     def __init__(self) -> None:
         self.sensor = SyntheticSensor(choreography="walk", realtime=False)
@@ -52,7 +54,7 @@ class Truth:
 
 @pytest.fixture
 def film(tmp_path):
-    """Writes twelve grey images of increasing brightness, at 12 per second."""
+    """Writes a video of twelve grey images of increasing brightness, at 12 per second."""
     path = tmp_path / "film.mp4"
     with av.open(path, "w") as container:
         stream = container.add_stream("libx264", rate=12)

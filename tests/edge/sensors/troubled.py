@@ -1,4 +1,4 @@
-"""A third-party driver: it opens, reads and closes, and has every fault of a camera."""
+"""A third-party driver that opens, reads and closes, and can have every fault of a camera."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ FAULTS = (
 
 
 def picture(number: int, width: int = 64, height: int = 48) -> np.ndarray:
-    """Returns a (height, width) uint16 image of a wall, millimetres, that never repeats."""
+    """Returns a (height, width) uint16 depth image of a wall in millimetres. It differs for each number."""
     noise = np.random.default_rng(number).integers(0, 20, (height, width))
     return (2500 + noise).astype(np.uint16)
 
@@ -38,9 +38,9 @@ def camera(width: int = 64, height: int = 48, focal: float = 60.0) -> Intrinsics
 
 
 class Troubled(Sensor):
-    """Delivers frames 0 to ``frames`` - 1; before each number in ``faults`` its fault occurs once.
+    """Delivers frames 0 to ``frames`` - 1. Before each number in ``faults``, its fault occurs once.
 
-    Each device counts time from 0, as after being plugged in again. The stream goes on over devices.
+    Each device counts time from 0, as after being plugged in again. Frame numbers continue across devices.
     """
 
     name = "troubled"
@@ -58,11 +58,11 @@ class Troubled(Sensor):
 
     @classmethod
     def reset(cls) -> None:
-        """Resets to the state before the first device."""
+        """Resets the class to its initial state, before the first device."""
         cls.devices, cls.number, cls.done = [], 0, set()
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
-        """Returns the next frame, or raises the fault that is due."""
+        """Returns the next frame, or raises the next fault."""
         time.sleep(self.pace)
         at = Troubled.number
         if at in self.faults and at not in Troubled.done:

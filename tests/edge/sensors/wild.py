@@ -1,4 +1,4 @@
-"""A driver with a library that crashes, hangs, goes silent, and prints."""
+"""A driver whose library crashes, hangs, goes silent, or prints."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from enliven_edge.sensors.base import Condition, Sensor
 
 
 class Wild(Sensor):
-    """Endless frames, numbered in their first pixel; one failure at frame ``after``.
+    """A sensor of endless frames, numbered in their first pixel, with one failure at frame ``after``.
 
     Args:
-        folder: each device leaves a file there, so that the next device does not fail. A file ``gone`` means
-            that the device is unplugged, a file ``slow`` that opening has not finished.
+        folder: each device writes a file there, so that the next device does not fail. If a file ``gone``
+            exists, the device is unplugged. If a file ``slow`` exists, opening has not finished.
         mishap: the failure, which happens once.
     """
 

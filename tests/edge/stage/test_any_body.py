@@ -1,4 +1,4 @@
-"""Tests that ten held-out bodies wave like their performer, limb by limb."""
+"""Tests that ten held-out bodies follow their performer's waving, limb by limb."""
 
 from __future__ import annotations
 
@@ -25,15 +25,17 @@ from enliven_edge.tracking.body_model.posture import Posture, rotation
 FRAME = 33_333_333
 ARM = {"left": (model.UPPER_ARM_L, model.FOREARM_L, 1), "right": (model.UPPER_ARM_R, model.FOREARM_R, -1)}
 FAR = 0.35
-"""Distance from the bones of an arm, metres, for a body of 1.75 m, beyond which nothing belongs to it: a
-bear's arm is thick."""
+"""Distance from an arm's bones, for a body of 1.75 m, beyond which no point belongs to the arm, metres. A
+bear's arm is thick.
+"""
 STILL = 0.3
-"""Maximum motion of points far from the arm, as a fraction of the hand's path: a bear leans its head by 17
-cm."""
+"""Maximum motion of points far from the arm, as a fraction of the hand's path. A bear's head leans by 17
+cm.
+"""
 TAKEN = 0.005
-"""Maximum motion of an aligned mesh at attachment, metres per frame: the solver is still converging."""
+"""Maximum motion of an aligned mesh at attachment, metres per frame. The solver is still converging."""
 SETTLED, WAVING = 75, 40
-"""Frames until the mesh has reached its performer's pose, and frames of the wave."""
+"""Number of frames until the mesh has its performer's pose, and number of frames of the wave."""
 
 
 def waving(side: str, share: float) -> Body:
@@ -67,8 +69,8 @@ def at_origin(known) -> np.ndarray:
     return (known.joints - middle) * 1.75 / (high[1] - low[1])
 
 
-def test_performers_back_is_in_the_meshs_back(known):
-    """The trunk is within 4 cm of the performer's, and faces the same way."""
+def test_trunk_of_the_mesh_matches_the_performers(known):
+    """The trunk is within 4 cm of the performer's, and faces the same direction."""
     modelled, _ = prepare_mesh(known.mesh, ActorSettings(stand="modelled"))
     fitted, _ = prepare_mesh(known.mesh, ActorSettings(stand="fitted"))
     first = slice(len(known.mesh.vertices))
@@ -83,7 +85,7 @@ def test_performers_back_is_in_the_meshs_back(known):
 
 
 def test_known_bones_follow_the_fitted_mesh():
-    """Each bone is given as the centre of some vertices, so it is correct wherever the mesh stands."""
+    """Each bone is given as the centre of some vertices, so it is correct for any position of the mesh."""
     turned = t_woman()
     vertices = turned.mesh.vertices @ rotation_about_y(0.7).T * 0.6 + [1.0, 0.3, -2.0]
     joints = turned.joints @ rotation_about_y(0.7).T * 0.6 + [1.0, 0.3, -2.0]
@@ -102,7 +104,7 @@ def test_known_bones_follow_the_fitted_mesh():
 @pytest.mark.parametrize(("how", "side"), [("mapped", "left"), ("inside", "right")])
 @pytest.mark.slow
 def test_mesh_waves_with_its_performer(known, how, side):
-    """The mesh reaches its performer's pose without a jump, with hanging arms, and then waves."""
+    """The mesh reaches its performer's pose (hanging arms) without a jump, and then waves."""
     own = ActorSettings(how=how, stand="modelled")
     actor = create_mesh_actor(known.mesh, "it", 128, own)
     joints = at_origin(known)
@@ -136,7 +138,7 @@ def test_mesh_waves_with_its_performer(known, how, side):
 @pytest.mark.parametrize("how", ["mapped", "inside"])
 @pytest.mark.parametrize("ahead", [True, False])
 def test_t_pose_lowers_its_arms_before_attachment(how, ahead):
-    """It approaches the performer in view without a jump, and does not move on attachment."""
+    """It approaches the pose of the performer in view without a jump, and does not move at attachment."""
     woman = t_woman()
     own = ActorSettings(how=how, stand="modelled", ahead=ahead)
     actor = create_mesh_actor(woman.mesh, "it", 128, own)

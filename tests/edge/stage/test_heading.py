@@ -24,11 +24,11 @@ from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model.posture import rotation
 
 MAX_DEVIATION_DEG = 10.0
-"""Maximum deviation of the hips from their performer's heading, degrees: the goal of issue 44."""
+"""Maximum deviation of the mesh's hips from their performer's heading, degrees."""
 FRAME_NS = 33_333_333
 SEEDS = st.integers(0, 2**32 - 1)
 NOISE_M = st.sampled_from([0.0, 0.004])
-"""Joint noise in metres: none, and that of a depth camera."""
+"""Joint noise in metres: none, or that of a depth camera."""
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,9 @@ def woman() -> Mesh:
 
 
 def facing(yaw: float, x: float = 0.0, lift: float = 0.0) -> Body:
-    """Returns a standing performer, rotated about +Y, with the left thigh lifted; both angles in radians."""
+    """Returns a standing performer, rotated about +Y by ``yaw``, with the left thigh lifted by ``lift``,
+    radians.
+    """
     joints = standing_figure()
     leg = [Joint.KNEE_LEFT, Joint.ANKLE_LEFT, Joint.FOOT_LEFT]
     hip = joints[Joint.HIP_LEFT].copy()
@@ -89,7 +91,7 @@ def test_other_bodies_keep_their_performers_heading(name):
 
 @pytest.mark.parametrize("how", ["mapped", "inside"])
 def test_holding_again_does_not_turn_the_mesh(woman, how):
-    """A performer that is repeatedly attached while spinning keeps the same heading."""
+    """A performer that is attached repeatedly while spinning keeps the same relative heading."""
     film, actor = spinning_people(3, 6.0), create_mesh_actor(woman, "it", 128, ActorSettings(how=how))
     stage, facing = Stage([actor]), []
     for n, body in enumerate(film):
@@ -104,7 +106,7 @@ def test_holding_again_does_not_turn_the_mesh(woman, how):
 
 
 def test_mesh_without_legs_turns_with_its_performer():
-    """It has no hip line that could define a heading: a lamp lagged by 29 degrees."""
+    """Without hips, no line defines a heading. Without the correction, a lamp lagged by 29 degrees."""
     actor = create_actor("lamp", 128, ActorSettings(how="mapped"))
     assert actor.likeness is not None and np.isnan(actor.likeness.joints[Joint.HIP_LEFT]).all()
     gaps, _ = headings_on_stage(actor, [facing(0.05 * n) for n in range(240)], 0)
@@ -112,7 +114,9 @@ def test_mesh_without_legs_turns_with_its_performer():
 
 
 def test_holding_again_holds_the_same_limbs():
-    """A chair that turned with its performer is attached again: each limb keeps its leg of the chair."""
+    """A chair that has turned with its performer is attached again. Each limb gets the same chair leg as
+    before.
+    """
     still = [facing(min(0.05 * n, 1.5), x=min(0.02 * n, 0.6)) for n in range(60)]
     lifting = [facing(1.5, x=0.6, lift=min(0.04 * n, 0.8)) for n in range(60)]
     poses = []
@@ -129,7 +133,9 @@ def test_holding_again_holds_the_same_limbs():
 @pytest.mark.parametrize("how", ["mapped", "inside"])
 @pytest.mark.parametrize("held_from", [0, 40])
 def test_a_human_mesh_appears_at_its_performer_at_once(woman, how, held_from):
-    """Before anybody is in view the mesh stands at the sensor; it does not glide from there."""
+    """Before anybody is in view, the mesh stands at the sensor. It does not glide from there to the
+    performer.
+    """
     own = ActorSettings(how=how)
     actor = create_mesh_actor(woman, "it", 128, own)
     film = [facing(0.4)] * 60
@@ -140,7 +146,9 @@ def test_a_human_mesh_appears_at_its_performer_at_once(woman, how, held_from):
 
 @pytest.mark.parametrize("held", [True, False])
 def test_mesh_turns_to_a_returning_performer_without_a_jump(woman, held):
-    """The performer is lost, turns unseen, and returns: the mesh turns no faster than a fade allows."""
+    """The performer is lost, turns while invisible, and returns. The mesh turns no faster than a fade
+    allows.
+    """
     own = ActorSettings(how="mapped")
     stage = Stage([create_mesh_actor(woman, "it", 128, own)])
     stage.perform([facing(0.0)], 0)

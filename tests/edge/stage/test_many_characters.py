@@ -1,5 +1,4 @@
-"""Tests of several characters on one stage: assignment of performers, and continuity when one comes or
-goes."""
+"""Tests of several characters on one stage: assigning performers, and continuity when one comes or goes."""
 
 import uuid
 

@@ -1,4 +1,4 @@
-"""Tests of placing performer and mesh: inside, next to each other, limb by limb; and of their sizes."""
+"""Tests of placing performer and mesh (inside, side by side, limb by limb), and of their sizes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FRAME = 33_333_333
 
 
 def person(x=0.0, z=-2.5, yaw=0.0, id=1, lift=0.0, height=1.75, reach=0.0) -> Body:
-    """Returns a standing person, the left thigh lifted and the right arm raised, by radians."""
+    """Returns a standing person with the left thigh lifted and the right arm raised, both in radians."""
     rotations = standing_pose(yaw, arm_forward=0.1, elbow=0.1)
     rotations[model.THIGH_L] = rotation(x=-lift) @ rotations[model.THIGH_L]
     rotations[model.SHIN_L] = rotation(x=lift)
@@ -39,7 +39,7 @@ def person(x=0.0, z=-2.5, yaw=0.0, id=1, lift=0.0, height=1.75, reach=0.0) -> Bo
 
 
 def leaning(angle: float) -> Body:
-    """Returns a person that bends forward at the hips, by radians."""
+    """Returns a person that bends forward at the hips by ``angle`` radians."""
     body = person()
     hip = body.joints[Joint.HIP_CENTER]
     up = list(range(1, 12))
@@ -72,7 +72,7 @@ def block(low, high, n=6) -> tuple[np.ndarray, np.ndarray]:
 
 
 def beast() -> Mesh:
-    """Returns a trunk along +X on four legs, with a head on a neck: overlapping blocks."""
+    """Returns an animal of overlapping blocks: a trunk along +X on four legs, with a head on a neck."""
     boxes = [((-0.7, 0.7, -0.2), (0.7, 1.1, 0.2)), ((0.55, 1.0, -0.12), (0.8, 1.5, 0.12))]
     boxes += [((0.7, 1.35, -0.12), (1.1, 1.55, 0.12))]
     boxes += [((x, 0.0, z), (x + 0.15, 0.8, z + 0.13)) for x in (-0.7, 0.55) for z in (-0.2, 0.07)]
@@ -101,7 +101,7 @@ def test_a_beast_is_like_a_person_on_all_fours(animal):
 
 
 def play(house, name, bodies):
-    """Returns the last pose for a sequence of bodies; the first one is attached."""
+    """Returns the last pose for a sequence of bodies. The first body is attached."""
     house.perform([bodies[0]], 0)
     house.possess(name)
     for i, body in enumerate(bodies, 1):
@@ -189,7 +189,7 @@ def test_mapped_bones_keep_their_lengths_and_begin_at_rest(animal, seed):
 
 
 def saved(path: Path, height: float) -> str:
-    """Writes the chair as a file, with a height."""
+    """Saves the chair as a file with the given height."""
     mesh = make_chair(0.08)
     factor = height / np.ptp(mesh.vertices[:, 1])
     lines = ["v {:.7g} {:.7g} {:.7g}".format(*v) for v in mesh.vertices * factor]
@@ -247,7 +247,7 @@ def test_the_mesh_is_as_tall_as_its_performer_or_so_much_taller(chair, height):
 
 
 def moved_chair(chair, x: float, z: float):
-    """Returns the chair at another position in its project: character and graph."""
+    """Returns the chair at another position in its project, as character and graph."""
     character, graph = chair
     mesh = Mesh(character.vertices + np.array([x, 0.0, z]), character.faces, "chair")
     graph = DeformationGraph.build(mesh, nodes=64, seed=0)

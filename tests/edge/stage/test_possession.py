@@ -211,7 +211,7 @@ def test_attachment_during_a_fade_continues_from_the_shown_pose(chair):
 
 
 def pulled_apart(chair, order):
-    """Returns two performers that hold the same parts and walk away from each other."""
+    """Returns two performers that are attached to the same parts and walk away from each other."""
     house = stage(chair, fade=0.0)
     house.perform([person(), person(id=2)], 0)
     for who in order:
@@ -255,8 +255,8 @@ def test_lost_performer_releases_smoothly_and_other_continues(chair):
     assert steps(poses).max() < 0.06
 
 
-def test_a_crowd_leaves_and_comes_back(chair):
-    """The mesh keeps its pose; both performers continue with their parts, and a third never takes over."""
+def test_performers_leave_and_return_to_their_parts(chair):
+    """The mesh keeps its pose. Both performers continue with their parts, and a third never takes over."""
     house = stage(chair, hand_over=0.0)
     house.perform([person(), person(id=2)], 0)
     house.possess("chair", 1, "legs")
@@ -272,7 +272,7 @@ def test_a_crowd_leaves_and_comes_back(chair):
 
 
 def test_performer_below_the_floor_counts_as_lost(chair):
-    """The skeleton of a half-occluded person sinks before it is lost; the mesh must not sink with it."""
+    """The skeleton of a half-occluded person sinks before it is lost. The mesh must not sink with it."""
     house = stage(chair)
     house.perform([person(), person(id=2)], 0)
     house.possess("chair", 1, "legs")
@@ -283,7 +283,7 @@ def test_performer_below_the_floor_counts_as_lost(chair):
         sunk = replace(sunk, joints=sunk.joints - [0.0, 0.05 * i, 0.0])
         (pose,) = house.perform([person(), sunk], i * FRAME)
     assert [hold.active for hold in house.actors["chair"].holds] == [True, False]
-    # Parts that two performers hold move a little when one releases them.
+    # Parts shared by two performers move slightly when one of them releases.
     assert np.abs(pose.positions - before[0].positions).max() < 0.1
 
 

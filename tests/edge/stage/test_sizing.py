@@ -1,5 +1,6 @@
-"""Tests of resizing a character with both hands: the gesture, the kept properties, and continuity of the
-attachment."""
+"""Tests of resizing a character with both hands: the gesture, the kept properties, and a continuous
+attachment.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +30,7 @@ few = settings(deadline=None, max_examples=8)
 
 
 def person(away: float | None = None, id: int = 1, x: float = 0.0) -> Body:
-    """Returns a performer with the hands at a given distance, metres."""
+    """Returns a performer with the hands ``away`` metres apart."""
     joints = FIGURE + np.array([x, 0.0, -2.5])
     if away is not None:
         middle = joints[[Joint.HAND_LEFT, Joint.HAND_RIGHT]].mean(0)
@@ -39,7 +40,7 @@ def person(away: float | None = None, id: int = 1, x: float = 0.0) -> Body:
 
 
 class Play:
-    """A stage with a chair, performed frame by frame."""
+    """A stage with a chair, advanced frame by frame."""
 
     def __init__(self) -> None:
         self.stage = Stage([EmbeddedActor(CHAIR, GRAPH, ActorSettings(fade=0.1, fade_pace=100.0))])
@@ -112,7 +113,7 @@ def test_resizing_keeps_the_attachment():
     np.testing.assert_allclose(there, 2.0 * here, atol=2e-3)
     np.testing.assert_allclose(after.linear, 2.0 * before.linear, atol=2e-3)
     assert after.positions[:, 1].min() == pytest.approx(2.0 * before.positions[:, 1].min(), abs=5e-3)
-    # It keeps its size when it is released, attached again, or replaced by an edited version.
+    # The chair keeps its size when it is released, attached again, or replaced by an edited version.
     tall = np.ptp(after.positions[:, 1])
     grown.stage.release()
     assert np.ptp(grown.frames(person(), 30).positions[:, 1]) > 0.8 * tall
@@ -153,7 +154,7 @@ def test_exaggeration_is_published_kept_by_revisions_and_reset():
 
 def test_rigid_mesh_refuses_follow_through():
     class Stiff(EmbeddedActor):
-        exaggerate = Actor.exaggerate  # like characters with bones, and puppets
+        exaggerate = Actor.exaggerate  # as for characters with bones, and for puppets
 
     play = Play()
     play.stage.place_actor(Stiff(CHAIR, GRAPH, ActorSettings()))

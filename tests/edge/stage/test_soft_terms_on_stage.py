@@ -1,4 +1,4 @@
-"""Tests of soft terms for floor, limbs and depth, through the actor and its solver."""
+"""Tests of the soft terms for floor, limbs and depth, through the actor and its solver."""
 
 from __future__ import annotations
 
@@ -44,7 +44,9 @@ def chair():
 
 
 def person(down=0.0, sway=0.0, ahead=0.0) -> Body:
-    """Returns a person in the chair with the forearms forward, lower, swayed sideways, and farther away."""
+    """Returns a person in the chair with the forearms forward, lowered by ``down``, moved sideways and
+    away.
+    """
     posture = Posture(
         np.array([0.0, 1.0, -2.5]), standing_pose(arm_forward=0.1, elbow=1.5), lengths_for_height(1.75)
     )
@@ -55,7 +57,7 @@ def person(down=0.0, sway=0.0, ahead=0.0) -> Body:
 
 
 def played(chair, bodies, **options):
-    """Returns the (F, V, 3) vertices, frame by frame, after the first body was attached; and the actor."""
+    """Returns (F, V, 3) vertices frame by frame after the first body was attached, and the actor."""
     actor = EmbeddedActor(*chair, ActorSettings(**{"fade": 0.0} | options))
     house = Stage([actor])
     house.perform([bodies[0]], 0)
@@ -131,7 +133,7 @@ def trousers():
 
 @dataclasses.dataclass
 class Held:
-    """Nodes attached to fixed positions."""
+    """Nodes attached to fixed positions, in place of a performer."""
 
     points: np.ndarray
     node_indices: np.ndarray
@@ -146,7 +148,9 @@ def held_at(graph, places) -> Held:
 
 
 def crossing(trousers, across, use):
-    """Returns the states while the left leg's end moves ``across`` metres to the right; the right stays."""
+    """Returns the states while the left leg's end moves ``across`` metres to the right. The right leg
+    stays.
+    """
     character, graph = trousers
     left, right, bar = (
         [(0.15, 0.1, 0), (0.15, 0.4, 0)],
@@ -203,13 +207,15 @@ WORLD_FROM_CAMERA = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 1.5], [0
 
 
 def arm(bend):
-    """Returns the (2, 2, 3) halves of an arm along x, the left bent up and towards the camera by radians."""
+    """Returns (2, 2, 3) the halves of an arm along x. The left one bends up and towards the camera, by
+    radians.
+    """
     tip = END * np.array([np.cos(bend), 0.8 * np.sin(bend), 0.6 * np.sin(bend)])
     return np.array([[ELBOW, [-END, 0, 0]], [ELBOW, tip]])
 
 
 def seen_of(ends) -> ObservedPoints:
-    """Returns a depth camera's view of the arm, rendered by the project's own renderer."""
+    """Returns a depth camera's view of the arm, from the project's own renderer."""
     flipped = np.diag([1.0, -1.0, -1.0])
     ends = (ends - WORLD_FROM_CAMERA[:3, 3]) @ flipped
     shape, hull = np.zeros((2, 16)), np.zeros((2, 7))
@@ -227,7 +233,7 @@ def seen_of(ends) -> ObservedPoints:
 
 
 def test_surface_follows_depth_without_a_skeleton():
-    """Non-rigid ICP: from depth alone, a bending arm's mesh stays on the bending arm."""
+    """As in non-rigid ICP, the mesh of a bending arm stays on the arm by depth alone."""
     low, high = np.array([-0.6, -0.2, -0.2]), np.array([0.6, 0.2, 0.2])
     mesh = Mesh(*surface_of(lambda p: to_capsules(p, arm(0.0), RADIUS), low, high, 0.025), "arm")
     graph = DeformationGraph.build(mesh, nodes=48, seed=0)
@@ -253,7 +259,7 @@ def test_surface_follows_depth_without_a_skeleton():
 
 
 def test_an_error_that_is_there_falls():
-    """From a wrong start the surface converges to the depth image, frame by frame."""
+    """From a wrong initial state, the surface converges to the depth image frame by frame."""
     low, high = np.array([-0.6, -0.2, -0.2]), np.array([0.6, 0.2, 0.2])
     mesh = Mesh(*surface_of(lambda p: to_capsules(p, arm(0.0), RADIUS), low, high, 0.03), "arm")
     graph = DeformationGraph.build(mesh, nodes=48, seed=0)
@@ -271,7 +277,7 @@ def test_an_error_that_is_there_falls():
 
 @pytest.mark.parametrize("follow", ["surface", "both"])
 def test_tracked_depth_reaches_the_mesh(chair, follow):
-    """From depth frames: the performer's surface is found, and draws the mesh that they hold."""
+    """The tracker finds the performer's surface in depth frames, and it pulls the attached mesh."""
     with SyntheticSensor(choreography="idle", width=160, realtime=False) as sensor:
         frames = [sensor.read() for _ in range(40)]
     tracker, house = Tracker(), Stage([EmbeddedActor(*chair, ActorSettings(follow=follow, fade=0.0))])

@@ -122,7 +122,7 @@ def test_lost_performer_leaves_the_mesh_unchanged_and_resumes(chair):
     assert again.positions[:, 0].mean() > held.positions[:, 0].mean() + 0.2
 
 
-def test_another_never_steals_a_character(chair):
+def test_other_person_never_takes_over_a_character(chair):
     """Neither while the performer is present, nor while they are away, nor when they return."""
     house = stage(chair, fade=0.0, hand_over=0.0)
     house.perform([person()], 0)

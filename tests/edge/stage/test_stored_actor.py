@@ -1,4 +1,4 @@
-"""Characters from the store move bit for bit like freshly prepared ones."""
+"""Tests that characters from the store move exactly like freshly prepared ones."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ STEP_NS = 33_333_333
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch) -> Iterator[Path]:
-    """An empty store, which is used instead of the user's."""
+    """Returns an empty store, which is used instead of the user's."""
     monkeypatch.setenv(store.FOLDER_VARIABLE, str(tmp_path / "store"))
     return tmp_path / "store"
 
 
 def count_graphs(monkeypatch) -> list[str]:
-    """Returns a list that gets a name for each deformation graph that is built from now on."""
+    """Returns a list to which the name of each new deformation graph is added."""
     names: list[str] = []
     build = character_setup.DeformationGraph.build
 
@@ -47,7 +47,7 @@ def count_graphs(monkeypatch) -> list[str]:
 
 
 def play(actor: Actor, seed: int) -> list[Pose]:
-    """Returns the poses of a character that a person approaches, holds, moves and leaves."""
+    """Returns the poses of a character while a person approaches, is attached, moves and leaves."""
     noise = np.random.default_rng(seed)
     joints = standing_figure() + noise.normal(scale=0.2, size=3) * (1.0, 0.0, 1.0)
     poses = []

@@ -1,4 +1,4 @@
-"""Tests of motions with limbs close to the trunk: rigid bones, forearms before the trunk, varied seeds."""
+"""Tests of motions with limbs close to the trunk: rigid bones, forearms in front, varied seeds."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.close_limbs import CloseLimbs, close_limb_names
 
 FASTEST = 9.0
-"""Maximum joint speed in metres per second: a jab."""
+"""Maximum joint speed, that of a jab, metres per second."""
 WRISTS = [Joint.WRIST_LEFT, Joint.WRIST_RIGHT]
 
 
@@ -32,14 +32,14 @@ def test_close_limb_motions_are_physically_possible(name: str, seed: int) -> Non
     assert np.ptp(lengths, axis=0).max() < 1e-6
     assert joints[..., 1].min() > 0.0
     assert (np.linalg.norm(np.diff(joints, axis=0), axis=-1) * 60).max() < FASTEST
-    # In the middle a wrist is in front of the trunk or on a hip, which is the purpose of these motions.
+    # At half time, a wrist is in front of the trunk or on a hip, which is the purpose of these motions.
     wrists = joints[len(joints) // 2, WRISTS]
     assert np.linalg.norm(wrists - joints[len(joints) // 2, Joint.SPINE], axis=1).min() < 0.6
 
 
 @pytest.mark.parametrize("build", [Proportions(1.75), Proportions(1.7, 1.28, hips=1.1)])
 def test_hanging_hands_are_next_to_the_hips_and_not_in_them(build: Proportions) -> None:
-    """The wrists are farther to the side than a hip joint by more than half a thigh."""
+    """Each wrist is farther to the side than the hip joint by more than half a thigh's width."""
     start = CloseLimbs(Performer(build), "folded").figure(0.0).joints
     hips, wrists = start[[Joint.HIP_LEFT, Joint.HIP_RIGHT]], start[WRISTS]
     assert (np.abs(wrists[:, 0]) - np.abs(hips[:, 0])).min() > 0.09

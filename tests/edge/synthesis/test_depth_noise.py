@@ -30,7 +30,7 @@ def _wall(z: float) -> tuple[Float, np.ndarray]:
 @pytest.mark.parametrize("z", [1.1, 2.03, 3.4])
 def test_a_wall_scatters_as_published(name: str, z: float) -> None:
     profile = load_profile(name)
-    # Only its scatter, at many phases of the quantisation steps: a flat wall is moved through one step.
+    # Only the scatter is measured, at many phases of the quantisation: a flat wall is moved through one step.
     noise = DepthNoise(
         dataclasses.replace(profile, noise=dataclasses.replace(profile.noise, slant=0.0)), CAMERA, seed=5
     )
@@ -65,7 +65,7 @@ def test_neighbours_and_frames_share_noise_as_far_as_the_profile_says() -> None:
     a, b = first - first.mean(), second - second.mean()
     assert (a[:, 1:] * a[:, :-1]).mean() / a.var() > 0.6
     assert abs((a[:, 12:] * a[:, :-12]).mean()) / a.var() < 0.02
-    # The fixed pattern is a part of the scatter before quantisation, which adds a ninth to a third of the
+    # The fixed pattern is a part of the scatter before quantisation. Quantisation adds 1/9 to 1/3 of the
     # variance.
     assert 0.6 * frozen < (a * b).mean() / a.var() < frozen + 0.05
     tof = DepthNoise(_profile("tof"), CAMERA, seed=2).add_noise(depth, material, 0)
@@ -74,7 +74,7 @@ def test_neighbours_and_frames_share_noise_as_far_as_the_profile_says() -> None:
 
 
 def _before_a_wall(profile: SensorProfile) -> np.ndarray:
-    """Returns (H, W) depth of a board at 1.5 m, columns 100..219, in front of a wall at 3 m."""
+    """Returns (H, W) depth of a board at 1.5 m in columns 100..219, in front of a wall at 3 m."""
     depth, material = _wall(3.0)
     depth[60:180, 100:220] = 1.5
     return DepthNoise(profile, CAMERA, seed=1).add_noise(depth, material, 0)
@@ -86,7 +86,7 @@ def test_the_projectors_shadow_is_as_wide_as_geometry_says() -> None:
     width = 290.0 * 0.075 * (1 / 1.5 - 1 / 3.0)
     holes = (seen[80:160] == 0).sum(1)
     assert np.abs(holes - width).max() <= 1.0
-    # on the image's right, since the projector is on the left
+    # The shadow is on the image's right, since the projector is on the left.
     assert (seen[80:160, 220 : 220 + int(width)] == 0).all()
     mirrored = dataclasses.replace(profile, range=dataclasses.replace(profile.range, baseline=0.075))
     seen = _before_a_wall(mirrored)
@@ -94,7 +94,7 @@ def test_the_projectors_shadow_is_as_wide_as_geometry_says() -> None:
     assert (_before_a_wall(_profile("tof", edge=0.0)) > 0).all()
 
 
-def test_edges_lose_pixels_behind_and_fly_between() -> None:
+def test_edges_have_missing_and_flying_pixels() -> None:
     seen = _before_a_wall(_profile("tof", edge=1.0, edge_holes=0.5, flying=0.5))
     rim = seen[80:160, 97:103]
     assert 0.05 < (rim == 0).mean() < 0.5
@@ -105,7 +105,7 @@ def test_edges_lose_pixels_behind_and_fly_between() -> None:
     assert (calm > 0).all() and not ((calm > 1700) & (calm < 2800)).any()
 
 
-def test_dark_and_mirroring_surfaces_answer_in_part() -> None:
+def test_dark_and_reflective_surfaces_lose_pixels() -> None:
     depth, material = _wall(2.0)
     material[:, :160], material[:, 160:] = 1, 2
     seen = np.stack(
@@ -128,7 +128,7 @@ def test_depth_out_of_range_is_not_reported() -> None:
 def test_a_floor_seen_at_a_grazing_angle_is_lost() -> None:
     ray = pixel_rays(CAMERA)
     with np.errstate(divide="ignore"):
-        floor = np.where(ray[..., 1] > 0, 0.35 / ray[..., 1], np.inf)  # 35 cm below the camera
+        floor = np.where(ray[..., 1] > 0, 0.35 / ray[..., 1], np.inf)  # The floor is 35 cm below the camera.
     profile = _profile("kinect1", grazing=80.0, edge=0.0)
     seen = DepthNoise(profile, CAMERA).add_noise(floor, np.zeros((240, 320), np.uint8), 0)
     slant = np.degrees(np.arctan2(np.sqrt(1 + ray[..., 0] ** 2), ray[..., 1]))

@@ -1,4 +1,4 @@
-"""Tests of several performers in one scene: the truth agrees with the image and with ray casting."""
+"""Tests of several performers in one scene: the ground truth agrees with the image and with ray casting."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def appearance(name: str, build: Proportions | None = None, **more) -> Appearanc
 
 
 def hidden_by_ray(scene: Ensemble, figures, p: int, joint: int, boxes) -> bool:
-    """Returns True if a ray to the joint hits a box, another body, or the own body well before the joint."""
+    """Returns True if a ray to the joint hits a box, another body, or the same body well before the joint."""
     target = scene.camera_from_world[:3, :3] @ figures[p].joints[joint] + scene.camera_from_world[:3, 3]
     performer = scene.cast[p].performer
     thick = MAX_COVER_M[joint] * performer.scale * max(1.0, performer.proportions.girth)
@@ -55,7 +55,7 @@ def hidden_by_ray(scene: Ensemble, figures, p: int, joint: int, boxes) -> bool:
 
 @pytest.mark.parametrize("frame", [15, 80, 130])
 def test_visibility_agrees_with_a_slow_ray(frame: int) -> None:
-    """Joints at an occlusion boundary may differ; nearly all others agree."""
+    """Joints at an occlusion boundary may differ. Nearly all others agree."""
     cast = (
         appearance("crossed", place=(-0.1, -2.9), yaw=0.4),
         appearance("overhead", Proportions(1.9, 0.9), place=(0.45, -3.4)),
@@ -100,7 +100,7 @@ def test_out_of_the_image_or_of_range_is_not_visible() -> None:
     aside = Ensemble(TOF, (appearance("still", place=(4.0, -2.7)),), noise=False, room=()).frame(0)[1]
     assert aside.present[0] and not aside.visible.any()
     far = Ensemble(TOF, (appearance("still", place=(0.0, -5.5)),), noise=False, room=()).frame(0)[1]
-    assert not far.visible.any()  # the profile's range ends at 5 m
+    assert not far.visible.any()  # The profile's range ends at 5 m.
 
 
 def test_absent_performer_has_no_joints() -> None:

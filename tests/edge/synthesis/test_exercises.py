@@ -25,7 +25,7 @@ def test_exercises_are_physically_possible(name: str, seed: int) -> None:
     joints, soles = danced(name, seed)
     lengths = np.stack([np.linalg.norm(joints[:, b] - joints[:, a], axis=-1) for a, b in BONES], -1)
     assert np.ptp(lengths, axis=0).max() < 1e-6
-    assert soles.min() > -0.04  # toes of a kneeling foot
+    assert soles.min() > -0.04  # a kneeling foot's toes are lower
     assert joints[..., 1].min() > 0.0
     assert (np.linalg.norm(np.diff(joints, axis=0), axis=-1) * 60).max() < 9.0
 

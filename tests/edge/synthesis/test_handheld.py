@@ -1,4 +1,4 @@
-"""Tests of rendering hand-held scans: triangles are drawn where rays hit them; the path is realistic."""
+"""Tests of rendering hand-held scans: triangles are drawn where rays hit them, and the path is realistic."""
 
 import numpy as np
 
@@ -28,7 +28,7 @@ def test_a_drawn_box_is_the_cast_one():
         cast, _ = cast_room(CAMERA, pose, (box,))
         drawn = draw_mesh(box_mesh(box), CAMERA, pose)
         both = np.isfinite(cast) & np.isfinite(drawn.depth)
-        # Edge pixels may belong to either triangle; all other pixels are equal up to rounding.
+        # Edge pixels may belong to either triangle. All other pixels are equal up to rounding.
         assert (np.isfinite(cast) != np.isfinite(drawn.depth)).sum() < 20 and both.sum() > 500
         np.testing.assert_allclose(drawn.depth[both], cast[both], atol=1e-9)
         mesh, at = box_mesh(box), drawn.face[both]

@@ -1,4 +1,6 @@
-"""Tests of motion captures on a performer: limb directions are kept, soles stay on the floor, any names."""
+"""Tests of motion captures on a performer: limb directions are kept, soles stay on the floor, any joint
+names.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ from enliven_synthesis.motion.choreographies import get_choreography
 from enliven_synthesis.motion.exercises import get_exercise
 from enliven_synthesis.motion.mocap import CapturedMotion
 
-# Names for: hips, spine, chest, neck, head, then collar, shoulder, elbow, wrist, hand, hip, knee, ankle, toe.
+# Joint names in this order: hips, spine, chest, neck, head, then collar, shoulder, elbow, wrist, hand, hip,
+# knee, ankle, toe.
 CONVENTIONS = {
     "cmu": ("Hips", "LowerBack", "Spine", "Neck", "Head", "{Side}Shoulder", "{Side}Arm", "{Side}ForeArm",
             "{Side}Hand", "{Side}FingerBase", "{Side}UpLeg", "{Side}Leg", "{Side}Foot", "{Side}ToeBase"),
@@ -49,7 +52,7 @@ STEP = 1.0 / 60.0
 def captured_from(
     name: str, convention: str, unit: float = 1.0, yaw: float = 0.0, build: Proportions | None = None
 ) -> tuple[Capture, np.ndarray]:
-    """Returns a performer's motion as a capture of another convention, unit and heading; (F, 20, 3) its
+    """Returns a performer's motion as a capture with another convention, unit and heading, and its (F, 20, 3)
     joints.
     """
     performer = Performer(build)
@@ -136,7 +139,7 @@ def test_soles_are_on_the_floor_and_steps_are_in_proportion(height: float) -> No
 
 def test_a_hop_leaves_the_floor() -> None:
     capture, _ = captured_from("chair", "namco", 0.01)
-    # The chair's hop comes after 7 s; here the performer is thrown up in the middle.
+    # The chair's hop comes only after 7 s, so here the performer is thrown up at half time.
     lift = 0.3 * np.clip(1 - ((np.arange(capture.frames) - 200) / 20.0) ** 2, 0, 1)
     positions = capture.positions.copy()
     positions[..., 1] += lift[:, None] / 0.01

@@ -20,7 +20,7 @@ from enliven_synthesis.motion.tracks import Track, ease, pulse
 
 RATE = 30.0
 STEPS = 2 * GRID_STEP
-"""Allowed difference from the reference, metres: one may round up where the other rounds down."""
+"""Tolerance in metres. The two implementations may round to different grid steps."""
 
 
 def _joints(name: str, performer: Performer | None = None) -> np.ndarray:
@@ -35,7 +35,7 @@ def _lengths(joints: np.ndarray) -> np.ndarray:
 
 
 def _bend(joints: np.ndarray, a: int, b: int, c: int) -> np.ndarray:
-    """Returns the bend of the limb a-b-c at b, degrees; 0 is straight."""
+    """Returns the bend of the limb a-b-c at b in degrees, 0 if it is straight."""
     u, v = joints[:, b] - joints[:, a], joints[:, c] - joints[:, b]
     cosine = (u * v).sum(-1) / np.linalg.norm(u, axis=-1) / np.linalg.norm(v, axis=-1)
     return np.degrees(np.arccos(np.clip(cosine, -1, 1)))
@@ -97,7 +97,7 @@ def test_posture_matches_the_slow_reference(made: PerformerPosture) -> None:
 
 
 @pytest.mark.parametrize("name", choreography_names())
-def test_joints_stay_within_what_a_person_can_do(name: str) -> None:
+def test_joints_stay_within_human_limits(name: str) -> None:
     joints = _joints(name)
     for side in ("LEFT", "RIGHT"):
         shoulder, elbow, wrist, hip, knee, ankle = (
@@ -105,7 +105,7 @@ def test_joints_stay_within_what_a_person_can_do(name: str) -> None:
         )
         assert _bend(joints, shoulder, elbow, wrist).max() < 150
         assert _bend(joints, hip, knee, ankle).max() < 140
-        # A knee bends forward: it is in front of the line from hip to ankle, as the hips face.
+        # A knee bends forward: in the direction of the hips, it is in front of the line from hip to ankle.
         across = joints[:, knee] - (joints[:, hip] + joints[:, ankle]) / 2
         ahead = np.cross(joints[:, Joint.HIP_LEFT] - joints[:, Joint.HIP_RIGHT], [0.0, 1.0, 0.0])
         ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
@@ -120,7 +120,7 @@ def test_planted_feet_do_not_slide_and_no_foot_sinks(name: str) -> None:
     for side, ball in enumerate((Joint.FOOT_LEFT, Joint.FOOT_RIGHT)):
         planted = np.array([moves.planted(side, n / RATE) for n in range(len(joints))])
         pairs = planted[1:] & planted[:-1]
-        # A flight shorter than a frame would hide sliding; there is none.
+        # A flight shorter than a frame would hide sliding, but there is none.
         steps = np.linalg.norm(np.diff(joints[:, ball], axis=0), axis=-1)
         assert pairs.sum() > 0.5 * len(pairs)
         assert steps[pairs].max() < 1e-6
@@ -139,7 +139,7 @@ def test_a_choreography_closes_and_never_jumps(name: str) -> None:
 
 def test_the_chair_is_taken_hold_of_in_its_posture() -> None:
     joints = _joints("chair")[: int(1.5 * RATE)]
-    assert np.ptp(joints, axis=0).max() < 0.06  # almost no motion
+    assert np.ptp(joints, axis=0).max() < 0.06  # The performer hardly moves.
     apart = joints[:, Joint.ANKLE_LEFT, 0] - joints[:, Joint.ANKLE_RIGHT, 0]
     assert np.allclose(apart, 0.45, atol=0.02)
     for side in ("LEFT", "RIGHT"):
@@ -164,11 +164,11 @@ def test_the_chair_walks_marches_hops_and_flaps() -> None:
     assert turned.max() > 30 and turned.min() < -30
 
 
-def test_left_is_the_performers_own_left() -> None:
+def test_left_is_the_performers_left() -> None:
     home = _joints("idle")[0]
     for part in ("SHOULDER", "ELBOW", "WRIST", "HIP", "KNEE", "ANKLE", "FOOT"):
         assert home[Joint[f"{part}_LEFT"], 0] > home[Joint[f"{part}_RIGHT"], 0] + 0.1
-    assert home[Joint.FOOT_LEFT, 2] > home[Joint.ANKLE_LEFT, 2]  # facing the camera
+    assert home[Joint.FOOT_LEFT, 2] > home[Joint.ANKLE_LEFT, 2]  # The performer faces the camera.
 
 
 @pytest.mark.parametrize("height", [1.0, 1.6, 1.9])

@@ -1,4 +1,4 @@
-"""Tests that the tiled, pruned, vectorised ray marching draws the surface of the whole body."""
+"""Tests that tiled, pruned, vectorised ray marching draws the surface of the whole body."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def _united(a: np.ndarray, b: np.ndarray, k: float) -> np.ndarray:
 
 
 def slow_field(sdf: BodySdf, points: np.ndarray) -> np.ndarray:
-    """Returns the (N,) distances of (N, 3) points to the whole body: no tiles, no pruning."""
+    """Returns (N,) distances of (N, 3) points to the whole body, without tiles or pruning."""
     whole = np.full(len(points), 1e9)
     for group in range(len(GROUP_BLEND_WIDTHS_M)):
         part = np.full(len(points), 1e9)
@@ -74,13 +74,13 @@ def _drawn(
         ("wave", 2.0, Proportions(height=1.9, girth=0.8)),
     ],
 )
-def test_the_picture_is_the_surface(name: str, time: float, build: Proportions | None) -> None:
+def test_picture_matches_the_surface(name: str, time: float, build: Proportions | None) -> None:
     sdf, depth, _, _ = _drawn(name, time, build)
     ray = np.concatenate([pixel_rays(CAMERA), np.ones((122, 162, 1))], -1)
     hit = np.isfinite(depth)
     assert 500 < hit.sum() < 0.4 * hit.size
     assert np.abs(slow_field(sdf, ray[hit] * depth[hit][:, None])).max() < 1.5e-3
-    # No part of the body is in front of the drawn surface, or on a ray that hit nothing.
+    # No part of the body is in front of the drawn surface, or on a ray without a hit.
     rng = np.random.default_rng(3)
     v, u = np.nonzero(hit | np.roll(hit, 3, 1) | np.roll(hit, -3, 0))
     for n in rng.choice(len(v), 60, replace=False):
@@ -105,7 +105,7 @@ def test_joints_are_just_behind_the_surface(time: float) -> None:
     behind = camera[:, 2] - depth[pixels[:, 1], pixels[:, 0]]
     assert np.isfinite(behind).all()
     assert behind.min() > 0.0
-    assert np.median(behind) < 0.13  # the others are occluded by a limb
+    assert np.median(behind) < 0.13  # A limb occludes the other joints.
 
 
 def test_hair_and_shoes_are_dark() -> None:
@@ -130,7 +130,7 @@ def test_a_still_room_hides_the_performer() -> None:
     assert (depth == 1.5).all() and not material.any()
 
 
-def test_the_room_is_where_it_should_be() -> None:
+def test_room_is_at_its_position() -> None:
     depth, material = cast_room(CAMERA, WORLD_FROM_CAMERA)
     points = np.concatenate([pixel_rays(CAMERA), np.ones((122, 162, 1))], -1) * depth[..., None]
     world = points @ WORLD_FROM_CAMERA[:3, :3].T + WORLD_FROM_CAMERA[:3, 3]
@@ -142,10 +142,10 @@ def test_the_room_is_where_it_should_be() -> None:
 
 
 def slow_entry(origin: np.ndarray, direction: np.ndarray, box: Box) -> np.ndarray:
-    """Returns the (H, W) multiple of ``direction`` (H, W, 3) at which it enters a box; inf if it misses."""
+    """Returns (H, W) the multiple of ``direction`` (H, W, 3) at which it enters a box, inf if it misses."""
     with np.errstate(divide="ignore", invalid="ignore"):
         low, high = ((np.array(side) - origin) / direction for side in (box.low, box.high))
-    # A ray in the plane of a face gives NaN there: that face does not count.
+    # A ray in the plane of a face gives NaN, and this face does not count.
     enter = np.fmax.reduce(np.minimum(low, high), axis=2)
     leave = np.fmin.reduce(np.maximum(low, high), axis=2)
     return np.where((enter <= leave) & (enter > 0), enter, np.inf)

@@ -1,4 +1,4 @@
-"""Tests of the synthetic sensor: its rate, its end, its ground truth, and its error checks."""
+"""Tests of the synthetic sensor: its rate, its end, its ground truth, and its errors."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_rendered_performer_agrees_with_the_truth(noise: bool, share: float) -> 
     body = sensor.truth(frame.time_ns)
     assert figure.sum() > 4000
     nearest = nearest_to(body, world)
-    assert np.percentile(nearest, share) < 0.27  # the middle of a thigh is that far from the hip and the knee
+    assert np.percentile(nearest, share) < 0.27  # the middle of a thigh is that far from hip and knee
     assert np.percentile(world[nearest_to(body, world) < 0.3, 1], 99.9) == pytest.approx(1.75, abs=0.06)
     assert body.height == pytest.approx(1.75, abs=0.06)
     assert (body.confidence == 1).all()
@@ -82,7 +82,7 @@ def test_in_real_time_a_frame_is_not_due_at_once() -> None:
         sensor._started += 1000.0  # as if the first frame were far in the future
         with pytest.raises(TimeoutError, match="is due in"):
             sensor.read(0.0)
-        # as if the reader had slept for two seconds: those frames are dropped
+        # This acts as if the reader had slept for two seconds, so those frames are dropped.
         sensor._started -= 1000.0 + 2.0
         late = sensor.read()
         assert late.time_ns >= 2_000_000_000

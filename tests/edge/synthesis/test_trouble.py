@@ -1,4 +1,4 @@
-"""Tests of stream faults: they invent no data, and a frame keeps its ground truth."""
+"""Tests of simulated stream faults: they invent no data, and a frame keeps its ground truth."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CAMERA = Intrinsics(40, 30, 35.0, 35.0, 19.5, 14.5)
 
 
 def frames(count: int) -> list[tuple[DepthFrame, int]]:
-    """Returns numbered frames at 30 per second, each with a constant image of its own value."""
+    """Returns numbered frames at 30 per second, each with a constant depth of its own."""
     return [
         (DepthFrame(np.full((30, 40), 1000 + n, np.uint16), CAMERA, n * 33_333_333, "s"), n)
         for n in range(count)

@@ -1,4 +1,4 @@
-"""A terminal's side of images: small decoders, written from the protocols and not from the encoders."""
+"""Decoders of terminal images, written from the protocols and independent of the encoders."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def png(data: bytes) -> np.ndarray:
 
 
 def drawn_by_kitty(text: str) -> np.ndarray:
-    """Decodes kitty images: keys in the first chunk, then payloads of at most 4096 until m=0."""
+    """Decodes kitty images. Keys are in the first chunk, and payloads have at most 4096 bytes until m=0."""
     payload, more = "", "1"
     for number, (head, piece) in enumerate(re.findall(r"\x1b_G([^;]*);([^\x1b]*)\x1b\\", text)):
         keys = dict(each.split("=") for each in head.split(","))
@@ -36,7 +36,7 @@ def drawn_by_iterm(text: str) -> np.ndarray:
 
 
 def drawn_by_sixel(text: str) -> np.ndarray:
-    """Decodes sixel images to (H, W, 3); black if nothing was drawn."""
+    """Decodes sixel images to (H, W, 3). Pixels that are not drawn are black."""
     body = re.fullmatch(r"\x1bP[\d;]*q(.*)\x1b\\\n", text, re.DOTALL)[1]
     across, down = map(int, re.match(r'"\d+;\d+;(\d+);(\d+)', body).groups())
     screen = np.zeros((-(-down // 6) * 6, across, 3), np.uint8)
@@ -64,7 +64,7 @@ def drawn_by_sixel(text: str) -> np.ndarray:
 
 
 def drawn_in_half_blocks(text: str) -> np.ndarray:
-    """Decodes (H, W, 3) 24-bit half blocks: foreground is the upper pixel, background the lower one."""
+    """Decodes (H, W, 3) from 24-bit half blocks. Foreground is the upper pixel, background the lower one."""
     rows = []
     for line in text.splitlines():
         assert line.endswith("\x1b[0m")

@@ -1,4 +1,4 @@
-"""Tests of images for a terminal, decoded again; a terminal is queried for its features, a pipe is not."""
+"""Tests of terminal images by decoding them. A terminal is queried for its features, a pipe is not."""
 
 import io
 import os
@@ -61,7 +61,7 @@ def test_older_terminals_get_one_of_their_fixed_colours():
 
 
 class Screen(io.StringIO):
-    """A terminal that must not be queried."""
+    """A simulated terminal that must not be queried."""
 
     encoding = "utf-8"
 
@@ -82,13 +82,13 @@ class Screen(io.StringIO):
         ({}, None),
     ],
 )
-def test_the_environment_names_the_way(environment, way):
+def test_environment_selects_the_image_protocol(environment, way):
     assert image_protocol(Screen(), Screen(), environment, patience=0.0) == way
     assert image_protocol(io.StringIO(), Screen(), environment) is None, "a pipe or a file gets no picture"
 
 
 def at_a_terminal(*words: str) -> tuple[subprocess.Popen, int]:
-    """Runs a program on a pseudo-terminal; returns it and the other end."""
+    """Runs a program on a pseudo-terminal. Returns the program and the other end."""
     import fcntl
     import termios
 
@@ -157,7 +157,7 @@ def test_the_command_draws_the_depth_at_a_terminal():
     words = ["sensors", "replay", "--set", f"path={shipped_recording()}", "--seconds", "0.1"]
     program, near = at_a_terminal("-m", "enliven", *words)
     try:
-        os.write(near, ANSWERS["sixel"])  # at once: a loaded machine may exceed a terminal's timeout
+        os.write(near, ANSWERS["sixel"])  # at once: a loaded machine may exceed the timeout
         text = read_until(near, b"\x1b\\\r\n").decode().replace("\r\n", "\n")
         assert program.wait(PATIENCE) == 0, program.stderr.read()
     finally:
@@ -170,7 +170,7 @@ def test_the_command_draws_the_depth_at_a_terminal():
     assert "320 x 240" in text[: text.index("\x1bP")]
 
 
-def test_a_pipe_gets_words_alone_unless_a_way_is_named(capsys):
+def test_pipe_gets_only_text_unless_a_protocol_is_named(capsys):
     words = ["sensors", "replay", "--set", f"path={shipped_recording()}", "--seconds", "0.1"]
     assert cli.run(words) == 0
     assert "\x1b" not in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""Random postures, points on their surface, and the inputs of the compiled terms of the fit."""
+"""Random postures, points on their surface, and inputs of the compiled terms of the fit."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def moved_by(posture: Posture, step) -> Posture:
 
 
 def random_posture(seed: int, spread: float = 0.3) -> Posture:
-    """Returns a person at about 2.5 m in front of the sensor, with random limb rotations."""
+    """Returns a person about 2.5 m in front of the sensor with random limb rotations."""
     random = np.random.default_rng(seed)
     posture = Posture(
         np.array([0.1, 0.95, -2.5]), joint_limits.standing_pose(), model.lengths_for_height(1.7)
@@ -31,7 +31,7 @@ def random_posture(seed: int, spread: float = 0.3) -> Posture:
 
 
 def body_of(posture: Posture, free: int = 12):
-    """Returns the inputs of the fit's terms, with ``free`` variable lengths: 12 or 0."""
+    """Returns the inputs of the fit's terms. ``free`` is the number of variable lengths, 12 or 0."""
     world, pivots = forward(posture.position, posture.rotations, posture.lengths)
     by_length = np.empty((13, 3, free))
     pivots_by_length(by_length, world, posture.rotations, model.FRAME_PARENTS, model.PIVOTS)
@@ -40,7 +40,8 @@ def body_of(posture: Posture, free: int = 12):
 
 
 def surroundings(posture: Posture, free: int = 12, *, taper: bool = False):
-    """Returns the posture's surface as the terms use it, see :mod:`enliven_edge.tracking.fit.terms`.
+    """Returns the posture's surface in the form that the terms use, see
+    :mod:`enliven_edge.tracking.fit.terms`.
 
     The terms keep the axis point nearest to a sample fixed, which is exact only without taper.
     """
@@ -53,7 +54,7 @@ def surroundings(posture: Posture, free: int = 12, *, taper: bool = False):
 
 
 def gathered(term, posture: Posture, free: int = 12):
-    """Returns (return value, gradient, matrix) of a term that adds to given sums."""
+    """Returns (return value, gradient, matrix) of a term that adds to sums."""
     sums, count = empty_sums(13, free), model.DOFS + free
     returned = term(sums)
     matrix, gradient = np.zeros((count, count)), np.zeros(count)
@@ -85,8 +86,8 @@ def seen_as(points, normals):
 
 
 def foot(x, y, z, ends, radii):
-    """Returns (t, signed distance): position of a point's foot along a capsule's axis, and metres to its
-    surface.
+    """Returns (t, signed distance): the position along a capsule's axis that is nearest to a point, and
+    metres to its surface.
     """
     point, way = np.array([x, y, z]) - ends[0], ends[1] - ends[0]
     t = np.clip(point @ way / (way @ way + 1e-12), 0.0, 1.0)
@@ -94,7 +95,7 @@ def foot(x, y, z, ends, radii):
 
 
 def nearest(point, normal, ends, radii, likes=np.zeros(0, np.float32)):
-    """Returns (capsule, t, signed distance) of the compiled search."""
+    """Returns (capsule, t, signed distance) from the compiled search."""
     seen, which = np.concatenate([point, normal]).astype(np.float32)[:, None], np.empty(1, np.int32)
     nearest_capsules(which, seen, likes[:, None], ends, radii, np.float32(0.04))
     c = int(which[0])

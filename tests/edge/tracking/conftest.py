@@ -1,4 +1,4 @@
-"""A small stage for several synthetic people with positions that are functions of time."""
+"""A small scene for several synthetic people whose positions are functions of time."""
 
 import dataclasses
 import sys
@@ -28,7 +28,7 @@ class Player:
     """A synthetic person.
 
     Attributes:
-        where: function from seconds to (x, z, yaw), metres and radians; None while absent.
+        where: function from seconds to (x, z, yaw) in metres and radians, or to None while absent.
         does: name of the choreography.
     """
 
@@ -42,7 +42,7 @@ class Player:
         self.choreography = get_choreography(self.does)
 
     def figure(self, time: float) -> Figure | None:
-        """Returns the player's figure at a moment."""
+        """Returns the player's figure at a time."""
         place = self.where(time)
         if place is None:
             return None
@@ -58,10 +58,10 @@ class Player:
 
 
 class Playground:
-    """Renders players and boxes before one sensor.
+    """Renders players and boxes for one sensor.
 
     Args:
-        boxes: function from seconds to the furniture; or None.
+        boxes: function from seconds to the furniture, or None.
         mount: function from seconds to (4, 4) world_from_camera.
         told: True if frames state the sensor's pose.
     """
@@ -92,7 +92,7 @@ class Playground:
         )
 
     def joints(self, time: float) -> list[np.ndarray | None]:
-        """Returns (20, 3) joints of every player, None for absent ones."""
+        """Returns (20, 3) joints of every player, or None for absent players."""
         figures = [player.figure(time) for player in self.players]
         return [None if figure is None else figure.joints for figure in figures]
 
@@ -107,7 +107,7 @@ class Playground:
 
 
 def line(start, stop, begin, end, yaw=0.0):
-    """Returns (x, z, yaw) over time: from ``start`` (x, z) to ``stop`` between two moments."""
+    """Returns (x, z, yaw) over time, moving from ``start`` (x, z) to ``stop`` between two times."""
 
     def where(time):
         share = min(1.0, max(0.0, (time - begin) / (end - begin)))
@@ -118,17 +118,17 @@ def line(start, stop, begin, end, yaw=0.0):
 
 
 def still(x, z, yaw=0.0):
-    """Returns a constant position."""
+    """Returns a function with a constant position."""
     return lambda time: (x, z, yaw)
 
 
 def during(where, *spans):
-    """Returns a position that exists only within the (begin, end) spans."""
+    """Returns a position function that is None outside the (begin, end) spans."""
     return lambda time: where(time) if any(a <= time < b for a, b in spans) else None
 
 
 def watch(playground, tracker, seconds, start=0.0, fps=FPS):
-    """Returns [(time, bodies, owners)]; ``owners`` has each player's body id within 0.3 m, or None."""
+    """Returns [(time, bodies, owners)]. ``owners`` has each player's body id within 0.3 m, or None."""
     log = []
     for i in range(round(seconds * fps)):
         time = start + i / fps
@@ -138,7 +138,7 @@ def watch(playground, tracker, seconds, start=0.0, fps=FPS):
 
 
 def owners(players, bodies):
-    """Returns for each player the id of the body on them, or None."""
+    """Returns the id of the body at each player, or None."""
     matched = []
     for joints in players:
         best = None

@@ -1,6 +1,6 @@
-"""People 2.8 m from the sensor, in postures of every class, and the network's estimates of them.
+"""People at 2.8 m from the sensor in postures of every class, and the network's estimates of them.
 
-The figures are fixed by their seeds; the network was trained on other dice.
+The figures are fixed by their seeds, which differ from those used for training.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ CLASSES = {
     "back": ("stand", "hang", np.pi),
     "one leg up": ("one leg", None, 0.0),
 }
-"""Posture family, arm pose, yaw."""
+"""Posture family, arm pose and yaw by class."""
 SEEDS = (900, 901, 902)
 
 
@@ -39,7 +39,7 @@ def _studio() -> PersonRenderer:
 
 @cache
 def taken(name: str, seed: int) -> RenderedPerson:
-    """Returns the picture of a person."""
+    """Returns the image of a person."""
     family, arms, yaw = CLASSES[name]
     dice = np.random.default_rng([41, seed])
     performer = Performer(random_build(dice))
@@ -52,7 +52,7 @@ def taken(name: str, seed: int) -> RenderedPerson:
 
 @cache
 def seen_person(name: str, seed: int) -> tuple[Observation, Figure]:
-    """Returns a person in a room, and the truth."""
+    """Returns a person in a room, and the ground truth."""
     picture = taken(name, seed)
     mask, pose = picture.z > 0, picture.world_from_camera
     z = np.where(mask, picture.z, picture.around).astype(np.float64)

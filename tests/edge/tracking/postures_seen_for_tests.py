@@ -13,7 +13,9 @@ CAMERA = np.array([130.0, 130.0, 79.5, 59.5])
 
 
 def picture(posture: Posture) -> tuple[np.ndarray, np.ndarray]:
-    """Renders (h, w) depth and mask of the capsules before a wall at 4 m: each ray against each capsule."""
+    """Renders (h, w) depth and mask of the capsules in front of a wall at 4 m, testing each ray against each
+    capsule.
+    """
     ends, radii = posture.capsules()
     v, u = np.mgrid[:120, :160]
     ray = np.stack([(u - CAMERA[2]) / CAMERA[0], (v - CAMERA[3]) / CAMERA[1], np.ones(u.shape)], -1)
@@ -31,7 +33,7 @@ def picture(posture: Posture) -> tuple[np.ndarray, np.ndarray]:
 
 
 def observed(posture: Posture, hide: int | None = None) -> Observation:
-    """Returns the observation of a posture's picture, with rows from ``hide`` down behind a board at 1 m."""
+    """Returns the observation of a posture. Rows from ``hide`` downwards are behind a board at 1 m."""
     depth, mask = picture(posture)
     if hide is not None:
         depth[hide:], mask[hide:] = 1.0, False

@@ -1,6 +1,6 @@
 """Tests of bad input from end to end: a real stream with a fault between good parts.
 
-No exception may be raised, the monitor must report the fault, and afterwards tracking continues.
+No exception may be raised, the monitor must report the fault, and tracking must continue afterwards.
 """
 
 import dataclasses
@@ -16,13 +16,15 @@ from enliven_edge.tracking.tracker import Tracker
 from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 GOOD, BAD, AFTER = 45, 60, 75
-"""Frames before, during and after a fault: the person is known before it, and found again after it."""
+"""Number of frames before, during and after a fault. The person is known before it, and found again after
+it.
+"""
 WIDTH = 200
-"""Image width in pixels: less than a third of the sensor's; people are tracked at half of it."""
+"""Image width in pixels, less than a third of the sensor's. People are tracked at half of this width."""
 
 
 def stream() -> Iterator[tuple[DepthFrame, np.ndarray]]:
-    """Returns a walking person, without the sensor's pose; with the true joints."""
+    """Returns a walking person with the true joints. The frames do not state the sensor's pose."""
     with SyntheticSensor(choreography="walk", width=WIDTH, realtime=False) as sensor:
         for _ in range(GOOD + BAD + AFTER):
             frame = sensor.read()
@@ -52,7 +54,7 @@ def run(faulty) -> tuple[list[set[str]], list[float], Tracker]:
 
 
 def faulty(frames, fault, good=GOOD):
-    """Yields the stream with the fault after some good frames; a fault returns frames for each frame."""
+    """Yields the stream with the fault after some good frames. A fault maps each frame to frames."""
     for i, (frame, truth) in enumerate(frames):
         if good <= i < good + BAD:
             for each in fault(i - good, frame):
@@ -94,7 +96,7 @@ def test_fault_is_reported_and_tracking_resumes(frames, kind):
 
 @pytest.mark.parametrize("good", [20, 35, GOOD])
 def test_frozen_sensor_is_reported_and_its_last_image_is_harmless(frames, good):
-    """Two seconds later the person is half a metre nearer and hides that place, or is behind it."""
+    """Two seconds later, the person is half a metre nearer and hides that position, or is behind it."""
     still = frames[good - 1][0].depth
     frozen = lambda i, frame: [dataclasses.replace(frame, depth=still)]  # noqa: E731
     reported, errors, tracker = run(faulty(frames, frozen, good))
@@ -112,7 +114,7 @@ def test_stopped_clock_is_reported_and_no_frame_is_tracked_twice(frames):
 
 
 def test_frames_out_of_order_do_not_change_the_bodies(frames):
-    """Late frames are dropped: the bodies equal those of the stream without them."""
+    """Late frames are dropped, so the bodies equal those of the stream without them."""
 
     def late(i, frame):
         return [frame, dataclasses.replace(frames[GOOD + i - 3][0])] if i % 5 == 4 else [frame]
@@ -145,7 +147,9 @@ def test_a_stream_with_every_fault_at_once_raises_nothing(frames):
 
 @pytest.mark.parametrize(("tilt", "height"), [(30, 2.2), (20, 1.6), (10, 1.15)])
 def test_moved_sensor_is_reported_and_finds_pose_and_person(frames, tilt, height):
-    """It stands elsewhere from one frame to the next: the background changes, the person does not."""
+    """The sensor's position changes from one frame to the next. The background changes, the person does
+    not.
+    """
     with SyntheticSensor(
         choreography="walk", width=WIDTH, realtime=False, camera_tilt=tilt, camera_height=height
     ) as sensor:
@@ -165,7 +169,7 @@ def test_moved_sensor_is_reported_and_finds_pose_and_person(frames, tilt, height
 
 
 def test_changed_sensor_mode_relearns_background_and_finds_person(frames):
-    """A single frame of another size is dropped; a lasting change of size counts as another camera."""
+    """A single frame of another size is dropped. A lasting change of size counts as another camera."""
     with SyntheticSensor(choreography="walk", width=128, realtime=False) as sensor:
         smaller = []
         for _ in range(GOOD + BAD + AFTER):

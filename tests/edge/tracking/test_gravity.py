@@ -1,4 +1,4 @@
-"""Tests that gravity comes from the floor, whatever the mounting: tilted by 40 degrees, or upside down."""
+"""Tests that the floor determines gravity for any mounting: tilted by 40 degrees, or upside down."""
 
 import dataclasses
 
@@ -14,7 +14,7 @@ from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 
 def turned(frame: DepthFrame) -> DepthFrame:
-    """Returns the frame of the same sensor upside down: the image is rotated by 180 degrees."""
+    """Returns the frame of the same sensor mounted upside down, with the image rotated by 180 degrees."""
     camera = frame.intrinsics
     turned_camera = dataclasses.replace(
         camera, cx=camera.width - 1 - camera.cx, cy=camera.height - 1 - camera.cy
@@ -63,7 +63,7 @@ def frames_of(tilt: float, count: int, *, floor: bool):
 
 @pytest.mark.parametrize("tilt", [3.0, 25.0])
 def test_without_visible_floor_gravity_comes_from_the_accelerometer(tilt):
-    """The height is that of the settings; the settings' tilt would be wrong by the whole tilt."""
+    """The height is that of the settings. The settings' tilt would be completely wrong."""
     tracker = Tracker()
     for frame, mount in frames_of(tilt, 1, floor=False):
         tracker.down = -mount[1, :3]
@@ -74,7 +74,9 @@ def test_without_visible_floor_gravity_comes_from_the_accelerometer(tilt):
 
 @pytest.mark.parametrize("off", [0.0, 3.0, 20.0])
 def test_a_floor_is_believed_where_the_accelerometer_agrees(off):
-    """Within its bias of some degrees; a plane that is 20 degrees off is a ramp or a table."""
+    """They may differ by the accelerometer's bias of some degrees. A plane that is 20 degrees off is a ramp
+    or a table.
+    """
     tracker = Tracker()
     for frame, mount in frames_of(10.0, 1, floor=True):
         turn = world_from_level_camera(0.0, np.deg2rad(off))[:3, :3] @ np.diag([1.0, -1.0, -1.0])

@@ -1,4 +1,4 @@
-"""Tests that a quick half turn leaves a person neither back to front nor twisted."""
+"""Tests that after a quick half turn, a person is neither back to front nor twisted."""
 
 import numpy as np
 import pytest
@@ -14,11 +14,11 @@ RECOVERED = 10
 """Frames after the turn until the body must be correct."""
 WRONG_WAY = np.radians(45.0)
 TWIST = np.radians(50.0)
-"""Maximum angle in plan between shoulders and hips: the chest's range of 43 degrees, plus noise."""
+"""Maximum angle between shoulders and hips, seen from above: the chest's range of 43 degrees, plus noise."""
 
 
 def heading(joints, left: Joint, right: Joint) -> float:
-    """Returns the direction in plan of the line from a right to a left joint, radians."""
+    """Returns the direction of the line from a right to a left joint, seen from above, radians."""
     across = joints[left] - joints[right]
     return float(np.arctan2(across[2], across[0]))
 

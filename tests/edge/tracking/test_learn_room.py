@@ -14,23 +14,23 @@ from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 CAMERA = Intrinsics(320, 240, 290.0, 290.0, 160.0, 120.0)
 HALF_SECOND = 15
-"""Frames of half a second."""
+"""Number of frames in half a second."""
 STEP_NS = 33_333_333
 
 
 def chair_at(x: float) -> tuple[Box, ...]:
-    """Returns a chair: a seat on a block, and a back."""
+    """Returns the boxes of a chair at x: a seat on a block, and a back."""
     return Box((x, 0.0, -2.6), (x + 0.45, 0.45, -2.15)), Box((x, 0.45, -2.6), (x + 0.45, 0.95, -2.55))
 
 
 class Camera:
-    """A camera at rest, which counts its frames."""
+    """A camera at rest that counts its frames."""
 
     def __init__(self, height: float = 1.2) -> None:
         self.pose, self._number = world_from_level_camera(height, 0.2), 0
 
     def frame(self, *things: Box) -> DepthFrame:
-        """Returns the next frame of the room with some things in it."""
+        """Returns the next frame of the room with the given objects."""
         depth, _ = cast_room(CAMERA, self.pose, ROOM + things)
         millimetres = np.where(depth < 8.0, 1000 * depth, 0).astype(np.uint16)
         self._number += 1
@@ -53,9 +53,9 @@ def differs(background: np.ndarray, depth: np.ndarray, pixels: np.ndarray) -> fl
 
 
 def test_moved_chair_is_background_at_its_new_place():
-    """Four seconds are enough: the tracker first rules out that the chair is a person, as after a start.
+    """Four seconds are enough, in which the tracker rules out that the chair is a person, as after a start.
 
-    Without the request, an object that was added stays foreground for 15 s.
+    Without the request, an added object stays foreground for 15 s.
     """
     camera, tracker = Camera(), Tracker()
     for _ in range(2 * HALF_SECOND):
@@ -86,7 +86,7 @@ def test_performer_keeps_the_number_and_is_not_learnt():
 
 
 def test_another_floor_is_found_again_only_on_request():
-    """Before the request the pose stays, although the camera hangs 0.4 m higher than the known pose says."""
+    """Before the request, the known pose stays, although the camera is 0.4 m higher."""
     low, high, mounting = Camera(0.9), Camera(1.3), Mounting(SceneSettings())
     for _ in range(3):
         mounting.view(low.frame(), no_people=True)

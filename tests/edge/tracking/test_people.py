@@ -9,9 +9,9 @@ from enliven_edge.tracking.settings import PeopleSettings, SceneSettings, Tracke
 from enliven_edge.tracking.tracker import Tracker
 
 APPEARS = 6
-"""Frames, a fifth of a second, within which people in the first frame are detected."""
+"""Number of frames within which people in the first frame are detected (a fifth of a second)."""
 JOINED = 11
-"""Frames within which two touching people are detected: they are first searched as one."""
+"""Number of frames within which two touching people are detected. They are first searched as one person."""
 
 
 def ids_of(log, player):
@@ -47,7 +47,7 @@ def test_crossing_people_keep_their_identities(stagecraft):
 
 
 def test_occluded_person_turning_back_keeps_identity(stagecraft):
-    """Both are equally tall: only their positions distinguish them."""
+    """Both have the same height, so only their positions distinguish them."""
     s = stagecraft
     front = s.Player(
         through((0.2, -0.9, -2.3), (1.2, 0.1, -2.3), (1.5, 0.1, -2.3), (2.5, -0.9, -2.3)), "walk"
@@ -80,7 +80,7 @@ def test_two_who_come_in_joined_at_the_hand_are_two(stagecraft):
 
 
 def test_returning_person_is_reidentified(stagecraft):
-    """They return in the other order."""
+    """They return in the opposite order."""
     s = stagecraft
     out_first = through((0.5, 0.4, -2.5), (1.4, 2.4, -2.5), (3.8, 2.4, -2.5), (4.8, 0.5, -2.5))
     back_first = through((0.8, -0.5, -2.6), (2.0, 2.4, -2.6), (2.4, 2.4, -2.6), (3.6, -0.5, -2.6))
@@ -122,7 +122,7 @@ def test_six_people_are_followed(stagecraft):
     playground = s.Playground(*players)
     log = s.watch(playground, Tracker(), 1.6, start=4 / 30)
     assert most(log) == 6
-    # The back row is half occluded and fitted in turns: only positions count, not every joint.
+    # The back row is half occluded and fitted in turn, so only positions are compared, not every joint.
     hips = [joints[0] for joints in playground.joints(1.5)]
     for _, bodies, _ in log[-20:]:
         assert [body.id for body in bodies] == [body.id for body in log[-1][1]]
@@ -171,7 +171,7 @@ def test_moving_furniture_is_not_a_person(stagecraft, thing):
 
 
 def test_chair_next_to_a_person_is_absorbed_and_the_person_is_not(stagecraft):
-    """At five frames per second, to save time: a person that stands still for over a minute stays."""
+    """Five frames per second save time. A person who stands still for over a minute is not absorbed."""
     s = stagecraft
     boxes = lambda t: chair(s.Box, 0.7, -2.4) if t > 2.0 else ()  # noqa: E731
     tracker = Tracker()
@@ -222,7 +222,7 @@ def test_person_close_to_the_sensor_does_not_count_as_moved_sensor(stagecraft):
     log = s.watch(playground, Tracker(), 2.2)
     assert ids_of(log, 0) == {log[APPEARS][2][0]}
     assert seen(log[-6:], 0) == 1.0
-    # The pixels of the hidden performer must not have become background: the fit is exact again.
+    # The pixels of the hidden performer must not be background, so the fit is exact again.
     for time, bodies, _ in log[-6:]:
         error = np.linalg.norm(bodies[0].joints - playground.joints(time)[0], axis=1)
         assert error.mean() < 0.05
@@ -288,7 +288,9 @@ def test_forgetting_drops_everybody_and_keeps_the_room(stagecraft):
 
 
 def test_covered_lens_keeps_all_people(stagecraft):
-    """Dark for a second: the same two people appear at once, and no joints are reported meanwhile."""
+    """The image is dark for a second. The same two people appear at once afterwards, and no joints are
+    reported meanwhile.
+    """
     s = stagecraft
     first = s.Player(s.still(-0.5, -2.5), "idle", s.Proportions(height=1.6))
     second = s.Player(s.still(0.5, -2.7), "wave", s.Proportions(height=1.8))

@@ -1,4 +1,4 @@
-"""Tests that the search for people is spread over frames: none is slow, and the result is the same."""
+"""Tests that the search for people is spread over frames: no frame is slow, and the result is the same."""
 
 from __future__ import annotations
 
@@ -19,20 +19,25 @@ from enliven_edge.tracking.tracker import Tracker
 from enliven_edge.tracking.work_budget import Budget, BudgetedTask, frame_budget, run_to_end
 
 FITS = 12
-"""Coarse fits per frame, fewer than the default, so that a search takes more frames."""
+"""Number of coarse fits per frame, fewer than the default, so that a search takes more frames."""
 FOLLOWING = 9
-"""Maximum number of coarse fits for following a person, without a search: two, arm recovery, a proposal and
-its alternative, one after a turn, and two that bring a result to this frame."""
+"""Maximum number of coarse fits for following a person without a search.
+
+It counts two fits, arm recovery, a proposal and its alternative, one after a turn, and two that bring a
+result to this frame.
+"""
 COARSE = 9
-"""Evaluations of all terms in a coarse fit: eight steps and the start."""
+"""Number of evaluations of all terms in a coarse fit: eight steps and the initial posture."""
 PART = 2
-"""Coarse fits in the largest indivisible part of a search, half a refinement: the maximum overrun."""
+"""Number of coarse fits in the largest indivisible part of a search, half a refinement. It is the maximum
+overrun.
+"""
 AT_ONCE = TrackerSettings(search=SearchSettings(fits_per_frame=0))
 SPREAD = TrackerSettings(search=SearchSettings(fits_per_frame=FITS, first_fits=FITS))
 
 
 def parts(costs):
-    """Yields the costs of parts of some work; returns their number."""
+    """Yields the costs of parts of some work. Returns their number."""
     yield from costs
     return len(costs)
 
@@ -60,7 +65,7 @@ def test_a_search_takes_as_long_where_frames_are_rare(rate, fits):
 
 @pytest.fixture(scope="module")
 def film() -> list[DepthFrame]:
-    """Returns two seconds of the shipped recording, with a person from the first frame on."""
+    """Returns two seconds of the shipped recording with a person from the first frame on."""
     frames = (f for f in Recording(shipped_recording()).frames() if isinstance(f, DepthFrame))
     return [frame for _, frame in zip(range(60), frames, strict=False)]
 
@@ -85,7 +90,9 @@ def counted(frames, settings, monkeypatch):
 
 
 def test_the_fits_of_every_frame_are_bounded(film, monkeypatch):
-    """Searches for new people, and repeated searches for known ones; here all people are doubtful."""
+    """The budget covers searches for new people and repeated searches for known ones. Here, all people are
+    doubtful.
+    """
     monkeypatch.setattr(follower, "_DOUBTFUL_COST", -np.inf)
     monkeypatch.setattr(follower, "_is_confirmed", lambda *_: False)
     spread = counted(film, SPREAD, monkeypatch)
@@ -106,7 +113,7 @@ def test_person_in_the_first_frame_is_reported_in_it(film, made, step):
 
 @pytest.mark.parametrize("empty", [1, 10])
 def test_first_search_waits_for_a_sensor_that_starts(film, empty):
-    """A sensor that starts with empty depth images has not used up its first search."""
+    """Empty depth images from a starting sensor do not use up its first search."""
     tracker, nothing = Tracker(), np.zeros_like(film[0].depth)
     for n, frame in enumerate(film[: empty + 3]):
         bodies = tracker.track(replace(frame, depth=nothing) if n < empty else frame)
@@ -114,7 +121,7 @@ def test_first_search_waits_for_a_sensor_that_starts(film, empty):
 
 
 def test_first_search_has_its_larger_budget_once(film, monkeypatch):
-    """Only one frame uses it: later searches are spread over frames."""
+    """Only one frame has the larger budget. Later searches are spread over frames."""
     limits = TrackerSettings(search=SearchSettings(fits_per_frame=FITS))
     work = [calls for calls, _ in counted(film, limits, monkeypatch)]
     assert FITS + PART < work[0] <= limits.search.first_fits + PART
@@ -122,7 +129,7 @@ def test_first_search_has_its_larger_budget_once(film, monkeypatch):
 
 
 def test_incremental_search_matches_single_search(film):
-    """When the person appears, joints agree to four centimetres, soon afterwards to one.
+    """When the person appears, joints agree to four centimetres, and soon afterwards to one.
 
     Arm recovery may run in another frame, so one joint may differ for some frames.
     """
@@ -139,7 +146,7 @@ def test_incremental_search_matches_single_search(film):
 
 
 def test_entering_person_is_found_at_its_position(stagecraft):
-    """A body found in an earlier frame is moved to the newest one."""
+    """A body found in an earlier frame is moved to the newest frame."""
     s = stagecraft
     walker = s.Player(s.line((1.6, -2.6), (-1.4, -2.6), 0.3, 2.0), "walk")
     playground, tracker, first = s.Playground(walker), Tracker(SPREAD), None
@@ -153,7 +160,7 @@ def test_entering_person_is_found_at_its_position(stagecraft):
 
 
 def test_searched_person_is_not_learnt_as_background(film):
-    """In a search of a third of a second: its pixels are not learnt as background meanwhile."""
+    """During a search of a third of a second, the person's pixels are not learnt as background."""
     tracker = Tracker(TrackerSettings(search=SearchSettings(fits_per_frame=1, first_fits=1)))
     at_once = Tracker(AT_ONCE)
     tracked = [(tracker.track(frame), at_once.track(frame)) for frame in film]

@@ -16,11 +16,11 @@ from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 HALF = 320
 APPEARS = 6
-"""Frames, a fifth of a second, within which a person in the first frame is detected."""
+"""Number of frames within which a person in the first frame is detected (a fifth of a second)."""
 
 
 def recorded(choreography: str, frames: int, start: int = 0, **options):
-    """Returns [(frame, truth)] of a synthetic performer; the tracker has to find the mounting."""
+    """Returns [(frame, truth)] of a synthetic performer. The tracker has to estimate the mounting."""
     with SyntheticSensor(choreography=choreography, width=HALF, realtime=False, **options) as sensor:
         recording = []
         for _ in range(start + frames):
@@ -89,7 +89,7 @@ def test_a_camera_that_starts_with_empty_frames_finds_its_floor_later():
 
 
 def test_a_body_earns_its_confidence():
-    """In its first frame at most 0.6; after a third of a second the fit's value."""
+    """The confidence is at most 0.6 in the first frame, and after a third of a second that of the fit."""
     tracker, first_ns = Tracker(), None
     for frame, _ in recorded("idle", 30):
         bodies = tracker.track(frame)
@@ -100,7 +100,7 @@ def test_a_body_earns_its_confidence():
 
 
 def test_a_floor_that_appears_under_a_followed_person_is_found_within_a_second():
-    """Until then the pose is that of the settings, and legs have low confidence."""
+    """Until then, the pose is that of the settings, and legs have low confidence."""
     recording = recorded("idle", 70)
     with SyntheticSensor(choreography="idle", width=HALF, realtime=False) as sensor:
         true = sensor.read().world_from_camera
@@ -123,7 +123,9 @@ def test_a_floor_that_appears_under_a_followed_person_is_found_within_a_second()
 
 
 def test_moved_sensor_relearns_the_background():
-    """The nearer person would be hidden by the old background, or the new one turned into people."""
+    """Otherwise the old background would hide the nearer person, or the new background would count as
+    people.
+    """
     recording = recorded("idle", 20)
     near, far = (world_from_level_camera(1.15, np.deg2rad(5)) for _ in range(2))
     far[:3, 3] += (1.0, 0.0, 0.5)
@@ -136,7 +138,7 @@ def test_moved_sensor_relearns_the_background():
 
 
 def test_returning_person_is_found_again():
-    """The wall behind the person is first seen when they leave: it must not become a person."""
+    """The wall behind the person is first visible when they leave. It must not become a person."""
     recording = recorded("idle", 30)
     room = room_alone(recording[0][0])
     tracker = Tracker()
@@ -162,7 +164,7 @@ def room_alone(frame: DepthFrame) -> DepthFrame:
 
 @pytest.mark.parametrize("value", [0, 65535, 1, 2000])
 def test_empty_frames_give_no_bodies(value):
-    """Zeros, all 65535, a hand on the lens, a wall."""
+    """The images contain only 0, only 65535, a hand on the lens, or a wall."""
     tracker = Tracker()
     intrinsics = Intrinsics(160, 120, 130, 130, 79.5, 59.5)
     for i in range(8):
@@ -214,7 +216,7 @@ def test_smoothing_off_gives_the_fit_itself():
 
 
 def test_confidence_is_low_for_missing_depth():
-    """The legs are cut off: the feet must have low confidence, the head high confidence."""
+    """The depth of the legs is missing. The feet must have low confidence, the head high confidence."""
     recording = recorded("idle", 12)
     tracker = Tracker()
     for frame, _ in recording:

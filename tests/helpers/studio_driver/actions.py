@@ -1,4 +1,4 @@
-"""Actions of a session, each done frame by frame as with a mouse and a keyboard."""
+"""Actions of a session. Each one runs frame by frame, as with a mouse and a keyboard."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ STEP = 1 / 24
 
 @dataclass(frozen=True)
 class Say:
-    """Shows a caption from now on; none if empty."""
+    """Shows a caption until the next one. An empty text hides it."""
 
     text: str
 
 
 @dataclass(frozen=True)
 class Open:
-    """Open a file."""
+    """Opens a file."""
 
     path: Path
 
 
 @dataclass(frozen=True)
 class Key:
-    """Press a key, such as "c" or "ctrl+z"."""
+    """Presses a key, such as "c" or "ctrl+z"."""
 
     key: str
 
 
 @dataclass(frozen=True)
 class Click:
-    """Move to a place and click."""
+    """Moves to a place and clicks."""
 
     place: Place
     shift: bool = False
@@ -63,21 +63,21 @@ class Drag:
 
 @dataclass(frozen=True)
 class Name:
-    """Give the chosen shape a name, in its field."""
+    """Names the selected shape by typing in its field."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class Wait:
-    """Let time pass."""
+    """Lets time pass."""
 
     seconds: float
 
 
 @dataclass(frozen=True)
 class Do:
-    """Call a function with the workspace, for anything else."""
+    """Calls a function with the workspace, for actions that have no class."""
 
     command: Callable[[Workspace], object]
 
@@ -140,7 +140,7 @@ def _pause(seconds: float, stage: SessionStage) -> Iterator[None]:
 
 
 def _glide(stage: SessionStage, place: Place, seconds: float) -> Iterator[None]:
-    """Moves the pointer to a place, which may move itself, with ease-in and ease-out."""
+    """Moves the pointer to a place with ease-in and ease-out. The place may itself move."""
     start, count = np.array(stage.at), max(round(seconds / STEP), 1)
     for k in range(1, count + 1):
         share = k / count
@@ -174,7 +174,7 @@ def _drag(action: Drag, stage: SessionStage) -> Iterator[None]:
 
 
 def _name(name: str, stage: SessionStage) -> Iterator[None]:
-    """Types into the name field; without a window renames the shape."""
+    """Types into the name field. Without a window, it renames the shape."""
     if stage.rename(name):
         yield
         return

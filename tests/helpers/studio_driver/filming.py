@@ -59,11 +59,11 @@ class WindowStage:
         imgui.get_io().add_input_characters_utf8(text)
 
     def activate(self, name: str) -> bool:
-        """Returns False: widgets in a window are clicked."""
+        """Returns False, because widgets in a window are clicked."""
         return False
 
     def rename(self, name: str) -> bool:
-        """Returns False: a window has a field to type into."""
+        """Returns False, because a window has a text field."""
         return False
 
     def viewport(self) -> Point:
@@ -100,7 +100,7 @@ def film(
     Args:
         every: only every ``every``-th frame is written to the film (at 30 frames per second).
         tiles: number of images in the contact sheet.
-        pace: minimum real time per frame, seconds.
+        pace: minimum wall-clock time per frame, seconds.
 
     Returns:
         Number of frames in the film.
@@ -115,7 +115,7 @@ def film(
         def before(window: StudioWindow) -> None:
             time.sleep(max(last[0] + pace - time.monotonic(), 0.0))
             last[0] = max(last[0] + pace, time.monotonic() - pace)
-            if window.pictures < 3:  # the panels must be drawn before their widgets can be found
+            if window.pictures < 3:  # Panels must be drawn before their widgets can be found.
                 return
             if not playing:
                 stage = WindowStage(window)

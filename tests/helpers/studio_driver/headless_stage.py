@@ -66,7 +66,7 @@ class HeadlessStage:
         self.workspace.input.key(key)
 
     def write(self, text: str) -> None:
-        """Do nothing, since there is no field without a window."""
+        """Does nothing, since there is no text field without a window."""
 
     def viewport(self) -> Point:
         return 0.0, 0.0
@@ -83,7 +83,7 @@ class HeadlessStage:
         )
 
     def rename(self, name: str) -> bool:
-        """Rename the chosen shape, since there is no field."""
+        """Renames the selected shape, since there is no text field."""
         editor = self.workspace.editor
         before = editor.selection.character or ""
         if editor.edit("rename", lambda project: rename_character(project, before, name)):
@@ -102,7 +102,7 @@ class HeadlessStage:
         if kind == "tool":
             self.workspace.input.activate_tool(rest)
         elif kind == "takes":
-            pass  # an open list
+            pass  # the drop-down list is already open
         elif kind in ("take", "pick"):
             self.workspace.input.activate_tool("map")
             mapping.source.show(rest)

@@ -44,7 +44,7 @@ class Spot:
 
 @dataclass(frozen=True)
 class OnPuppet:
-    """A vertex of a puppet, or with ``point`` a control point of it, by number or name."""
+    """A vertex of a puppet or, if ``point`` is set, one of its control points, by number or name."""
 
     puppet: str
     vertex: int = 0
@@ -62,7 +62,7 @@ class Near:
 
 @dataclass(frozen=True)
 class Pixel:
-    """A place in the viewport, as shares of its width and height from the top left."""
+    """A position in the viewport, as fractions of its width and height from the top left."""
 
     across: float
     down: float
@@ -70,21 +70,21 @@ class Pixel:
 
 @dataclass(frozen=True)
 class SourceJoint:
-    """A joint of the take in the view of sources."""
+    """A joint of the take in the source view."""
 
     joint: int
 
 
 @dataclass(frozen=True)
 class PerformerJoint:
-    """A joint of the performer beside the puppet, by name; needs a window."""
+    """A joint of the performer that is drawn next to the puppet, by name. It needs a window."""
 
     joint: str
 
 
 @dataclass(frozen=True)
 class OnLane:
-    """A second of the take of the chosen puppet's layer, in a row of it: "bar", "poses", "band" or "held"."""
+    """A time in seconds on a row of the selected puppet's take: "bar", "poses", "band" or "held"."""
 
     row: str
     seconds: float
@@ -92,14 +92,16 @@ class OnLane:
 
 @dataclass(frozen=True)
 class Widget:
-    """A widget by the name that its panel gives it; needs a window."""
+    """A widget by the name that its panel registers. It needs a window."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class OnTimeline:
-    """A time on the ruler, seconds; or with ``lane`` at that time in a lane, counted from the top."""
+    """A time on the ruler, seconds. With ``lane``, the same time in that timeline row, counted from the
+    top.
+    """
 
     time: float
     lane: int | None = None
@@ -151,16 +153,16 @@ class SessionStage(Protocol):
         ...
 
     def viewport(self) -> Point:
-        """The pixel of the viewport's top left."""
+        """Returns the pixel of the viewport's top left corner."""
 
     def source(self) -> Point:
-        """The pixel of the top left of the view of sources."""
+        """Returns the pixel of the source view's top left corner."""
 
     def timeline(self) -> Point:
-        """The pixel of the timeline's top left."""
+        """Returns the pixel of the timeline's top left corner."""
 
     def widget(self, name: str) -> Point:
-        """The pixel of the middle of a widget."""
+        """Returns the pixel at the centre of a widget."""
 
 
 def where(place: Place, stage: SessionStage) -> Point:
@@ -197,14 +199,14 @@ def where(place: Place, stage: SessionStage) -> Point:
 
 
 def source_of(workspace: Workspace) -> SourceView:
-    """The view of sources."""
+    """Returns the source view of a workspace."""
     tool = workspace.input.tools["map"]
     assert isinstance(tool, MapTool)
     return tool.source
 
 
 def _in_world(place: JointPlace | OnBone | OnPuppet | Spot, workspace: Workspace) -> np.ndarray:
-    """(3,) metres."""
+    """Returns the (3,) world position of a place, metres."""
     if isinstance(place, Spot):
         return np.array([place.x, place.y, place.z])
     if isinstance(place, OnPuppet):
@@ -215,7 +217,7 @@ def _in_world(place: JointPlace | OnBone | OnPuppet | Spot, workspace: Workspace
 
 
 def _on_puppet(place: OnPuppet, workspace: Workspace) -> np.ndarray:
-    """(3,) metres."""
+    """Returns the (3,) world position of a place on a puppet, metres."""
     standing = workspace.editor.stage_character(place.puppet)
     if place.point is None:
         return np.asarray(standing.vertices[place.vertex])

@@ -1,4 +1,4 @@
-"""Tests that rigged models rotated or scaled by their nodes only stand on the stage as their joints do."""
+"""Tests that on the stage, rigged models that only their nodes rotate or scale stand like their joints."""
 
 import os
 from pathlib import Path

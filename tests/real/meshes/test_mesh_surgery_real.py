@@ -1,4 +1,6 @@
-"""Tests of real rigs: cut across every bone, rejoined, and skinned again next to the artist's weights."""
+"""Tests that real rigs can be cut across every bone, rejoined, and given skin weights similar to the
+artist's.
+"""
 
 import os
 from pathlib import Path
@@ -88,7 +90,9 @@ def test_a_real_limb_that_was_cut_off_can_be_put_back(path):
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
 def test_bone_heat_is_nearer_to_the_artist_than_the_nearest_bone(path, capsys):
-    """By the joint about which bones rotate: a file's joint drives all bones that start there."""
+    """Weights are compared by the joint about which bones rotate: a file's joint drives all bones that start
+    there.
+    """
     shape = read_gltf(path).shape
     mesh, skeleton = shape.mesh, shape.skeleton
     count = len(skeleton)
@@ -106,5 +110,5 @@ def test_bone_heat_is_nearer_to_the_artist_than_the_nearest_bone(path, capsys):
     of_heat, of_rigid = np.abs(artist - heat).sum(1).mean(), np.abs(artist - rigid).sum(1).mean()
     with capsys.disabled():
         print(f"  {path.stem}: mean L1 to the artist {of_heat:.3f}, of the nearest bone {of_rigid:.3f}")
-    # The snake's eyes, with most of its vertices, are nearest to the tongue and visible from the jaw.
+    # The snake's eyes contain most of its vertices. They are nearest to the tongue and visible from the jaw.
     assert of_heat < (1.0 if path.stem == "Snake" else of_rigid + 0.02)

@@ -1,4 +1,4 @@
-"""Tests of every real mesh: read, repaired, sampled, linked, skinned, and moved as a whole."""
+"""Tests that every real mesh is read, repaired, sampled, linked, skinned, and moved as a whole."""
 
 import os
 from pathlib import Path
@@ -44,8 +44,8 @@ def test_a_real_mesh_becomes_a_character(path):
 
 
 def shortcuts(mesh, graph, edges):
-    """Returns the number of edges with a path along the surface over three times as long, and over a node
-    spacing.
+    """Returns the number of edges whose path along the surface is over three times as long, and longer than a
+    node spacing.
     """
     spacing = np.sqrt(mesh.area / len(graph.positions))
     cells = voronoi_cells(build_net(mesh, spacing), graph.positions, graph.faces)
@@ -64,7 +64,9 @@ def test_no_edge_joins_limbs_that_are_apart(name):
 
 
 def test_plain_neighbours_would_join_them():
-    """Guards the test above, on the same meshes: the four nearest nodes in space do join limbs."""
+    """Shows that the test above is meaningful: the four nearest nodes in space do connect limbs of these
+    meshes.
+    """
     shortcut_count = 0
     for name in ("horse_quad.obj", "human_man.obj", "humanoid.off", "camel_b.obj", "octopus.obj"):
         mesh = fit_height(load_mesh(next(p for p in FILES if p.name == name)).mesh, 1.75)

@@ -1,6 +1,7 @@
-"""Tests of real motion captures of six conventions on a performer with soles on the floor.
+"""Tests of real motion captures of six conventions on a performer whose soles stay on the floor.
 
-The mapping was developed on these files; these tests state what must hold for any file."""
+The mapping was developed with these files. These tests check properties that must hold for any file.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +53,7 @@ def test_a_capture_is_danced(path: Path) -> None:
         ours = joints[:, b] - joints[:, a]
         slope = [v[:, 1] / np.linalg.norm(v, axis=1) for v in (theirs, ours)]
         assert np.median(np.abs(slope[0] - slope[1])) < 0.05  # heights do not depend on the heading
-    # They stand on their feet: heads are up for most of the time.
+    # The performers are upright: heads are up for most of the time.
     assert np.median(joints[:, Joint.HEAD, 1]) > 1.3
 
 
@@ -81,7 +82,9 @@ def test_the_row_too_many_of_boxing_is_read() -> None:
 
 
 def test_mending_the_root_stops_standing_feet() -> None:
-    """The files' error makes standing feet slide; after the repair they slide less than half as much."""
+    """The error in the files makes standing feet slide. After the repair they slide less than half as
+    much.
+    """
     speed = {}
     for remedy in (False, True):
         capture = read_expmap(DATA / "cmu_expmap" / "train_directing_traffic_4.txt", mend_root=remedy)

@@ -107,7 +107,7 @@ def test_an_arm_that_drives_a_foreleg_does_not_lift_the_other_feet(model: str, t
 
 
 def test_a_real_weapon_does_not_lift_the_body() -> None:
-    """The weapon hangs below the feet while its bearer crouches before a jump."""
+    """The weapon hangs below the feet while its owner crouches before a jump."""
     clip, _ = read_take(DATA / "cmu_expmap" / "train_jumping_1.txt", None, 0.9, 1.7)
     shape = read_gltf(DATA / "humanoids" / "quaternius_cyberpunk.glb").shape
     plan = replace(automatic(clip, shape), travel=True, pin=True)

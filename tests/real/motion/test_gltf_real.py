@@ -1,4 +1,4 @@
-"""Tests of every real rig: read, evaluated, and compared with glTF's own skinning."""
+"""Tests that every real rig is read, evaluated, and equal to glTF's own skinning."""
 
 import os
 import sys
@@ -29,8 +29,9 @@ FILES = sorted(
 EXACT = 1e-4
 """Maximum vertex error as a fraction of the size: float32 in files and poses."""
 STRAY = {"Trex": 0.1, "Spider": 3e-3}
-"""Maximum errors for rigs with stray weights (0.2 % of the surface) on a joint above the root, and with
-coincident joints that separate by less than a thousandth."""
+"""Maximum errors for special rigs. One has stray weights (0.2 % of the surface) on a joint above the root.
+The other has coincident joints that separate by less than a thousandth.
+"""
 
 pytestmark = [
     pytest.mark.real,
@@ -78,7 +79,7 @@ def test_a_real_rig_is_written_and_read_again(path, tmp_path):
     size = float(np.ptp(rig.shape.mesh.vertices, axis=0).max())
     np.testing.assert_allclose(reread.positions, rig.shape.skeleton.positions, atol=1e-5 * size)
     if rig.clips and path.stem not in STRAY:
-        # Its extent equals the model's; its vertices may have another order.
+        # Its extent equals the model's. Its vertices may have a different order.
         slow, step = SlowGltf(tmp_path / "again.glb"), 0.1
         vertices = skin_vertices(character_of(rig.shape), Player(project, rig.shape.id).pose(step))
         low, high = vertices.min(0), vertices.max(0)

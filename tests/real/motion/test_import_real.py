@@ -57,7 +57,7 @@ LIMITS = {
     Joint.ANKLE_LEFT: (0.25, 0.55),
     Joint.ANKLE_RIGHT: (0.25, 0.55),
 }
-"""Bounds of the median length in metres of the bone ending at a joint; some of these people are small."""
+"""Bounds of the median length in metres of the bone that ends at a joint. Some of these people are small."""
 
 
 def read(pattern: str, **options):
@@ -67,7 +67,7 @@ def read(pattern: str, **options):
 
 
 @pytest.mark.parametrize(("place", "reader", "count", "shape", "focal", "coloured"), DEPTH)
-def test_depth(place, reader, count, shape, focal, coloured):
+def test_depth_recordings_are_imported(place, reader, count, shape, focal, coloured):
     name, frames = read(place)
     assert name == reader
     assert len(frames) == count
@@ -89,7 +89,7 @@ def test_the_poses_of_the_hand_held_camera_are_upright():
 
 
 @pytest.mark.parametrize(("pattern", "reader", "count", "people"), SKELETONS)
-def test_skeletons(pattern, reader, count, people):
+def test_skeleton_recordings_are_imported(pattern, reader, count, people):
     name, frames = read(pattern)
     assert name == reader
     assert len(frames) == count
@@ -109,7 +109,7 @@ CAPTURES = sorted(DATA.glob("bvh/*/*.bvh")) + sorted(DATA.glob("cmu_expmap/t*.tx
 
 
 @pytest.mark.parametrize("path", CAPTURES, ids=lambda path: path.stem[-24:])
-def test_motion_captures(path):
+def test_motion_captures_are_imported(path):
     name, frames = read(str(path.relative_to(DATA)))
     assert name == "motion-capture"
     joints = np.array([frame.bodies[0].joints for frame in frames])
@@ -140,7 +140,9 @@ def assert_bones(joints):
 
 @pytest.mark.parametrize(("pattern", "reader", "count", "people"), SKELETONS)
 def test_left_is_the_performers_own(pattern, reader, count, people):
-    """The toes point along up x left, which is forward; a mirrored skeleton would point backward."""
+    """The toes point along up x left, which is forward. For a mirrored skeleton, this direction is
+    backward.
+    """
     if reader == "flow-room":
         pytest.skip("the depth of its feet is too coarse to tell; the next test looks at the shoulders")
     frames = read(pattern)[1]
@@ -176,7 +178,7 @@ def test_left_side_of_person_facing_the_sensor_is_at_positive_x(pattern):
     ("action", "limb"), [("a01", "HAND"), ("a02", "HAND"), ("a06", "HAND"), ("a14", "FOOT")]
 )
 def test_msr_subjects_act_with_the_right_side(action, limb):
-    """The data set's authors asked for it, which settles which column is left and which is right."""
+    """The data set's authors instructed the subjects so, which determines the left and right columns."""
     frames = read(f"skeletons/msr_action3d/{action}_s01_e01_skeleton3D.txt")[1]
     joints = np.array([frame.bodies[0].joints for frame in frames])
     moved = {side: joints[:, Joint[f"{limb}_{side}"]].std(0).sum() for side in ("LEFT", "RIGHT")}
@@ -213,7 +215,9 @@ def test_the_turning_person_is_recorded_exactly_and_small(tmp_path):
 
 @pytest.mark.parametrize(("place", "fast", "small"), [("uva_cv2_person_turn", 10, 16), ("vcl3d*", 8, 12)])
 def test_real_depth_shrinks(place, fast, small):
-    """Raw size over encoded size, live and for archives; the archive's slow search on every fifth image."""
+    """The raw size is divided by the encoded size, live and for archives. The slow archive mode is tested on
+    every fifth image.
+    """
     images = [
         np.asarray(Image.open(p)).astype(np.uint16) for p in sorted((DATA / "depth").glob(f"{place}/*.png"))
     ]

@@ -50,7 +50,7 @@ def frames_of(pattern):
 
 
 def tips(row):
-    """Returns the limbs that a match means, while the performers stand still."""
+    """Returns the limbs that a match selects, while the performers stand still."""
     return tuple(tuple(line[-1]) for line in row.lines)
 
 

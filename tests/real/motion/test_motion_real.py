@@ -1,4 +1,4 @@
-"""Tests of real takes on artificial non-human chains: captures of six conventions, and Kinect walks."""
+"""Tests of real takes on synthetic non-human chains, with captures of six conventions and Kinect walks."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def joints_of(clip: Clip) -> np.ndarray:
 
 
 def tentacle(joints: int) -> Skeleton:
-    """Returns a polyline that hangs down, with a gentle curl."""
+    """Returns a slightly curved polyline that hangs down."""
     u = np.linspace(0.0, 1.0, joints)
     at = np.stack([0.1 * np.sin(4 * u), 1.5 - 1.2 * u, 0.1 * u], 1)
     return Skeleton(tuple(f"node {i}" for i in range(joints)), np.arange(-1, joints - 1, dtype=np.int32), at)
@@ -95,7 +95,7 @@ def test_a_tentacle_turns_in_all_as_the_limb_does(path: Path, joints: int) -> No
     assert angle(turns[:, -1], wanted) < 1e-6
     lengths = np.linalg.norm(np.diff(at, axis=1), axis=-1)
     np.testing.assert_allclose(lengths, np.tile(shape.skeleton.lengths[1:], (len(at), 1)), rtol=1e-9)
-    # Nothing jumps more than the person does: each bone has a part of the limb's rotation.
+    # Nothing jumps more than the person does, because each bone has a part of the limb's rotation.
     ours, theirs = (np.abs(np.diff(q, axis=0)).max() for q in (turns[:, -1], clip.turns))
     assert ours < 3 * theirs + 0.05
 
@@ -136,7 +136,7 @@ def test_a_walk_on_shorter_legs_stands_on_its_feet(path: Path) -> None:
     skeleton = clip.skeleton
     legs = legs_of(skeleton)
     assert len(legs) == 2
-    # A skeleton with the same bones and legs three quarters as long, which would slide.
+    # The skeleton has the same bones, and legs three quarters as long, which would slide.
     positions = skeleton.positions.copy()
     for joint in range(1, len(skeleton)):
         shrunk = any(joint in leg[1:] for leg in legs)
@@ -175,7 +175,7 @@ def test_a_walk_before_a_kinect_drives_a_tentacle(name: str) -> None:
     assert clip.skeleton.names == BODY_NAMES and clip.duration == pytest.approx(
         times[-1] - times[0], abs=0.04
     )
-    # Every bone has the sensor's direction.
+    # Every bone has the direction that the sensor measured.
     at = joints_of(clip)
     seconds = times - times[0]
     for joint in (Joint.KNEE_LEFT, Joint.ELBOW_RIGHT, Joint.HEAD):

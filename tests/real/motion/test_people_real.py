@@ -1,4 +1,4 @@
-"""Tests of people on people: seven third-party human rigs, with motions of every convention."""
+"""Tests of mapping people to people: seven third-party human rigs, with motions of every convention."""
 
 import os
 import sys
@@ -25,7 +25,7 @@ MODELS = sorted([*DATA.glob("humanoids/*.glb"), *DATA.glob("humanoids/*.vrm")])
 TAKES = sorted([*DATA.glob("bvh/*/*.bvh"), *DATA.glob("cmu_expmap/t*.txt")])
 CONVENTIONS = {"mixamo": "mixamo", "cryptovoxels": "cryptovoxels"}
 OTHERS = 7
-"""Stride through the takes: each model gets every seventh one, with a different offset."""
+"""Stride through the takes. Each model gets every seventh take, with a different offset."""
 
 pytestmark = [
     pytest.mark.real,
@@ -62,9 +62,9 @@ def test_a_planted_gait_does_not_slide(number, gait, slide):
     clip, _ = read_take(path, None, 0.0, 4.0)
     result = retarget(shape, clip, replace(automatic(clip, shape), travel=True, pin=True))
     quality = quality_of(result.project, result.shape_id, clip, result.duration, result.plan)
-    # It counts every contact with the floor, also the frames in which a runner lands and takes off.
+    # Every contact with the floor counts, including the frames in which a runner lands and takes off.
     assert quality.slide < slide
-    # Feet at the performer's positions bend the legs of a rig with boots of half a leg's length.
+    # With feet at the performer's positions, the legs of a rig with boots of half a leg's length are bent.
     assert max(limb.median for limb in quality.limbs) < 14.0
     assert all("arm" not in limb.limb for limb in quality.worst_limbs)
 

@@ -1,4 +1,4 @@
-"""Tests of real motions on real models: every model with motions of every convention; files are valid."""
+"""Tests that every real model moves by motions of every convention, and that the files are valid."""
 
 import os
 import sys
@@ -25,7 +25,7 @@ DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3].parent / "s
 MODELS = sorted(p for p in DATA.glob("gltf/*/*") if p.suffix in (".glb", ".gltf"))
 TAKES = sorted([*DATA.glob("bvh/*/*.bvh"), *DATA.glob("cmu_expmap/t*.txt")])
 OTHERS = 8
-"""Stride through the takes: each model gets every eighth one, with a different offset."""
+"""Stride through the takes. Each model gets every eighth take, with a different offset."""
 
 pytestmark = [
     pytest.mark.real,
@@ -49,7 +49,7 @@ def test_a_real_model_moves_by_real_motions(number):
         checked_glb(build_glb([performance]))
         joints = Player(result.project, result.shape_id).sample(performance.times)[1]
         assert np.isfinite(joints).all()
-        # It moves, and stays near its place.
+        # It moves, and stays near its initial position.
         assert np.ptp(joints, axis=0).max() > 1e-4 * size, path.stem
         assert np.abs(joints - rig.shape.skeleton.positions).max() < 1.5 * size, path.stem
 

@@ -1,4 +1,4 @@
-"""Tests of every real model as USD: valid, and skinned by the library's own reader as by enliven."""
+"""Tests that every real model is valid USD, and that the USD library skins it as enliven does."""
 
 import os
 from pathlib import Path
@@ -21,7 +21,7 @@ FILES = sorted(
     p for p in (*DATA.glob("gltf/*/*"), *DATA.glob("humanoids/*")) if p.suffix in (".glb", ".gltf", ".vrm")
 )
 SAME = 2e-6
-"""Maximum difference of a vertex as a fraction of the size: float32 in the file and in the poses."""
+"""Maximum difference of a vertex as a fraction of the size. The file and the poses are float32."""
 
 pytestmark = [
     pytest.mark.real,

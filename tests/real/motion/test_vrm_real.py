@@ -1,4 +1,6 @@
-"""Tests of real humanoids as VRM avatars and animations: limbs in the T-pose, and as in the performance."""
+"""Tests of real humanoids as VRM avatars in the T-pose, and as animations with the directions of the
+performance.
+"""
 
 import os
 import sys

@@ -13,7 +13,7 @@ from enliven.exporters.gltf.write import write_gltf
 
 @pytest.fixture
 def library(tmp_path: Path) -> Path:
-    """A folder with two motions of a man in ``motions`` and two models in ``characters``."""
+    """Returns a folder with two motions of a man in ``motions`` and two models in ``characters``."""
     motions, characters = tmp_path / "motions", tmp_path / "characters"
     motions.mkdir()
     characters.mkdir()

@@ -1,4 +1,4 @@
-"""enliven batch, end to end with real worker processes. Some are killed."""
+"""Tests of ``enliven batch`` with real worker processes, some of which are killed."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_workers_that_are_killed_lose_nothing(library: Path) -> None:
         for result in run_jobs(jobs, client):
             results.append(result)
             if len(results) in kill_after:
-                # A worker that is just being restarted is not in the list.
+                # A worker that is being restarted is not in the list.
                 killed.append(chance.choice(list(client.run(os.getpid, on_error="ignore").values())))
                 os.kill(killed[-1], signal.SIGKILL)
     assert len(killed) == 4
@@ -83,7 +83,7 @@ def test_workers_that_are_killed_lose_nothing(library: Path) -> None:
     assert [result.problem for result in results if result.problem] == []
     assert all(find_finished_result(job) for job in jobs)
     for character in ("horse", "man"):
-        # All motions but one are the same walk, so all results are equal but for their names.
+        # All motions except one are the same walk, so all results are equal except for their names.
         measures = {
             tuple((name, value) for name, value in result.measures.items() if name != "bytes")
             for result in results
@@ -172,6 +172,6 @@ def test_a_scheduler_that_is_absent_is_named() -> None:
     assert time.monotonic() > began
 
 
-def test_an_address_must_be_one() -> None:
+def test_invalid_address_is_refused() -> None:
     with pytest.raises(EnlivenError), open_client(scheduler="nonsense://x"):
         pass

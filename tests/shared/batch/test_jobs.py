@@ -1,4 +1,4 @@
-"""Jobs of batches: results, records, and changes that make a result outdated."""
+"""Tests of batch jobs: results, records, and changes that make a result outdated."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_a_job_writes_what_retarget_writes_and_is_then_done(library: Path) -> No
     )
 
 
-def test_a_changed_file_or_option_makes_another_job(library: Path) -> None:
+def test_changed_file_or_option_makes_a_new_job(library: Path) -> None:
     before = _first_job(library)
     run_job(before)
     assert find_finished_result(_first_job(library, RetargetOptions(travel=True))) is None
@@ -145,7 +145,7 @@ def test_a_job_with_relative_paths_becomes_absolute(library: Path, monkeypatch: 
     assert (library / "out" / "horse" / "walk.glb").is_file()
 
 
-def test_a_job_survives_the_way_to_a_worker(library: Path) -> None:
+def test_job_survives_serialisation(library: Path) -> None:
     job = _first_job(library, RetargetOptions(rest="0.1", height=2.0))
     received = msgspec.json.decode(msgspec.json.encode(job), type=BatchJob)
     assert received == job

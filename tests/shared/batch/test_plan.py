@@ -1,4 +1,4 @@
-"""Plans of batches: files, names, options, and mistakes that are all named before any work."""
+"""Tests of batch plans: files, names, options, and mistakes, which are all reported before any work."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test_the_number_of_named_files_is_limited(library: Path) -> None:
         "empty folder",
     ],
 )
-def test_a_mistake_is_named(library: Path, text: str, part: str) -> None:
+def test_mistakes_are_reported(library: Path, text: str, part: str) -> None:
     (library / "empty").mkdir()
     with pytest.raises(EnlivenError) as caught:
         plan_jobs(load_plan(_written(library, text)))

@@ -1,4 +1,6 @@
-"""The store of prepared characters: it returns the same bits, and never a result of other inputs."""
+"""Tests of the store of prepared characters: it returns the same bits, and never the result of other
+inputs.
+"""
 
 from __future__ import annotations
 
@@ -23,14 +25,14 @@ from enliven.samples.shipped import load_sample
 
 @pytest.fixture(scope="module")
 def prepared() -> PreparedCharacter:
-    """The chair, ready for possession."""
+    """Returns the chair, prepared for possession."""
     mesh, settings, size, height = prepare_for_actor(load_sample("chair"), ActorSettings(), fit=False)
     character = character_from_graph(mesh, DeformationGraph.build(mesh, nodes=32), "chair")
     return PreparedCharacter(character, settings, size, height, None, ("a note",))
 
 
 class Counter:
-    """Prepares a character, and counts how often."""
+    """Prepares a character and counts the calls."""
 
     def __init__(self, result: PreparedCharacter) -> None:
         self.result, self.count = result, 0
@@ -41,7 +43,7 @@ class Counter:
 
 
 def packed(prepared: PreparedCharacter) -> bytes:
-    """Returns all bits of a prepared character."""
+    """Returns all bytes of a prepared character."""
     return PreparedCharacter.unpack(prepared.pack()).pack()
 
 
@@ -146,7 +148,7 @@ def test_folder_is_bounded_and_keeps_the_newest(tmp_path: Path, monkeypatch) -> 
         for path in tmp_path.iterdir():
             os.utime(path, (path.stat().st_mtime - 10, path.stat().st_mtime - 10))
         if number:
-            assert folder.load("1") is not None  # It is used again and again.
+            assert folder.load("1") is not None  # Repeated use makes it the newest.
     assert sorted(path.stem for path in tmp_path.iterdir()) == ["1", "3", "4"]
     assert folder.load("0") is None
 
@@ -166,6 +168,6 @@ def test_too_large_character_is_not_stored(tmp_path: Path, monkeypatch) -> None:
     folder.save("large", bytes(1001))
     folder.save("small", bytes(1000))
     assert [path.stem for path in tmp_path.iterdir()] == ["small"]
-    # A file that unpacks to more than allowed is not read.
+    # A file that unpacks to more than the allowed size is not read.
     monkeypatch.setattr(store, "MAX_FILE_BYTES", 999)
     assert folder.load("small") is None

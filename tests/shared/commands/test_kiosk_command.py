@@ -1,4 +1,4 @@
-"""enliven kiosk: its checks, its programs, and their supervision."""
+"""Tests of ``enliven kiosk``: its checks, its programs, and their supervision."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ except typer.Exit as ended:
     code = ended.exit_code
 sys.exit(code)
 """
-"""The command in a process of its own, although this checkout's installation does not know it."""
+"""Runs the command in its own process, although this checkout's installation does not register it."""
 
 
 @pytest.mark.slow
@@ -162,7 +162,7 @@ def test_killed_edge_comes_back_and_all_end_together(tmp_path: Path) -> None:
     path.write_text(
         f'[edges.edge]\narguments = ["--loop"]\nport = {ports[0]}\n[health]\nport = {free_ports()[0]}\n'
     )
-    # The health page is another program's test: here a program that only waits stands in for it.
+    # Other tests cover the health page. A program that only waits replaces it here.
     stand_in = "command.enliven_command = lambda words, own=command.enliven_command: (\n"
     stand_in += (
         '    own(words) if words[0] == "edge" else [sys.executable, "-c", "import time; time.sleep(600)"])\n'

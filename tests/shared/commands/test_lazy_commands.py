@@ -1,4 +1,6 @@
-"""The list of commands and the help of each one need no numerical library: they appear at once."""
+"""Tests that the list of commands and each command's help import no numerical library, so that they appear at
+once.
+"""
 
 import os
 import subprocess
@@ -13,7 +15,7 @@ from enliven.errors import InputError
 from enliven.kernel_cache.program import PROGRAM_VARIABLE
 
 HEAVY = ("numpy", "numba", "scipy", "msgspec", "trimesh", "moderngl", "zmq")
-"""Libraries that take from 0.1 to 2 s to import."""
+"""Libraries that take between 0.1 and 2 s to import."""
 
 ASKED = f"""
 import contextlib, io, sys
@@ -27,7 +29,7 @@ for words in {{lists}}:
 
 
 def imported_by_help_of(*lists: list[str]) -> list[str]:
-    """A line for each command line: its words, and the heavy libraries in the process after its help."""
+    """Returns a line for each command line: its words, and the heavy libraries that its help has imported."""
     code = ASKED.format(lists=list(lists))
     command = [sys.executable, "-c", code]
     return subprocess.run(

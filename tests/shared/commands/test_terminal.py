@@ -1,4 +1,4 @@
-"""Commands print what comes from outside as text: no terminal escape, line end or markup has an effect."""
+"""Tests that commands print foreign text literally: terminal escapes, line ends and markup have no effect."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ HOSTILE = "a\x1b[31m\u202e[red]\nforged:rm\x07\x9b2J"
 SHOWN = r"a\x1b[31m\u202e[red]\nforged:rm\x07\x9b2J"
 HOUSE = Path(__file__).parents[3]
 OWN = {
-    "shared/enliven/cli.py": 3,  # the version, the help, and a message that it escapes
+    "shared/enliven/cli.py": 3,  # the version, the help, and a message that it escapes itself
     "shared/enliven/commands/terminal.py": 1,
     "shared/enliven/commands/doctor.py": 1,  # JSON in ASCII
-    "edge/enliven_edge/commands/sensors.py": 2,  # JSON in ASCII, and a picture
+    "edge/enliven_edge/commands/sensors.py": 2,  # JSON in ASCII, and an image
 }
-"""Prints without :func:`enliven.commands.terminal.print_line`, by module."""
+"""Number of calls per module that print without :func:`enliven.commands.terminal.print_line`."""
 
 
 def test_a_line_from_outside_is_one_line(capsys):
@@ -48,7 +48,7 @@ def test_the_console_of_commands_takes_no_markup(capsys):
 
 
 def prints(path: Path) -> int:
-    """The number of calls in a module that print by another way."""
+    """Returns the number of calls in a module that print without ``print_line``."""
     tree, count = ast.parse(path.read_text(encoding="utf-8")), 0
     for node in ast.walk(tree):
         if isinstance(node, ast.Call):
@@ -65,7 +65,7 @@ def prints(path: Path) -> int:
 
 
 @pytest.mark.parametrize("package", ["shared/enliven", "edge/enliven_edge", "viewer/enliven_viewer"])
-def test_commands_print_in_one_place(package):
+def test_commands_print_through_one_function(package):
     for folder in ("commands", "."):
         for path in sorted((HOUSE / package / folder).glob("*.py")):
             name = path.relative_to(HOUSE).as_posix()

@@ -1,4 +1,4 @@
-"""Whatever the mesh, there is a connected graph on it, and every vertex follows it."""
+"""Tests that any mesh gets a connected deformation graph that every vertex follows."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from enliven.meshes.mesh import Mesh, fit_height
 
 
 def ball(centre, radius, rings=7):
-    """A closed shell."""
+    """Returns a closed shell."""
     up, turn = np.meshgrid(
         np.linspace(0.2, np.pi - 0.2, rings), np.arange(2 * rings) * np.pi / rings, indexing="ij"
     )
@@ -25,13 +25,15 @@ def ball(centre, radius, rings=7):
 
 
 def random_mesh(seed):
-    """Shells, loose triangles, slivers, doubled and unused vertices, in any mixture, at any size."""
+    """Returns a random mixture of shells, loose triangles, slivers, and doubled or unused vertices, at any
+    size.
+    """
     rng = np.random.default_rng(seed)
     vertices, faces, count = [], [], 0
     for _ in range(rng.integers(0, 4)):
         points, shell = ball(rng.normal(size=3), rng.uniform(0.05, 0.8), int(rng.integers(3, 9)))
         if rng.random() < 0.3:
-            shell = shell[: len(shell) // 2]  # a scan of one side
+            shell = shell[: len(shell) // 2]  # a one-sided scan
         if rng.random() < 0.3:
             points, shell = points[shell.reshape(-1)], np.arange(3 * len(shell)).reshape(-1, 3)  # flat-shaded
         vertices.append(points)
@@ -93,7 +95,9 @@ def test_the_same_mesh_and_one_that_is_a_power_of_two_larger_give_the_same_graph
 
 
 def test_skin_weights_are_equal_for_cached_and_copied_mesh():
-    """Weights asked for at once, and those of an equal mesh that the graph does not know, are the same."""
+    """Weights are equal if several vertices are requested at once, and for an equal mesh that is a different
+    object.
+    """
     mesh = Mesh(*ball(np.zeros(3), 0.5, 12))
     graph = DeformationGraph.build(mesh, 40)
     assert graph.cells is not None and graph.cells.net.mesh is mesh
@@ -103,7 +107,7 @@ def test_skin_weights_are_equal_for_cached_and_copied_mesh():
 
 
 def sheet(count, size=1.0):
-    """A square in one plane."""
+    """Returns a square in one plane."""
     grid = np.stack(np.meshgrid(np.linspace(0, size, count), np.linspace(0, size, count), indexing="ij"), -1)
     n = np.arange(count * count).reshape(count, count)
     quads = np.stack([n[:-1, :-1], n[1:, :-1], n[1:, 1:], n[:-1, 1:]], -1).reshape(-1, 4)
@@ -112,7 +116,7 @@ def sheet(count, size=1.0):
 
 
 @pytest.mark.parametrize("size", [1.0, 0.08, 1e-5, 1e4])
-def test_a_plane_of_any_size(size):
+def test_plane_of_any_size_gets_a_graph(size):
     mesh = sheet(30, size)
     graph = DeformationGraph.build(mesh, 50)
     assert components(50, graph.edges).max() == 0
@@ -122,7 +126,7 @@ def test_a_plane_of_any_size(size):
     np.testing.assert_allclose(graph.skin(mesh).weights.sum(1), 1, atol=1e-6)
 
 
-def test_a_mesh_smaller_than_a_hand():
+def test_tiny_mesh_gets_a_graph():
     mesh = fit_height(Mesh(*ball(np.zeros(3), 1.0, 16)), 0.05)
     graph = DeformationGraph.build(mesh, 64)
     assert components(64, graph.edges).max() == 0
@@ -144,7 +148,7 @@ def test_two_sheets_that_touch_hang_together_and_two_apart_by_one_joint():
 
 
 def test_a_soup_of_very_many_pieces_is_one_net():
-    """Loose triangles by the hundred to a cell: the net must not have a point for each."""
+    """Loose triangles with hundreds per grid cell: the graph must not have a node for each."""
     rng = np.random.default_rng(1)
     centres = rng.normal(size=(25_000, 1, 3))
     centres /= np.linalg.norm(centres, axis=2, keepdims=True)

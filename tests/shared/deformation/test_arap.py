@@ -1,4 +1,6 @@
-"""Tests of squash-and-stretch deformation against a slow dense reference, its laws, and its error checks."""
+"""Tests of squash-and-stretch deformation against a slow dense reference, of its invariants, and of its
+errors.
+"""
 
 from dataclasses import replace
 
@@ -21,7 +23,7 @@ PLAIN = ArapSettings(squash_and_stretch=False)
 
 
 def sphere(rings=7, around=10, radius=0.5, centre=(0.0, 0.0, 0.0)):
-    """A closed ball of rings, with a vertex at each pole."""
+    """Returns a closed sphere with a vertex at each pole."""
     polar = np.pi * np.arange(1, rings) / rings
     turn = 2 * np.pi * np.arange(around) / around
     ring = np.stack(
@@ -45,7 +47,7 @@ def sphere(rings=7, around=10, radius=0.5, centre=(0.0, 0.0, 0.0)):
 
 
 def sheet(across=9, along=5, jitter=0.0, seed=0):
-    """An open flat grid, its points shaken in the plane and out of it."""
+    """Returns an open flat grid whose points are randomly displaced in the plane and out of it."""
     x, y = np.meshgrid(np.linspace(0, 1, across), np.linspace(0, 0.5, along))
     points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], 1)
     points += np.random.default_rng(seed).normal(0, jitter, points.shape)
@@ -63,7 +65,7 @@ def volume(mesh, vertices):
 
 
 class Twin:
-    """Implements section 4 literally: dense matrices, one SVD and one eigenvalue problem per cell."""
+    """A literal implementation of section 4: dense matrices, one SVD and one eigenvalue problem per cell."""
 
     def __init__(self, mesh, held, settings):
         self.rest, self.settings, self.held = mesh.vertices, settings, held
@@ -110,7 +112,7 @@ class Twin:
         return frames
 
     def settle(self, frames, wanted, soft):
-        """Eq. 9 or 13, the handles as hard or soft constraints."""
+        """Solves eq. 9 or 13 for the positions. Handles are hard or soft constraints."""
         count = len(self.rest)
         laplacian = np.diag(self.w.sum(1)) - self.w
         right = np.zeros((count, 3))
@@ -138,7 +140,7 @@ class Twin:
 
 @pytest.mark.parametrize("plain", [True, False])
 @pytest.mark.parametrize("mesh", [sphere(), sheet(jitter=0.01)], ids=["ball", "sheet"])
-def test_frames_are_the_dense_twins(mesh, plain):
+def test_frames_match_the_dense_reference(mesh, plain):
     kind = ArapSettings(
         squash_and_stretch=not plain, follow=0.0, exaggeration=1.3, hold=0.0 if plain else 0.5, volume=0.0
     )
@@ -230,7 +232,7 @@ def test_a_figure_pressed_or_drawn_keeps_more_of_its_volume_than_plain_arap(by, 
     assert drift["squash"] < 0.5 * drift["plain"] and drift["squash"] < 0.5 * drift["none"]
 
 
-def test_handles_come_and_go_without_a_trace():
+def test_added_and_removed_handles_leave_no_change():
     mesh = sphere()
     first, second = ArapSolver(mesh, PLAIN), ArapSolver(mesh, PLAIN)
     for solver in (first, second):
@@ -258,7 +260,7 @@ def test_shells_soups_and_loose_vertices_move_together():
     for _ in range(30):
         solved = solver.solve({"high": turned})
     assert np.isfinite(solved).all()
-    # The small ball came along and is still one.
+    # The small ball has moved and is still a ball.
     small = solved[top : top + len(far.vertices)]
     assert np.linalg.norm(small.mean(0) - far.vertices.mean(0)) > 0.05
     distances = np.linalg.norm(small - small.mean(0), axis=1)
@@ -269,7 +271,7 @@ def test_shells_soups_and_loose_vertices_move_together():
     assert np.array_equal(solved, solved[first])
 
 
-def test_needles_and_faces_without_area_do_no_harm():
+def test_degenerate_faces_are_tolerated():
     mesh = sheet()
     thin = mesh.vertices.copy()
     thin[10] = thin[11] + [1e-9, 0, 0]
@@ -300,7 +302,7 @@ def add(solver, handle):
         (lambda s: (add(s, Handle("twin", (0,))), s.solve({"twin": [[3.0, 0, 0]]})), "'twin'"),
     ],
 )
-def test_bad_input_is_named_and_last_good_pose_stays(does, says):
+def test_bad_input_is_reported_and_last_good_pose_stays(does, says):
     ball = sphere()
     mesh = Mesh(np.concatenate([ball.vertices, [[0.0, 3.0, 0.0]]]), ball.faces)
     solver = ArapSolver(mesh)
@@ -312,7 +314,7 @@ def test_bad_input_is_named_and_last_good_pose_stays(does, says):
     assert np.isfinite(solver.solve()).all()
 
 
-def test_meshes_that_cannot_be_deformed():
+def test_undeformable_meshes_are_refused():
     ball = sphere()
     with pytest.raises(InputError, match="too many"):
         ArapSolver(ball, ArapSettings(most_vertices=50))
@@ -336,7 +338,7 @@ def test_single_iteration_moves_the_shape():
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e6])
-def test_units_do_not_matter(scale):
+def test_result_is_independent_of_units(scale):
     mesh = sphere()
     shapes = []
     for unit in (1.0, scale):

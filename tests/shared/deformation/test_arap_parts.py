@@ -1,4 +1,4 @@
-"""The kernels of surface deformation against plain linear algebra."""
+"""Tests of the kernels of surface deformation against plain linear algebra."""
 
 import numpy as np
 import pytest
@@ -111,7 +111,7 @@ def test_virtual_edges_make_one_piece_of_many(shells):
         assert ends.min() == pytest.approx(apart.min())
 
 
-def test_the_way_that_was_faster_of_late_is_taken_and_the_other_asked_now_and_then():
+def test_recently_faster_method_is_used_and_the_other_is_retried():
     pace, taken = ThreadChoice(), []
     for seconds in [{1: 4.0, 2: 3.0}] * 100 + [{1: 4.0, 2: 9.0}] * 200:
         taken.append(pace.threads())
@@ -122,7 +122,7 @@ def test_the_way_that_was_faster_of_late_is_taken_and_the_other_asked_now_and_th
     assert 2 in taken[200:]
 
 
-def test_two_threads_give_the_same():
+def test_two_threads_give_equal_results():
     points, faces = random_sheet(5000, 2)
     solutions = []
     for threads in (0, 1, 2):

@@ -1,5 +1,4 @@
-"""Tests of the enclosed volume of a surface, and of the pressure that preserves it, against slow
-references."""
+"""Tests of a surface's enclosed volume and of the pressure that preserves it, against slow references."""
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from enliven.meshes.mesh import Mesh
 
 
 def blob(count=80, seed=0, holes=0):
-    """A closed ball of random points; the first faces left out make holes."""
+    """Returns a closed surface of random points. Its first ``holes`` faces are removed."""
     points = np.random.default_rng(seed).normal(size=(count, 3))
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     hull = ConvexHull(points)
@@ -63,7 +62,7 @@ def test_open_mesh_has_no_volume():
     assert prepare_surface(inside_out, 1000).volume is None
 
 
-def test_the_ease_is_how_far_a_pressure_of_one_blows_up():
+def test_ease_matches_a_dense_solution():
     mesh = blob(60)
     surface = prepare_surface(mesh, 1000)
     count, (a, b) = 60, surface.edges.T

@@ -1,4 +1,4 @@
-"""The block Cholesky factor against dense linear algebra."""
+"""Tests of the block Cholesky factor against dense linear algebra."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from enliven.deformation.embedded.block_cholesky import (
 
 
 def dense_of(pattern, lower):
-    """(6N, 6N) the symmetric matrix with the lower blocks (48 B,)."""
+    """Returns (6N, 6N) the symmetric matrix with the lower blocks (48 B,)."""
     count = len(pattern.start) - 1
     blocks = lower.reshape(-1, 6, 8)[:, :, :6]
     out = np.zeros((count, 6, count, 6))
@@ -26,7 +26,9 @@ def dense_of(pattern, lower):
 
 
 def random_system(count, density, seed):
-    """A positive definite matrix over random couplings, as lower blocks of the pattern and dense."""
+    """Returns a positive definite matrix with random couplings, as lower blocks of the pattern and as a dense
+    matrix.
+    """
     rng = np.random.default_rng(seed)
     pairs = np.argwhere(np.tri(count, k=-1) * (rng.random((count, count)) < density))
     pattern = find_block_pattern(count, pairs)
@@ -41,7 +43,7 @@ def random_system(count, density, seed):
 
 
 def factor_of(pattern, blocks):
-    """Whether the blocks could be factorised, and the factor."""
+    """Returns True if the blocks could be factorised, and the factor."""
     count = len(pattern.start) - 1
     column, inverse = np.zeros(48 * pattern.longest, np.float32), np.zeros(48 * count, np.float32)
     scales = np.zeros(len(pattern.column), np.float32)
@@ -88,7 +90,7 @@ def test_the_order_keeps_the_fill_of_a_grid_low():
 
 
 @pytest.mark.parametrize("count", [1, 3])
-def test_nodes_that_nothing_couples(count):
+def test_uncoupled_nodes_are_solved(count):
     pattern = find_block_pattern(count, np.empty((0, 2), int))
     assert pattern.blocks == count
     assert sorted(elimination_order(count, np.empty((0, 2), int))) == list(range(count))

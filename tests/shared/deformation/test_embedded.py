@@ -1,4 +1,4 @@
-"""The embedded deformation against a slow Gauss-Newton with a dense Jacobian, and its laws."""
+"""Tests of embedded deformation against a slow Gauss-Newton with a dense Jacobian, and of its invariants."""
 
 from dataclasses import dataclass, replace
 
@@ -23,8 +23,11 @@ from enliven.errors import InputError
 
 EXACT = EmbeddedSettings(iterations=3000, tolerance=1e-14)
 ENOUGH = 1e-6
-"""Relative energy decrease of the last reference step. Each step gains about half of the one before, so the
-distance to the minimum is about the same: a hundredth of the compared tolerance."""
+"""Relative energy decrease at which the reference stops.
+
+Each step decreases the energy by about half as much as the step before, so the distance to the minimum is
+about as large. This is a hundredth of the compared tolerance.
+"""
 NAMES = ("rotation", "smoothness", "constraint", "rigidity", "planes")
 
 
@@ -36,13 +39,15 @@ class Points:
 
 
 def make_graph(count, seed, tail=False):
-    """Random nodes, each linked with its four nearest; with ``tail`` two more hang on by one edge each."""
+    """Returns random nodes, each linked with its four nearest. With ``tail``, two more nodes are attached by
+    one edge each.
+    """
     rng = np.random.default_rng(seed)
     positions = rng.random((count, 3)) * [0.5, 1.5, 0.5]
     apart = np.linalg.norm(positions[:, None] - positions[None], axis=2)
     nearest = np.argsort(apart, 1)[:, 1:5]
     pairs = {tuple(sorted((i, int(j)))) for i in range(count) for j in nearest[i]}
-    # A ladder along the height makes it one piece without cut vertices.
+    # Edges along the height make the graph connected, without cut vertices.
     order = np.argsort(positions[:, 1])
     for gap in (1, 2):
         pairs |= {tuple(sorted(p)) for p in zip(order[:-gap].tolist(), order[gap:].tolist(), strict=True)}
@@ -67,7 +72,7 @@ def make_points(graph, count, seed):
 
 
 def make_planes(graph, count, seed):
-    """Returns planes close to random points, some of them one-sided, some with a node given twice."""
+    """Returns planes close to random points. Some are one-sided, and some list a node twice."""
     held = make_points(graph, count, seed + 7)
     held.node_indices[::3, 1] = held.node_indices[::3, 0]
     rng = np.random.default_rng(seed)
@@ -87,7 +92,9 @@ def make_planes(graph, count, seed):
 
 
 def residuals(flat, graph, points, targets, pulls, settings, planes=None, stiffness=None):
-    """Every residual of eq. 3-8, weighted, as the paper prints them; flat holds R (N, 9) and t (N, 3)."""
+    """Returns every weighted residual of eq. 3-8, as printed in the paper. ``flat`` holds R (N, 9) and t (N,
+    3).
+    """
     stiffness = np.ones(len(graph.positions)) if stiffness is None else stiffness
     count = len(graph.positions)
     r, t = flat[: 9 * count].reshape(-1, 3, 3), flat[9 * count :].reshape(-1, 3)
@@ -129,7 +136,9 @@ def residuals(flat, graph, points, targets, pulls, settings, planes=None, stiffn
 
 
 def reference_minimum(graph, points, targets, pulls, settings, start, planes=None, stiffness=None):
-    """Damped Gauss-Newton with a dense Jacobian by central differences, to the end."""
+    """Minimises the energy by damped Gauss-Newton with a dense Jacobian by central differences, until it
+    converges.
+    """
     linear, positions = start
     x = np.concatenate([linear.ravel(), (positions - graph.positions).ravel()])
 
@@ -166,8 +175,9 @@ CASES = [(False, "printed"), (True, "printed"), (True, "turning")]
 
 
 def made_solver(tail, translation, seed=1):
-    """Returns a solver in a random state, with point constraints, planes and stiffness; and the inputs of the
-    slow energy."""
+    """Returns a solver in a random state with point constraints, planes and stiffness, and the inputs of the
+    slow energy.
+    """
     graph = make_graph(12, seed, tail)
     points, planes = make_points(graph, 9, seed), make_planes(graph, 7, seed)
     chosen = EmbeddedSettings(1.3, 8.0, 90.0, 0.7, rigid_translation=translation, planes=3.0)
@@ -187,7 +197,7 @@ def flat_of(solver):
 
 
 @pytest.mark.parametrize(("tail", "translation"), CASES)
-def test_the_energy_is_the_papers(tail, translation):
+def test_energy_matches_the_paper(tail, translation):
     solver, slow = made_solver(tail, translation)
     parts = gradient(solver._x.reshape(-1), solver._terms, solver._planes, solver._work.raw)
     value = residuals(flat_of(solver), *slow)
@@ -242,7 +252,9 @@ def test_a_step_turns_without_stretching_and_never_turns_inside_out(seed, angle)
 
 
 def jacobian_in_node_frames(solver, slow, order):
-    """(R, 12 N) of the slow residuals by central differences; ``order`` (12,) are the numbers of a node."""
+    """Returns (R, 12 N) the Jacobian of the slow residuals by central differences. ``order`` (12,) is the
+    order of a node's unknowns.
+    """
     x = solver._x.reshape(-1)
     here, columns, size = x.copy(), [], 1e-4
     for n in range(len(solver._x)):
@@ -258,16 +270,16 @@ def jacobian_in_node_frames(solver, slow, order):
 
 @pytest.mark.parametrize("tail", [False, True])
 def test_the_matrix_is_the_second_derivative_of_turns_and_shifts_and_of_each_stretch(tail):
-    """The step that a force makes, against dense algebra with the slow residuals' Jacobian."""
+    """Compares the solver's step for a force with dense algebra that uses the slow residuals' Jacobian."""
     solver, (graph, points, targets, pulls, chosen, _, stiffness) = made_solver(tail, "printed", 3)
     if tail:
-        # The matrix has of E_rig what it is where the nodes stand alike.
+        # The solver's matrix contains E_rig as it is for nodes with equal rotations.
         solver.reset()
     linear = np.swapaxes(solver._x[:, :3, :3], 1, 2)
     solver._x[:, :3, :3] = np.swapaxes(rotation.nearest_rotation(linear), 1, 2)
     solver._planes = NO_PLANES
     x = solver._x.reshape(-1)
-    # Without a gradient no force acts on a turning arm.
+    # Without a gradient, no force acts on the rotating arm.
     refactor(x, solver._terms, solver._planes, np.zeros_like(x), solver._current_matrix)
     count, order = len(graph.positions), [0, 1, 2, 4, 5, 6, 8, 9, 10, 12, 13, 14]
     slow = graph, points, targets, pulls, chosen, None, stiffness
@@ -296,8 +308,9 @@ def test_the_matrix_is_the_second_derivative_of_turns_and_shifts_and_of_each_str
 
 @pytest.mark.parametrize("size", [0.01, 0.1, 1.0, 10.0])
 def test_the_matrix_is_as_exact_of_a_tiny_mesh_as_of_a_large_one(size):
-    """Rotations are dimensionless and translations are in metres. The larger must not round the smaller to
-    zero."""
+    """Rotations are dimensionless and translations are in metres. The larger unknowns must not round the
+    smaller to zero.
+    """
     graph = make_graph(30, 5)
     points = make_points(graph, 9, 5)
     small = replace(graph, positions=size * graph.positions)
@@ -306,7 +319,7 @@ def test_the_matrix_is_as_exact_of_a_tiny_mesh_as_of_a_large_one(size):
     solver._store_targets(held.points, np.ones(9))
     x, system, count = solver._x.reshape(-1), solver._current_matrix, len(graph.positions)
     refactor(x, solver._terms, NO_PLANES, np.zeros_like(x), system)
-    # Factorising has used the matrix up.
+    # Factorising has overwritten the matrix.
     assemble(x, solver._terms, NO_PLANES, np.zeros_like(x), system, 1e-4)
     dense = np.zeros((count, 6, count, 6))
     for column in range(count):
@@ -314,7 +327,7 @@ def test_the_matrix_is_as_exact_of_a_tiny_mesh_as_of_a_large_one(size):
             block = system.lower.reshape(-1, 6, 8)[b, :, :6].astype(float)
             block = np.tril(block) + np.tril(block, -1).T if system.row[b] == column else block
             dense[system.row[b], :, column], dense[column, :, system.row[b]] = block, block.T
-    # In units of the mesh's size all unknowns are alike; the factor has units of its own.
+    # In units of the mesh's size, all unknowns have the same scale. The factor has its own units.
     alike = np.tile([1.0, 1.0, 1.0, size, size, size], count)
     own = np.tile([1.0] * 3 + [system.unit] * 3, count) / alike
     right = np.random.default_rng(0).normal(size=6 * count)
@@ -401,7 +414,7 @@ def test_a_one_sided_plane_pushes_and_never_pulls():
         assert (positions[:, 1].min() > height - 0.02) and (positions[:, 1].min() > low + 0.1) == moves
 
 
-def test_planes_that_cannot_be_meant_are_left_out():
+def test_implausible_planes_are_ignored():
     graph = make_graph(12, 6)
     points, planes = make_points(graph, 8, 6), make_planes(graph, 6, 6)
     normals, offsets, pulls = planes.normals.copy(), planes.offsets.copy(), planes.weights.copy()
@@ -526,7 +539,7 @@ def test_nodes_are_never_mirrored(seed, size):
         assert np.linalg.det(linear).min() > 0.04
 
 
-def test_a_spoilt_state_is_left_in_one_frame():
+def test_invalid_state_recovers_in_one_frame():
     graph = make_graph(30, 8)
     points = make_points(graph, 30, 8)
     mirrored = np.tile(np.diag([1.0, 1.0, -1.0]), (30, 1, 1)), graph.positions * [1, 1, -1] + 5
@@ -536,7 +549,7 @@ def test_a_spoilt_state_is_left_in_one_frame():
     np.testing.assert_allclose(positions, graph.positions, atol=1e-3)
 
 
-def test_lost_targets_are_left_out():
+def test_lost_targets_are_ignored():
     graph = make_graph(12, 4)
     points = make_points(graph, 10, 4)
     targets = points.points + 0.1
@@ -599,7 +612,7 @@ def test_a_single_point_turns_nothing():
     np.testing.assert_allclose(positions, graph.positions + np.array([0.3, 0, 0]), atol=1e-4)
 
 
-def test_a_graph_of_one_node():
+def test_single_node_graph_is_solved():
     graph = replace(make_graph(12, 6), positions=np.zeros((1, 3)), edges=np.empty((0, 2), np.int32))
     graph = replace(graph, rigid=np.empty(0, bool), bridges=np.empty(0, bool), cut_vertices=np.zeros(1, bool))
     points = Points(np.eye(3), np.zeros((3, 4), np.int32), np.tile([1.0, 0, 0, 0], (3, 1)))

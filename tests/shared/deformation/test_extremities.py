@@ -1,4 +1,4 @@
-"""Ends of limbs: a star's arms, a hand's fingers after hands, several shells, any size."""
+"""Tests of finding the ends of limbs: a star's arms, a hand's fingers, several shells, any size."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,9 @@ from enliven.meshes.mesh import Mesh, refine
 
 
 def star(lengths, cells=4, gap=0.0):
-    """Bars of square section from the middle outwards, as one solid (or, with a gap, as many)."""
+    """Returns bars of square section that point outwards, joined to one solid, or separate ones if there is a
+    gap.
+    """
     parts, faces, count = [], [], 0
     for k, length in enumerate(lengths):
         turn = 2 * np.pi * k / len(lengths)

@@ -1,5 +1,6 @@
-"""Tests of the deformation graph: connected, local, and without links between parts that are close only
-through the air."""
+"""Tests of the deformation graph: it is connected, local, and does not link parts that are near only through
+the air.
+"""
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ HIP = (np.array([-0.09, 0.8, 0.0]), np.array([0.09, 0.8, 0.0]))
 
 @pytest.fixture(scope="module")
 def two_legs():
-    """Two legs 8 cm apart that meet at the hip only."""
+    """Returns two legs 8 cm apart that are joined only at the hip."""
 
     def field(points):
         return np.min([capsule(points, a, b, 0.05) for a, b in [*LEGS, HIP]], 0)
@@ -41,12 +42,14 @@ def chair():
 
 
 def side(points):
-    """-1 or 1 on the lower half of a leg, 0 near the hip."""
+    """Returns -1 or 1 for points on the lower half of the left or right leg, 0 near the hip."""
     return np.sign(points[:, 0]) * (points[:, 1] < 0.55)
 
 
 def clamped_shares(corners, point):
-    """(F, 3, 1) barycentric coordinates of a point's projection on triangles (F, 3, 3), clamped to them."""
+    """Returns (F, 3, 1) barycentric coordinates of a point's projection on triangles (F, 3, 3), clamped to
+    the triangles.
+    """
     a, u, v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     uu, uv, vv = (u * u).sum(1), (u * v).sum(1), (v * v).sum(1)
     along, across = ((point - a) * u).sum(1), ((point - a) * v).sum(1)
@@ -82,8 +85,10 @@ def test_edges_and_weights_do_not_cross_between_legs(two_legs, nodes):
     assert (followed * of_vertex[:, None] >= 0).all()
 
 
-def test_the_plain_distance_would_have_crossed(two_legs):
-    """The guard of the test above: four nearest Euclidean neighbours do join the legs."""
+def test_euclidean_neighbours_cross_between_legs(two_legs):
+    """Shows that the test above is meaningful: links to the four nearest Euclidean neighbours do join the
+    legs.
+    """
     graph = DeformationGraph.build(two_legs, 64)
     apart = np.linalg.norm(graph.positions[:, None] - graph.positions[None], axis=2)
     nearest = np.argsort(apart, 1)[:, 1:5]
@@ -154,7 +159,7 @@ def test_loose_pieces_without_a_node_follow_the_nearest(two_legs):
 
 
 def test_shells_are_joined_and_the_joints_are_rigid():
-    """Two balls that do not touch: one bridge, where E_rig acts."""
+    """Two balls that do not touch get one bridge, on which E_rig acts."""
     first, second = np.zeros(3), np.array([0.0, 1.0, 0.0])
 
     def field(points):
@@ -188,7 +193,7 @@ def test_a_flat_mesh_and_a_single_triangle_work():
         np.testing.assert_allclose(graph.skin(mesh).weights.sum(1), 1, atol=1e-6)
 
 
-def test_the_wrong_mesh_is_refused(chair, two_legs):
+def test_other_mesh_is_refused(chair, two_legs):
     graph = DeformationGraph.build(chair, 64)
     with pytest.raises(InputError, match="built on"):
         graph.skin(Mesh(two_legs.vertices, two_legs.faces[:10]))
@@ -206,7 +211,7 @@ def test_the_way_along_the_surface_goes_round(two_legs):
 
 
 def brute_weak(count, edges):
-    """Bridges and cut vertices by taking each away in turn."""
+    """Returns bridges and cut vertices, found by removing each edge and each node in turn."""
     whole = components(count, edges).max()
     bridges = [components(count, np.delete(edges, e, 0)).max() > whole for e in range(len(edges))]
     cuts = []

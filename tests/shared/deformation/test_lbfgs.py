@@ -17,7 +17,7 @@ from enliven.deformation.embedded.solver import EmbeddedSolver
 
 @cache
 def system():
-    """The matrix of a small creature at rest."""
+    """Returns the matrix of a small creature at rest."""
     problem = random_problem(5, 21, 1, 1.0)
     solver = EmbeddedSolver(problem.graph, problem.points)
     solver._store_targets(problem.targets[0], solver._ones)
@@ -27,7 +27,7 @@ def system():
 
 
 def filled_buffers(count, seed):
-    """Buffers with random pairs of positive curvature, and a random derivative."""
+    """Returns buffers with random pairs of positive curvature, and a random gradient."""
     work, rng = SolverBuffers.empty(count), np.random.default_rng(seed)
     used = np.arange(16 * count) % 4 < 3
     work.now[:] = np.where(used, rng.normal(size=16 * count), 0.0)
@@ -39,7 +39,9 @@ def filled_buffers(count, seed):
 
 
 def plain_direction(work, kept):
-    """J. Nocedal 1980, in double precision but for the matrix between the loops."""
+    """Computes the direction after J. Nocedal 1980, in double precision except for the matrix between the
+    loops.
+    """
     way, shares, room = -work.now.astype(np.float64), {}, len(work.steps)
     pairs = [k % room for k in range(max(0, kept - room), kept)]
     for m in reversed(pairs):

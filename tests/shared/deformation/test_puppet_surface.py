@@ -1,4 +1,4 @@
-"""Tests of puppet surfaces: coarse and fine, warm-started and converged, and their error checks."""
+"""Tests of puppet surfaces: coarse and fine, warm-started and converged, and their errors."""
 
 from dataclasses import replace
 
@@ -23,7 +23,9 @@ COARSE = ArapSettings(coarse_above=100, coarse_vertices=250, guide_vertices=40)
 
 
 def tube(around=24, along=60, radius=0.15, bumps=0.0):
-    """A closed tube along y, 1 m, with round ends; bumps are its detail, metres."""
+    """Returns a closed tube of 1 m along y with round ends. ``bumps`` is the height of its surface detail in
+    metres.
+    """
     turn, up = 2 * np.pi * np.arange(around) / around, np.linspace(-0.5, 0.5, along)
     wide = radius * np.sqrt(1 - np.clip((np.abs(up) - 0.4) / 0.105, 0, 1) ** 2)
     wide = wide[:, None] + bumps * np.cos(4 * turn) * np.sin(40 * up)[:, None] * (np.abs(up) < 0.35)[:, None]
@@ -40,13 +42,13 @@ def tube(around=24, along=60, radius=0.15, bumps=0.0):
 
 
 def ends(mesh):
-    """A ring of three vertices near each end, and the tips."""
+    """Returns the vertices of a ring of three near each end, and of the tips."""
     count = len(mesh.vertices)
     return [count - 2, count - 1, 3 * 24, 3 * 24 + 8, 3 * 24 + 16, count - 80, count - 88, count - 96]
 
 
 def bent(mesh, held, by=1.2):
-    """The upper half of the control points turned about x."""
+    """Returns control point positions with the upper half rotated about x."""
     turn = rotation.to_matrix(rotation.from_rotation_vector(np.array([by, 0.0, 0.0])))
     places = mesh.vertices[held].copy()
     upper = places[:, 1] > 0
@@ -58,7 +60,7 @@ def normals(mesh, vertices):
     return replace(mesh, vertices=vertices).vertex_normals()
 
 
-def test_a_small_mesh_is_the_plain_solvers():
+def test_small_mesh_matches_the_plain_solver():
     mesh = tube(12, 20)
     held = [0, 5, 240, 241]
     surface = PuppetSurface(mesh, held, [None, 3.0, None, None], replace(COARSE, coarse_above=1000))
@@ -107,7 +109,7 @@ def test_samples_are_apart_and_everything_is_near_one():
     assert between[~np.eye(len(chosen), dtype=bool)].min() > 0.12
 
 
-def test_weights_are_those_of_the_slow_twin():
+def test_weights_match_the_slow_reference():
     rng = np.random.default_rng(0)
     points, samples = rng.random((30, 3)), rng.random((12, 3))
     ways = np.linalg.norm(points[:, None] - samples, axis=2) * rng.uniform(1.0, 1.6, (30, 12))
@@ -121,7 +123,7 @@ def test_weights_are_those_of_the_slow_twin():
     assert np.abs(dense - expected).max() < 1e-6
 
 
-def test_maps_and_their_blend_are_the_slow_twins():
+def test_maps_and_their_blend_match_the_slow_reference():
     mesh = tube(10, 14)
     solver = ArapSolver(mesh)
     solver.set_handles([Handle("a", (0,)), Handle("b", (141,))])
@@ -187,7 +189,7 @@ def test_control_points_and_welded_vertices_reach_targets_exactly():
     assert np.linalg.norm(solved[5000] - places[2]) > 1e-6
     at = (soup.vertices == soup.vertices[0]).all(1)
     assert at.sum() > 3 and (solved[at] == places[0]).all()
-    # Nothing is torn: vertices at one position stay there.
+    # Nothing is torn: vertices at the same position stay together.
     twins = np.unique(soup.vertices, axis=0, return_inverse=True)[1].reshape(-1)
     first = np.unique(twins, return_index=True)[1][twins]
     assert np.abs(solved - solved[first]).max() < 1e-12
@@ -199,7 +201,7 @@ def test_detail_is_carried_along():
     places = bent(smooth, handles)
     plain = PuppetSurface(smooth, handles, settings=COARSE).solve_from_rest(places)
     solved = PuppetSurface(rough, handles, settings=COARSE).solve_from_rest(bent(rough, handles))
-    # How high the detail stands over the smooth surface, before and after.
+    # Height of the detail above the smooth surface, before and after.
     before = ((rough.vertices - smooth.vertices) * smooth.vertex_normals()).sum(1)
     after = ((solved - plain) * normals(smooth, plain)).sum(1)
     middle = np.abs(before) > 0.006
@@ -218,7 +220,7 @@ def test_the_carried_surface_has_no_facets():
     )
 
     def sharpest(vertices):
-        """The largest angles between faces that share an edge, but for the few at the tips."""
+        """Returns the largest angles between faces that share an edge, without the few at the tips."""
         faces = replace(mesh, vertices=vertices).face_normals()
         sides = np.sort(np.concatenate([mesh.faces[:, [k, (k + 1) % 3]] for k in range(3)]), 1)
         order = np.lexsort(sides.T)
@@ -241,7 +243,7 @@ def test_settling_is_the_same_whatever_came_before():
         surface.solve_from_rest(bent(mesh, held, -1.0))
         assert alike(surface.solve_from_rest(places), first, SOLVED)
         assert alike(fresh.solve_from_rest(places), first, SOLVED)
-        # A drag goes on from it without a jump.
+        # A drag continues from this state without a jump.
         assert np.abs(surface.solve(places) - first).max() < 0.01
 
 
@@ -252,7 +254,7 @@ def test_a_limb_that_is_turned_far_is_not_turned_inside_out():
         solved = PuppetSurface(mesh, handles, settings=kind).solve_from_rest(bent(mesh, handles, 2.2))
         a, b, c = (solved[mesh.faces[:, k]] for k in range(3))
         assert (a * np.cross(b, c)).sum() > 0
-        # Each end is still a tube's end that looks outward.
+        # Each end still has the shape of a tube's end that points outward.
         top = mesh.vertices[:, 1] > 0.42
         out = solved[top] - solved[top].mean(0)
         assert ((normals(mesh, solved)[top] * out).sum(1) > 0).mean() > 0.95
@@ -321,7 +323,7 @@ def test_tiny_shells_and_loose_vertices_follow_nearest_surface():
     after = np.linalg.norm(solved[riders] - solved[hosts], axis=1)
     assert np.abs(solved[riders] - mesh.vertices[riders]).max() > 0.1
     assert (after < 1.5 * before + 0.01).all()
-    # One that is held is solved like the others.
+    # A held shell is solved like the others.
     tip = len(body.vertices)
     surface.set_control_points([*handles, tip])
     places = np.concatenate([bent(mesh, handles), [[0.4, 0.4, 0.0]]])
@@ -329,7 +331,7 @@ def test_tiny_shells_and_loose_vertices_follow_nearest_surface():
 
 
 @pytest.mark.parametrize("kind", [COARSE, ArapSettings()], ids=["coarse", "plain"])
-def test_bad_input_is_named_and_last_good_pose_stays(kind):
+def test_bad_input_is_reported_and_last_good_pose_stays(kind):
     tubes = tube()
     mesh = Mesh(np.concatenate([tubes.vertices, [[0.0, 3.0, 0.0]]]), tubes.faces)
     held = ends(tubes)
@@ -367,7 +369,7 @@ def test_the_coarse_surface_is_one_like_the_fine():
     assert np.array_equal(coarse.mesh.vertices[coarse.held], mesh.vertices[[7, 3000, 7, 8]])
     count = len(coarse.mesh.vertices)
     assert 250 <= count <= 350
-    # A closed surface without handles has 2 V - 4 faces; what is linked only is rare.
+    # A closed surface without handles has 2 V - 4 faces. Links that are not faces are rare.
     assert abs(len(coarse.mesh.faces) - (2 * count - 4)) <= 4 and len(coarse.links) <= 4
     assert abs(coarse.mesh.area / mesh.area - 1) < 0.05
     a, b, c = (coarse.mesh.vertices[coarse.mesh.faces[:, k]] for k in range(3))

@@ -1,4 +1,4 @@
-"""Poisson-disk sampling under the orientation-aware distance of eq. 6."""
+"""Tests of Poisson-disk sampling with the orientation-aware distance of eq. 6."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ from enliven.meshes.mesh import Mesh
 
 
 def as_printed(p, n_p, q, n_q):
-    """Eq. 6, word for word."""
+    """Returns the distance of eq. 6, implemented literally."""
 
     def dist(to, normal, point):
         d = point - to

@@ -1,4 +1,4 @@
-"""Faces that pass through one another, against every pair of faces asked by itself."""
+"""Tests of finding faces that intersect other faces, against a test of every pair of faces."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from enliven.meshes.mesh import Mesh
 
 
 def crossing_faces(vertices, faces):
-    """(K,) the faces of a surface that pass through others."""
+    """Returns (K,) the faces of a surface that intersect others."""
     return SelfIntersection(Mesh(vertices, faces)).crossing(vertices)
 
 
@@ -44,7 +44,9 @@ def together(*meshes):
 
 
 def twin(vertices, faces):
-    """Every edge of every face against every other face: where on the one and in the other they meet."""
+    """Returns the intersections of every edge with every other face, as positions on the edge and on the
+    face.
+    """
     crossing = set()
     for f, corners in enumerate(faces):
         for g, others in enumerate(faces):
@@ -116,6 +118,6 @@ def test_intersections_at_rest_are_not_reported():
 
 
 @pytest.mark.parametrize("count", [0, 1, 3])
-def test_hardly_any_faces(count):
+def test_few_faces_are_handled(count):
     vertices = np.arange(27.0).reshape(9, 3) ** 2
     assert len(crossing_faces(vertices, np.arange(3 * count, dtype=np.int32).reshape(-1, 3))) == 0

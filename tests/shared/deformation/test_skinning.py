@@ -1,4 +1,6 @@
-"""The skinning kernels against eq. 2 in NumPy, and the laws of skinning over random characters."""
+"""Tests of the skinning kernels against eq. 2 in NumPy, and of invariants of skinning for random
+characters.
+"""
 
 import numpy as np
 import pytest
@@ -77,7 +79,7 @@ def test_a_collapsed_map_gives_no_nan(character):
 
 
 def random_character(rng, count=40, nodes=9):
-    """Weights with zeros, and with one node only, among them."""
+    """Returns a character with random weights, some of which are zero. Some vertices follow only one node."""
     weights = rng.random((count, 4)) * (rng.random((count, 4)) < 0.7)
     weights[weights.sum(1) == 0, 0] = 1
     weights /= weights.sum(1, keepdims=True)
@@ -92,7 +94,7 @@ def random_character(rng, count=40, nodes=9):
 
 
 def moved(character, turn, shift):
-    """The pose in which every node went through one rigid motion."""
+    """Returns the pose in which every node has the same rigid motion."""
     count = len(character.pivots)
     linear = np.tile(turn, (count, 1, 1)).astype(np.float32)
     return Pose("r", 0, linear, (character.pivots @ turn.T + shift).astype(np.float32))
@@ -165,7 +167,7 @@ def test_normals_stay_orthogonal_to_tangents(seed):
 
 
 def test_normals_of_a_bent_graph_are_nearly_those_of_the_bent_surface():
-    """End to end, on a capsule whose upper half turns by half a right angle."""
+    """Compares normals on a capsule whose upper half is bent by 45 degrees."""
 
     def field(points):
         up = np.clip(points[:, 1], 0.15, 0.85)
@@ -177,7 +179,7 @@ def test_normals_of_a_bent_graph_are_nearly_those_of_the_bent_surface():
     y, bend = graph.positions[:, 1], np.pi / 4 / 0.6
     angle = bend * np.clip(y - 0.2, 0, 0.6)
     linear = rotation.to_matrix(rotation.from_rotation_vector(angle[:, None] * np.array([0.0, 0, 1])))
-    # The spine is a circle's arc from 0.2 to 0.8, straight before and after.
+    # The spine is a circular arc from 0.2 to 0.8, and straight before and after it.
     before, after = np.minimum(y, 0.2), np.maximum(y - 0.8, 0)
     spine = np.stack([(np.cos(angle) - 1) / bend, before + np.sin(angle) / bend, 0 * y], 1)
     spine += after[:, None] * np.stack([-np.sin(angle), np.cos(angle), 0 * y], 1)

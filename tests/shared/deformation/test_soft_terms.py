@@ -1,4 +1,4 @@
-"""Tests of soft planes from depth, the floor, and neighbouring limbs."""
+"""Tests of the soft plane terms from depth, the floor, and neighbouring limbs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ LEGS = np.array(
 
 
 def to_capsules(points, ends, radius=RADIUS):
-    """(N,) metres from points to capsules, negative inside."""
+    """Returns (N,) signed distances in metres from points to capsules, negative inside."""
     best = np.full(len(points), np.inf)
     for a, b in ends:
         share = np.clip((points - a) @ (b - a) / max((b - a) @ (b - a), 1e-12), 0, 1)
@@ -44,7 +44,7 @@ def to_capsules(points, ends, radius=RADIUS):
 
 @pytest.fixture(scope="module")
 def trousers():
-    """Two legs hanging from a bar: character, graph, mesh."""
+    """Returns two legs hanging from a bar: character, graph and mesh."""
     low, high = np.array([-0.3, -0.1, -0.15]), np.array([0.3, 1.0, 0.15])
     mesh = Mesh(*surface_of(lambda p: to_capsules(p, LEGS), low, high, 0.03), "trousers")
     graph = DeformationGraph.build(mesh, nodes=64, seed=0)
@@ -56,14 +56,14 @@ def rest(graph):
 
 
 def turned(graph, seed):
-    """Nodes turned and moved at random."""
+    """Returns nodes with random rotations and displacements."""
     rng = np.random.default_rng(seed)
     turns = rotation.to_matrix(rotation.from_rotation_vector(rng.normal(size=(len(graph.positions), 3))))
     return turns, graph.positions + 0.1 * rng.normal(size=graph.positions.shape)
 
 
 def slack(planes, graph, linear, positions):
-    """(M,) n·φ(p) − b."""
+    """Returns (M,) the plane residuals n·φ(p) − b."""
     at = ConstrainedPoints(planes.points, planes.node_indices, planes.node_weights, graph.positions)
     return np.einsum("ma,ma->m", planes.normals, at.deformed(linear, positions)) - planes.offsets
 
@@ -100,7 +100,7 @@ def test_joining_no_sets_gives_an_empty_set(trousers):
 
 
 def seen_of(mesh, every=3):
-    """Points of the mesh's front, with normals, as a sensor at +Z would see them."""
+    """Returns points of the mesh's front with normals, as measured by a sensor at +Z."""
     normals = mesh.vertex_normals()
     front = np.flatnonzero(normals[:, 2] > 0.3)[::every]
     return mesh.vertices[front], normals[front]
@@ -165,7 +165,7 @@ def test_the_nearest_compatible_point_is_the_one_that_a_look_at_all_would_find(s
             assert nearest[i] == -1
 
 
-def test_balls_fill_the_legs(trousers):
+def test_contact_spheres_fill_the_legs(trousers):
     character, graph, _ = trousers
     contact = SelfContact(character, graph)
     legs = graph.positions[:, 1] < 0.6
@@ -176,7 +176,7 @@ def test_balls_fill_the_legs(trousers):
 
 
 def crossed(graph, by):
-    """The nodes of the left leg moved towards, and through, the right one."""
+    """Returns node positions with the left leg moved towards the right one, and through it."""
     moved = graph.positions.copy()
     moved[(moved[:, 0] > 0) & (moved[:, 1] < 0.6), 0] -= by
     return np.tile(np.eye(3), (len(moved), 1, 1)), moved
@@ -191,7 +191,7 @@ def test_limbs_that_do_not_touch_are_left_alone(trousers):
 
 
 def test_limbs_that_overlap_are_pushed_back_the_way_they_came(trousers):
-    """Also where the middles of two balls that face each other have gone through each other."""
+    """This also holds if the centres of two facing balls have passed each other."""
     character, graph, _ = trousers
     contact = SelfContact(character, graph)
     for by in np.arange(0, 0.34, 0.02):
@@ -236,7 +236,9 @@ def test_raised_mesh_keeps_shape_and_touches_the_floor(trousers, way, floor):
 
 
 def play(floor, graph, ways, seconds=1 / 30):
-    """The feet's states over frames of the whole mesh moved by ``ways`` (F, 3)."""
+    """Returns the contact states of the feet over frames in which the whole mesh is moved by ``ways`` (F,
+    3).
+    """
     out = []
     for way in ways:
         planes = floor.planes(rest(graph)[0], graph.positions + way, seconds)

@@ -1,4 +1,6 @@
-"""How near a frame comes to the minimum: against a plain Gauss-Newton from the frame's own answer."""
+"""Tests of how close a frame comes to the energy minimum, against Gauss-Newton started from the frame's
+result.
+"""
 
 from concurrent.futures import Future
 
@@ -15,15 +17,19 @@ from enliven.kernels import hold
 GAP = 0.002
 """Maximum relative excess of a frame's energy over the minimum."""
 INVISIBLE = 1e-6
-"""An energy in which shares mean nothing: a point a tenth of a millimetre off has it."""
+"""Energy below which relative differences mean nothing. One point that is off by a tenth of a millimetre has
+it.
+"""
 BUCKLES = 880092, 19, 1.9291120993690865
-"""A creature's seed, its nodes and its pace: a limb buckles in its frame 15."""
+"""Seed of a creature, its node count and the pace of its motion. In frame 15 a limb buckles."""
 RIDGES = 40, 8, 53, 0
-"""Seeds of creatures; in one frame of each the solver ended on a ridge."""
+"""Seeds of creatures. In one frame of each, the solver ended on a ridge of the energy."""
 
 
 def gap_of(peer, solver, targets):
-    """Share of the minimum; 0 where the plain solver turns a node inside out, which ours never does."""
+    """Returns the relative excess over the minimum. 0 if Gauss-Newton inverts a node, which our solver never
+    does.
+    """
     peer.aim(targets)
     x, least, _ = peer.solve(peer.pack(solver.state()), lambda energy: False)
     turned = np.linalg.det(x[: 9 * len(solver.graph.positions)].reshape(-1, 3, 3)).min() < 0.05
@@ -32,7 +38,7 @@ def gap_of(peer, solver, targets):
 
 @settings(deadline=None, max_examples=12)
 @given(st.integers(0, 2**32 - 1), st.integers(12, 48), st.floats(0.3, 2.0))
-# A limb buckles in frame 15: the steps promise nothing there, and the minimum is 6 % lower.
+# A limb buckles in frame 15. The steps cannot predict this, and the minimum is 6 % lower.
 @example(*BUCKLES)
 def test_frame_is_near_minimum_or_reports_that_it_is_not(seed, nodes, pace):
     problem = random_problem(seed, nodes, 16, pace)
@@ -48,9 +54,10 @@ def test_frame_is_near_minimum_or_reports_that_it_is_not(seed, nodes, pace):
 
 
 def frame_on_a_ridge():
-    """A creature's problem, two solvers that have ended a frame on a ridge, and that frame's targets.
+    """Returns a creature's problem, two solvers that have ended a frame on a ridge, and that frame's targets.
 
-    Which frames end so hangs on rounding, about one in 600: the creatures are those of one processor first.
+    Whether a frame ends on a ridge depends on rounding (about one frame in 600). The seeds found on one
+    processor are therefore tried first.
     """
     for seed in (*RIDGES, *range(300)):
         rng = np.random.default_rng(seed)
@@ -66,9 +73,9 @@ def frame_on_a_ridge():
 
 
 def test_frame_on_a_ridge_is_reported_and_next_frame_leaves_it():
-    """Where a limb buckles no gradient tells of the lower energy; the next frame is there with it."""
+    """Where a limb buckles, the gradient does not reveal the lower energy. The next frame reaches it."""
     problem, solver, unasked, targets = frame_on_a_ridge()
-    # It was found out without a change.
+    # The check did not change the state.
     np.testing.assert_array_equal(solver.state()[1], unasked.state()[1])
     before = solver.energy["total"]
     solver.solve(targets)
@@ -131,7 +138,7 @@ def test_time_limit_is_reported_and_next_frames_catch_up(seed, nodes):
 
 
 def test_matrix_from_background_thread_equals_direct_one(monkeypatch):
-    """Frames are the same, bit for bit, whether another thread makes the matrices or the caller waits."""
+    """Frames are bit-identical whether another thread makes the matrices or the caller waits for them."""
     problem, frames = random_problem(3, 24, 8, 1.0), []
     for beside in (True, False):
         solver = EmbeddedSolver(problem.graph, problem.points, EmbeddedSettings(budget_ms=1e-6))
@@ -143,10 +150,10 @@ def test_matrix_from_background_thread_equals_direct_one(monkeypatch):
 
 
 class AtOnce:
-    """Does what a second thread would do, at once."""
+    """An executor that runs the work immediately instead of in a second thread."""
 
     def submit(self, work, *arguments):
-        """Returns what is done already."""
+        """Runs the work and returns a completed future."""
         done = Future()
         done.set_result(work(*arguments))
         return done

@@ -1,4 +1,4 @@
-"""Sphere proxies: they cover the surface, move as it moves, stay few, and are the same every time."""
+"""Tests of sphere proxies: they cover the surface, follow its motion, are few, and are deterministic."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ vectors = st.lists(st.floats(-3, 3), min_size=3, max_size=3).map(np.array)
 
 
 def ball(rings: int, radius: float = 0.5, nodes: int = 7) -> Character:
-    """A sphere of triangles whose vertices follow random nodes."""
+    """Returns a triangulated sphere whose vertices follow random nodes."""
     polar = np.linspace(0, np.pi, rings + 1)[:, None]
     around = np.linspace(0, 2 * np.pi, 2 * rings, endpoint=False)[None]
     xyz = np.sin(polar) * np.cos(around), np.cos(polar) + 0 * around, np.sin(polar) * np.sin(around)
@@ -41,14 +41,14 @@ def character_of(vertices: np.ndarray, faces: np.ndarray, nodes: int = 7) -> Cha
 
 
 def rigid(character: Character, turn: np.ndarray, shift: np.ndarray, scale: float = 1.0) -> Pose:
-    """The pose that moves everything as one."""
+    """Returns the pose that transforms all nodes by one similarity."""
     matrix = scale * to_matrix(from_rotation_vector(turn))
     linear = np.tile(matrix, (len(character.pivots), 1, 1))
     return Pose(character.id, 0, linear, character.pivots @ matrix.T + shift)
 
 
 def depths(proxies: SphereProxies, points: np.ndarray) -> np.ndarray:
-    """(P,) metres from each point to the nearest centre."""
+    """Returns (P,) metres from each point to the nearest centre."""
     return np.linalg.norm(points[:, None] - proxies.rest[None], axis=2).min(1)
 
 
@@ -93,7 +93,7 @@ def test_a_sphere_follows_its_own_nodes_as_a_vertex_would():
 
 
 def test_the_packing_is_that_of_the_plain_rule():
-    """Pick, place, prune, until nothing is left; every vertex against every sphere."""
+    """Compares with a plain version of pick, place and prune that tests every vertex against every sphere."""
     rng = np.random.default_rng(0)
     points = rng.random((400, 3))
     inner = points + rng.normal(0, 0.02, points.shape)

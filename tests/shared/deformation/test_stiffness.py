@@ -1,4 +1,4 @@
-"""Stiff and soft spots."""
+"""Tests of spots with higher or lower stiffness."""
 
 from dataclasses import dataclass
 
@@ -26,7 +26,7 @@ class Points:
     node_weights: np.ndarray
 
 
-def test_without_spots_there_is_nothing_to_say():
+def test_no_spots_give_no_stiffness():
     assert stiffness_at(np.zeros((3, 3)), ()) is None
 
 
@@ -96,7 +96,9 @@ def test_paint_that_makes_no_sense_is_refused(wrong):
 
 
 def bent_ladder(seed):
-    """A graph of two rows of nodes, its first four held, its last four pulled: graph, points, targets."""
+    """Returns a graph of two rows of nodes, with the first four held and the last four pulled: graph, points,
+    targets.
+    """
     rng = np.random.default_rng(seed)
     rows = np.stack([np.repeat(np.linspace(0, 1, 10), 2), np.tile([0.0, 0.1], 10), np.zeros(20)], 1)
     positions = rows + 0.01 * rng.normal(size=rows.shape)

@@ -1,4 +1,4 @@
-"""Where a frame begins, against one plain loop over the nodes."""
+"""Tests of the initial state of a frame, against a plain loop over the nodes."""
 
 import numpy as np
 from hypothesis import given, settings
@@ -9,7 +9,9 @@ from enliven.deformation.embedded.warm_start import _MIN_VOLUME_FRACTION, _go_on
 
 
 def gone_on(now, last):
-    """(16,) a node that moves, turns and stretches in the next frame as it did from ``last`` to ``now``."""
+    """Returns (16,) a node whose motion, rotation and stretch from ``last`` to ``now`` continue for one
+    frame.
+    """
     columns, before = now.reshape(4, 4)[:, :3], last.reshape(4, 4)[:, :3]
     change = columns - before
     turn = 0.5 * np.cross(columns[:3], change[:3]).sum(0)
@@ -21,7 +23,7 @@ def gone_on(now, last):
 
 
 def some_nodes(rng, count):
-    """(N, 4, 4) nodes turned at random, a little stretched."""
+    """Returns (N, 4, 4) nodes with random rotations and small stretches."""
     x = np.zeros((count, 4, 4))
     turns = rotation.to_matrix(rotation.from_rotation_vector(rng.normal(size=(count, 3))))
     x[:, :3, :3] = turns + 0.05 * rng.normal(size=(count, 3, 3))

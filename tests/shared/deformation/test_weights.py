@@ -1,4 +1,4 @@
-"""Blending weights: local, linear, and continuous along the surface."""
+"""Tests of blending weights: they are local, linear, and continuous along the surface."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ FORK = [
 
 
 def fork(cell):
-    """Two prongs 10 cm apart on one handle."""
+    """Returns two prongs 10 cm apart on one handle."""
     low, high = np.array([-0.2, -0.05, -0.1]), np.array([0.2, 0.7, 0.1])
     return Mesh(*surface_of(lambda p: capsules(p, FORK, 0.05), low, high, cell), "fork")
 
@@ -42,7 +42,9 @@ def coarse():
 
 
 def slow_weights(mesh, graph, spacing):
-    """The three steps of the module's docstring, on a net that is the mesh itself: (V, N) weights."""
+    """Returns (V, N) weights by the three steps of the module's docstring, on the mesh itself instead of a
+    coarse net.
+    """
     net = build_net(mesh, spacing)
     assert (net.radii == 0).all(), net.radii
     cells = graph.cells
@@ -82,7 +84,7 @@ def dense(skin, nodes):
 
 
 def folded(step=0.024):
-    """A sheet folded into a U, 10 cm from one wing to the other, as a regular grid."""
+    """Returns a sheet folded into a U as a regular grid, with 10 cm between its wings."""
     along = np.arange(0, 1.1, step)
     turn = np.clip((along - 0.45) / 0.05, 0, np.pi)
     y = np.minimum(along, 0.45) + 0.05 * np.sin(turn) - np.maximum(along - 0.45 - 0.05 * np.pi, 0)
@@ -103,12 +105,12 @@ def test_weights_match_their_definition(nodes):
     expected = slow_weights(mesh, graph, np.sqrt(mesh.area / nodes))
     np.testing.assert_allclose(dense(graph.skin(mesh), nodes), expected, atol=2e-5)
     plain = np.linalg.norm(mesh.vertices[:, None] - graph.positions, axis=2).argmin(1)
-    # The guard: the wings do stand so near that straight distances would mix them.
+    # Shows that the test is meaningful: the wings are so near that Euclidean distances would mix them.
     assert (plain != expected.argmax(1)).sum() > 10
 
 
 def test_a_finer_mesh_of_the_same_surface_has_nearly_the_same_weights(coarse):
-    """The fine one's net is of clusters, the coarse one's of vertices."""
+    """The net of the fine mesh consists of vertex clusters, that of the coarse mesh of vertices."""
     fine = refine(coarse, 0.004)
     whole = DeformationGraph.build(coarse, 24)
     spacing = np.sqrt(coarse.area / 24)
@@ -126,14 +128,16 @@ def test_a_finer_mesh_of_the_same_surface_has_nearly_the_same_weights(coarse):
 
 
 def jumps(mesh, skin, nodes):
-    """(E,) how much the weights of neighbouring vertices differ, and how far these are apart."""
+    """Returns (E,) differences between the weights of neighbouring vertices, and (E,) their distances."""
     weights = dense(skin, nodes)
     a, b = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]).T
     return np.abs(weights[a] - weights[b]).sum(1), np.linalg.norm(mesh.vertices[a] - mesh.vertices[b], axis=1)
 
 
 def test_weights_are_continuous():
-    """Shorter edges differ less: a largest difference would stay where there were a jump."""
+    """Differences shrink with shorter edges. At a discontinuity, the maximum difference would stay the
+    same.
+    """
     mesh = fork(0.02)
     nodes, largest = 24, []
     graph = DeformationGraph.build(mesh, nodes)
@@ -167,7 +171,7 @@ def test_carriers_are_apart_and_near_to_every_node(seed, count):
     assert straight[:, chosen].min(1).max() < 0.6 * 0.5
 
 
-def test_few_nodes_carry_all(coarse):
+def test_few_nodes_carry_all_vertices(coarse):
     for nodes in (1, 2, 4):
         graph = DeformationGraph.build(coarse, nodes)
         assert set(np.unique(graph.skin(coarse).indices)) == set(range(nodes))

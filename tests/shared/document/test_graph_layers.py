@@ -1,4 +1,4 @@
-"""Layers of a possessed mesh refuse placements that cannot be played, and name what is wrong."""
+"""Tests that layers of a possessed mesh refuse placements that cannot be played, and name the wrong value."""
 
 from __future__ import annotations
 

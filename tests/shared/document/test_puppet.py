@@ -1,4 +1,4 @@
-"""Puppets as documents: what they refuse, what a project keeps of them, and how viewers know them."""
+"""Tests of puppets as documents: refused values, storage in a project, and their characters in viewers."""
 
 from __future__ import annotations
 
@@ -87,12 +87,12 @@ def test_inconsistent_puppet_is_refused(changes, said):
         puppet().with_changes(**changes)
 
 
-def test_takes_that_are_not_there_are_named():
+def test_missing_takes_are_named():
     with pytest.raises(InputError, match="the take 'wave' does not exist"):
         Project().with_characters(puppet())
 
 
-def test_a_puppet_and_a_point_that_are_not_there():
+def test_missing_puppet_and_point_are_reported():
     with pytest.raises(InputError, match="no puppet 'horse'"):
         project().puppet("horse")
     with pytest.raises(InputError, match="control point 'tail' does not exist"):

@@ -1,4 +1,4 @@
-"""The time map of layers: one law for all rigs, and its compiled form the same."""
+"""Tests of the time map of layers: all rigs share one definition, and the compiled form computes the same."""
 
 from fractions import Fraction
 
@@ -21,7 +21,9 @@ laws = settings(deadline=None, max_examples=100)
 
 
 def obvious(layer, time, length):
-    """Lets a hand go over the take: it walks, and is put back to the other end each time it gets there."""
+    """Returns the frame time, computed by moving along the take and jumping to the other end whenever an end
+    is reached.
+    """
     hand = Fraction(time) - Fraction(layer.offset)
     hand *= Fraction(layer.speed)
     if layer.speed < 0:

@@ -1,4 +1,4 @@
-"""A walker, a stool with control points, and key poses of it: puppets for tests."""
+"""Puppets for tests: a walking performer, a stool with control points, and key poses of the stool."""
 
 from __future__ import annotations
 
@@ -47,7 +47,9 @@ def walker(
     turning: float = 0.4,
     swing: float = 0.45,
 ) -> Clip:
-    """Walks some double steps of a second each, turning; the foot that goes back stands still."""
+    """Returns a person that walks double steps of one second each while turning. The stance foot stands
+    still.
+    """
     frames = round(steps / STEP) + 1
     t = np.arange(frames) * STEP
     leg = swing * np.sin(2 * np.pi * t)
@@ -73,7 +75,7 @@ def walker(
 
 
 def stool() -> Mesh:
-    """A box that is a metre tall, 0.6 m wide and 0.4 m deep, of 9 x 9 x 9 cells, standing on the floor."""
+    """Returns a box that stands on the floor: 1 m tall, 0.6 m wide, 0.4 m deep, with 9 x 9 x 9 cells."""
     n = 10
     grid = np.linspace(0, 1, n)
     index: dict[tuple[int, int, int], int] = {}
@@ -112,7 +114,7 @@ def places_for(rest, seed: int, size: float = 0.1):
 def puppet_project(
     seed: int = 0, poses: int = 4, clip: Clip | None = None, play: bool = True, **layer: object
 ) -> Project:
-    """A stool that walks: control points at its feet, sides and top, posed anyhow."""
+    """Returns a walking stool with control points at its feet, sides and top, in random key poses."""
     clip = clip or walker()
     mesh = stool()
     project = make_puppet(Project().with_takes(clip), mesh, "stool")
@@ -128,7 +130,7 @@ def puppet_project(
 
 
 def full_project(seed: int = 0) -> Project:
-    """A puppet with everything that one can have."""
+    """Returns a puppet with every optional element."""
     asked = {
         "positions": (Position("top", 9, (0.0, 1.1, 0.0)), Position("left foot", 2, (0.1, 0.0, 0.3), "x")),
         "velocities": (Velocity("top", 20, (0.1, 0.0, 0.0), "x"),),
@@ -152,7 +154,7 @@ def full_project(seed: int = 0) -> Project:
 
 
 def full_session(path: Path, loose: bool = False) -> Project:
-    """A session file of it; ``loose`` without the layer that is muted."""
+    """Returns a session file of the full project. ``loose`` leaves out its muted layer."""
     project = full_project()
     if loose:
         project = remove_layer(project, "stool", 1)

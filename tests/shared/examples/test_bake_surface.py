@@ -1,4 +1,6 @@
-"""Baked surfaces: what moves by few transforms is found again, the error is the true one, nothing tears."""
+"""Tests of baked surfaces: motion by few transforms is recovered, the stated error is true, and nothing
+tears.
+"""
 
 import weakref
 from itertools import pairwise
@@ -22,7 +24,7 @@ SEEDS = st.integers(0, 2**31)
 
 
 def bent(mesh, frames=30, turn=1.2):
-    """(F, V, 3) a tube that bends, twists and is squashed, no whole frame like another."""
+    """Returns (F, V, 3) a tube that bends, twists and is squashed. Its deformation differs in each frame."""
     out = []
     for t in np.linspace(0, 2 * np.pi, frames):
         y = mesh.vertices[:, 1]
@@ -35,7 +37,7 @@ def bent(mesh, frames=30, turn=1.2):
 
 
 def played(baked, vertices, frame):
-    """(V, 3) one vertex at a time."""
+    """Returns (V, 3) the baked surface in a frame, computed one vertex at a time."""
     out = np.zeros_like(vertices)
     for v, rest in enumerate(vertices):
         for k, w in zip(baked.skin.indices[v], baked.skin.weights[v], strict=True):
@@ -203,7 +205,7 @@ def test_weights_are_those_of_the_slow_way(seed, smooth):
 
 
 def slow_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, indices, weights):
-    """(V, K) as the docstrings say, by NumPy's solver."""
+    """Returns (V, K) weights as the docstrings define them, by NumPy's solver."""
     dense = np.zeros((len(rest), len(pivots)))
     for v in range(len(rest)):
         np.add.at(dense[v], indices[v], weights[v])

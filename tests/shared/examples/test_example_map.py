@@ -1,4 +1,6 @@
-"""The laws of trajectories from examples, and a slow dense twin of the spacetime problem."""
+"""Tests of trajectories from examples: their invariants, and a slow dense solution of the spacetime
+problem.
+"""
 
 import numpy as np
 import pytest
@@ -30,7 +32,7 @@ def examples_of(seed, count=5, pairs=3):
 
 
 def motion_of(examples, frames, seed):
-    """Poses that wander between the examples."""
+    """Returns poses that move randomly between the examples."""
     rng = np.random.default_rng(seed)
     knots = rng.integers(0, len(examples), frames // 6 + 2)
     at = np.linspace(0, len(knots) - 1.001, frames)
@@ -73,10 +75,9 @@ def test_poses_and_examples_moved_together_give_the_same(seed, moved):
 
 
 def dense(mapping, poses, constraints, weight):
-    """The slow reference: all weights and the deviations from the examples, as one bounded least-squares
-    problem.
+    """Solves all weights and the deviations from the examples as one bounded least-squares problem.
 
-    Hard constraints are rows of great weight: good to 1e-6 or so.
+    Hard constraints are rows with a large weight, which makes the solution exact to about 1e-6.
     """
     nodes, examples = mapping.nodes(poses), mapping.examples
     points, frames, most = nodes.right.shape

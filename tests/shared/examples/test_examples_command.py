@@ -1,4 +1,4 @@
-"""enliven examples, end to end: files in, a session to edit, a strictly right GLB out, errors that help."""
+"""Tests of ``enliven examples``: input files, an editable session, a valid GLB, and errors with advice."""
 
 import sys
 from pathlib import Path
@@ -36,7 +36,7 @@ def folder(tmp_path):
 
 
 def examples(folder, *words):
-    """The exit code; words with a dot name files of the folder."""
+    """Runs the command and returns its exit code. Words with a dot become files in the folder."""
     plain = [str(folder / w) if isinstance(w, str) and "." in w else str(w) for w in words]
     return run(["examples", *plain])
 
@@ -54,10 +54,10 @@ def test_from_a_mesh_and_a_motion_to_a_film_of_it(folder, capsys):
     assert len({point.joint for point in puppet.points}) > 3
     for pose in puppet.poses:
         np.testing.assert_array_equal(pose.places, puppet.rest)
-    # Nothing is posed yet, and that is said.
+    # Nothing is posed yet, which is reported.
     assert examples(folder, "check", "s/made.toml") == 3
     assert "All key poses are alike: set the places of the control points." in capsys.readouterr().out
-    # Nor is a film of it made, of a statue that slides; the studio can pose the project.
+    # No film of the unposed, sliding mesh is made. The project can be posed in the studio.
     assert examples(folder, "fit", "s/made.toml", "-o", "out.glb", "--end", 1) == 3
     assert "All key poses are alike" in capsys.readouterr().err and not (folder / "out.glb").exists()
     assert examples(folder, "fit", "s/made.toml", "-o", "unposed.enliven") == 0
@@ -80,7 +80,7 @@ def test_the_project_that_is_made_is_the_session(folder):
     full_session(folder / "full.toml")
     assert examples(folder, "fit", "full.toml", "-o", "full2.enliven") == 0
     assert are_identical(read_project(folder / "full2.enliven"), read_session(folder / "full.toml").project)
-    # And a project is as good as a session.
+    # A project is accepted like a session.
     assert examples(folder, "fit", "full2.enliven", "-o", "a.glb", "--puppet", "stool", "--end", 0.5) == 0
     assert examples(folder, "fit", "full.toml", "-o", "b.glb", "--end", 0.5) == 0
     assert (folder / "a.glb").read_bytes() == (folder / "b.glb").read_bytes()
@@ -117,7 +117,7 @@ def test_a_sheet_is_drawn_where_the_viewer_is(folder):
     assert examples(folder, "fit", "full.toml", "-o", "out.mcap", "--sheet", "out.png", "--end", 1) == 0
     picture = np.asarray(Image.open(folder / "out.png"))
     assert picture.shape[1] > 6 * 400
-    # Both rows have something drawn in each picture, and the pictures differ.
+    # Both rows have content in each image, and the images differ.
     rows = picture[-880:-440], picture[-440:]
     for row in rows:
         tiles = np.array_split(row[:, : row.shape[1] // 6 * 6], 6, axis=1)
@@ -126,7 +126,7 @@ def test_a_sheet_is_drawn_where_the_viewer_is(folder):
 
 
 def test_coverage_is_the_farthest_pose_found_by_looking_at_each(folder):
-    """The slow obvious twin: all distances to all examples."""
+    """The slow reference computes all distances to all examples."""
     project = full_session(folder / "full.toml")
     puppet, clip = project.puppets["stool"], project.takes["walk"]
     plain = project.with_characters(puppet.with_changes(symmetry=None))

@@ -21,7 +21,7 @@ def blocks(kind):
     return re.findall(rf"```{kind}\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
 
 
-def test_the_page_runs(capsys):
+def test_code_of_the_page_runs(capsys):
     names = {}
     assert len(blocks("python")) == 4
     for block in blocks("python"):
@@ -32,7 +32,7 @@ def test_the_page_runs(capsys):
     assert output.count("True") == 3
     assert output.rstrip().endswith("(31, 2, 3)")
     cactus, state = names["cactus"], names["state"]
-    # Between its two examples, and the pot stays.
+    # It moves between its two examples, and the pot stays.
     low, high = names["down"][1, 1], names["up"][1, 1]
     assert low + 0.2 < state.places[1, 1] < high - 0.2
     np.testing.assert_allclose(state.places[3], cactus.rest[3], atol=0.02)

@@ -1,4 +1,4 @@
-"""A mesh stays near its performer's path, scaled, whether it steps, stands on a base or swims."""
+"""Tests that a mesh stays near its performer's path, scaled, whether it steps, stands on a base or swims."""
 
 from dataclasses import replace
 
@@ -44,8 +44,9 @@ def performance(seed, kind, seconds):
 
 
 def project_of(seed, kind, body, seconds):
-    """Returns a stool that steps, one with feet that are never posed apart (a base), or one without feet (it
-    swims)."""
+    """Returns a stool that steps, or has feet that are posed only together (a base), or has no feet (it
+    swims).
+    """
     project = puppet_project(seed, clip=performance(seed, kind, seconds))
     puppet, clip = project.puppets["stool"], project.takes["walk"]
     seen = performed(clip, ["LeftFoot", "RightFoot"]).poses
@@ -63,7 +64,7 @@ def project_of(seed, kind, body, seconds):
 
 
 def loose(project):
-    """The project and its stool without a leash: it goes where its steps lead it."""
+    """Returns the project and its stool without a leash, so that it goes where its own steps lead."""
     puppet = project.puppets["stool"]
     puppet = replace(puppet, locomotion=replace(puppet.locomotion, leash=1000.0))
     return project.with_characters(puppet), puppet
@@ -98,7 +99,7 @@ def test_nobody_is_led_astray_in_a_minute(seed, kind, body):
 
 
 @given(st.integers(0, 10**6), st.sampled_from(["steps", "stands", "swims"]), st.floats(-3, 3))
-# Rounding chose between two feet of equal height.
+# Two feet had equal heights, so rounding chose between them.
 @example(447450, "steps", 0.0)
 @few
 def test_the_path_is_the_performers_in_its_strides_and_from_its_own_front(seed, body, angle):
@@ -126,7 +127,7 @@ def test_a_walker_goes_as_far_as_its_own_steps_and_another_size_counts_where_nob
     ]
     assert far[0] == pytest.approx(far[1], rel=0.15)
     stays = project_of(3, "stays", "swims", 6)
-    # The stool is 1 m tall and wide; the performer 1.75 m tall, and arms of 1.4 m are less than that.
+    # The stool is 1 m tall and wide. The performer is 1.75 m tall, with an arm span of 1.4 m.
     assert find_travel(stays, stays.puppets["stool"]).stride == pytest.approx(1.0 / 1.75)
 
 

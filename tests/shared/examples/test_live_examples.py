@@ -1,4 +1,6 @@
-"""Frame by frame is what the batch makes, as far as one can without knowing the future."""
+"""Tests that the frame-by-frame solution equals the batch solution, up to the effect of unknown future
+frames.
+"""
 
 import numpy as np
 import pytest
@@ -61,7 +63,7 @@ def test_the_longer_the_lag_the_nearer_the_batch():
     assert off[3] < 1e-3 * off[0]
 
 
-def test_a_bad_pose_changes_nothing():
+def test_invalid_pose_is_ignored():
     mapping = mapping_of(2)
     poses = waves(mapping, 10, 2)
     live, other = LiveExamples(mapping, STEP, 2), LiveExamples(mapping, STEP, 2)

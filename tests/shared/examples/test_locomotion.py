@@ -1,4 +1,4 @@
-"""Feet stand, what falls falls, and the timeline may say when."""
+"""Tests of locomotion: feet stand still, jumps follow gravity, and the timeline may set contacts."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ FREE = LocomotionSettings(landing="free")
 
 
 def walker(frames, seed=0):
-    """Two feet that step in turn and a head, in the mesh's frame, and a yaw."""
+    """Returns two feet that step in turn and a head, in the mesh's frame, and a yaw angle."""
     rng = np.random.default_rng(seed)
     t = np.arange(frames) * STEP
     phase = 2 * np.pi * rng.uniform(0.7, 1.4) * t
@@ -63,7 +63,7 @@ def test_jumping_puppet_lands_with_the_performer(seed):
 
 def test_free_flight_follows_gravity():
     places, yaw = walker(120)
-    # It stretches its legs by 2 m/s before it leaves the floor.
+    # It extends its legs at 2 m/s before it leaves the floor.
     places[:, :2, 1] = -1.0 - np.interp(np.arange(120), [0, 30, 39], [0, 0, 9 * STEP * 2.0])[:, None]
     placed = place_motion(places, 0 * yaw, STEP, [Switch(0, "contact"), Switch(40, "flight")], [0, 1], FREE)
     airborne = int((placed.anchors < 0).sum())
@@ -117,7 +117,7 @@ def test_the_foot_that_the_performer_stands_on_is_the_anchor(seed):
 
 
 def test_shuffling_puppet_moves_by_the_performers_feet():
-    """Feet of the mesh that are hardly lifted: by their heights the wrong one would hold it back."""
+    """The mesh hardly lifts its feet. Chosen by their heights, the wrong foot would stand."""
     t = np.arange(240) * STEP
     phase = 2 * np.pi * t
     ways = [np.cos(phase), -np.cos(phase)]
@@ -140,7 +140,7 @@ def test_shuffling_puppet_moves_by_the_performers_feet():
 
 
 def slow_stand(turned, feet, stands, grip, root, anchors):
-    """The slow obvious twin of the compiled contact, from frame 0 to the last."""
+    """Computes the contact frame by frame, as a slow reference for the compiled version."""
     for f in range(len(turned)):
         heights = turned[f, feet, 1]
         before = anchors[f - 1] if f else -1

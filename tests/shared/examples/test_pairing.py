@@ -1,4 +1,4 @@
-"""Which joint a control point is guessed to follow."""
+"""Tests of suggesting which joint a control point follows."""
 
 import sys
 from dataclasses import replace
@@ -101,7 +101,7 @@ def test_a_fish_follows_nothing_that_does_not_move_and_a_chess_piece_stands():
 
 
 FISH = np.array([(0, 0.4, 1.3), (0, 0.6, -1.3), (0, 0.8, 0.1), (0.33, 0.05, 0.2), (-0.32, 0.06, 0.2)])
-"""A fish: nose, tail, fin, and a fin at either side that is low enough for a foot."""
+"""Points of a fish: nose, tail, fin, and a fin on each side that is low enough to be taken for a foot."""
 FISH_PARTNERS = (0, 1, 2, 4, 3)
 
 

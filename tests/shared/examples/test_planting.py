@@ -1,4 +1,4 @@
-"""Tests that planted feet are still in the world, and that other points do not change."""
+"""Tests that planted feet do not move in the world, and that other points are unchanged."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ FRAMES = 150
 
 
 def shuffler(seed):
-    """Two feet that step in turn, not as far as each other, and a head; a yaw; and which feet stand."""
+    """Returns two feet that take unequal steps in turn, a head, a yaw angle, and which feet stand."""
     rng = np.random.default_rng(seed)
     t = np.arange(FRAMES) * STEP
     phase = 2 * np.pi * rng.uniform(0.7, 1.4) * t

@@ -1,4 +1,6 @@
-"""Tests of a puppet's motion: its key poses at any performer position; mixing, loops and other performers."""
+"""Tests of a puppet's motion: its key poses at any performer position, mixing, loops, and other
+performers.
+"""
 
 from __future__ import annotations
 
@@ -78,8 +80,11 @@ def test_motion_is_independent_of_performer_position_and_heading(seed, yaw, x, z
 
 
 def leashed(project, leash):
-    """Returns the project with a stool whose drift from the performer's path is limited to a number of its
-    sizes."""
+    """Returns the project with a stool whose drift from the performer's path is limited.
+
+    Args:
+        leash: maximum drift as a multiple of the stool's size.
+    """
     puppet = project.puppets["stool"]
     how = replace(puppet.locomotion, leash=leash)
     return project.with_characters(replace(puppet, locomotion=how))
@@ -217,7 +222,7 @@ def test_loop_is_continuous_in_pose_and_position(seed, rounds):
 
 
 def test_rounds_are_one_motion_after_another():
-    """The closed form against going round by round, as the performer's path goes on."""
+    """Compares the closed form with playing round by round, in which the performer's path continues."""
     solved = motion(puppet_project())
     turn = float(solved.yaw[-1])
     c, s = np.cos(turn), np.sin(turn)
@@ -357,7 +362,9 @@ def test_missing_parts_are_reported_until_puppet_can_move():
 
 
 def test_left_key_poses_are_mirrored_to_the_right():
-    """In a walk feet are farther apart to and fro than across: left and right are those of the rest pose."""
+    """In a walk, feet are farther apart front to back than sideways. Left and right are therefore taken from
+    the rest pose.
+    """
     project = with_settings(puppet_project(poses=2, level_feet=False), acceleration=0.0)
     project = leashed(project, 1000.0)
     both = set_symmetry(project, "stool", SIDES)

@@ -1,4 +1,4 @@
-"""Which poses to show, and the same for the other side."""
+"""Tests of suggesting which poses to model next, and of mirroring poses to the other side."""
 
 import numpy as np
 import pytest
@@ -50,7 +50,7 @@ def test_doubled_examples_are_their_own_mirror_image():
     examples, plane = one_sided(), (np.array([1.0, 0, 0]), np.array([2.0, 0, 0]))
     rest = np.array([[2.0, 0, 1], [0, 0, 1], [1, 1, 1]])
     more = add_mirror_images(examples, ORDER, rest, plane[1], across=np.array([1.0, 0, 0]))
-    # The first is its own mirror image.
+    # The first example is its own mirror image.
     assert len(more) == 5
     mirrored = reflect_points(more.sources[:, ORDER], np.zeros(3), np.array([1.0, 0, 0]))
     for source, target in zip(mirrored, reflect_points(more.targets[:, ORDER], *plane), strict=True):

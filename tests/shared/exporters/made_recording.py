@@ -1,4 +1,4 @@
-"""A recording of a performance, as an edge writes it."""
+"""Writes a recording of a performance, as an edge writes it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,12 @@ from enliven.wire import PoseCodec, bodies_to_message, character_to_message, pac
 
 
 def write_recording(path, characters, people=()):
-    """Writes characters, each with its poses in the order of time, and (time in ns, bodies) of people."""
+    """Writes a recording.
+
+    Args:
+        characters: characters, each with its poses in order of time.
+        people: (time in ns, bodies) of people.
+    """
     with Recorder(path, sync_seconds=math.inf) as recorder:
         for character, poses in characters:
             codec = PoseCodec(character)

@@ -1,4 +1,6 @@
-"""BVH out: every joint in every frame is where it was, as our own reader and an obvious one find it."""
+"""Tests of BVH export: two readers, our own and a plain one, find every joint at its position in every
+frame.
+"""
 
 import numpy as np
 import pytest
@@ -17,12 +19,14 @@ from enliven.rotation import multiply, normalized
 from enliven.takes.capture_clip import clip_of_capture
 
 CLOSE = 1e-4
-"""Metres: what a BVH file may lose."""
+"""Maximum position error of a BVH file, metres."""
 
 
 @st.composite
 def clips(draw, most=9):
-    """A random tree whose bones turn together at some joints and apart at others; some have no length."""
+    """Draws a random tree whose bones rotate together at some joints and separately at others. Some have no
+    length.
+    """
     random = np.random.default_rng(draw(st.integers(0, 10_000)))
     joints, frames = draw(st.integers(1, most)), draw(st.integers(1, 4))
     parents = [-1] + [int(random.integers(0, j)) for j in range(1, joints)]
@@ -33,9 +37,9 @@ def clips(draw, most=9):
     names = tuple(f"joint {j}" if random.random() < 0.3 else f"j{j}" for j in range(joints))
     turns = normalized(random.normal(size=(frames, joints, 4)))
     for j in range(1, joints):
-        if random.random() < 0.5:  # as a sibling before it, or the root
+        if random.random() < 0.5:  # the same position as a sibling before it, or as the root
             turns[:, j] = turns[:, next((i for i in range(1, j) if parents[i] == parents[j]), 0)]
-    if random.random() < 0.2:  # straight up: two of three angles are one
+    if random.random() < 0.2:  # straight up: two of the three angles share an axis
         turns[:] = [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]
     skeleton = Skeleton(names, np.array(parents, np.int32), at)
     return Clip("clip", skeleton, turns, random.normal(size=(frames, 3)) * 3.0, 1 / 30)
@@ -47,7 +51,7 @@ def _direction(random):
 
 
 def joints_of(clip):
-    """(F, N, 3) where the joints are, written out."""
+    """Returns (F, N, 3) joint positions, computed literally."""
     performance = performance_of_clip(clip)
     places = np.empty((len(clip.turns), len(clip.skeleton), 3))
     for f in range(len(places)):
@@ -59,7 +63,9 @@ def joints_of(clip):
 
 
 def obvious(text):
-    """Names, parents and (F, N, 3) places of a BVH file, read word by word, one frame and joint at a time."""
+    """Returns names, parents and (F, N, 3) positions of a BVH file, read word by word, one frame and joint at
+    a time.
+    """
     words = text[: text.index("MOTION")].split()
     rows = [[float(w) for w in line.split()] for line in text[text.index("Frame Time:") :].splitlines()[1:]]
     names, parents, offsets, channels, open_ = [], [], [], [], []
@@ -101,7 +107,7 @@ def obvious(text):
 
 
 def check_places(clip, names, places, scale=1.0):
-    """Joints with others below them are found by name; the ends of limbs, among the ends."""
+    """Checks joint positions. Inner joints are found by name, the ends of limbs among the end sites."""
     expected, skeleton = joints_of(clip), clip.skeleton
     ends = [n for n, name in enumerate(names) if name.endswith(" end")]
     for j, name in enumerate(skeleton.names):

@@ -1,4 +1,6 @@
-"""enliven export, end to end: recordings, projects and motion files in, GLB and BVH out, errors that help."""
+"""Tests of ``enliven export``: recordings, projects and motion files to GLB and BVH, and errors with
+advice.
+"""
 
 import json
 import struct
@@ -28,19 +30,19 @@ from enliven.motion.layers.evaluate import Player
 from enliven.recording import Recorder
 
 BEGIN = 7_000_000_000
-"""Nanoseconds of the sensor's clock at which the recording begins."""
+"""Time of the recording's first frame on the sensor's clock, nanoseconds."""
 WIRE = 4e-3
-"""Metres: what poses on the wire, added up along a limb, may be off."""
+"""Maximum position error in metres of poses on the wire, added up along a limb."""
 
 
 def export(folder, *words):
-    """The exit code of enliven export; words with an ending are files of the folder."""
+    """Runs the command and returns its exit code. Words with a suffix become files in the folder."""
     return run(["export", *(str(folder / w) if isinstance(w, str) and "." in w else str(w) for w in words)])
 
 
 @pytest.fixture(scope="module")
 def made():
-    """A man with a mesh, his motion, and the project in which he does it."""
+    """Returns a man with a mesh, his motion, and the project in which he performs it."""
     shape = meshed("man", man())
     clip = random_motion(np.random.default_rng(1), shape.skeleton, name="walk")
     return play_clip(Project(), shape, clip)
@@ -48,7 +50,7 @@ def made():
 
 @pytest.fixture
 def recorded(made, tmp_path):
-    """A live performance on the rigged man, with the person who performed."""
+    """Returns a live performance of the rigged man and of the person who performed it."""
     project, shape = made
     character, player = character_of(shape), Player(project, "man")
     times = np.arange(25) / 25
@@ -104,7 +106,7 @@ def test_a_recording_of_people_alone_is_exported_without_naming_one(recorded, tm
 
 @pytest.fixture
 def show(made, recorded, tmp_path):
-    """A project with a rigged shape, a possessed mesh and a puppet."""
+    """Returns a project with a rigged shape, a possessed mesh and a puppet."""
     project, _ = made
     character, poses = recorded
     graph, stream = graph_shape_from_poses(replace(character, id="chair", kind="graph"), poses, "sit")

@@ -1,4 +1,4 @@
-"""Keys that are left out can be interpolated again."""
+"""Tests that omitted keys can be restored by interpolation."""
 
 import numpy as np
 from hypothesis import given, settings

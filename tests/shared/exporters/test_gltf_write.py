@@ -1,4 +1,6 @@
-"""Moving shapes as GLB: strictly right, moving as in the document, and the same skeleton when read again."""
+"""Tests of GLB export: the file is valid, moves as the document does, and gives the same skeleton when
+read.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,7 @@ from enliven.rotation import multiply, normalized, to_matrix
 
 
 def random_shape(random, name, joints=8):
-    """A tree of joints, each with a triangle that follows it and others."""
+    """Returns a tree of joints. Each has a triangle that follows it and other joints."""
     parents = [-1] + [int(random.integers(max(0, j - 3), j)) for j in range(1, joints)]
     at = np.zeros((joints, 3))
     for j in range(1, joints):
@@ -39,7 +41,7 @@ def random_shape(random, name, joints=8):
     vertices = np.repeat(at, 3, 0) + random.normal(size=(3 * joints, 3)) * 0.1
     mesh = Mesh(vertices, np.arange(3 * joints, dtype=np.int32).reshape(-1, 3), name)
     indices = random.integers(0, joints, (3 * joints, 4)).astype(np.uint16)
-    indices[::3, 0] = np.arange(joints)  # the reader drops joints that nothing follows
+    indices[::3, 0] = np.arange(joints)  # the reader omits joints that no vertex follows
     weights = random.uniform(0, 1, (3 * joints, 4))
     weights[::3, 1:] = 0.0
     weights = (weights / weights.sum(1, keepdims=True)).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Tests of the web page with a take inside (.html)."""
+"""Tests of the web page that contains a take (.html)."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_page_contains_every_frame_within_the_error_of_the_wire(walk, tmp_path):
     assert character.id == "man"
     assert len(surfaces) == len(walk.times)
     for surface, expected in zip(surfaces, walk.surfaces(), strict=True):
-        # Half a step of rotation and stretch at 0.7 m from a pivot, see enliven.wire.quantize.
+        # Half a quantisation step of rotation and stretch at 0.7 m from a pivot, see enliven.wire.quantize.
         assert np.abs(surface - expected).max() < 3e-3
 
 

@@ -1,4 +1,6 @@
-"""Materials and textures of a GLB: equal fields and bytes after a project, its file and an export."""
+"""Tests that materials and textures of a GLB keep their fields and bytes in a project, its file and an
+export.
+"""
 
 import io
 import json
@@ -55,7 +57,9 @@ GLASS = {
 
 
 def made_file(path, wood=WOOD, materials=(OAK, GLASS)):
-    """A square of two materials and a triangle of none; the textured one has two sets of coordinates."""
+    """Writes a square with two materials and a triangle without one. The textured material uses two sets of
+    coordinates.
+    """
     random, gltf = np.random.default_rng(5), GltfBuilder()
     corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
     place = gltf.accessor(corners)
@@ -86,7 +90,7 @@ def made_file(path, wood=WOOD, materials=(OAK, GLASS)):
 
 
 def opened(data):
-    """The JSON of a GLB, and a function that gives the bytes of one of its images."""
+    """Returns the JSON of a GLB, and a function that returns the bytes of one of its images."""
     (length,) = struct.unpack_from("<I", data, 12)
     document, blob = json.loads(data[20 : 20 + length]), data[28 + length :]
 
@@ -99,7 +103,7 @@ def opened(data):
 
 
 def resolved(material, document, image):
-    """A material with its textures' images and samplers in the place of their numbers."""
+    """Returns a material in which texture indices are replaced by images and samplers."""
     if isinstance(material, list):
         return [resolved(inner, document, image) for inner in material]
     if not isinstance(material, dict):

@@ -19,7 +19,7 @@ Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 
 @pytest.fixture(scope="module")
 def project():
-    """A rigged man, a possessed mesh and a puppet, all in motion."""
+    """Returns a rigged man, a possessed mesh and a puppet, all in motion."""
     random = np.random.default_rng(4)
     shape = meshed("man", man())
     project, _ = play_clip(Project(), shape, random_motion(random, shape.skeleton, name="walk"))

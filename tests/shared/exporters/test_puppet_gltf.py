@@ -1,4 +1,4 @@
-"""Puppets as GLB: strictly right, and where the solved surface is, as a reader of its own plays the file."""
+"""Tests of puppets as GLB: valid files whose surface, played by an independent reader, is the solved one."""
 
 import made_puppets
 import numpy as np
@@ -21,12 +21,12 @@ PLACE, TURN = np.array([1.0, 0.0, -2.0]), from_rotation_vector(np.array([0.0, 0.
 
 @pytest.fixture(scope="module")
 def bean():
-    """It goes through the world, and stands somewhere else."""
+    """Returns a bean that moves through the world."""
     return made_puppets.project(layers=(PuppetLayer("dance"),), place=PLACE, turn=TURN)
 
 
 def solved(project, times):
-    """(T, V, 3) in the world, as the surface's solver has it."""
+    """Returns (T, V, 3) the world positions from the surface's solver."""
     puppet = project.puppet("bean")
     surface = PuppetSurface(puppet.mesh, [p.vertex for p in puppet.points], settings=puppet.surface)
     out = []
@@ -59,7 +59,7 @@ def test_a_file_plays_as_the_surface_is_solved_within_the_stated_error(bean, tmp
     assert np.linalg.norm(expected[0] - expected[-1], axis=1).max() > 50 * performance.error.rms
 
 
-def test_keys_are_left_out_where_they_tell_nothing(bean):
+def test_redundant_keys_are_left_out(bean):
     few = sample_performance(bean, "bean", rate=60.0, settings=BakeSettings(keys=0.002))
     all_of_them = sample_performance(bean, "bean", rate=60.0, settings=BakeSettings(keys=0.0))
     assert len(build_glb([few])) < 0.7 * len(build_glb([all_of_them]))

@@ -1,4 +1,6 @@
-"""Tests of exported recordings (.mcap): characters, people and frames for Foxglove, in order of time."""
+"""Tests of exported recordings (.mcap): characters, people and coordinate frames for Foxglove, in order of
+time.
+"""
 
 from __future__ import annotations
 
@@ -26,9 +28,9 @@ from enliven.rotation import multiply, rotate
 from enliven.takes.possessed import read_characters_and_poses
 
 WIRE_M = 4e-3
-"""Maximum error of poses on the wire, added up along a limb, in metres."""
+"""Maximum error of poses on the wire, added up along a limb, metres."""
 BEGIN = 7_000_000_000
-"""Nanoseconds of the sensor's clock at which the recording begins."""
+"""Time of the recording's first frame on the sensor's clock, nanoseconds."""
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +61,7 @@ def surfaces_in(recording):
 
 
 def frames_in(path):
-    """Returns the frames of Foxglove: (nanoseconds, parent, child, position, rotation as wxyz)."""
+    """Returns Foxglove's frame transforms: (nanoseconds, parent, child, position, rotation as wxyz)."""
     with path.open("rb") as file:
         messages = [message for *_, message in make_reader(file).iter_messages(topics=["/tf"])]
     frames = []

@@ -25,9 +25,11 @@ from pxr import Gf, Usd, UsdGeom, UsdShade, UsdSkel  # noqa: E402
 from usd_reader import validation_errors, vertices_at  # noqa: E402
 
 SAME = 2e-6
-"""Maximum difference of a vertex as a fraction of the size: float32 in the file and in the poses."""
+"""Maximum difference of a vertex as a fraction of the size. File and poses contain float32."""
 HALF = 1e-3
-"""The same if bones are stretched: USD stores scales as float16, which has 11 bits."""
+"""Maximum difference if bones are stretched, as a fraction of the size. USD stores scales as float16 (11
+bits).
+"""
 KINDS = ("usda", "usdc", "usdz")
 
 
@@ -142,7 +144,7 @@ def test_materials_and_images_are_kept(tmp_path, kind):
     glass = UsdShade.Shader.Get(stage, "/tile/Materials/glass/surface")
     assert glass.GetInput("opacityThreshold").Get() == pytest.approx(0.3)
     assert glass.GetInput("roughness").Get() == pytest.approx(0.1)
-    # Texture coordinates: the same place in the image, counted from its bottom.
+    # Texture coordinates give the same position in the image. USD counts from its bottom.
     own = shape.mesh.materials
     read = np.array(UsdGeom.PrimvarsAPI(mesh).GetPrimvar("st").ComputeFlattened()).reshape(-1, 3, 2)
     np.testing.assert_allclose(read * [1, -1] + [0, 1], own.uvs[:, :, 0], atol=1e-6)

@@ -1,4 +1,4 @@
-"""Tests of VRM avatars and animations: valid, in the T-pose, and moving as the humanoid does."""
+"""Tests of VRM avatars and animations: they are valid, in the T-pose, and move as the humanoid does."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def written(path, performance):
 
 
 def straight(limb, side):
-    """The direction of a limb in the T-pose."""
+    """Returns the direction of a limb in the T-pose."""
     return np.array([0.0, -1, 0]) if "Leg" in limb else np.array([1.0, 0, 0]) * (1 if side == "left" else -1)
 
 
@@ -105,7 +105,7 @@ def test_avatar_stands_in_the_t_pose_with_the_skin_of_the_model(tmp_path, angle)
             np.testing.assert_allclose(
                 along, straight(limb, side) * np.linalg.norm(along), atol=1e-5 * np.ptp(rest[:, :3, 3])
             )
-    # Each vertex follows the upper joints of its bones, as in enliven.
+    # Each vertex follows the joints at the upper ends of its bones, as in enliven.
     skin, upper = shape.skin, np.maximum(shape.skeleton.parents, 0)
     expected = np.zeros_like(shape.mesh.vertices)
     for slot in range(4):

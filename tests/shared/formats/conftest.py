@@ -4,5 +4,5 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
-# Puppets for tests are made in one place.
+# Puppets for tests are defined in one file.
 sys.path.append(str(Path(__file__).parents[1] / "examples"))

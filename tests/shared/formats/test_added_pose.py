@@ -1,4 +1,4 @@
-"""Poses that were added to a capture are found and left out; motion never is."""
+"""Tests that a rest pose added before captured motion is found and left out, but motion never is."""
 
 import sys
 from pathlib import Path
@@ -21,7 +21,7 @@ STEP = 1 / 60
 
 
 def moving(seed, seconds=1.5, reach=1.2):
-    """Returns (F, N, 3) metres of a man that bends all joints smoothly, starting from a separate pose."""
+    """Returns (F, N, 3) metres of a man that starts in a separate pose and then bends all joints smoothly."""
     random, skeleton = np.random.default_rng(seed), man()
     times, count = np.arange(round(seconds / STEP)) * STEP, len(skeleton)
     axes, about = random.normal(size=(count, 3)) * reach / 2, random.normal(size=(count, 3)) * 0.4
@@ -64,7 +64,7 @@ def test_real_motion_is_kept_completely(seed, coarse):
 
 @pytest.mark.parametrize("fade", [2, 4])
 def test_a_rest_pose_that_fades_into_the_motion_is_left_out(fade):
-    """A file that was resampled has spread the jump over some frames."""
+    """Resampling has spread the jump from the rest pose over some frames."""
     motion, rest = moving(7, reach=0.2)[::2], man().positions - man().positions[0]
     share = np.arange(fade)[:, None, None] / fade
     faded = (1.0 - share) * rest + share * motion[:1]
@@ -74,7 +74,7 @@ def test_a_rest_pose_that_fades_into_the_motion_is_left_out(fade):
 
 
 def test_a_motion_that_begins_fast_is_kept():
-    """Returns a kick within the first frames, and a person that runs off."""
+    """The motions are a kick within the first frames, and a person that starts to run."""
     motion, times = moving(3), np.arange(90)[:, None, None] * STEP
     kick = np.exp(-((times - 0.05) ** 2) / 0.005) * [0.0, 0.2, 0.4]
     kicked = motion.copy()

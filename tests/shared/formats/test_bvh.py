@@ -1,4 +1,6 @@
-"""BVH: whatever the order of channels, forward kinematics is what the file says; errors name the line."""
+"""Tests of BVH import: forward kinematics matches the file for any channel order, and errors name the
+line.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ ORDERS = ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"]
 
 
 def turned(axis: str, degrees: float) -> np.ndarray:
-    """(4, 4) a rotation, written out."""
+    """Returns (4, 4) a rotation, computed literally."""
     a = np.radians(degrees)
     c, s = np.cos(a), np.sin(a)
     m = np.eye(4)
@@ -26,7 +28,7 @@ def turned(axis: str, degrees: float) -> np.ndarray:
 
 @st.composite
 def skeletons(draw):
-    """A tree as (parent, offset, channels) a joint, and frames of its channels."""
+    """Draws a tree of joints as (parent, offset, channels), and frames of their channels."""
     count = draw(st.integers(1, 6))
     number = st.floats(-50, 50).map(lambda x: round(x, 3))
     joints = []
@@ -42,7 +44,7 @@ def skeletons(draw):
 
 
 def written(joints, rows) -> tuple[str, list[int]]:
-    """The text of a BVH file, and the joints in the order in which it has them."""
+    """Returns the text of a BVH file, and the joints in the order of the file."""
     order: list[int] = []
 
     def block(n: int, depth: int) -> str:
@@ -68,7 +70,7 @@ def written(joints, rows) -> tuple[str, list[int]]:
 
 
 def slow_world(joints, row) -> list[np.ndarray]:
-    """(4, 4) of every joint, one joint and one channel at a time."""
+    """Returns (4, 4) of every joint, computed one joint and one channel at a time."""
     world: list[np.ndarray] = []
     column = 0
     for parent, offset, channels in joints:
@@ -123,7 +125,7 @@ Frame Time: 0.04
 """
 
 
-def test_a_simple_file() -> None:
+def test_simple_file_is_read() -> None:
     capture = parse_bvh(SIMPLE)
     assert capture.names == ("Hips", "Hips end")
     assert (capture.frames, capture.seconds, capture.notes) == (2, 0.04, ())
@@ -169,7 +171,7 @@ def test_error_names_the_line(old: str, new: str, line: int, words: str) -> None
     assert f"line {line}" in caught.value.where
 
 
-def test_a_file_that_ends_early_or_has_no_frames() -> None:
+def test_truncated_or_empty_file_is_refused() -> None:
     with pytest.raises(InputError, match="ends where"):
         parse_bvh(SIMPLE[: SIMPLE.index("Frame Time")])
     with pytest.raises(InputError, match="no frames"):
@@ -185,7 +187,7 @@ def test_the_unit_is_guessed_by_the_legs(unit: str) -> None:
 
 
 def same(text: str) -> None:
-    """The text is read as :data:`SIMPLE` is."""
+    """Checks that the text is read in the same way as :data:`SIMPLE`."""
     capture, expected = parse_bvh(text), parse_bvh(SIMPLE)
     assert (capture.names, capture.parents, capture.notes) == (expected.names, expected.parents, ())
     np.testing.assert_allclose(capture.positions, expected.positions, atol=1e-12)

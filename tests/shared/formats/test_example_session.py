@@ -1,4 +1,6 @@
-"""Sessions: written by hand, written by a program, read back the same, and refused with table and key."""
+"""Tests of session files: written by hand or by a program, read back equal, and refused with table and
+key.
+"""
 
 from __future__ import annotations
 
@@ -101,7 +103,7 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_a_session_by_hand(folder):
+def test_hand_written_session_is_read(folder):
     read = read_session(folder / "session.toml")
     puppet = read.project.puppets["stool"]
     assert read.puppet == "stool"
@@ -135,7 +137,7 @@ def test_session_survives_writing_and_reading_bit_for_bit(tmp_path_factory, seed
 
 @st.composite
 def layers(draw):
-    """A layer of the stool with any time map and any of its own settings."""
+    """Draws a layer of the stool with any time map and any of its own settings."""
     when = draw(lanes())
     own = draw(
         st.fixed_dictionaries(
@@ -173,7 +175,7 @@ def test_a_session_can_say_all_that_a_layer_has():
 
 @st.composite
 def root_layers(draw):
-    """A layer that turns and moves the whole stool, with any time map and any of its own settings."""
+    """Draws a layer that rotates and moves the whole stool, with any time map and any of its own settings."""
     when, small = draw(lanes()), st.floats(-3.0, 3.0)
     own = {
         "take": draw(st.sampled_from(["stool keys", "other keys", "walk"])),
@@ -206,7 +208,7 @@ def test_root_layers_survive_writing_and_reading(tmp_path_factory, made, second)
 
 
 def test_a_puppet_that_crosses_the_stage_does_so_after_its_session_is_read():
-    """Returns hand-made root keys; the second one is a metre to the side."""
+    """The root keys are made by hand. The second one is a metre to the side."""
     project = key_characters(puppet_project(), ["stool"], 0.0)
     project = key_characters(project, ["stool"], 2.0, (1.0, 0.0, 0.0))
     before = [compute_vertices(project, "stool", time).mean(0) for time in (0.0, 1.0, 2.0)]
@@ -220,7 +222,7 @@ def test_a_puppet_that_crosses_the_stage_does_so_after_its_session_is_read():
 
 
 def test_files_that_there_are_stay_where_the_mesh_and_the_takes_are(folder):
-    """Content that comes from files is not written again, and gives the same puppet."""
+    """Content that was read from files is not written again, and the puppet is the same."""
     mesh = MeshTable("stool.ply", 1.0)
     loaded = fit_height(load_mesh(folder / "stool.ply").mesh, 1.0)
     project = full_project()
@@ -245,7 +247,7 @@ def test_unposed_point_is_written_without_offset(folder):
     assert '"top" = [0.0, 0.0, 0.0]' in text
 
 
-def test_a_part_of_a_take(folder):
+def test_part_of_a_take_is_read(folder):
     text = BY_HAND.replace(
         'file = "moves.enliven"', 'file = "moves.enliven"\nname = "late"\nstart = 1.0\nend = 2.5'
     )
@@ -301,7 +303,7 @@ def test_error_names_table_key_and_fix(folder, right, wrong, said):
     assert said in str(refused.value)
 
 
-def test_files_that_are_no_session(folder):
+def test_other_files_are_refused(folder):
     with pytest.raises(InputError, match=r"nowhere\.toml: there is no such file"):
         read_session(folder / "nowhere.toml")
     (folder / "bad.toml").write_text("[mesh\n")
@@ -338,7 +340,7 @@ def test_the_same_take_twice_needs_two_names(folder):
 def test_a_mesh_that_looks_elsewhere_is_turned(folder):
     (folder / "session.toml").write_text(BY_HAND.replace("height = 0.5", "height = 0.5\nturned = 90"))
     low, high = read_session(folder / "session.toml").project.puppets["stool"].mesh.bounds
-    # 0.3 m wide and 0.2 m deep before.
+    # It was 0.3 m wide and 0.2 m deep before.
     np.testing.assert_allclose(high - low, [0.2, 0.5, 0.3], atol=1e-6)
 
 

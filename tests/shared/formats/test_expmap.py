@@ -1,4 +1,6 @@
-"""Exponential maps: rotations come out as they went in, the root's mistake is undone, lines are named."""
+"""Tests of exponential maps: rotations survive, the wrong order of the root's angles is corrected, errors
+name lines.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ from enliven.formats.motion.expmap import COLUMNS, read_expmap
 
 
 def table(root: Rotation, others: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """(117,) a row: the maps are of the inverse rotations."""
+    """Returns (117,) a row of the file. The maps are those of the inverse rotations."""
     return np.concatenate([place, -root.as_rotvec(), -others.ravel()])
 
 
@@ -45,7 +47,7 @@ def test_the_roots_angles_come_back(tmp_path_factory, z: float, y: float, x: flo
 
 
 def read_rest(path: Path):
-    """The skeleton with every rotation zero."""
+    """Reads a skeleton with zero rotations."""
     rest = path.with_name("rest.txt")
     if not rest.exists():
         rest.write_text(",".join(["0"] * COLUMNS) + "\n")

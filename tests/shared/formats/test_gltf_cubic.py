@@ -1,4 +1,6 @@
-"""Cubic keys of a glTF file: kept through project, trimming and export, and left out of what is edited."""
+"""Tests that cubic keys of a glTF file survive project, trimming and export, and are left out of edited
+motion.
+"""
 
 from __future__ import annotations
 
@@ -26,16 +28,17 @@ from enliven.oneshot.exportable import find_exportables
 
 
 def turn(random: np.random.Generator, most: float) -> np.ndarray:
-    """A quaternion (x, y, z, w) of a random turn."""
+    """Returns a random rotation as a quaternion (x, y, z, w)."""
     axis, half = random.normal(size=3), random.uniform(0.1, most) / 2
     return np.append(np.sin(half) * axis / np.linalg.norm(axis), np.cos(half))
 
 
 def curved(seed: int, start: float = 0.0) -> Twin:
-    """The chain below a turned and shrunk node; each joint turns, and the first moves, by random cubic keys.
+    """Returns the chain below a rotated and shrunk node, with random cubic keys.
 
-    The joints have keys at different times. For odd seeds a turned node is between the second and the third,
-    of which the bind pose knows nothing: the third joint is moved off its bone all the time.
+    Each joint rotates, and the first one moves. The joints have keys at different times. For odd seeds there
+    is a rotated node between the second and the third joint that the bind pose does not contain. The third
+    joint is therefore always off its bone.
     """
     random, twin = np.random.default_rng(seed), Twin()
     joints = chain(twin)
@@ -58,7 +61,7 @@ def curved(seed: int, start: float = 0.0) -> Twin:
 
 
 def rows(random: np.random.Generator, count: int, width: int) -> np.ndarray:
-    """(3 K, 4 or 3) slopes before, values and slopes after each key."""
+    """Returns (3 K, 4 or 3): the slope before each key, its value, and the slope after it."""
     values = random.normal(0.0, 0.3, (count, width))
     if width == 4:
         values = np.array([turn(random, 1.2) for _ in range(count)])
@@ -74,7 +77,7 @@ def written(tmp_path: Path, performance) -> SlowGltf:
 
 
 def keys_of(slow: SlowGltf, path: str = "rotation") -> list[tuple[str, np.ndarray]]:
-    """How each channel of a path is interpolated, and its times."""
+    """Returns the interpolation and the key times of each channel of a path."""
     animation = slow.json["animations"][0]
     channels = [channel for channel in animation["channels"] if channel["target"]["path"] == path]
     samplers = [animation["samplers"][channel["sampler"]] for channel in channels]
@@ -87,7 +90,7 @@ def length_of(slow: SlowGltf) -> tuple[float, float]:
 
 
 def tolerance(seed: int) -> float:
-    """Metres: rounding to float32; or what a joint that is moved off its bone loses between its frames."""
+    """Returns metres: rounding to float32, or the error between frames of a joint that is off its bone."""
     return 2e-4 if seed % 2 else 1e-5
 
 
@@ -110,7 +113,7 @@ def test_cubic_keys_are_written_as_the_file_has_them(tmp_path_factory, seed, sta
         )
 
 
-@example(seed=121, first=0.125, last=0.25, speed=1.0)  # a bone has no key between these times
+@example(seed=121, first=0.125, last=0.25, speed=1.0)  # no key of a bone is between these times
 @settings(max_examples=8, deadline=None)
 @given(st.integers(0, 10_000), st.floats(0.02, 0.15), st.floats(0.25, 0.45), st.sampled_from([1.0, 2.0, 0.4]))
 def test_trimmed_and_slowed_clips_keep_their_cubic_keys(tmp_path_factory, seed, first, last, speed) -> None:

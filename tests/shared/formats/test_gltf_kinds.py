@@ -1,4 +1,4 @@
-"""glTF files of odd kinds, held against an evaluation of the format that shares no code with ours."""
+"""Tests of unusual glTF files against an implementation of the format that shares no code with ours."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ STILL = ["quantised", "sparse", "two_skins", "flat_matrix", "outside_the_scene",
 
 
 def seen(rig, clip, seconds):
-    """(V, 3) metres, the model at a time of one of its clips."""
+    """Returns (V, 3) metres, the model at a time of one of its clips."""
     project, shape = play_clip(Project(), rig.shape, clip)
     return skin_vertices(character_of(shape), Player(project, shape.id).pose(seconds))
 
@@ -68,7 +68,7 @@ def test_clip_moves_surface_like_reference_skinning(tmp_path, kind):
     path = TWINS[kind]().write(tmp_path / "a.glb")
     rig, slow = read_gltf(path), SlowGltf(path)
     (clip,) = rig.clips
-    between = 3e-3 if kind == "scaled_parent" else 2e-4  # stretches are mixed from frame to frame
+    between = 3e-3 if kind == "scaled_parent" else 2e-4  # stretches are interpolated between frames
     for seconds in (0.0, 0.25, 0.5, 0.8, 1.0):
         expected = slow.vertices_at(0, seconds)
         np.testing.assert_allclose(seen(rig, clip, seconds), expected, atol=between)
@@ -148,7 +148,7 @@ def test_all_instances_are_shown(tmp_path):
     whole = [points, (points * [1, 2, 1]) @ turn.T + [1, 0, 0], points * [-1, 1, 1] + [0, 0.5, 2]]
     np.testing.assert_allclose(mesh.vertices, np.concatenate(whole), atol=1e-5)
     assert len(mesh.faces) == 3 * len(faces)
-    # The signed volume of each is positive: the mirrored one is not inside out.
+    # The signed volume of each instance is positive, so the mirrored one is not inside out.
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     parts = (np.cross(a, b) * c).sum(1).reshape(3, -1).sum(1) / 6
     assert (parts > 0).all()
@@ -268,7 +268,7 @@ def test_damaged_draco_names_the_extension(tmp_path, read):
 
 
 def odd_keys() -> Twin:
-    """Three clips: a spike of 20 ms, jumps, and a cubic curve that begins late."""
+    """Returns three clips: a spike of 20 ms, jumps, and a cubic curve that begins late."""
     twin = Twin()
     joints = chain(twin)
     turn = {"node": joints[1], "path": "rotation"}
@@ -381,7 +381,9 @@ HOUSE = Path(__file__).parents[3]
 
 @pytest.mark.parametrize("package", ["shared/enliven", "edge/enliven_edge", "viewer/enliven_viewer"])
 def test_messages_contain_no_exception_class_names(package):
-    """``type(error).__name__`` and ``{error!r}`` are for logs of programmers, not for reasons."""
+    """Only logs for programmers may contain ``type(error).__name__`` and ``{error!r}``, not the reasons shown
+    to users.
+    """
     places = []
     for path in sorted((HOUSE / package).rglob("*.py")):
         text = path.read_text(encoding="utf-8")
@@ -394,12 +396,12 @@ def test_messages_contain_no_exception_class_names(package):
                 named = [a.arg for a in node.args.args if a.arg in ("error", "exception", "exc")]
                 places += [f"{path}:{line}" for name in named for line in lines_that_name(node, name)]
     allowed = [place for place in places if "sensors/isolation/helper.py" in place]
-    # The helper process sends the class of enliven's own errors, from which the edge recreates the error.
+    # The helper process sends the class of enliven's own errors, and the edge recreates the error from it.
     assert len(allowed) <= 2 and not set(places) - set(allowed)
 
 
 def lines_that_name(tree: ast.AST, name: str) -> set[int]:
-    """Lines that put the class or the representation of a variable into text."""
+    """Returns the lines that format the class or the representation of a variable into text."""
     lines = set[int]()
     for node in ast.walk(tree):
         spelled = ast.unparse(node) if isinstance(node, (ast.Attribute, ast.Call, ast.FormattedValue)) else ""

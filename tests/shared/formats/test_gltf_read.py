@@ -1,4 +1,6 @@
-"""Rigged glTF becomes a shape that moves as glTF's own skinning does; what bones cannot say is told."""
+"""Tests that rigged glTF becomes a shape that moves like glTF's own skinning, and that unsupported motion is
+reported.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,7 @@ from enliven.motion.layers.evaluate import Player
 
 
 def vertices_of(rig, clip, frame):
-    """(V, 3) the model at a frame of a clip, by our own evaluation and skinning."""
+    """Returns (V, 3) the model at a frame of a clip, by our own evaluation and skinning."""
     project, shape = play_clip(Project(), rig.shape, clip)
     return skin_vertices(character_of(shape), Player(project, shape.id).pose(frame * clip.step))
 
@@ -47,7 +49,7 @@ def test_rotating_rig_moves_like_reference_skinning(tmp_path_factory, seed):
 
 
 def two_joints(**child) -> GltfBuilder:
-    """A root and a child a metre above it, one triangle each."""
+    """Returns a root and a child a metre above it, with one triangle each."""
     gltf = GltfBuilder()
     root = gltf.node(name="root")
     end = gltf.node(root, name="child", translation=[0, 1, 0], **child)
@@ -82,7 +84,7 @@ def test_bones_of_a_simple_rig(tmp_path):
     assert skeleton.names == ("root", "child", "child end")
     np.testing.assert_allclose(skeleton.positions, [[0, 0, 0], [0, 1, 0], [0.1, 1.5, 0]], atol=0.1)
     skin = read_gltf(tmp_path / "two.gltf").shape.skin
-    # The root's vertices follow the turn of the whole, the child's the bone that begins at the child.
+    # The root's vertices follow the whole body's rotation, the child's the bone that begins at the child.
     assert skin.indices[:, 0].tolist() == [0, 0, 0, 2, 2, 2]
 
 
@@ -114,7 +116,9 @@ def test_a_size_that_never_changes_belongs_to_the_rest_pose(tmp_path):
 
 
 def test_a_foot_under_a_controller_hangs_on_the_shin(tmp_path):
-    """As baked inverse kinematics leaves it: the foot hangs on the ground, moved to the shin's end."""
+    """Baked inverse kinematics leaves this: the foot is parented to the ground, and moved to the shin's
+    end.
+    """
     gltf = GltfBuilder()
     ground = gltf.node(name="ground")
     hip = gltf.node(ground, name="hip", translation=[0, 2, 0])
@@ -210,7 +214,7 @@ def test_colours_come_from_factor_texture_and_vertex(tmp_path):
     }
     primitive["material"] = 0
     mesh = read_gltf(gltf.write(tmp_path / "coloured.gltf")).shape.mesh
-    # Half as much light is sRGB 188.
+    # Half as much light equals sRGB 188.
     assert mesh.colours.tolist() == [[188, 0, 0]] * 3 + [[0, 255, 0]] * 2 + [[0, 0, 0]]
 
 
@@ -263,7 +267,7 @@ def test_invalid_file_is_reported(tmp_path, spoil, words):
     assert str(path) in caught.value.where
 
 
-def test_files_that_are_no_models(tmp_path):
+def test_other_files_are_refused(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         read_gltf(tmp_path / "none.glb")
     with pytest.raises(InputError, match="not a glTF file"):
@@ -294,7 +298,7 @@ def test_a_damaged_file_is_read_or_refused_and_never_worse(tmp_path_factory, see
 
 @pytest.mark.parametrize("version", [0, 1])
 def test_a_vrm_names_its_human_bones(tmp_path, version):
-    """Entries of the map that are damaged are left out."""
+    """Damaged entries of the bone map are left out."""
     plain = two_joints().write(tmp_path / "plain.gltf")
     document = json.loads(plain.read_text())
     table = {"hips": 0, "leftUpperArm": 1, "rightHand": 10_000, "leftHand": "x"}

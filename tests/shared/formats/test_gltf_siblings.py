@@ -1,4 +1,4 @@
-"""glTF files that no one sent yet: scenes, names, keys and URIs as the format allows or forbids them."""
+"""Tests of synthetic glTF files: scenes, names, keys and URIs that the format allows or forbids."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ READ: dict[str, tuple[Change, list[float]]] = {
     "no target": (lambda t: t.json["animations"][0]["channels"][0]["target"].pop("node"), [0.0]),
     "no indices": (lambda t: t.json["meshes"][0]["primitives"][0].pop("indices"), [1.0]),
 }
-"""A change to a file that stays readable, and the seconds of its clips after that."""
+"""Changes after which a file is still readable, each with the seconds of its clips."""
 REFUSED: dict[str, tuple[Change, str]] = {
     "empty scene": (lambda t: t.json.update(scenes=[{"nodes": []}]), "scene has no triangle"),
     "node that is not there": (lambda t: t.json["scenes"][0].update(nodes=[999]), "does not exist"),
@@ -55,7 +55,7 @@ REFUSED: dict[str, tuple[Change, str]] = {
     "own child": (lambda t: t.json["nodes"][0].update(children=[0]), "has the child 0"),
     "lines": (lambda t: t.json["meshes"][0]["primitives"][0].update(mode=1), "lines or points"),
 }
-"""A change to a file that cannot be read then, and words of the message."""
+"""Changes after which a file cannot be read, each with words of the message."""
 
 
 def changed(change: Change, path: Path) -> Path:
@@ -77,7 +77,7 @@ def test_an_odd_file_keeps_its_size_and_clips(tmp_path, kind):
 
 
 @pytest.mark.parametrize("kind", list(REFUSED))
-def test_a_wrong_file_is_refused_in_words(tmp_path, kind):
+def test_invalid_file_is_refused_with_a_reason(tmp_path, kind):
     change, words = REFUSED[kind]
     path = changed(change, tmp_path / "a.glb")
     with pytest.raises(InputError, match=words) as caught:
@@ -93,7 +93,7 @@ URIS = {
     "./sub/a.bin": "sub/a.bin",
     "gr%C3%BC%C3%9Fe.bin": "grüße.bin",
 }
-"""A URI of a buffer, and the file that it means."""
+"""URIs of a buffer, each with the file to which it refers."""
 
 
 def beside(folder: Path, uri: str, name: str) -> Path:

@@ -1,4 +1,6 @@
-"""glTF files that meshoptimizer compressed: equal to their plain twins, also those of other programs."""
+"""Tests that meshopt-compressed glTF files equal their uncompressed versions, also in files of other
+programs.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,7 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
 def packed(kind: str, extension: str = "EXT_meshopt_compression", fallback: bool = False) -> Twin:
-    """A twin with every view of rows of whole words compressed, and its indices as well."""
+    """Returns a file in which the indices and every buffer view with rows of whole words are compressed."""
     twin, plain = Twin(), TWINS[kind]()
     twin.json, blob = plain.json, plain.blob
     users = {a["bufferView"]: a for a in plain.json["accessors"] if "bufferView" in a}
@@ -75,7 +77,7 @@ def test_a_compressed_file_is_its_plain_twin(tmp_path, kind, extension):
     assert [note for note in rig.notes if "compression" in note] == []
 
 
-def test_every_door_reads_a_compressed_file(tmp_path):
+def test_every_entry_point_reads_a_compressed_file(tmp_path):
     path = packed("waving").write(tmp_path / "a.glb")
     mesh = read_gltf(path).shape.mesh
     for name, door in DOORS.items():
@@ -110,7 +112,9 @@ def test_rows_and_indices_come_back_bit_for_bit():
 
 
 def slow_octahedral(rows: np.ndarray) -> np.ndarray:
-    """(N, 3) unit vectors of filtered int8 or int16 rows (N, 4): x, y, one, unused, as the extension says."""
+    """Returns (N, 3) unit vectors of filtered int8 or int16 rows (N, 4): x, y, one, unused, as the extension
+    defines them.
+    """
     x, y, scale = (rows[:, k].astype(float) for k in range(3))
     x, y = x / scale, y / scale
     z = 1 - abs(x) - abs(y)
@@ -120,7 +124,9 @@ def slow_octahedral(rows: np.ndarray) -> np.ndarray:
 
 
 def slow_quaternion(rows: np.ndarray) -> np.ndarray:
-    """(N, 4) unit quaternions of filtered int16 rows: three parts, then scale and the largest's place."""
+    """Returns (N, 4) unit quaternions of filtered int16 rows: three components, then scale and the index of
+    the largest.
+    """
     scale = (rows[:, 3] | 3).astype(float)
     three = rows[:, :3] / scale[:, None] / np.sqrt(2)
     four = np.sqrt(np.maximum(1 - (three**2).sum(1), 0.0))
@@ -133,7 +139,7 @@ def slow_quaternion(rows: np.ndarray) -> np.ndarray:
 
 
 def slow_exponential(rows: np.ndarray) -> np.ndarray:
-    """Numbers of filtered int32: a mantissa of 24 bits and an exponent of 8."""
+    """Returns the numbers of filtered int32 values: a mantissa of 24 bits and an exponent of 8."""
     exponent = rows >> 24
     mantissa = (rows << 8) >> 8
     return mantissa * 2.0**exponent

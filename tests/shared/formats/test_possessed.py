@@ -1,4 +1,4 @@
-"""A possessed mesh of a take becomes a shape that plays what was recorded, at even steps."""
+"""Tests that a possessed mesh of a take becomes a shape that plays the recording at even time steps."""
 
 import made_puppets
 import msgspec
@@ -44,7 +44,7 @@ def pose(character, second):
 
 
 def write(path, *casts, pose=pose):
-    """A take of (character, revision, seconds of the poses)."""
+    """Writes a take with (character, revision, seconds of the poses)."""
     with Recorder(path) as recorder:
 
         def put(topic, message, time_ns):

@@ -1,4 +1,6 @@
-"""Project files: bit for bit, for ever, and a clear word about every file that is none."""
+"""Tests of project files: content survives bit for bit, old versions stay readable, and other files give
+clear errors.
+"""
 
 from __future__ import annotations
 
@@ -72,13 +74,13 @@ def test_a_project_comes_back_bit_for_bit(seed):
     assert project_bytes(again) == data
 
 
-def test_the_empty_project(tmp_path):
+def test_empty_project_is_restored(tmp_path):
     write_project(tmp_path / "new" / "a.enliven", Project())
     assert are_identical(read_project(tmp_path / "new" / "a.enliven"), Project())
 
 
 def test_the_first_file_that_ever_was_is_read():
-    """Stored when version 1 was the newest; never made again."""
+    """The file was stored when version 1 was the newest, and is never regenerated."""
     project = read_project(STORED / "version_1.enliven")
     expected = json.loads((STORED / "version_1.json").read_text())
     assert list(project.shapes) == expected["shapes"]
@@ -91,15 +93,18 @@ def test_the_first_file_that_ever_was_is_read():
 
 
 TRAVEL_CHANGED = 0.1
-"""Metres that a stored puppet is elsewhere since example-driven characters follow their performer's path."""
+"""Metres by which a stored puppet's position differs, since example-driven characters follow their
+performer's path.
+"""
 
 
 @pytest.mark.parametrize("file", ["1_rigged", "1_possessed", "1_puppet", "2"])
 def test_stored_characters_of_every_kind_move_as_they_did(file):
-    """Stored when each version was the newest, with where all vertices were at three times.
+    """Each file was stored when its version was the newest, with all vertex positions at three times.
 
-    Of a puppet the places of its control points are stored, which are solved within 2e-6 m of themselves.
-    They keep their places in the puppet. The puppet itself goes where its performer goes since November 2026.
+    For a puppet, the positions of its control points are stored, which the solver reproduces within 2e-6 m.
+    Their positions relative to the puppet have not changed. Since November 2026, the puppet itself follows
+    its performer's path.
     """
     project = read_project(STORED / f"version_{file}.enliven")
     expected = json.loads((STORED / "version_1_kinds.json").read_text())
@@ -260,7 +265,7 @@ def test_a_bit_that_is_turned_over_is_noticed_or_does_not_matter(seed):
     assert are_identical(project, again)
 
 
-def test_files_that_are_none(tmp_path):
+def test_other_files_are_refused(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         read_project(tmp_path / "none.enliven")
     (tmp_path / "text.enliven").write_text("hello")

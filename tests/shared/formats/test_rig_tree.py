@@ -1,4 +1,6 @@
-"""Bones of a fork: the vertices of a joint follow what goes on straight, or a bone of their own."""
+"""Tests of bones at a fork: a joint's vertices follow the straightest continuation, or get a bone of their
+own.
+"""
 
 import numpy as np
 import pytest
@@ -19,7 +21,7 @@ def follows(made, tree, name):
     return tree.skeleton.names[tree.bone[number]]
 
 
-def test_a_head_with_two_ears_follows_neither():
+def test_head_with_two_ears_keeps_its_own_bone():
     skeleton_bodies = bodies(
         ("hips", -1, (0, 0, 0)),
         ("neck", 0, (0, 1, 0)),
@@ -37,7 +39,9 @@ def test_a_head_with_two_ears_follows_neither():
 
 @pytest.mark.parametrize("arms", [0.1, 0.3])
 def test_a_chest_follows_the_neck_not_a_shoulder(arms):
-    """Shoulders that go on nearly straight too, with longer arms, are a pair; the neck is between them."""
+    """Shoulders with longer arms also continue nearly straight, but they are a pair, and the neck is between
+    them.
+    """
     skeleton_bodies = bodies(
         ("hips", -1, (0, 0, 0)),
         ("spine", 0, (0, 0, 0.5)),

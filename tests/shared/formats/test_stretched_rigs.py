@@ -1,5 +1,4 @@
-"""Tests of models whose clips move and scale joints: played, saved, cut, merged, scaled and written with that
-motion.
+"""Tests that motion of clips that move and scale joints is played, saved, cut, merged, scaled and written.
 
 The reference is glTF's own skinning, one vertex at a time (slow_gltf).
 """
@@ -33,7 +32,9 @@ from enliven.motion.layers.retarget import bind_chain
 from enliven.takes.capture_clip import clip_of_capture
 
 CLOSE = 1e-4
-"""Share of the model's size: float32 in the file, its weights and the wire's poses, over seven joints."""
+"""Tolerance as a fraction of the model's size: float32 in the file, its weights and the poses, over seven
+joints.
+"""
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +43,7 @@ def folder(tmp_path_factory):
 
 
 def model(folder, seed, uneven=0.2):
-    """A random stretched rig, its file, and a project in which its own clip plays."""
+    """Returns a random stretched rig, its file, and a project in which its own clip plays."""
     path = random_rig(seed, folder / f"{seed}.gltf", stretched=uneven)
     rig = read_gltf(path)
     project, shape = play_clip(Project(), rig.shape, rig.clips[0])
@@ -144,7 +145,7 @@ def test_both_halves_of_a_bone_keep_its_stretch_and_part_its_length(folder):
 
 
 def named(project, shape_id, time):
-    """The place (3,) of each joint, and the map (3, 3) of the bone that ends there."""
+    """Returns the (3,) position of each joint, and the (3, 3) linear map of the bone that ends there."""
     pose = Player(project, shape_id).at(time)
     both = zip(pose.joints, pose.linear, strict=True)
     return dict(zip(project.shape(shape_id).skeleton.names, both, strict=True))
@@ -166,7 +167,7 @@ def test_saving_smoothing_and_retargeting_keep_stretch_tracks(folder):
     clip = rig.clips[0]
     even = smooth_take(clip, 0.1)
     assert np.abs(np.diff(even.strains, axis=0)).max() < np.abs(np.diff(clip.strains, axis=0)).max()
-    # Its own clip is taken with its stretches, bone by bone; that of another body with its turns alone.
+    # The rig's own clip keeps its stretches, bone by bone. A clip of another body gives only rotations.
     project = Project().with_takes(clip).with_characters(rig.shape)
     foreign = replace(clip, id="other", skeleton=renamed(clip.skeleton))
     for take, own in ((clip, True), (foreign, False)):

@@ -1,4 +1,4 @@
-"""Alerts: when they are sent, and how they are delivered to webhooks and commands."""
+"""Tests of when alerts are sent, and of their delivery to webhooks and commands."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ ALERT = make_alert("problem", "lobby", SILENT, 0.0)
 def alerts_of(
     desk: AlertDesk, problems_at: Callable[[int], list[Problem]], seconds: int
 ) -> list[tuple[int, Alert]]:
-    """Returns the alerts of some seconds, with the second of each."""
+    """Returns the alerts of some seconds, each with its second."""
     return [
         (second, alert)
         for second in range(seconds)
@@ -85,7 +85,7 @@ def test_ever_new_problems_do_not_fill_the_memory():
 
 
 class Receiver(http.server.ThreadingHTTPServer):
-    """A web server that stores alerts, and answers with the next of its statuses."""
+    """A web server that stores alerts and answers with the next of its HTTP statuses."""
 
     def __init__(self) -> None:
         self.alerts, self.statuses, self.arrived = [], [], threading.Semaphore(0)

@@ -20,7 +20,7 @@ from enliven.wire import pack_stream
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 PATIENCE_S = 300.0
-"""Longest wait for Chromium, in seconds. On an idle machine it needs three."""
+"""Timeout for Chromium, seconds. An idle machine needs three."""
 OPTIONS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--no-first-run")
 HOSTILE = "<script>document.title='taken over'</script>"
 pytestmark = [
@@ -45,7 +45,7 @@ def picture_of(folder: Path, url: str, width: int, height: int) -> np.ndarray:
 
 @pytest.fixture
 def page():
-    """Runs a page with an edge that is well, one that is silent, a picture, and a hostile name."""
+    """Runs a page with a healthy edge, a silent edge, an image, and a hostile name."""
     Image.new("RGB", (160, 90), (200, 0, 200)).save(runtime_folder() / "screen.png")
     write_service(ServiceRecord(HOSTILE, os.getpid(), time.time(), time.time()))
     running = {"floor": HeartbeatEdge(BODIES, pack_stream(FINE)), "roof": HeartbeatEdge()}
@@ -88,7 +88,7 @@ def test_the_page_refreshes_itself_and_runs_no_script_of_others(page, tmp_path, 
 
 
 def test_the_page_needs_no_javascript(page):
-    """A headless Chromium takes no picture without scripts, so the page's text is read."""
+    """Headless Chromium takes no screenshot without scripts, so the page's text is checked instead."""
     text = re.sub(r"<script.*?</script>", "", page.get("/"), flags=re.DOTALL)
     assert '<noscript><meta http-equiv="refresh"' in text
     assert 'src="/screen.png' in text and "roof" in text and "floor" in text

@@ -1,4 +1,4 @@
-"""The health page of real edges' heartbeats and records, served by the real server on loopback."""
+"""Tests of the health page with real edges' heartbeats and records, served by the real server on loopback."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def other_program(*words: str) -> Iterator[int]:
 
 
 def form_of(page, action: str, subject: str) -> tuple[int, str]:
-    """Returns the status of the page that asks before an action, and the body of its form."""
+    """Returns the HTTP status of the page that asks for confirmation, and the body of its form."""
     from urllib.parse import quote, urlencode
 
     status, _, body = page.request("GET", f"/confirm?action={action}&subject={quote(subject)}")

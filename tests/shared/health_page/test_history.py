@@ -1,4 +1,4 @@
-"""The values of the last day: means per minute, gaps, jumps of the clock, and the file."""
+"""Tests of the values of the last day: means per minute, gaps, clock changes, and the file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The password and the certificate that the health page needs beyond loopback."""
+"""Tests of the password and the certificate that the health page needs beyond loopback."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Problems of an installation: edges, programs, machine and certificate."""
+"""Tests of finding problems of an installation: edges, programs, machine and certificate."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ DAY_S = 86_400.0
 
 
 def edge(**values) -> WatchedEdge:
-    """Returns the state of an edge that is well, with some values changed."""
+    """Returns the state of a healthy edge, with some values changed."""
     usual = {"status": FINE, "heartbeat_age_s": 0.3, "frame_age_s": 0.03, "waiting_s": 0.3, "heard_s": 60.0}
     return WatchedEdge("floor", "127.0.0.1:5580:5581", **{**usual, **values})
 

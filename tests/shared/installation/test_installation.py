@@ -1,4 +1,4 @@
-"""The installation of a kiosk into the system in a folder: its files, its units, and their removal."""
+"""Tests of installing a kiosk into a system in a folder: its files, its systemd units, and their removal."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ kind = "photo"
 host = "0.0.0.0"
 """
 UNITS = ("edge@", "kiosk", "health", "souvenirs")
-"""Names of the units that start with the computer, without their prefix."""
+"""Names of the units that start at boot, without their prefix."""
 needs_systemd = pytest.mark.skipif(
     shutil.which("systemd-analyze") is None or os.geteuid() != 0, reason="needs systemd's tools, and root"
 )
@@ -40,7 +40,7 @@ needs_systemd = pytest.mark.skipif(
 
 @pytest.fixture
 def profile(tmp_path: Path) -> Path:
-    """A profile in a folder of its own, with a mesh and a secret."""
+    """Returns a profile in its own folder, with a mesh and a secret."""
     folder = tmp_path / "kiosk"
     (folder / "meshes").mkdir(parents=True)
     (folder / "meshes" / "horse.obj").write_text("v 0 0 0\n")
@@ -55,7 +55,7 @@ def profile(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def root(tmp_path: Path) -> Path:
-    """A system with the programs that a kiosk needs, and with an own rule of udev."""
+    """Returns a system with the programs that a kiosk needs, and with a udev rule of its own."""
     root = tmp_path / "root"
     for program in ("cage", "seatd"):
         path = root / "usr" / "bin" / program
@@ -250,11 +250,11 @@ def test_units_can_do_little_harm(profile: Path, tmp_path: Path, unit: str) -> N
 
 
 MAX_EXPOSURE = 25
-"""Maximum exposure by systemd-analyze, in tenths. 100 is a service without limits, 50 is medium."""
+"""Maximum exposure by systemd-analyze, in tenths. 100 is a service without restrictions, 50 is medium."""
 
 
 def systemd_version() -> int:
-    """Returns the version of systemd's tools. 0 if there are none."""
+    """Returns the version of systemd's tools, 0 if they are not installed."""
     if shutil.which("systemd-analyze") is None:
         return 0
     done = subprocess.run(["systemd-analyze", "--version"], capture_output=True, text=True, check=True)
@@ -265,14 +265,14 @@ KNOWS_GROWING_WAITS = systemd_version() >= 254
 
 
 def write_units(profile: Path, folder: Path) -> Path:
-    """Writes the units of a plan into one folder, with programs that exist here. Returns the folder."""
+    """Writes the units of a plan into one folder, with programs that exist here, and returns the folder."""
     units = folder / "units"
     units.mkdir()
     for file in create_plan(load_profile(profile), profile, cage="/bin/sh").files:
         if file.content is not None and file.place.suffix in (".service", ".timer"):
             lines = file.content.decode().splitlines(keepends=True)
             if not KNOWS_GROWING_WAITS:
-                # Such a systemd ignores them with a warning.
+                # An older systemd ignores such settings with a warning.
                 lines = [line for line in lines if not line.startswith(("RestartSteps", "RestartMaxDelay"))]
             (units / file.place.name).write_text("".join(lines))
     (units / "seatd.service").write_text("[Service]\nExecStart=/bin/sh\n")

@@ -1,4 +1,4 @@
-"""Compilations of the process are reported, and garbage collection waits for their end."""
+"""Tests that compilations of the process are reported, and that garbage collection waits for their end."""
 
 import gc
 import itertools
@@ -56,7 +56,7 @@ def test_a_kernel_that_cannot_be_compiled_leaves_garbage_collection_on():
     ("seconds", "shows_progress", "lines"), [(1.0, False, 0), (3.0, False, 1), (3.0, True, 0)]
 )
 def test_long_wait_for_compilation_is_explained_once(monkeypatch, caplog, seconds, shows_progress, lines):
-    """Three functions are compiled, and then a fourth, in this many seconds each."""
+    """Three functions are compiled, and then a fourth. Each takes this number of seconds."""
     clock = itertools.count(step=seconds)
     monkeypatch.setattr(compiling.time, "perf_counter", lambda: next(clock))
     compilations = compiling._Compilations()

@@ -1,4 +1,4 @@
-"""The fingerprint of a kernel: it changes with all that machine code depends on, and with nothing else."""
+"""Tests that a kernel's fingerprint depends on exactly those inputs that affect its machine code."""
 
 import itertools
 import linecache
@@ -148,7 +148,9 @@ print(inner._cache._stem, kernel._cache._stem)
 
 
 def test_names_of_kernels_do_not_depend_on_the_order_of_sets(tmp_path):
-    """A process has its own order of sets. Names that follow it are never found again."""
+    """Each process iterates over sets in its own order. Cached files whose names depended on it would never
+    be found.
+    """
     (tmp_path / "ordered.py").write_text(ORDERED)
     names = {
         subprocess.run(

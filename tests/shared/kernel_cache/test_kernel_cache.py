@@ -1,4 +1,6 @@
-"""Compiled kernels on disk: never stale, shared by checkouts, and damage or a full disk stops no program."""
+"""Tests of compiled kernels on disk: never outdated, shared by checkouts, and robust to damage and a full
+disk.
+"""
 
 import os
 import shutil
@@ -71,7 +73,9 @@ def write_checkout(folder: Path, called: str = "x * 2.0", step: float = 10.0, li
 
 
 def run_caller(folder: Path, **environment: str) -> tuple[float, int]:
-    """Returns the kernel's value in a process of its own, and how often its code came from the disk."""
+    """Returns the kernel's value in a separate process, and the number of times that its code was read from
+    the disk.
+    """
     command = [sys.executable, "-B", "caller.py"]
     own = {"XDG_CACHE_HOME": str(folder.parent / "cache")} | environment
     words = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"} | own
@@ -83,7 +87,7 @@ def run_caller(folder: Path, **environment: str) -> tuple[float, int]:
 
 @pytest.fixture
 def checkout(tmp_path) -> Path:
-    """A folder with the two files, as a checkout has them; the user's cache folder lies next to it."""
+    """Returns a folder with two source files, as in a checkout. The user's cache folder is next to it."""
     folder = tmp_path / "checkout"
     folder.mkdir()
     write_checkout(folder)
@@ -91,7 +95,7 @@ def checkout(tmp_path) -> Path:
 
 
 def kernels_of(checkout: Path) -> list[Path]:
-    """Returns the files in the user's folder."""
+    """Returns the files in the user's cache folder."""
     return sorted((checkout.parent / "cache" / "enliven" / "kernels").glob("*.kernel"))
 
 

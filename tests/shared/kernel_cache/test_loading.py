@@ -1,5 +1,6 @@
-"""Stored kernels are loaded without the compiler's parts of Numba, and other kernels can be compiled from
-them."""
+"""Tests that stored kernels load without Numba's compiler, and that other kernels can be compiled from
+them.
+"""
 
 import os
 import subprocess
@@ -72,12 +73,12 @@ names.clear()
 cpu_target.target_context.refresh()
 print(*names)
 """
-"""Prints the symbols that Numba defines as it prepares to compile."""
+"""Prints the symbols that Numba defines when it prepares to compile."""
 
 
 @pytest.fixture
 def run(tmp_path):
-    """Returns a function that runs code next to the kernels, and returns the lines that it prints."""
+    """Returns a function that runs code next to the kernels and returns the printed lines."""
     (tmp_path / "kernels.py").write_text(KERNELS)
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
 

@@ -1,4 +1,6 @@
-"""Programs compile native code in the background, and their next session uses it if it is complete."""
+"""Tests that programs compile native code in the background, and that their next session uses it if it is
+complete.
+"""
 
 import json
 import os
@@ -48,13 +50,13 @@ sys.stdin.read()
 """
 AVX512 = {"avx2": True, "avx512f": True, "avx512vl": True}
 PATIENCE_S = 300.0
-"""Timeout of a compilation at lowest priority on a busy machine."""
+"""Timeout of a compilation at lowest priority on a busy machine, seconds."""
 posix = pytest.mark.skipif(sys.platform == "win32", reason="needs signals of POSIX")
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch) -> Path:
-    """An empty folder of kernels, for this process and the processes that it starts."""
+    """Sets an empty kernel folder for this process and its child processes."""
     path = tmp_path / "store"
     path.mkdir()
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(path))
@@ -64,7 +66,7 @@ def folder(tmp_path, monkeypatch) -> Path:
 
 
 class Stage:
-    """A program that calls kernels, and runs until it is ended."""
+    """A program that calls kernels and runs until the test ends it."""
 
     def __init__(self, place: Path, *kernels: str, mode: str = "on") -> None:
         (place / "kernels.py").write_text(KERNELS)
@@ -224,7 +226,7 @@ def test_compiler_has_the_lowest_priority():
 
 
 def test_compiler_ends_with_its_program(folder, tmp_path, monkeypatch):
-    """The program is killed while the compiler imports a module, which takes for ever."""
+    """The program is killed while the compiler imports a module that never finishes importing."""
     (tmp_path / "endless.py").write_text(
         "import pathlib, time\npathlib.Path(__file__).with_name('began').touch()\ntime.sleep(3600)\n"
     )

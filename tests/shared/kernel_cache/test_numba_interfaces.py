@@ -1,4 +1,6 @@
-"""The private parts of Numba that the kernel cache uses: an unsupported Numba fails here, by name."""
+"""Tests of the private parts of Numba that the kernel cache uses. With an unsupported Numba, the failing test
+names the part.
+"""
 
 import inspect
 

@@ -1,4 +1,4 @@
-"""Kernels are compiled for the best level that the processor has, and the user may ask for another."""
+"""Tests that kernels are compiled for the best level of the processor, or for the one that the user sets."""
 
 import os
 import subprocess
@@ -40,7 +40,7 @@ def test_levels_of_a_processor(monkeypatch, machine, features, expected):
 
 
 def target_of(first: str = "", **environment: str) -> str:
-    """Returns the processor that a process of its own compiles for."""
+    """Returns the target processor of a separate process."""
     words = {key: value for key, value in os.environ.items() if not key.startswith("NUMBA_CPU")}
     command = [sys.executable, "-c", REPORT.format(first=first)]
     done = subprocess.run(command, env=words | environment, capture_output=True, text=True, timeout=120)
@@ -58,5 +58,5 @@ def test_the_user_may_ask_for_another_processor():
 
 
 def test_a_process_that_has_compiled_keeps_its_processor():
-    """Numba takes one target for the whole process: the name must not claim another one."""
+    """Numba compiles for one target per process, so the reported name must not change afterwards."""
     assert target_of(COMPILE) == llvmlite.binding.get_host_cpu_name()

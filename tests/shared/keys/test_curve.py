@@ -1,4 +1,4 @@
-"""Tests of the server's side of CURVE with a client made of bytes: every deviation ends the connection.
+"""Tests of the server side of CURVE with a byte-level client: every deviation ends the connection.
 
 Tests in tests/system use libzmq as the client.
 """

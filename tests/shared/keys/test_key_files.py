@@ -1,5 +1,4 @@
-"""Tests of the key files: made privately, never replaced by accident, and refused if they are not what they
-should be."""
+"""Tests of key files: private permissions, never replaced by accident, and refused if invalid."""
 
 from __future__ import annotations
 
@@ -108,7 +107,7 @@ def test_a_link_and_a_folder_are_not_key_files(store: KeyStore, tmp_path: Path) 
         store.own()
 
 
-# Fixed keys, since the names of the tests contain them: all test processes must collect the same names.
+# The keys are fixed, since test names contain them, and all test processes must collect the same names.
 KEY = zmq.curve_public(z85.encode(bytes(range(32)))).decode()
 OTHER = z85.encode(bytes(range(32, 64))).decode()
 

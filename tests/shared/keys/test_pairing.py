@@ -1,4 +1,4 @@
-"""Tests of pairing by a code: without the code a program learns nothing, and has few tries."""
+"""Tests of pairing by a code: a program without the code learns nothing and has few tries."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ EDGE = Introduction(b"e" * 32, "stage", "watch")
 
 
 class Desk:
-    """A pairing desk with a clock that the test moves."""
+    """A pairing desk whose clock the test advances."""
 
     def __init__(self) -> None:
         self.now, self.shown = 1000.0, list[str]()
@@ -33,7 +33,7 @@ def other_code(code: str) -> str:
 
 
 def attempt(desk: PairingDesk, code: str) -> tuple[Introduction, Introduction]:
-    """Runs the whole exchange. Returns what the edge and the viewer learn."""
+    """Runs the whole exchange and returns what the edge and the viewer learn."""
     viewer = ViewerExchange(code)
     edge = desk.start(viewer.message)
     learnt = edge.read(viewer.introduce(edge.message, VIEWER))

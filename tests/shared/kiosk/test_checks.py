@@ -1,4 +1,4 @@
-"""Mistakes of a kiosk's profile are reported before anything starts, all at once."""
+"""Tests that all mistakes in a kiosk's profile are reported together before anything starts."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_all_mistakes_are_found_at_once(tmp_path: Path) -> None:
     assert len(lines) == 10
 
 
-def test_wrong_keys_of_all_tables_are_found(tmp_path: Path) -> None:
+def test_unknown_keys_of_all_tables_are_found(tmp_path: Path) -> None:
     lines = mistakes(
         tmp_path, 'nam = "a"\n[story]\ndwel = 1.0\nlost = "soon"\n[edges.a]\nport = 0\n[edges.b]\nprot = 1\n'
     )

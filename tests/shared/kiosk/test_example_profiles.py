@@ -1,4 +1,4 @@
-"""The example profiles of firmware_configs."""
+"""Tests of the example profiles in firmware_configs."""
 
 from __future__ import annotations
 

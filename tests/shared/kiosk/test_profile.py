@@ -1,4 +1,4 @@
-"""Profiles of kiosks: defaults, values and mistakes."""
+"""Tests of kiosk profiles: defaults, values and mistakes."""
 
 from __future__ import annotations
 

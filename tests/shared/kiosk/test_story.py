@@ -21,7 +21,7 @@ def make_room(*people, characters=("chair",), **settings) -> Room:
 
 
 def on_spot(begin: float = 1.0, **more) -> Person:
-    """Returns a person that stands on the spot from a time on."""
+    """Returns a person that stands on the spot from time ``begin`` on."""
     return Person([(begin, X, Z)], **more)
 
 

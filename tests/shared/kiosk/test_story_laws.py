@@ -1,4 +1,4 @@
-"""Laws of the story for any stream of visitors, buttons and faults of the edge."""
+"""Tests of the story's invariants for any sequence of visitors, button presses and edge faults."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,8 +13,11 @@ X, Z = ZONE.center
 LENGTH_S = 40.0
 CHARACTERS = ("chair", "lamp", "cactus")
 MAX_WAIT_S = 4.0 + 6.0 + 1.5 + 4 * 2.0
-"""Longest wait of a person that stands on a free spot: farewell, the turn of another visitor, the ring, and
-four requests that are lost with an edge that restarts."""
+"""Longest wait of a person on a free spot, seconds.
+
+It adds the farewell, the turn of another visitor, the ring, and four requests that are lost while the edge
+restarts.
+"""
 
 times = st.floats(0.0, LENGTH_S, allow_nan=False).map(lambda value: round(value, 1))
 places = st.one_of(
@@ -25,7 +28,7 @@ places = st.one_of(
 
 @st.composite
 def people(draw):
-    """Draws a person that wanders, is lost, gets new ids, and raises hands."""
+    """Draws a person that wanders, is lost by the tracker, gets new ids, and raises hands."""
     begins = sorted(draw(st.lists(times, min_size=1, max_size=5, unique=True)))
     stops = [(begin, *draw(places)) for begin in begins]
     gaps = [

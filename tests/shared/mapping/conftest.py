@@ -1,4 +1,4 @@
-"""The helpers of these tests are found beside them."""
+"""Adds the helpers next to these tests to the import path."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Walks and runs of a made man with feet that roll from heel to toe, and a model that wears long shoes."""
+"""Generates walks and runs of a man whose feet roll from heel to toe, and a model with long shoes."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from enliven.rotation import from_rotation_vector, rotate
 STEP = 1 / 60
 """Seconds between two frames."""
 HEEL, TOE = np.array([0.0, -0.09, -0.05]), np.array([0.0, -0.09, 0.17])
-"""Where a foot rolls, in metres from its ankle."""
+"""Heel and toe positions relative to the ankle, metres. The foot rolls about them."""
 TOES_UP, TOES_DOWN = np.radians(15.0), np.radians(45.0)
-"""How far a foot points up as it lands, and down as it leaves."""
+"""Pitch of the foot at landing (toes up) and at lift-off (toes down), radians."""
 
 
 def gait(speed: float, stance_s: float, swing_s: float, rounds: int = 3) -> tuple[Clip, np.ndarray]:
-    """Returns a take of a man walking along +Z (m/s), and when his left and right foot stand, (F, 2).
+    """Returns a take of a man that walks along +Z (m/s), and (F, 2) True while his left and right foot stand.
 
-    While a foot stands, it rolls about its heel, lies flat, and rolls about its toes, without sliding.
-    Feet that stand for less than half of the time make flights: a run.
+    A standing foot rolls about its heel, lies flat, and rolls about its toes, without sliding. If feet stand
+    for less than half of the time, he runs with flight phases.
     """
     skeleton, period = man(), stance_s + swing_s
     times = np.arange(round(rounds * period / STEP)) * STEP
@@ -46,7 +46,7 @@ def gait(speed: float, stance_s: float, swing_s: float, rounds: int = 3) -> tupl
 
 
 def sway(roll: float, yaw: float, seconds: float = 2.0) -> Clip:
-    """Returns a take: a standing man rotates his pelvis by up to ``roll`` and ``yaw`` radians."""
+    """Returns a take of a standing man that rotates his pelvis by up to ``roll`` and ``yaw`` radians."""
     skeleton, times = man(), np.arange(round(seconds / STEP)) * STEP
     root = np.tile(skeleton.positions[0] - [0, 0.05, 0], (len(times), 1))
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(times), len(skeleton), 1))
@@ -61,7 +61,9 @@ def sway(roll: float, yaw: float, seconds: float = 2.0) -> Clip:
 
 
 def _foot(into, stance_s, swing_s, stride):
-    """(F, 3) metres of the ankle from where its foot lies flat, and (F,) radians that the toes point down."""
+    """Returns (F, 3) the ankle's offset from its position while the foot is flat, metres, and (F,) the
+    downward pitch of the toes, radians.
+    """
     share = np.clip(into / stance_s, 0.0, 1.0)
     pitch = TOES_DOWN * np.clip((share - 0.6) / 0.4, 0.0, 1.0) - TOES_UP * np.clip(
         1.0 - share / 0.15, 0.0, 1.0
@@ -81,7 +83,7 @@ def _foot(into, stance_s, swing_s, stride):
 
 
 def _leg(way):
-    """Turns (F, 4) of thigh and shin that bring the ankle to (F, 3) metres from the hip."""
+    """Returns (F, 4) rotations of thigh and shin that bring the ankle to (F, 3) metres from the hip."""
     skeleton = man()
     upper, lower = (skeleton.lengths[skeleton.index(f"Left {name}")] for name in ("knee", "ankle"))
     rest = [
@@ -100,7 +102,9 @@ def _about_x(angles):
 
 
 def shod(skeleton: Skeleton, tip: float):
-    """A still shape of a man's skeleton with shoes: boxes that end ``tip`` metres ahead of the ankle."""
+    """Returns a man's mesh in the rest pose with box-shaped shoes that end ``tip`` metres ahead of the
+    ankle.
+    """
     corners = np.array([[0, 0, 0], [0.05, 0, 0], [0, 0.05, 0.02]])
     at = [point + corner for point in skeleton.positions for corner in corners]
     faces = [[3 * j, 3 * j + 1, 3 * j + 2] for j in range(len(skeleton))]

@@ -1,4 +1,6 @@
-"""Who drives whom: legs to legs, arms to forelegs, left to left; and joints to the joints they stand for."""
+"""Tests of which source chain drives which target chain (legs to legs, arms to forelegs, left to left), and
+of matching joints.
+"""
 
 from itertools import pairwise
 
@@ -12,18 +14,18 @@ from enliven.skeletons.anatomy import find_anatomy
 
 
 def told(source, target):
-    """For each role the last joints of both chains."""
+    """Returns the last joints of both chains for each role."""
     drives = assign_limbs(find_anatomy(source), find_anatomy(target))
     return {d.role: (source.names[d.source[-1]], target.names[d.target[-1]]) for d in drives}
 
 
-def test_a_man_on_himself():
+def test_man_maps_to_himself():
     pairs = told(man(), man())
     assert all(a == b for a, b in pairs.values())
     assert set(pairs) >= {"left leg", "right leg", "left arm", "right arm", "trunk", "head"}
 
 
-def test_a_man_on_a_horse():
+def test_man_drives_a_horse():
     pairs = told(man(), horse())
     assert pairs["left leg"] == ("Left toe", "Left hind hoof")
     assert pairs["right foreleg"] == ("Right finger", "Right fore hoof")
@@ -38,7 +40,7 @@ def test_a_horse_on_a_man_lends_its_forelegs_to_the_arms():
     assert pairs["left arm"] == ("Left fore hoof", "Left wrist")
 
 
-def test_a_man_on_a_spider_steps_in_turn():
+def test_man_drives_spider_legs_alternately():
     pairs = told(man(), spider())
     assert pairs["left leg"] == ("Left toe", "Left foot 3")
     assert pairs["left foreleg"] == ("Left finger", "Left foot 0")
@@ -79,7 +81,7 @@ def test_a_split_is_in_order_and_covers_both(seed):
 
 
 def most(one, other, near):
-    """The most pairs in order, tried one by one."""
+    """Returns the largest number of pairs in order, by trying all."""
     if not one or not other:
         return 0
     best = max(most(one[1:], other, near), most(one, other[1:], near))

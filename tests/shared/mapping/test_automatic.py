@@ -1,4 +1,6 @@
-"""Laws of whole bodies: on oneself the identity, from any heading the same, from rest nothing."""
+"""Tests of retargeting invariants: identity on the same body, independence of the heading, no motion from a
+performer at rest.
+"""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -33,7 +35,7 @@ SEEDS = st.integers(0, 10_000)
 
 
 def joints_of(clip, frame):
-    """(N, 3) where a clip's joints are, its root at rest."""
+    """Returns (N, 3) a clip's joint positions, with its root at the rest position."""
     return pose_skeleton(clip.skeleton, clip.turns[frame]).positions
 
 
@@ -129,7 +131,7 @@ def test_the_mean_of_turns_is_among_them_and_turns_with_them(seed):
     assert abs(mean_turn(same) @ turns[0]) == pytest.approx(1, abs=1e-12)
 
 
-def test_modes_by_build():
+def test_modes_follow_from_the_build():
     clip = random_motion(np.random.default_rng(1), man())
 
     def modes(target):
@@ -140,13 +142,13 @@ def test_modes_by_build():
 
 
 def test_the_anatomy_of_a_take_that_rests_in_a_bad_pose():
-    """Walkers whose file rests in mid-stride are known by how they are built."""
+    """Walkers whose file rests in mid-stride are recognised by their proportions."""
     clip = random_motion(np.random.default_rng(4), man())
     strange = change_rest_pose(clip, pose_at(clip, 0.3))
     assert len(source_anatomy(strange).pairs) == 2
 
 
-def test_a_joint_that_is_not_there_is_named_with_those_that_are():
+def test_missing_joint_is_named_with_the_existing_ones():
     clip, shape = random_motion(np.random.default_rng(1), man()), meshed("h", horse())
     good = ChainPlan(("Left hip", "Left toe"), ("Left hip", "Left hind hoof"))
     apply_plan(Project(), shape, clip, Plan(chains=(good,)))
@@ -220,8 +222,8 @@ def test_one_leg_poses_two(seed):
             assert bone @ thigh == pytest.approx(np.linalg.norm(bone) * np.linalg.norm(thigh), rel=1e-6)
 
 
-def test_who_waves_is_calm_between_the_waves():
-    """Arms up in seven frames of ten: the mean pose raises them, the calm one lets them hang."""
+def test_hanging_pose_of_a_waving_performer_has_hanging_arms():
+    """Arms are up in seven of ten frames. The mean pose raises them, but the calm pose lets them hang."""
     skeleton = man()
     arm = [skeleton.index(name) for name in ("Left shoulder", "Left elbow", "Left wrist")]
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (100, len(skeleton), 1))
@@ -261,7 +263,7 @@ def test_a_map_is_symmetric_where_both_bodies_are_nearly(seed):
 
 
 def test_an_elbow_that_is_a_little_off_is_cut_on_both_sides_or_on_neither():
-    """One elbow is near enough to the performer's to be the same, the other hardly not."""
+    """One elbow is close enough to the performer's to count as equal; the other is slightly too far."""
     crooked = man().positions.copy()
     crooked[man().index("Left elbow"), 0] = 0.18 + 0.59 * 0.7
     crooked[man().index("Right elbow"), 0] = -0.18 - 0.625 * 0.7
@@ -273,7 +275,9 @@ def test_an_elbow_that_is_a_little_off_is_cut_on_both_sides_or_on_neither():
 
 
 def test_a_spine_is_posed_as_one_and_a_foot_stays_flat():
-    """The model's own hunch and flat feet stay while its performer stands at rest, whose foot bones slope."""
+    """The model's own hunch and flat feet are kept while its performer, whose foot bones slope, stands at
+    rest.
+    """
     hunched = man().positions.copy()
     hunched[man().index("spine"), 2] -= 0.08
     for side in ("Left", "Right"):
@@ -289,12 +293,12 @@ def test_a_spine_is_posed_as_one_and_a_foot_stays_flat():
 
 
 def test_stretches_of_a_take_go_on_to_another_body_where_that_is_asked_for():
-    """Left forearms become half as long again; the model is twice as large and has other names."""
+    """The left forearm becomes 1.5 times as long. The model is twice as large and has other names."""
     random = np.random.default_rng(4)
     clip = random_motion(random, man())
     elbow, wrist = (man().index(f"Left {name}") for name in ("elbow", "wrist"))
     strains = np.zeros((len(clip.turns), len(man()), 6))
-    # The rest pose's forearm lies along x.
+    # In the rest pose, the forearm points along x.
     strains[:, wrist, 0] = np.log(1.5)
     clip = replace(clip, strains=strains)
     shape = meshed("giant", Skeleton(man(False).names, man().parents, 2.0 * man().positions))

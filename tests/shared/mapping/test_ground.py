@@ -1,4 +1,4 @@
-"""Laws of the floor: what stands is on it, higher only where the performer leaps; four legs stay level."""
+"""Tests of the floor: standing models touch it, only leaps leave it, and quadrupeds stay level."""
 
 from dataclasses import replace
 
@@ -48,7 +48,9 @@ def test_the_lowest_point_of_what_stands_is_on_the_floor(seed, travel):
 
 
 def test_a_leap_is_a_leap_and_a_handstand_stands():
-    """Root and all go up by half a metre in the middle; and the whole is turned head down."""
+    """The root and all joints rise by half a metre in the middle. Then the whole body is turned upside
+    down.
+    """
     still = random_motion(np.random.default_rng(1), man(), frames=1)
     turns, root = np.repeat(still.turns, 9, 0), np.repeat(still.root, 9, 0)
     root[4, 1] += 0.5
@@ -101,7 +103,7 @@ def test_upside_down_it_heads_where_it_did():
 
 
 def test_a_stride_is_the_models_own():
-    """Legs that swing by half go half as far, so that what stands does not slide."""
+    """Legs that swing half as far move the body half as far, so that standing feet do not slide."""
     skeleton = man()
     swing = 0.4 * np.sin(np.linspace(0, 2 * np.pi, 41))
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (41, len(skeleton), 1))
@@ -125,7 +127,7 @@ def test_a_stride_is_the_models_own():
 
 
 def armed(name, length, hold="Right wrist"):
-    """A man with an object of a length (m) that goes on from a joint, sideways."""
+    """Returns a man with an object of a length (metres) that extends sideways from a joint."""
     skeleton = man()
     end = skeleton.positions[skeleton.index(hold)] - [length, 0.0, 0.0]
     parents = [*skeleton.parents, skeleton.index(hold)]
@@ -136,7 +138,7 @@ def armed(name, length, hold="Right wrist"):
 
 @pytest.mark.parametrize(("name", "length"), [("stick", 1.3), ("Sword.R", 1.3), ("prop_01", 1.1)])
 def test_a_weapon_that_reaches_the_floor_is_not_a_foot(name, length):
-    """With hanging arms it goes through the floor; the feet stay on it."""
+    """When the arms hang, the weapon passes through the floor, and the feet stay on the floor."""
     shape, clip = meshed("armed", armed(name, length)), walk(0.3)
     body = body_points(shape)
     np.testing.assert_array_equal(np.flatnonzero(~body), np.arange(len(body))[-3:])

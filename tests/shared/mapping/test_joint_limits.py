@@ -1,4 +1,6 @@
-"""Joint limits of retargeted animals: within what clips show, only where needed, and never of people."""
+"""Tests of joint limits of retargeted animals: derived from clips, applied only when exceeded, never for
+people.
+"""
 
 from dataclasses import replace
 
@@ -26,7 +28,7 @@ SEEDS = st.integers(0, 10_000)
 
 
 def raised_arms(most=2.4, frames=40):
-    """A man who stands, and raises his hanging arms by radians, and lowers them."""
+    """Returns a man who stands, raises his hanging arms by ``most`` radians, and lowers them."""
     clip = walk(0.0)
     turns = np.repeat(clip.turns[:1], frames, axis=0)
     up = most * np.sin(np.linspace(0.0, np.pi, frames))
@@ -39,7 +41,7 @@ def raised_arms(most=2.4, frames=40):
 
 
 def grazing(degrees=20.0):
-    """A clip of a horse: the left foreleg alone swings to and fro."""
+    """Returns a clip of a horse in which only the left foreleg swings back and forth."""
     skeleton, frames = horse(), 9
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (frames, len(skeleton), 1))
     swing = from_rotation_vector(np.radians(np.linspace(-degrees, degrees, frames))[:, None] * [1, 0, 0])
@@ -49,25 +51,25 @@ def grazing(degrees=20.0):
 
 
 def free(clip, shape, **changes):
-    """The mapping without steps: only limits change a bone's turns."""
+    """Returns the mapping without steps, in which only limits change a bone's rotation."""
     return replace(automatic(clip, shape), floor=False, steps=False, **changes)
 
 
 def all_moved(clip, shape):
-    """The same, with every chain of the mode "move"."""
+    """Returns the mapping without steps, and with every chain in the mode "move"."""
     plan = free(clip, shape)
     return replace(plan, chains=tuple(replace(chain, mode="move") for chain in plan.chains))
 
 
 def local_turns(made, count=61):
-    """(T, N, 4) turns of bones against the bone above."""
+    """Returns (T, N, 4) rotations of bones relative to their parents."""
     times = np.linspace(0.0, made.duration, count)
     turns = Player(made.project, made.shape_id).sample(times)[0]
     return multiply(conjugate(turns[:, np.maximum(horse().parents, 0)]), turns)
 
 
 def swings(local, name):
-    """(T,) degrees between a bone and its rest direction, seen from the bone above."""
+    """Returns (T,) degrees between a bone and its rest direction, relative to its parent."""
     j = horse().index(name)
     bone = unit(horse().vectors[j])
     return np.degrees(np.arccos(np.clip(rotate(local[:, j], bone) @ bone, -1.0, 1.0)))
@@ -156,7 +158,7 @@ def test_bones_that_play_at_another_pace_keep_their_layers():
 
 
 def test_what_begins_at_a_limited_joint_moves_along():
-    """A mane that begins at the neck turns as the neck does, also when that reaches its limit."""
+    """A mane that begins at the neck follows the neck's rotation, also at the neck's limit."""
     plain = horse()
     skeleton = Skeleton(
         (*plain.names, "mane"),
@@ -204,7 +206,7 @@ def test_the_mapping_file_keeps_the_key(tmp_path):
 
 
 def test_takes_that_limits_made_are_not_clips_of_the_model():
-    """A model that is mapped again has the range of its own clips, not of the last mapping."""
+    """A model that is mapped again has the range of its own clips, not that of the last mapping."""
     shape, clip = meshed("horse", horse()), raised_arms()
     project = Project().with_takes(grazing(), clip)
     result = retarget(shape, clip, replace(automatic(clip, shape), travel=True), project, (grazing(),))

@@ -1,4 +1,4 @@
-"""The clips of a model: which are its own, which one it plays, and loops that are played and exported."""
+"""Tests of a model's clips: which belong to it, which one it plays, and playing and exporting loops."""
 
 from dataclasses import replace
 
@@ -27,19 +27,21 @@ QUARTER = from_rotation_vector(np.array([0.0, np.pi / 2, 0.0]))
 
 
 def closed(clip):
-    """The clip with its first frame again at its end."""
+    """Returns the clip with its first frame repeated at its end."""
     return clip.mapped(lambda track: np.concatenate([track, track[:1]]))
 
 
 def clips_of(skeleton, seed=3):
-    """Two clips of a skeleton: "once", which ends elsewhere, and "round", which ends as it began."""
+    """Returns two clips of a skeleton: "once", which ends in another pose, and "round", which ends in its
+    first pose.
+    """
     random = np.random.default_rng(seed)
     once = random_motion(random, skeleton, 8, name="once")
     return once, closed(random_motion(random, skeleton, 6, name="round"))
 
 
 def opened(name="round"):
-    """A project with a horse that plays one of its two clips."""
+    """Returns a project with a horse that plays one of its two clips."""
     project = Project().with_characters(meshed("horse", horse())).with_takes(*clips_of(horse()))
     return play_own_clip(project, "horse", name)
 
@@ -79,7 +81,7 @@ def test_a_chosen_clip_plays_exactly_and_again_and_again():
 
 
 def test_clips_are_changed_for_a_model_that_was_turned_and_scaled():
-    """What turned and scaled the model turns and scales its other clips too."""
+    """Rotating and scaling the model also rotates and scales its other clips."""
     moved = turn_character(scale_character(opened("once"), "horse", 2.0), "horse", QUARTER)
     moved = play_own_clip(moved, "horse", "round")
     assert played_clip(moved, moved.shape("horse")) == "round"

@@ -1,4 +1,6 @@
-"""What of a surface is inside another part of the body, beside solid angles that are summed face by face."""
+"""Tests of finding surface points inside another part of the body, against solid angles summed over all
+faces.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +14,13 @@ from enliven.mapping.overlap import Overlap
 from enliven.meshes import Mesh
 
 PARTS = 4
-"""Balls of the body below: the bones of the first two and of the last two share a joint."""
+"""Number of balls of the test body. The bones of the first two share a joint, and so do those of the last
+two.
+"""
 
 
 def ball(rings=6, round_=8):
-    """A closed surface about the origin, of radius 1: its points (V, 3) and faces (F, 3)."""
+    """Returns a closed surface of radius 1 about the origin: its points (V, 3) and faces (F, 3)."""
     tilt = np.linspace(0.0, np.pi, rings + 1)[1:-1, None]
     turn = np.linspace(0.0, 2 * np.pi, round_, endpoint=False) + 0.1
     ring = np.stack([np.sin(tilt) * np.cos(turn), np.cos(tilt) + 0 * turn, np.sin(tilt) * np.sin(turn)], -1)
@@ -32,7 +36,7 @@ def ball(rings=6, round_=8):
 
 
 def balls(random):
-    """A body of balls apart from one another, each on a bone of its own."""
+    """Returns a body of separate balls, each on its own bone."""
     points, faces = ball()
     parents = np.array([-1, 0, 0, 1, 3], np.int32)
     names = ("root", "a", "b", "c", "d")
@@ -50,7 +54,9 @@ def balls(random):
 
 
 def solid_angles(point, corners):
-    """The winding number of a closed surface about a point: van Oosterom and Strackee 1983, face by face."""
+    """Returns the winding number of a closed surface about a point, after van Oosterom and Strackee 1983,
+    summed over faces.
+    """
     x, y, z = (corners - point).transpose(1, 0, 2)
     a, b, c = (np.linalg.norm(side, axis=1) for side in (x, y, z))
     wide = a * b * c + (x * y).sum(1) * c + (y * z).sum(1) * a + (z * x).sum(1) * b
@@ -100,10 +106,10 @@ def test_at_rest_nothing_is_inside_nor_what_was_inside_at_rest():
 
 
 def test_the_parts_that_are_in_one_another_are_named():
-    """The last ball comes to the place of the first, whose bone it shares no joint with."""
+    """The last ball moves into the first one. Their bones share no joint."""
     shape, count = balls(np.random.default_rng(3))
     vertices = shape.mesh.vertices.copy()
-    vertices[3 * count :] -= [18.0, 0.0, 0.0]  # the last about the root, in the first's place
+    vertices[3 * count :] -= [18.0, 0.0, 0.0]  # moves the last ball to the root, where the first one is
     vertices[:count] += [0.0, 9.0, 0.0]
     assert Overlap(shape).at(vertices)[0] == 0.0
     vertices[:count] -= [0.0, 9.0, 0.0]

@@ -1,4 +1,6 @@
-"""Mapping files: what is written is read again, by hand or not, and what is wrong is said."""
+"""Tests of mapping files: written files are read back equal, hand-written ones are accepted, and mistakes are
+reported.
+"""
 
 import pytest
 from hypothesis import given, settings
@@ -51,7 +53,7 @@ def read(tmp_path, text):
     return read_plan(path)
 
 
-def test_as_one_writes_by_hand(tmp_path):
+def test_hand_written_file_is_read(tmp_path):
     plan = read(
         tmp_path,
         """
@@ -70,7 +72,7 @@ def test_as_one_writes_by_hand(tmp_path):
     assert plan.chains[1].source == ("Hips",)
 
 
-def test_what_is_as_usual_is_left_out():
+def test_default_values_are_left_out():
     text = plan_text(Plan(chains=(ChainPlan(("a", "b"), ("c", "d.L"), weight=0.5),)))
     assert 'source = "a .. b"\ntarget = "c .. d.L"\nmode = "move"\nweight = 0.5\n' in text
     assert "flip =" not in text
@@ -96,13 +98,13 @@ CHAIN = '[[chain]]\nsource = "a..b"\ntarget = "c..d"\n'
         ("chains = []\n", "unknown key chains", "map.toml"),
     ],
 )
-def test_what_is_wrong_is_said(tmp_path, text, words, where):
+def test_mistakes_are_reported(tmp_path, text, words, where):
     with pytest.raises(InputError, match=words) as caught:
         read(tmp_path, text)
     assert where in caught.value.where
 
 
-def test_files_that_cannot_be_read_or_written(tmp_path):
+def test_unreadable_or_unwritable_files_are_reported(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         read_plan(tmp_path / "none.toml")
     (tmp_path / "file").write_text("")

@@ -1,4 +1,4 @@
-"""Planted feet: contacts are found at any pace, feet stand still, and legs keep their pose."""
+"""Tests of planted feet: contacts are found at any pace, feet stand still, and legs keep their pose."""
 
 from dataclasses import replace
 
@@ -28,13 +28,15 @@ from enliven.motion.layers.evaluate import Player
 from enliven.rotation import from_rotation_vector, multiply, rotate
 
 SLIDE = 3.0
-"""cm/s that feet slide at most while they stand, in 90 % of the frames."""
+"""Maximum speed of standing feet in 90 % of the frames, cm/s."""
 CLEAR = 0.01
-"""Metres that a foot is above the floor in the middle of its swing at least."""
+"""Minimum height of a foot above the floor in the middle of its swing, metres."""
 
 
 def steps_of(speed, stance_s, swing_s=0.35, rounds=4, seed=0):
-    """A foot (T, 3), the root (T, 3) over it at a speed (m/s), and the moments in which the foot stands."""
+    """Returns the foot (T, 3), the root (T, 3) that moves over it at a speed (m/s), and when the foot
+    stands.
+    """
     random = np.random.default_rng(seed)
     period = stance_s + swing_s
     times = np.arange(round(rounds * period / STEP)) * STEP
@@ -97,7 +99,7 @@ def test_without_contacts_the_body_goes_as_its_performer():
 
 
 def short_shinned(shin):
-    """A man with shins of another length, standing on the floor."""
+    """Returns a man with shins of a different length, standing on the floor."""
     skeleton = man()
     at = skeleton.positions.copy()
     for side in ("Left", "Right"):
@@ -154,7 +156,9 @@ def test_a_foot_is_as_high_as_it_rose_since_it_stood_on_a_floor_that_drifts(drif
 
 
 def slide_of(shape, clip, stands, plan):
-    """(cm/s, ...) of the lowest points of feet that stand on the floor, and metres of feet in mid-swing."""
+    """Returns the speeds in cm/s of the lowest points of standing feet, and the heights in metres of feet in
+    mid-swing.
+    """
     result = retarget(shape, clip, plan)
     moments = np.arange(len(clip.turns)) * STEP
     at = np.array(list(posed_surfaces(result.project, shape.id, moments))) - [
@@ -172,7 +176,7 @@ def slide_of(shape, clip, stands, plan):
         on = stands[1:, side] & stands[:-1, side] & (between.min(1) < 0.005)
         assert on.sum() > 0.7 * stands[:, side].sum(), "the foot is on the floor while the performer's is"
         speeds.append(100.0 * along[on])
-        # Without the third of a swing at either end, in which the foot leaves and lands.
+        # The first and the last third of a swing are excluded, because the foot leaves and lands in them.
         wide = np.convolve(stands[:, side], np.ones(11), "same") > 0
         swinging.append(foot[~wide, :, 1].min(1))
     return np.concatenate(speeds), np.concatenate(swinging), result
@@ -185,7 +189,7 @@ GAITS = [(1.2, 0.6, 0.4), (3.0, 0.2, 0.45), (4.5, 0.13, 0.45)]
 @pytest.mark.parametrize("how", GAITS, ids=["walk", "run", "fast run"])
 @pytest.mark.parametrize(("shin", "tip"), [(0.75, 0.28), (1.3, 0.22), (1.0, 0.17)])
 def test_feet_that_roll_from_heel_to_toe_neither_slide_nor_scuff(how, shin, tip):
-    """Also on the performer's own skeleton."""
+    """This also holds on the performer's own skeleton."""
     clip, stands = gait(*how)
     shape = shod(short_shinned(shin), tip)
     plan = replace(automatic(clip, shape), travel=True, pin=True)
@@ -278,7 +282,7 @@ def test_a_stepping_foot_turns_while_it_swings(seed, rate):
 
 @pytest.mark.parametrize("rate", [1.0, 2.0])
 def test_feet_of_a_performer_that_turn_while_they_stand_do_not_slide(rate):
-    """As in captured runs: feet turn about the vertical by a few degrees in each contact."""
+    """As in captured runs, feet rotate about the vertical by a few degrees in each contact."""
     clip, stands = gait(3.0, 0.2, 0.45)
     turns = clip.turns.copy()
     for side, name in ((0, "Left"), (1, "Right")):
@@ -291,7 +295,7 @@ def test_feet_of_a_performer_that_turn_while_they_stand_do_not_slide(rate):
 
 
 def _since(stands):
-    """(F,) frames since the foot landed."""
+    """Returns (F,) the number of frames since the foot landed."""
     count, counts = 0, []
     for on in stands:
         count = count + 1 if on else 0
@@ -312,7 +316,7 @@ def test_soles_that_move_with_the_shin_do_not_slide(how, share):
 
 @pytest.mark.parametrize(("width", "extra"), [(4.0, 0.0), (8.0, 0.0), (4.0, 0.06)])
 def test_legs_keep_their_pose_if_wide_hips_sway_over_planted_feet(width, extra):
-    """Also if one leg is longer than the other."""
+    """This also holds if one leg is longer than the other."""
     clip, shape = sway(np.radians(3.0), np.radians(8.0)), shod(wide_hipped(width, extra), 0.2)
     stands = np.ones((len(clip.turns), 2), bool)
     plan = replace(automatic(clip, shape), travel=True, pin=True)
@@ -339,7 +343,7 @@ def wide_hipped(width, extra):
 
 
 def with_soft_soles(shape, share):
-    """Returns the shape with shins that move its feet by a share."""
+    """Returns the shape with shins that move its feet by a fraction ``share``."""
     skeleton, indices, weights = shape.skeleton, shape.skin.indices.copy(), shape.skin.weights.copy()
     for side, foot in (("Left", slice(-24, -12)), ("Right", slice(-12, None))):
         indices[foot], weights[foot] = 0, 0.0

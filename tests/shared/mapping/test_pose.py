@@ -1,4 +1,6 @@
-"""Laws of people on people: limbs point as the performer's, extras ride along, planted feet stand."""
+"""Tests of mapping people to people: limbs point in the same direction, extra joints stay rigid, planted feet
+stand still.
+"""
 
 from dataclasses import replace
 
@@ -20,7 +22,7 @@ from enliven.skeletons.anatomy import find_anatomy
 from enliven.skeletons.facing import rotate_about_y
 
 FAST = [Phase.explicit, Phase.generate]
-"""Without shrinking, which takes minutes for motions."""
+"""Hypothesis phases without shrinking, which takes minutes for motions."""
 SEEDS = st.integers(0, 10_000)
 NAMES = st.sampled_from(sorted(CONVENTIONS))
 SEGMENTS = [(side, *pair) for side in ("Left", "Right") for pair in (
@@ -29,7 +31,9 @@ SEGMENTS = [(side, *pair) for side in ("Left", "Right") for pair in (
 
 
 def angles_by_hand(made, convention, clip, source_convention):
-    """(F, 8) degrees between the limb segments of both, joint by joint, in one facing: the slow twin."""
+    """Returns (F, 8) degrees between corresponding limb segments of both people, in one facing. A slow
+    reference, joint by joint.
+    """
     frames = np.arange(len(clip.turns))
     joints = Player(made.project, made.shape_id).sample(frames * clip.step)[1]
     skeleton, theirs = made.project.shape(made.shape_id).skeleton, clip.skeleton

@@ -1,4 +1,4 @@
-"""What the summary measures, beside a slow obvious twin; and softened mappings."""
+"""Tests of the measures in the summary against a slow reference, and of softened mappings."""
 
 from dataclasses import replace
 
@@ -38,7 +38,7 @@ def test_stretch_is_that_of_every_edge(seed):
         assert stretch == pytest.approx(np.linalg.norm(at[a] - at[b]) / rest, rel=1e-4)
 
 
-def test_at_rest_all_is_well():
+def test_rest_pose_has_no_deformation():
     shape = webbed("horse", horse())
     clip = random_motion(np.random.default_rng(0), man(), frames=2, size=0.0)
     quality = quality_of(Project().with_characters(shape), "horse", clip, 1.0)
@@ -77,7 +77,7 @@ def test_what_does_not_stretch_is_left_alone():
 
 
 @pytest.mark.slow
-def test_the_next_best_mapping_is_better_or_none():
+def test_suggested_mapping_is_better_or_missing():
     shape, clip = webbed("horse", horse()), random_motion(np.random.default_rng(5), man(), size=2.0)
     result = retarget(shape, clip, automatic(clip, shape))
     before = quality_of(result.project, "horse", clip, result.duration)
@@ -93,7 +93,9 @@ def test_the_next_best_mapping_is_better_or_none():
 
 
 def test_the_next_best_mapping_is_judged_by_floor_and_slide_and_not_by_stretch_alone():
-    """A horse whose feet are not kept on the floor: less movement stretches it least, and makes it worse."""
+    """The feet of a horse leave the floor. Less movement would stretch the surface least, but worsen the
+    result.
+    """
     shape, clip = webbed("horse", horse()), walk(raised=1.5)
     plan = replace(automatic(clip, shape), travel=True, steps=False, floor=False)
     result = retarget(shape, clip, plan)
@@ -109,7 +111,7 @@ def test_the_next_best_mapping_is_judged_by_floor_and_slide_and_not_by_stretch_a
 
 
 def test_feet_in_place_do_not_slide():
-    """Who walks in one place walks as on a treadmill: that is no fault of a mapping."""
+    """Walking in place is like walking on a treadmill, and no fault of a mapping."""
     shape, clip = meshed("man", man()), walk()
     slides = []
     for travel in (False, True):

@@ -1,4 +1,4 @@
-"""enliven retarget, end to end: files in, a strictly right GLB out, a mapping to change, errors that help."""
+"""Tests of ``enliven retarget``: input files, a valid GLB, an editable mapping, and errors with advice."""
 
 import re
 import sys
@@ -27,7 +27,7 @@ from test_recorded import frame  # noqa: E402
 
 @pytest.fixture
 def files(tmp_path):
-    """A walk of a made man as BVH, and a made horse as GLB."""
+    """Writes a walk of a generated man as BVH, and a generated horse as GLB."""
     frames = 8.0 * np.sin(np.arange(12)[:, None, None] + np.arange(len(man()))[None, :, None])
     (tmp_path / "walk.bvh").write_text(bvh_text(man(), np.tile(frames, (1, 1, 3))))
     clip = random_motion(np.random.default_rng(0), horse(), name="graze")
@@ -51,11 +51,11 @@ def test_a_horse_walks_as_the_man_does(files, capsys):
     rig = read_gltf(files / "out.glb")
     assert rig.shape.skeleton.names == read_gltf(files / "horse.glb").shape.skeleton.names
     assert np.ptp(rig.clips[0].turns, axis=0).max() > 0.05
-    # The whole model stays where it is, but for going up and down with its legs.
+    # The whole model stays in place, except for rising and sinking with its legs.
     assert np.ptp(rig.clips[0].root, axis=0)[[0, 2]].max() < 1e-6
 
 
-def test_the_written_mapping_makes_the_same(files):
+def test_written_mapping_gives_the_same_result(files):
     first, second, other = files / "one.glb", files / "two.glb", files / "other.glb"
     assert retarget(files, "-o", first, "--write-map", files / "map.toml") == 0
     assert retarget(files, "-o", second, "--map", files / "map.toml") == 0
@@ -97,7 +97,8 @@ def test_feet_are_held_on_request(files):
     shape = read_gltf(files / "man.glb").shape
     clip, _ = read_take(files / "walk.bvh")
     plan = replace(automatic(clip, shape), travel=True, pin=True)
-    # The feet of a person are planted by steps; swung legs of another mapping are pinned by their contacts.
+    # A person's feet are planted by the step detection. Swung legs of another mapping are pinned by their
+    # contacts.
     for steps, how in ((True, ()), (False, ("Left ankle", "Right ankle"))):
         result = retarget_shape(shape, clip, replace(plan, steps=steps))
         moved = result.project.shape(result.shape_id)
@@ -106,7 +107,7 @@ def test_feet_are_held_on_request(files):
 
 
 @pytest.mark.slow
-def test_a_surface_that_stretches_is_said_with_its_joints_and_a_better_mapping(files, capsys):
+def test_stretched_surface_is_reported_with_joints_and_a_better_mapping(files, capsys):
     banded = Project().with_characters(webbed("banded", horse()))
     write_gltf(files / "banded.glb", [sample_performance(banded, "banded")])
     wide = 60.0 * np.sin(np.arange(12)[:, None, None] + np.arange(len(man()))[None, :, None])
@@ -136,7 +137,7 @@ def test_another_rest_pose_is_another_movement(files, rest):
     checked_glb((files / "a.glb").read_bytes())
     (clip,) = read_gltf(files / "a.glb").clips
     first, bone = clip.turns[0], clip.skeleton.index("Left stifle")
-    # Counted from its own first frame, a movement begins with nothing: within half a degree.
+    # Relative to its own first frame, the movement begins at zero: within half a degree.
     assert (abs(first[bone, 0]) > 1 - 1e-5) == (rest == "first")
 
 
@@ -166,7 +167,7 @@ def test_a_models_own_take_is_copied_joint_by_joint(files, capsys):
         (["--height", "-1"], "cannot become -1.0 m"),
     ],
 )
-def test_what_cannot_be_done_is_said(files, capsys, options, words):
+def test_impossible_requests_are_reported(files, capsys, options, words):
     assert retarget(files, "-o", files / "a.glb", *options) == 3
     assert words in capsys.readouterr().err
     assert not (files / "a.glb").exists()
@@ -180,7 +181,7 @@ def test_a_mapping_with_a_joint_that_is_not_there_lists_those_that_are(files, ca
     assert "Left ankle" in output
 
 
-def test_files_of_the_wrong_kind(files, capsys):
+def test_files_of_the_wrong_kind_are_refused(files, capsys):
     assert retarget(files, "-o", files / "a.glb", take="horse.png") == 3
     assert "Known: .bvh" in capsys.readouterr().err
     assert retarget(files, "-o", files / "a.glb", model="walk.bvh") == 3
@@ -189,8 +190,10 @@ def test_files_of_the_wrong_kind(files, capsys):
     assert ".fbx cannot be written. Known: .bvh, .csv, .glb" in capsys.readouterr().err
 
 
-def test_joints_beyond_their_limits_are_told_and_freed_by_an_option(files, capsys):
-    """A horse that grazes a little is not bent as far as a man who tumbles; --no-limits bends it."""
+def test_exceeded_joint_limits_are_reported_and_can_be_disabled(files, capsys):
+    """A slightly grazing horse is not bent as far as a tumbling man. The option --no-limits bends it that
+    far.
+    """
     frames = 80.0 * np.sin(np.arange(12)[:, None, None] + np.arange(len(man()))[None, :, None])
     (files / "tumble.bvh").write_text(bvh_text(man(), np.tile(frames, (1, 1, 3))))
     assert retarget(files, "-o", files / "kept.glb", take="tumble.bvh") == 0

@@ -1,4 +1,4 @@
-"""Laws of steps: a foot stands while the performer's stands; legs keep their lengths."""
+"""Tests of steps: a foot stands while the performer's foot stands, and legs keep their lengths."""
 
 from dataclasses import replace
 
@@ -28,7 +28,7 @@ def made_of(shape, clip, **how):
 
 
 def feet(made):
-    """(T, L, 3) where the legs of a shape end."""
+    """Returns (T, L, 3) positions of the ends of a shape's legs."""
     shape = made.project.shape(made.shape_id)
     _, joints = Player(made.project, made.shape_id).sample(np.arange(FRAMES) * STEP)
     ends = [limb.proper[-1] for pair in find_anatomy(shape.skeleton).legs for limb in pair]
@@ -149,7 +149,7 @@ def test_shorter_strides_go_less_far():
 
 
 def gesture(random, reach=1.2):
-    """A man who stands still while his arms move about at random, down to his feet."""
+    """Returns a man who stands still while his arms move randomly, down to his feet."""
     clip = walk(0.0)
     turns = np.repeat(clip.turns[:1], FRAMES, axis=0)
     share = 0.5 - 0.5 * np.cos(np.linspace(0.0, 4.0 * np.pi, FRAMES))[:, None]

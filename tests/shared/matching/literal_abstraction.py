@@ -8,7 +8,9 @@ import numpy as np
 
 
 def literal_candidates(positions, links, root=None):
-    """The found root, and by level {a candidate's root: {first joint of a branch: position, length}}."""
+    """Returns the found root, and for each level {a candidate's root: {first joint of a branch: position,
+    length}}.
+    """
     positions = np.asarray(positions, float)
     tree = {joint: set() for joint in range(len(positions))}
     for a, b in links:
@@ -29,14 +31,15 @@ def literal_candidates(positions, links, root=None):
         return len(tree[joint]) > 2 or joint == root
 
     while any(is_branch(j) and tree[j] for j in tree):
-        # Steps 1 and 2: the chains between leaves and branch nodes go; leaf by leaf.
+        # Steps 1 and 2: remove the chains between leaves and branch nodes, leaf by leaf.
         for leaf in [j for j in tree if is_leaf(j)]:
             way, node = [leaf], next(iter(tree[leaf]))
             while not is_branch(node):
                 way.append(node)
                 (node,) = tree[node] - {way[-2]}
             if (leaf, node) not in first:
-                # The chain's nodes with their bones outwards: from each to the one before it on the way.
+                # The nodes of the chain with their bones outwards: from each node to the previous one on the
+                # path.
                 bones = [length(a, b) for a, b in itertools.pairwise(way)]
                 if len(way) > 1:
                     at[leaf] = np.average([positions[j] for j in way[1:]], axis=0, weights=bones)
@@ -46,7 +49,7 @@ def literal_candidates(positions, links, root=None):
                 del tree[removed]
             tree[node] = (tree[node] - {way[-1]}) | {leaf}
             tree[leaf] = {node}
-        # Step 3: branch nodes with only one neighbour that is not a leaf.
+        # Step 3: find branch nodes with only one neighbour that is not a leaf.
         roots = [
             j
             for j in tree
@@ -54,7 +57,7 @@ def literal_candidates(positions, links, root=None):
         ]
         leaves = {j: [k for k in tree[j] if is_leaf(k)] for j in roots}
         levels.append({j: {first[k, j]: (at[k], accumulated[k]) for k in leaves[j]} for j in roots})
-        # Step 4: each becomes a leaf.
+        # Step 4: make each of them a leaf.
         for j in roots:
             if j == root or len(leaves[j]) == len(tree[j]):
                 return j, levels

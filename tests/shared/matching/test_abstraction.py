@@ -1,4 +1,4 @@
-"""The hierarchy of sub-trees (AniMesh, section 4.1)."""
+"""Tests of the hierarchy of sub-trees (AniMesh, section 4.1)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from literal_abstraction import literal_candidates
 from trees_for_matching import Drawing, figure_three, trees
 
 
-def test_figure_three():
+def test_figure_3_of_the_paper_is_reproduced():
     positions, links, named = figure_three()
     abstraction = abstract_joint_tree(positions, links)
     assert abstraction.root == named["root"]
@@ -46,7 +46,7 @@ def test_figure_three():
     assert (
         sorted(match.candidate.name for match in ranking) == ["1-1"] * 3 + ["1-2"] + ["2-1"] * 6 + ["2-2"] * 6
     )
-    # Arms held out to the sides look like the two limbs of 1-2, which are drawn so.
+    # Arms stretched out to the sides look like the two limbs of 1-2, which have this shape.
     assert ranking[0].candidate.name == "1-2"
     assert ranking[0].score == pytest.approx(2.0, abs=0.1)
 
@@ -106,7 +106,7 @@ def test_chains_are_real_and_lengths_are_of_all_bones(tree, rooted):
 
 
 def hanging(links, root, first):
-    """The bones on the far side of the link from root to first, itself included."""
+    """Returns the bones beyond the link from ``root`` to ``first``, including that link."""
     near = {}
     for a, b in links:
         near.setdefault(a, []).append(b)
@@ -120,7 +120,7 @@ def hanging(links, root, first):
 
 
 def longest(positions, links, above, joint):
-    """Metres of the longest way from ``above`` over ``joint`` to a leaf."""
+    """Returns the length in metres of the longest path from ``above`` over ``joint`` to a leaf."""
     near = [b if a == joint else a for a, b in links if joint in (a, b)]
     beyond = [longest(positions, links, joint, other) for other in near if other != above]
     return np.linalg.norm(positions[above] - positions[joint]) + max(beyond, default=0.0)
@@ -158,7 +158,7 @@ def test_a_snake_without_a_branch_node_is_one_candidate():
     ]
 
 
-def test_bones_without_length_do_no_harm():
+def test_bones_of_zero_length_are_tolerated():
     points = np.zeros((6, 3))
     links = [(0, 1), (1, 2), (2, 3), (1, 4), (4, 5)]
     for candidate in abstract_joint_tree(points, links).candidates:
@@ -198,6 +198,6 @@ def test_non_tree_error_names_joints(links, told):
         assert "toe, tail" in str(caught.value)
 
 
-def test_a_root_that_is_not_there_is_refused():
+def test_missing_root_is_refused():
     with pytest.raises(InputError, match="joint 7 does not exist"):
         abstract_joint_tree(np.eye(3), [(0, 1), (1, 2)], 7)

@@ -1,4 +1,4 @@
-"""Which match is shown, and when it is taken."""
+"""Tests of which match is shown, and when it is accepted."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MATCHER = Matcher(abstract_joint_tree(POSITIONS, [(0, i) for i in range(1, 7)]),
 
 
 class Performer:
-    """One arm that points somewhere, thirty times a second, and a picker that follows."""
+    """One arm that points in given directions, thirty times per second, and a picker that follows it."""
 
     def __init__(self, **settings):
         self.picker, self.seconds = Picker(PickingSettings(**settings)), 0.0
@@ -31,7 +31,7 @@ class Performer:
 
     @property
     def arm(self):
-        """The tip of the arm that is shown: 1 at 0 degrees, 2 at 60, ..."""
+        """Returns the displayed arm, by its tip: 1 at 0 degrees, 2 at 60 degrees, ..."""
         return self.pick.match.pairs[0].chain[1]
 
 
@@ -77,7 +77,7 @@ def test_cycling_visits_every_match_once_and_comes_round():
     seen = []
     for _ in range(6):
         seen.append(performer.picker.cycle().match.pairs[0].chain[1])
-        next(performer.point(50))  # the ranking changes meanwhile: the list does not
+        next(performer.point(50))  # the ranking changes meanwhile, but the list does not
     assert seen == [2, 6, 3, 5, 4, 1]
     assert performer.picker.cycle(-1).match.pairs[0].chain[1] == 4
 
@@ -107,7 +107,7 @@ def test_accepted_match_stays_until_reset():
 def test_holding_still_accepts_after_the_time_and_not_sooner():
     performer = Performer(by_holding=True, still_seconds=1.0)
     list(performer.point(0, 5))
-    list(performer.point(120, 15))  # shown after the patience of 0.3 s
+    list(performer.point(120, 15))  # the match is shown after the patience of 0.3 s
     assert performer.arm == 3
     held = []
     for _ in performer.point(120, 40, jitter=2.0):

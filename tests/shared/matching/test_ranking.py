@@ -1,4 +1,6 @@
-"""The ranking of matches (AniMesh, section 4.2), against a brute-force twin, and its laws."""
+"""Tests of the ranking of matches (AniMesh, section 4.2) against a brute-force reference, and of its
+invariants.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 def brute_force(found, positions, source, view, blur=0.2, missing=-1.0):
-    """{candidate, chosen branches (or source branches): best sum of cosines}, one permutation at a time."""
+    """Returns {candidate, chosen branches (or source branches): best sum of cosines}, trying all
+    permutations.
+    """
     axes = view.axes
 
     def direction(vector):
@@ -125,7 +129,7 @@ gains = st.tuples(st.integers(1, 4), st.integers(0, 4), seeds).map(
 
 
 def solved(gain, columns):
-    """The best sum over these columns, by SciPy."""
+    """Returns the best sum over these columns, by SciPy."""
     part = gain[:, columns]
     return part[linear_sum_assignment(part, maximize=True)].sum()
 
@@ -182,7 +186,7 @@ def test_a_cost_that_is_not_finite_is_refused(bad):
 
 
 def star(arms, seed=0):
-    """Returns a tree with arms around a middle, which a source cannot drive choice by choice."""
+    """Returns a tree with arms around its centre, for which a source cannot try every choice."""
     rng = np.random.default_rng(seed)
     positions = np.concatenate([np.zeros((1, 3)), rng.normal(size=(arms, 3))])
     return positions, [(0, i) for i in range(1, arms + 1)]
@@ -287,7 +291,7 @@ def test_ranking_uses_projected_directions_in_perspective():
     seen = {
         m.pairs[0].chain[1]: m.score for m in flat.rank(source, ScreenView(eye=np.zeros(3)), ScreenView())
     }
-    # From the origin the bone that comes nearer runs outwards to the right, and a third of it shows.
+    # From the origin, the bone that comes nearer extends outwards to the right, and a third of it is visible.
     assert seen[1] == pytest.approx(1.0)
     assert seen[2] == pytest.approx(1.0)
 
@@ -307,5 +311,5 @@ def test_a_part_of_a_body_plays_with_its_own_branches():
     assert arms.chains == ((1, 2, 3, 4), (1, 5, 6, 7))
     points = arms.points(np.array(tree.points))
     np.testing.assert_allclose(points[0], tree.points[neck])
-    # The average of shoulder and elbow by their bones outwards: (0.2 * 0.3 + 0.5 * 0.3) / 0.6.
+    # The average of shoulder and elbow, weighted by their outward bones: (0.2 * 0.3 + 0.5 * 0.3) / 0.6.
     np.testing.assert_allclose(points[1], (0.35, 1.5, 0.0))

@@ -1,4 +1,4 @@
-"""Equal limbs found: turned about an axis, or mirrored."""
+"""Tests of finding equal limbs, which are rotated about an axis or mirrored."""
 
 from __future__ import annotations
 
@@ -15,13 +15,15 @@ LIMB = np.array([[0.3, 0.0, 0.0], [0.6, 0.1, 0.2], [0.9, -0.2, 0.5]])
 
 
 class SkeletonBuilder:
-    """A skeleton that limbs are added to; the first joint is the body."""
+    """A skeleton to which limbs are added. The first joint is the body."""
 
     def __init__(self, middle=(0.0, 1.0, 0.0)):
         self.points, self.parents = [np.array(middle)], [-1]
 
     def limb(self, points, start=0):
-        """A chain of joints that hangs on ``start``, at offsets from the body; the first joint's number."""
+        """Adds a chain of joints below ``start``, at offsets from the body. Returns the number of the first
+        joint.
+        """
         first = len(self.points)
         for i, point in enumerate(points):
             self.parents.append(start if i == 0 else len(self.points) - 1)
@@ -39,7 +41,9 @@ def turned(points, degrees, axis=(0.0, 1.0, 0.0)):
 
 
 def squid(arms=8, noise=0.0):
-    """A mantle above, and arms around; each has a twist, so that no mirror makes two equal."""
+    """Returns a mantle with arms around it below. Each arm is twisted, so that no mirror maps one arm to
+    another.
+    """
     rng = np.random.default_rng(3)
     body = SkeletonBuilder()
     body.limb(np.array([[0.0, 0.5, 0.0], [0.0, 1.0, 0.0]]))
@@ -94,7 +98,7 @@ def test_an_unsteady_hand_is_forgiven_as_far_as_the_settings_say():
 
 
 def person():
-    """Hips with legs, a spine, arms that end in two fingers, and a head that is left of the middle."""
+    """Returns hips with legs, a spine, arms with two fingers each, and a head that is left of the middle."""
     body = SkeletonBuilder()
     mirror = np.array([-1.0, 1.0, 1.0])
     spine = body.limb(np.array([[0.0, 0.3, 0.0], [0.0, 0.5, 0.02]])) + 1

@@ -1,4 +1,6 @@
-"""Trees for the tests of matching: random ones, and the one of AniMesh's Figure 3, rebuilt from its text."""
+"""Trees for the tests of matching: random ones, and that of AniMesh's Figure 3, reconstructed from its
+text.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,7 @@ from hypothesis import strategies as st
 
 @st.composite
 def trees(draw, least=2, most=24):
-    """(N, 3) positions and links, in random order and direction; some bones are long chains."""
+    """Draws (N, 3) positions and links, in random order and direction. Some trees contain long chains."""
     count = draw(st.integers(least, most))
     back = draw(st.lists(st.integers(0, 6), min_size=count - 1, max_size=count - 1))
     links = [(max(0, joint - 1 - step), joint) for joint, step in enumerate(back, 1)]
@@ -23,13 +25,13 @@ def trees(draw, least=2, most=24):
 
 
 class Drawing:
-    """A tree drawn limb by limb."""
+    """A tree under construction, built limb by limb."""
 
     def __init__(self):
         self.points, self.links = [], []
 
     def limb(self, start, *points):
-        """Joints one after the other from a joint, or from nowhere; returns the last."""
+        """Adds joints one after another to ``start`` (or to nothing), and returns the last one."""
         for point in points:
             if start is not None:
                 self.links.append((start, len(self.points)))
@@ -39,11 +41,11 @@ class Drawing:
 
 
 def figure_three():
-    """Positions, links, and the joints that the text names.
+    """Returns positions, links, and the joints that the text names.
 
-    Two branch nodes p and q, joined by a chain in which the root is found; on each hangs, by a chain, a
-    smaller branch node (the roots of 1-1 and 1-2, green in the figure). Four candidates have 16 choices of
-    two branches in all only if they have 2, 3, 4 and 4 branches: see the test.
+    Two branch nodes p and q are joined by a chain that contains the root. A smaller branch node is attached
+    to each by a chain (the roots of 1-1 and 1-2, green in the figure). The four candidates have 16 choices of
+    two branches in total only if they have 2, 3, 4 and 4 branches, as a test shows.
     """
     tree = Drawing()
     p = tree.limb(None, (-2.0, 0.0))

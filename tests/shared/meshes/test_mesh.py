@@ -22,7 +22,7 @@ def box() -> Mesh:
 
 
 def soup(mesh: Mesh) -> Mesh:
-    """The same mesh with three vertices of its own for every face, as flat-shaded files have it."""
+    """Returns the same mesh with three separate vertices for every face, as in flat-shaded files."""
     return Mesh(
         mesh.vertices[mesh.faces].reshape(-1, 3), np.arange(3 * len(mesh.faces)).reshape(-1, 3), "soup"
     )
@@ -133,7 +133,7 @@ def test_fitting_puts_the_mesh_upright_on_the_floor(up):
     np.testing.assert_allclose((low + high)[[0, 2]], 0, atol=1e-12)
     scale = 1.75 / (BOX_VERTICES.max(0))["xyz".index(up)]
     assert fitted.area == pytest.approx(box().area * scale**2)
-    # A turn, not a reflection: outward faces stay outward.
+    # The transform is a rotation, not a reflection, so outward faces stay outward.
     volume = np.einsum("fa,fa->", fitted.vertices[fitted.faces[:, 0]], fitted.face_vectors()) / 6
     assert volume == pytest.approx(6 * scale**3)
 

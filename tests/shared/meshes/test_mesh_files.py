@@ -1,4 +1,4 @@
-"""Reading and writing meshes; every way in which a file can be bad ends in one clear message."""
+"""Tests of reading and writing meshes. Every kind of bad file gives one clear error."""
 
 import json
 import struct
@@ -41,7 +41,9 @@ def test_colours_survive_ply(tmp_path):
 
 
 def write_gltf(path, nodes, cut=0):
-    """A glTF with one triangle, placed by the given nodes; ``cut`` bytes of its buffer are missing."""
+    """Writes a glTF with one triangle below the given nodes. The last ``cut`` bytes of its buffer are
+    missing.
+    """
     data = struct.pack("<9f3H", 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 1, 2)
     document = {
         "asset": {"version": "2.0"},
@@ -154,7 +156,7 @@ def test_truncated_files_are_refused(tmp_path):
             load_mesh(path)
 
 
-def test_missing_files_and_folders(tmp_path):
+def test_missing_files_and_folders_are_reported(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         load_mesh(tmp_path / "nowhere.obj")
     with pytest.raises(InputError, match="folder"):
@@ -170,7 +172,7 @@ def test_unwritable_mesh_is_refused(tmp_path):
 
 @pytest.mark.parametrize("coloured", [False, True])
 def test_glb_declares_buffer_targets(tmp_path, coloured):
-    """With that, Khronos' validator has no error, warning or hint for it."""
+    """With declared targets, Khronos' validator reports no error, warning or hint."""
     colours = np.full((len(TETRAHEDRON.vertices), 3), 90, np.uint8) if coloured else None
     save_mesh(Mesh(TETRAHEDRON.vertices, TETRAHEDRON.faces, colours=colours), tmp_path / "made.glb")
     data = (tmp_path / "made.glb").read_bytes()
@@ -199,7 +201,9 @@ def test_the_colour_of_a_gltf_material_is_linear_light(tmp_path):
 
 @pytest.mark.parametrize("high", [0.3, 1.0, 3.0])
 def test_a_mesh_that_lies_down_is_turned_and_one_that_may_is_asked_about(tmp_path, high):
-    """A tetrahedron that stands on the floor, its middle over the origin, with another axis up each time."""
+    """The test mesh is a tetrahedron that stands on the floor above the origin, written with each of the up
+    axes.
+    """
     standing = Mesh((TETRAHEDRON.vertices - [0.25, 0, 0.25]) * [1, high, 1], TETRAHEDRON.faces)
     lying = Mesh(standing.vertices[:, [0, 2, 1]] * [1, -1, 1], standing.faces)
     for name, mesh, note in (("standing", standing, ""), ("lying", lying, "--up y")):
@@ -231,7 +235,8 @@ def test_colours_of_a_glb_are_linear_light_and_come_back_as_they_were(tmp_path):
     start = document["bufferViews"][accessor["bufferView"]]["byteOffset"] + 28 + length
     stored = np.frombuffer(data, np.uint16, 4 * len(shades), start).reshape(-1, 4) / 65535
     assert accessor["componentType"] == 5123 and accessor["normalized"]
-    # By hand: 128 -> ((128/255 + 0.055) / 1.055) ** 2.4 = 0.215861, 55 -> 0.038204, 7 -> 7/255/12.92.
+    # Computed by hand: 128 -> ((128/255 + 0.055) / 1.055) ** 2.4 = 0.215861, 55 -> 0.038204, 7 ->
+    # 7/255/12.92.
     by_hand = [0.0, 0.000304, 0.002125, 0.038204, 0.215861, 0.502886, 0.991102, 1.0]
     np.testing.assert_allclose(stored[:, 0], by_hand, atol=2e-5)
     assert (stored[:, 3] == 1.0).all()

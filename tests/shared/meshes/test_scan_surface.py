@@ -1,4 +1,6 @@
-"""Surfaces through scans: what was seen is there and faces the sensor; gaps, steps, hidden sides are open."""
+"""Tests of surfaces from scans: visible surface is present and faces the sensor; gaps, steps and hidden sides
+are open.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ from enliven.meshes.scan_surface import parse_pcd, surface_through_points
 
 
 def ball(centre: np.ndarray, radius: float, count: int = 20_000) -> np.ndarray:
-    """(count, 3) points spread evenly over a sphere."""
+    """Returns (count, 3) points spread evenly over a sphere."""
     k = np.arange(count) + 0.5
     height, turn = 1 - 2 * k / count, k * np.pi * (1 + 5**0.5)
     level = np.sqrt(1 - height**2)
@@ -63,7 +65,7 @@ def test_too_few_points_are_reported(count: int) -> None:
 
 
 def pcd(path: Path, points: np.ndarray, kind: str) -> Path:
-    """Returns a PCD file with padding and a colour before the points, seen from (0, 1, 0)."""
+    """Writes a PCD file with padding and a colour before the points, measured from (0, 1, 0)."""
     head = "# .PCD v0.7\nVERSION 0.7\nFIELDS rgb x y z _\nSIZE 4 4 4 4 1\nTYPE U F F F U\nCOUNT 1 1 1 1 4\n"
     head += f"WIDTH {len(points)}\nHEIGHT 1\nVIEWPOINT 0 1 0 1 0 0 0\nPOINTS {len(points)}\nDATA {kind}\n"
     if kind == "ascii":

@@ -1,5 +1,4 @@
-"""Mesh files of other programs: polygons of every shape, encodings, line ends, layouts, tails, huge
-leftovers."""
+"""Tests of mesh files of other programs: polygons, encodings, line ends, layouts, and excess data."""
 
 import struct
 
@@ -33,7 +32,7 @@ def area(vertices: np.ndarray, faces: np.ndarray) -> float:
 
 @st.composite
 def stars(draw) -> np.ndarray:
-    """A simple polygon: points around a middle at any distance."""
+    """Draws a simple polygon with points at any distance around a centre."""
     count = draw(st.integers(4, 24))
     rng = np.random.default_rng(draw(st.integers(0, 10**6)))
     angles = (np.arange(count) + rng.uniform(0.05, 0.95, count)) * 2 * np.pi / count
@@ -73,7 +72,9 @@ def test_a_hole_that_a_bridge_opens_stays_open() -> None:
 
 
 def test_polygons_of_all_kinds_at_once_keep_their_places() -> None:
-    """A triangle, an edge, a concave quad, a bent quad, no corners, a polygon without area."""
+    """The file has a triangle, an edge, a concave quad, a bent quad, no corners, and a polygon without
+    area.
+    """
     points = np.array(
         [[0, 0, 0], [2, 0, 0], [0.5, 0.5, 0], [0, 2, 0], [2, 2, 1], [1, 0, 0], [3, 0, 0]], float
     )
@@ -87,7 +88,7 @@ def test_polygons_of_all_kinds_at_once_keep_their_places() -> None:
 
 
 def outline(kind: str) -> bytes:
-    """A file with the letter L as one polygon."""
+    """Returns a file that contains the letter L as one polygon."""
     rows = "\n".join(f"{x} {y} 0" for x, y in L)
     if kind == "obj":
         return ("v " + rows.replace("\n", "\nv ") + "\nf 1 2 3 4 5 6\n").encode()
@@ -123,7 +124,7 @@ def test_a_concave_medit_quadrilateral(tmp_path) -> None:
     assert load_mesh(path).mesh.area == pytest.approx(1.0)
 
 
-# Text
+# Text encodings.
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
-"""Winding: neighbours agree, closed parts face outwards, cavities stay cavities, one-sided strips stay
-unchanged."""
+"""Tests of consistent winding: closed parts face outwards, cavities stay, and one-sided strips are
+unchanged.
+"""
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ SIDES = np.array(
 
 
 def boxes(*places):
-    """(vertices, faces) of cubes (middle x, half side), all facing outwards."""
+    """Returns (vertices, faces) of cubes given by (centre x, half side), all facing outwards."""
     vertices = np.concatenate([CUBE * half + [x, 0, 0] for x, half in places])
     return vertices, np.concatenate([SIDES + 8 * k for k in range(len(places))])
 
@@ -27,7 +28,9 @@ def turned(faces, which):
 
 
 def oriented(faces):
-    """Faces from their lowest corner, as a set: what winding means."""
+    """Returns the faces as a set, each rotated to start at its lowest corner. Two sets are equal if the
+    winding is.
+    """
     return {tuple(np.roll(face, -int(np.argmin(face))).tolist()) for face in faces}
 
 
@@ -50,13 +53,13 @@ def test_notes_tell_part_and_whole():
 @pytest.mark.parametrize("all_inside_out", [False, True])
 def test_a_cavity_and_a_body_inside_another_keep_their_sense(all_inside_out):
     vertices, faces = boxes((0, 4), (2, 1), (-2, 1))
-    wanted = turned(faces, np.arange(36) // 12 == 1)  # the second cube is a cavity, the third a pebble in it
+    wanted = turned(faces, np.arange(36) // 12 == 1)  # the second is a cavity, the third is inside it
     given_faces = wanted[:, ::-1] if all_inside_out else wanted
     mesh, notes = repair_winding(Mesh(vertices, given_faces))
     if all_inside_out:
         assert oriented(mesh.faces) == oriented(wanted) and len(notes) == 1
     else:
-        # A cavity faces inwards and stays; nothing is said.
+        # A cavity faces inwards and stays unchanged, without a note.
         assert oriented(mesh.faces) == oriented(wanted) and notes == []
 
 
@@ -104,11 +107,11 @@ def test_texture_coordinates_follow_turned_corners():
 
 
 def test_sides_shared_by_more_than_two_faces_do_not_spread_winding():
-    """Two cubes that share an edge: four faces meet there, and each cube is a closed part."""
+    """Two cubes share an edge at which four faces meet. Each cube is a closed part."""
     vertices, faces = boxes((0, 1))
     corner = vertices + np.array([2.0, 2.0, 0.0])
     other = faces + 8
-    shared = {8: 6, 9: 7}  # the second cube's edge at (-1, -1) is the first one's at (1, 1)
+    shared = {8: 6, 9: 7}  # the second cube's edge at (-1, -1) is the first cube's edge at (1, 1)
     other = np.vectorize(lambda v: shared.get(v, v))(other)
     all_faces = np.concatenate([faces, other[:, ::-1]])
     mesh, notes = repair_winding(Mesh(np.concatenate([vertices, corner]), all_faces))

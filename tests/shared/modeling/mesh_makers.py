@@ -1,4 +1,4 @@
-"""Meshes, skins and measures for the tests of cuts, unions and weights."""
+"""Meshes, skin weights and measures for the tests of cuts, unions and weights."""
 
 import numpy as np
 import trimesh
@@ -14,7 +14,7 @@ def ball(radius=0.1, middle=(0.0, 0.0, 0.0), detail=3, name="ball"):
 
 
 def tube(radius=0.2, length=2.0, around=12, step=0.125, name="tube"):
-    """A closed tube along z from the origin."""
+    """Returns a closed tube along z from the origin."""
     rings = int(length / step) + 1
     turn = 2 * np.pi * np.arange(around) / around
     ring = radius * np.stack([np.cos(turn), np.sin(turn)], 1)
@@ -33,14 +33,14 @@ def tube(radius=0.2, length=2.0, around=12, step=0.125, name="tube"):
 
 
 def flat_shaded(mesh):
-    """The same mesh with three vertices of its own for every face."""
+    """Returns the same mesh with three separate vertices for every face."""
     colours = None if mesh.colours is None else mesh.colours[mesh.faces.ravel()]
     numbers = np.arange(3 * len(mesh.faces)).reshape(-1, 3)
     return Mesh(mesh.vertices[mesh.faces.ravel()], numbers, mesh.name, colours)
 
 
 def line(points, names=None):
-    """A skeleton along points, each joint on the one before."""
+    """Returns a skeleton along points. Each joint is the parent of the next."""
     points = np.asarray(points, float)
     names = names or tuple(f"j{i}" for i in range(len(points)))
     return Skeleton(names, np.arange(len(points)) - 1, points)
@@ -68,7 +68,7 @@ def volume(mesh):
 
 
 def watertight(mesh):
-    """Whether every edge, by position, is there exactly once in either direction."""
+    """Returns True if every edge, by position, occurs exactly once in each direction."""
     faces = weld(mesh)[0].faces
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     ahead, counts = np.unique(edges, axis=0, return_counts=True)

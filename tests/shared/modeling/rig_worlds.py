@@ -1,4 +1,4 @@
-"""A project with one character of every rig that moves, and the same with keys on its root and its nodes."""
+"""Projects with one character of each rig type, with or without keys on its root and its nodes."""
 
 import sys
 from pathlib import Path
@@ -30,7 +30,7 @@ GRAPHS = ("graph", "possessed")
 
 
 def skeleton_world():
-    """An arm that a take bends, while its root goes where the take's goes."""
+    """Returns an arm that a take bends. Its root follows the take's root."""
     project = bending_arm()
     shape = project.shape("arm")
     way = Layer("way", "bend", (0,), from_rotation_vector([0.0, 0.7, 0.0]), offset=0.2, speed=0.5, loop=True)
@@ -41,7 +41,7 @@ def skeleton_world():
 
 
 def graph_world():
-    """A possessed tube: each node bends and sways on its own."""
+    """Returns a possessed tube. Each node bends and sways independently."""
     mesh = tube(length=2.0, around=8, along=13)
     graph = DeformationGraph.build(mesh, 10, seed=1)
     character, poses = character_from_graph(mesh, graph, "post"), []
@@ -55,8 +55,8 @@ def graph_world():
 
 
 def puppet_world():
-    """A bean that dances by three examples, and travels."""
-    # A jumping puppet falls by gravity regardless of its size, so this one stays on the floor.
+    """Returns a bean that dances by three examples, and travels."""
+    # A jumping puppet falls at the same speed whatever its size, so this one never jumps.
     first = PuppetLayer("dance", offset=0.1, speed=0.8, switches=(Switch(0, "contact"),))
     layers = (first, PuppetLayer("dance", ("near",), weight=0.4))
     mesh = made_puppets.tube(rings=10, around=8)
@@ -65,7 +65,7 @@ def puppet_world():
 
 
 def cage_world():
-    """A tube in a tetrahedron with corners that swing."""
+    """Returns a tube in a tetrahedron whose corners swing."""
     times = np.arange(8)[:, None, None]
     ways = 0.3 * np.sin(times / 2 + np.arange(12).reshape(4, 3))
     stream = PoseStream("swing", np.tile(np.eye(3), (8, 4, 1, 1)), ways, 0.2)
@@ -78,7 +78,9 @@ WORLDS = dict(zip(RIGS, MADE, strict=True))
 
 
 def with_keys(project, name, seed=3):
-    """The project with keys of the whole that turn and move it, and of a node where it has nodes."""
+    """Returns the project with root keys that rotate and move the character, and keys of a node if it has
+    nodes.
+    """
     random = np.random.default_rng(seed)
     things = [None, *([4] if project.character(name).kind == "graph" else [])]
     for thing in things:

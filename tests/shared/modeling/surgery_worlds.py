@@ -1,4 +1,4 @@
-"""Random projects for the laws of surgery, and the slow, obvious evaluation that they are held against."""
+"""Random projects for the tests of surgery, and a slow, literal evaluation for comparison."""
 
 from itertools import pairwise
 
@@ -15,7 +15,7 @@ from enliven.rotation import IDENTITY, conjugate, from_rotation_vector, multiply
 
 
 def random_turns(random, *shape, size=1.0):
-    """Unit quaternions; ``size`` below 1 stays near the identity."""
+    """Returns unit quaternions. With ``size`` below 1 they are near the identity."""
     return normalized((1 - size) * IDENTITY + size * random.normal(size=(*shape, 4)))
 
 
@@ -29,7 +29,7 @@ def random_skeleton(random, count, names="joint"):
 
 
 def random_clip(random, name, count=5, frames=6):
-    """A take whose bones turn a good deal from frame to frame, but never near half a turn."""
+    """Returns a take whose bones rotate considerably between frames, but clearly less than 180 degrees."""
     skeleton = random_skeleton(random, count)
     turns = np.empty((frames, count, 4))
     turns[:] = random_turns(random, count, size=0.3)
@@ -79,7 +79,7 @@ def random_shape(random, name, layers, count=None):
 
 
 def random_project(seed, shapes=2):
-    """Two takes, four layers and shapes that use them."""
+    """Returns two takes, four layers, and shapes that use them."""
     random = np.random.default_rng(seed)
     takes = [random_clip(random, "walk"), random_clip(random, "wave")]
     layers = [random_layer(random, f"layer {i}", takes[i % 2]) for i in range(4)]
@@ -88,7 +88,9 @@ def random_project(seed, shapes=2):
 
 
 def straight_shape(name, points, spans, modeling=None, layers=()):
-    """A chain along points; ``spans``: one tuple a bone, the root's still."""
+    """Returns a shape with joints along points. ``spans`` has one tuple for each bone; the root stands
+    still.
+    """
     points = np.array(points, float)
     skeleton = Skeleton(tuple(f"{name} {i}" for i in range(len(points))), np.arange(len(points)) - 1, points)
     modeling = np.tile(IDENTITY, (len(points), 1)) if modeling is None else modeling
@@ -96,7 +98,7 @@ def straight_shape(name, points, spans, modeling=None, layers=()):
 
 
 def tube(length=4.0, radius=0.3, around=12, along=33):
-    """A closed tube from the origin along +x."""
+    """Returns a closed tube from the origin along +x."""
     angles = np.linspace(0, 2 * np.pi, around, endpoint=False)
     ring = radius * np.stack([np.zeros(around), np.cos(angles), np.sin(angles)], 1)
     rings = [ring + np.array([x, 0, 0]) for x in np.linspace(0, length, along)]
@@ -119,7 +121,7 @@ def about_z(degrees):
 
 
 def bending_arm():
-    """A tube of two bones that a take bends by 60 degrees in a second."""
+    """Returns a tube of two bones that a take bends by 60 degrees in a second."""
     skeleton = Skeleton(("shoulder", "hand"), [-1, 0], [[0, 0, 0], [1.0, 0, 0]])
     turns = np.array([[about_z(0), about_z(60 * t)] for t in (0.0, 1.0)])
     bend = Clip("bend", skeleton, turns, np.zeros((2, 3)), 1.0)
@@ -132,7 +134,9 @@ def bending_arm():
 
 
 def slow_pose(project, shape_id, time):
-    """World turns (N, 4) and joints (N, 3), written down as the docstrings say; no travel scale but one."""
+    """Returns world rotations (N, 4) and joints (N, 3), computed literally as documented, for a travel scale
+    of 1.
+    """
     shape = project.shapes[shape_id]
     skeleton = shape.skeleton
     turns, joints = [], []
@@ -158,7 +162,7 @@ def slow_pose(project, shape_id, time):
 
 
 def slow_product(project, shape, span, u, time):
-    """C(u) of a span."""
+    """Returns C(u) of a span, the product of its layers' rotations."""
     product = IDENTITY
     for ref in span.refs:
         layer = shape.layer(ref.layer)
@@ -168,7 +172,7 @@ def slow_product(project, shape, span, u, time):
 
 
 def slow_q(project, layer, s, time):
-    """q(s, t) of a layer in the target's axes (AniMesh, 5.1)."""
+    """Returns q(s, t) of a layer in the target's axes (AniMesh, 5.1)."""
     clip = project.takes[layer.take]
     turns = slow_turns_at(clip, slow_frame(layer, clip, time))
     knots, bones, base = slow_chain(clip.skeleton, layer.chain)
@@ -207,8 +211,8 @@ def slow_turns_at(clip, frame):
 
 
 def angle(a, b):
-    """The largest angle in radians between rotations (..., 4) and (..., 4)."""
+    """Returns the largest angle in radians between rotations (..., 4)."""
     a, b = np.asarray(a), np.asarray(b)
-    # |a - b| is twice the sine of a quarter of it: exact near zero, where the arc cosine is not.
+    # |a - b| is twice the sine of a quarter of the angle. Unlike the arc cosine, this is exact near zero.
     apart = np.minimum(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))
     return float(4 * np.arcsin(np.minimum(apart / 2, 1.0)).max())

@@ -1,5 +1,7 @@
-"""The laws of edits of whole characters, over all rigs at once: a skeleton, a deformation graph, a puppet,
-and a fourth rig that only the tests know: tests/helpers/cage.py is all that there is of it.
+"""Tests of edits of whole characters for all rigs: skeleton, deformation graph, puppet, and the tests' own
+cage.
+
+Everything that the cage rig needs is in tests/helpers/cage.py.
 """
 
 import numpy as np
@@ -47,7 +49,7 @@ TIMES = st.floats(-0.5, 3.0)
 SEEDS = st.integers(0, 2**32 - 1)
 FAR = PlaneCut([99.0, 0, 0], [1.0, 0, 0])
 NEAR = 1e-6
-"""Metres: rounding; a puppet's surface is settled by an iterative solver, which ends as near to itself."""
+"""Tolerance in metres: rounding, and the convergence limit of the iterative solver for a puppet's surface."""
 
 
 def near(found, expected, within=NEAR):
@@ -198,7 +200,7 @@ def test_at_the_time_of_a_cut_nothing_moves_and_of_a_merge_neither(rig, along, t
 
 
 def off_surface(found, seen, plane):
-    """Metres that the vertices away from a cut are off the nearest that there was."""
+    """Returns metres between vertices away from a cut and the nearest vertex before the cut."""
     away = np.abs(plane.field(found)) > 0.12 * float(np.linalg.norm(np.ptp(seen, axis=0)))
     if not away.any():
         return 0.0
@@ -206,7 +208,7 @@ def off_surface(found, seen, plane):
 
 
 def random_edit(project, random):
-    """A random edit of a random character of any rig."""
+    """Applies a random edit to a random character of any rig."""
     name = str(random.choice(list(project.characters)))
     match int(random.integers(9)):
         case 0:
@@ -307,7 +309,7 @@ def test_layer_removal_works_or_gives_the_reason(rig):
 
 @worlds
 def test_every_rig_is_stored_and_sampled(rig):
-    """The project file, and what exporters are given: nothing there is written for a rig that need not be."""
+    """Project files and exporters support every rig, without code for a rig unless it is needed."""
     project, name = WORLDS[rig]
     assert are_identical(parse_project(project_bytes(project)), project)
     performance = sample_performance(project, name, 0.0, 0.5, rate=10.0)

@@ -1,4 +1,4 @@
-"""The laws of clips, over all rigs at once: skeleton, deformation graph, puppet, possession, and a cage."""
+"""Tests of clip edits for all rigs: skeleton, deformation graph, puppet, possession, and a cage."""
 
 from dataclasses import replace
 
@@ -38,7 +38,9 @@ SPEEDS = st.sampled_from([-1.5, -0.5, 0.7, 1.0, 2.0])
 
 
 def world(rig, speed=1.0, loop=False, **changes):
-    """A world in which all layers of a character share one lane, its name, and their numbers."""
+    """Returns a project in which all layers of a character have the same time map, the character's name, and
+    the layers' numbers.
+    """
     project, name = WORLDS[rig]
     numbers = range(len(project.characters[name].playing))
     how = {"offset": 0.25, "speed": speed, "loop": loop, "segments": ()}

@@ -1,4 +1,6 @@
-"""Feet of possessed meshes: held where they stand or wherever they are low, lifted, or as performed."""
+"""Tests of the feet of possessed meshes: pinned while they stand, pinned while low, lifted, or as
+performed.
+"""
 
 from __future__ import annotations
 
@@ -26,11 +28,11 @@ from enliven.samples.shipped import load_sample
 STEP = 1.0 / 30.0
 TALL = 1.0
 LEGS = ((-0.2, 0.2), (0.2, 0.2), (-0.2, -0.2), (0.2, -0.2))
-"""Metres, x and z of the legs of a table."""
+"""x and z of a table's legs, metres."""
 
 
 def table() -> GraphShape:
-    """A table of one metre: four legs of five nodes, a top of one, and a vertex at each node."""
+    """Returns a table 1 m high: five nodes for each leg, one for the top, and a vertex at each node."""
     heights = np.linspace(0.0, 0.8, 5)
     nodes = [(x, y, z) for x, z in LEGS for y in heights] + [(0.0, TALL, 0.0)]
     edges = [(5 * leg + k, 5 * leg + k + 1) for leg in range(4) for k in range(4)]
@@ -48,7 +50,7 @@ def table() -> GraphShape:
 
 
 def walking(speed: float = 0.05, sunk: float = 0.0, frames: int = 61) -> Project:
-    """The table goes along x, as a whole; its first leg is lifted in the second half."""
+    """Returns a table that moves along x as a whole. Its first leg is lifted in the second half."""
     shape, times = table(), STEP * np.arange(frames)
     places = np.repeat(shape.positions[None], frames, 0)
     places[:, :, 0] += (speed * times)[:, None]
@@ -60,12 +62,12 @@ def walking(speed: float = 0.05, sunk: float = 0.0, frames: int = 61) -> Project
 
 
 def feet_at(project: Project, times) -> np.ndarray:
-    """(T, 4, 3) metres, the lowest vertex of each leg."""
+    """Returns (T, 4, 3) metres, the lowest vertex of each leg."""
     return np.stack([compute_vertices(project, "table", float(time))[[0, 5, 10, 15]] for time in times])
 
 
 def slide(feet: np.ndarray) -> np.ndarray:
-    """(4,) metres that each foot goes over the floor between two moments at most."""
+    """Returns (4,) metres, the largest movement of each foot over the floor between two moments."""
     return np.linalg.norm(np.diff(feet[:, :, [0, 2]], axis=0), axis=2).max(0)
 
 

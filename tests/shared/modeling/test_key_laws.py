@@ -1,4 +1,6 @@
-"""Keys on a bone over its motion: at a key the bone is turned by it, between two by no more than both."""
+"""Tests of keys on a bone over its motion: the bone has the key's rotation at a key, and interpolates between
+keys.
+"""
 
 from dataclasses import replace
 

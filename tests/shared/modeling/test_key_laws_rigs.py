@@ -1,4 +1,6 @@
-"""Keys of a bone, of a node and of the whole, by the same laws for every rig that has them."""
+"""Tests of keys of a bone, of a node and of a root, with the same properties for every rig that supports
+them.
+"""
 
 import numpy as np
 import pytest
@@ -220,7 +222,7 @@ def test_export_contains_the_keys(rig, handle):
     motion, before = (compute_vertices(each, name, 1.0) for each in (project, WORLDS[rig][0]))
     assert np.abs(motion - before).max() > 0.02
     vertices = exported(project, name)
-    if rig == "points":  # it is baked, to an error of its own; the keys make none
+    if rig == "points":  # it is baked with its own error; the keys add none
         vertices = vertices - root_motion(project, project.character(name), 1.0)(
             exported(WORLDS[rig][0], name)
         )
@@ -229,7 +231,7 @@ def test_export_contains_the_keys(rig, handle):
 
 
 def exported(project, name):
-    """(V, 3) metres of the last frame that an exporter is given, at 1 s."""
+    """Returns (V, 3) metres of the last frame that is passed to an exporter, at 1 s."""
     performance = sample_performance(project, name, 0.0, 1.0, 10.0)
     pose = list(performance.poses())[-1]
     skin, mesh = performance.skin, performance.mesh

@@ -1,4 +1,4 @@
-"""Weights and speeds as curves over time: a curve of one key is the number, and time never goes back."""
+"""Tests of weights and speeds as curves over time: one key is a constant, and time never decreases."""
 
 from dataclasses import replace
 
@@ -165,7 +165,7 @@ def test_export_matches_displayed_motion(rig):
     arms = mesh.vertices[:, None] - performance.pivots[skin.indices]
     moved = np.einsum("vkij,vkj->vki", pose.linear[skin.indices].astype(float), arms)
     exported = ((moved + pose.positions[skin.indices]) * skin.weights[..., None]).sum(1)
-    # A puppet is baked to an error of its own.
+    # A puppet is baked with its own error.
     near(exported, compute_vertices(project, name, 0.6), 0.05 if kind(rig) == "points" else 1e-5)
 
 

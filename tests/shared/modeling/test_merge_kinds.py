@@ -1,4 +1,6 @@
-"""Characters of two rigs made one: nothing jumps at the moment, and both motions go on."""
+"""Tests of merging characters of two rigs: nothing jumps at the time of the merge, and both motions
+continue.
+"""
 
 import numpy as np
 import pytest
@@ -30,17 +32,19 @@ from enliven.rotation import rotate
 BAKED = 0.02
 """Maximum error of a baked puppet relative to its size (BakeSettings), as stated in the note."""
 ROUNDED = 2e-3
-"""Metres between two frames of a recorded skeleton: rotations are mixed in proportion there."""
+"""Metres between two frames of a recorded skeleton, because rotations are interpolated linearly there."""
 FRAME = 1.0 / 60.0
 KINDS = ("bones", "graph", "points")
 GRAPHS = ("graph", "possessed")
-"""The worlds of deformation graphs: one with a stream alone, one with its performers too."""
+"""Test projects with deformation graphs: one with only a stream, and one that also has its performers."""
 UNLIKE = [(a, b) for a in KINDS for b in KINDS if a != b]
 pairs = pytest.mark.parametrize(("host", "graft"), [*UNLIKE, ("bones", "possessed"), ("possessed", "graph")])
 
 
 def beside(host, graft, time):
-    """Returns both in one project, with the graft far enough to the right not to touch the host."""
+    """Returns both characters in one project. The graft is so far to the right that it does not touch the
+    host.
+    """
     project, ours = paste_character(Project(), *WORLDS[host])
     project, theirs = paste_character(project, *WORLDS[graft])
     host_places, graft_places = (compute_vertices(project, name, time) for name in (ours, theirs))
@@ -49,7 +53,7 @@ def beside(host, graft, time):
 
 
 def off(found, expected):
-    """Metres from each expected vertex to the nearest that there is, the farthest."""
+    """Returns the largest distance in metres from an expected vertex to the nearest found one."""
     return float(cKDTree(found).query(expected)[0].max())
 
 
@@ -82,7 +86,9 @@ def test_at_the_merge_nothing_jumps_the_host_goes_on_and_the_graft_rides(host, g
 
 
 def test_a_possessed_leg_grows_out_of_a_rigged_body():
-    """Where the surfaces meet they become one; it is cut, mirrored, scaled and stored as any other graph."""
+    """Intersecting surfaces become one. The result is cut, mirrored, scaled and stored like any other
+    graph.
+    """
     project, ours, theirs = beside("bones", "graph", 0.5)
     project = scale_character(project, theirs, 0.5)
     tip = pose_of_character(project, ours, 0.5).positions[-1]
@@ -92,7 +98,8 @@ def test_a_possessed_leg_grows_out_of_a_rigged_body():
     separate = [compute_vertices(project, name, 0.5) for name in (ours, theirs)]
     merged = merge_characters(project, ours, theirs, 0.5, node="arm 2", loose=True)
     together = compute_vertices(merged, ours, 0.5)
-    # Vertices inside of the other are gone, and those near the seam are smoothed; none is anywhere else.
+    # Vertices inside the other mesh are removed, and those near the seam are smoothed. All others are
+    # unchanged.
     assert off(np.concatenate(separate), together) < 0.1
     assert merged.graph(ours).parts[1].ride.node == 2
     low, high = together.min(0), together.max(0)

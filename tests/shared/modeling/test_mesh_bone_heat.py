@@ -1,4 +1,4 @@
-"""Bone heat: bounded, a partition of unity, symmetric, each bone its own, hidden bones left out."""
+"""Tests of bone heat: bounded, a partition of unity, symmetric, local to each bone, without hidden bones."""
 
 import numpy as np
 import pytest
@@ -59,7 +59,7 @@ def test_a_symmetric_shape_has_symmetric_weights():
         np.array([-1, 0, 1, 0, 3]),
         np.array([[0, 0, 1.0], [0, 0, 1.4], [0, 0, 1.9], [0, 0, 0.6], [0, 0, 0.1]]),
     )
-    # The tube's own diagonals are not symmetric: both ways about, they are.
+    # The tube's triangles are not mirror-symmetric, but they are symmetric under a half turn about x.
     turned = Mesh(mesh.vertices * [1, -1, -1] + [0, 0, 2], mesh.faces)
     weights = dense_weights(bone_heat(mesh, skeleton), 5)
     other = dense_weights(bone_heat(turned, skeleton), 5)[:, [0, 3, 4, 1, 2]]
@@ -74,16 +74,16 @@ def test_a_vertex_on_the_middle_of_a_bone_belongs_to_it():
         assert ring.sum() == 16 and weights[ring, bone].min() > 0.95
     ring = np.abs(mesh.vertices[:, 2] - 1.0) < 1e-9
     np.testing.assert_allclose(weights[ring, 1], 0.5, atol=0.05)
-    # From one to the next it only falls.
+    # The weight decreases monotonically from one vertex to the next.
     along = np.argsort(mesh.vertices[:-2, 2], kind="stable").reshape(-1, 16)
     assert (np.diff(weights[along, 1].mean(1)) <= 1e-6).all()
 
 
 def test_a_bone_behind_another_limb_gives_no_heat():
-    """Two limbs side by side, the bones askew: the outer sides are nearer to no bone but their own."""
+    """Two parallel limbs have slanted bones. Each outer side is nearest to its own limb's bone."""
     left, right = tube(0.1, 1.0, 16, 0.05), tube(0.1, 1.0, 16, 0.05)
     mesh = both(left, Mesh(right.vertices + np.array([0.25, 0, 0]), right.faces))
-    # The right limb's bone lies in its far half; the left bone is nearer to its near side.
+    # The right limb's bone is in its far half, so the left bone is nearer to its near side.
     skeleton = Skeleton(
         ("root", "left", "to", "right"),
         np.array([-1, 0, 0, 2]),
@@ -131,7 +131,7 @@ def test_normals_look_outward_also_of_a_mesh_that_is_inside_out():
 
 
 def hidden(mesh, v, target):
-    """Whether any face but the vertex's own lies between, by solving for each."""
+    """Returns True if another face lies between a vertex and the target, found by solving for each face."""
     a, b, c = (mesh.vertices[mesh.faces[(mesh.faces != v).all(1)][:, k]] for k in range(3))
     away = np.broadcast_to(mesh.vertices[v] - target, a.shape)
     matrices = np.stack([b - a, c - a, away], 2)

@@ -36,13 +36,13 @@ def test_a_part_is_closed_even_and_weighted(name):
     sides = np.linalg.norm(mesh.vertices[mesh.faces] - mesh.vertices[np.roll(mesh.faces, -1, 1)], axis=2)
     quality = 2 * np.sqrt(3) * np.linalg.norm(mesh.face_vectors(), axis=1) / (sides**2).sum(1)
     assert quality.mean() > 0.8 and quality.min() > 0.15
-    # Both halves are alike, the outline is the stroke's.
+    # Both halves are symmetric, and the outline is that of the stroke.
     low, high = mesh.bounds
     assert low[2] == pytest.approx(-high[2], rel=0.05)
     outline = trace_outline(ALL[name], 200)
     size = float(np.ptp(outline, axis=0).max())
     np.testing.assert_allclose([low[:2], high[:2]], [outline.min(0), outline.max(0)], atol=0.02 * size)
-    # Every joint lies in the outline, every vertex follows a bone that is near.
+    # Every joint is inside the outline, and every vertex follows a near bone.
     for joint in shape.skeleton.positions:
         assert abs(winding_number(outline, joint[:2])) > 0.5 and joint[2] == 0
 
@@ -54,14 +54,14 @@ def test_bones_run_where_the_limbs_are():
         sketched["star"].skeleton,
         sketched["tentacle"].skeleton,
     )
-    # The corners of the mantis's leg are joints, and nothing else is.
+    # The only joints are the corners of the mantis's leg.
     corners = np.array([[0, 0], [-0.16, -0.42], [0.5, -0.02], [0.24, -0.52], [0.36, -0.66]])
     far = np.linalg.norm(mantis.positions[:, None, :2] - corners[None], axis=2)
     assert len(mantis) == 5 and far.min(0).max() < 0.06
     assert all(len(below) <= 1 for below in mantis.children)
     assert len(star.children[0]) == 5 and len(star) == 6
     np.testing.assert_allclose(star.positions[0], 0, atol=0.05)
-    # The tentacle hangs on its thick end.
+    # The root of the tentacle is at its thick end.
     assert tentacle.positions[0, 1] < 0.2 and tentacle.positions[:, 1].max() > 1.3
     assert len(sketched["hand"].skeleton.children) - sum(map(bool, sketched["hand"].skeleton.children)) == 5
 
@@ -109,7 +109,7 @@ def test_a_disc_becomes_a_ball_and_a_strip_a_round_rod():
     np.testing.assert_allclose(away, 0.2, rtol=0.06)
     flat = shape_from_stroke(np.stack([np.cos(turn), np.sin(turn)], 1), depth=0.5)
     assert volume(flat.mesh) == pytest.approx(volume(disc.mesh) / 2, rel=0.02)
-    # Also where a limb is so thin that no point lies inside of it.
+    # This also holds if a limb is so thin that no sample point is inside it.
     thin = strokes.limb(np.array([[0.0, 0], [4.0, 0]]), np.array([0.02, 0.02]))
     low, high = shape_from_stroke(thin, depth=0.5).mesh.bounds
     assert high[2] - low[2] == pytest.approx(0.02, rel=0.2)

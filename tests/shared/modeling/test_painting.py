@@ -1,4 +1,4 @@
-"""Stiffness painted on a mesh: what a stroke does, and that every edit carries what is painted."""
+"""Tests of stiffness painted on a mesh: the effect of a stroke, and that every edit keeps the paint."""
 
 from dataclasses import replace
 
@@ -39,7 +39,7 @@ LEFT_AND_RIGHT = Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
 
 
 def painted(seed=3):
-    """A block with random strokes painted on it."""
+    """Returns a block with random painted strokes."""
     rng, project = np.random.default_rng(seed), PLAIN
     for brush in ("stiffer", "softer"):
         stroke = rng.uniform(-1, 1, (3, 3)) * [1.0, 0.25, 0.25]

@@ -1,4 +1,6 @@
-"""A performance is given to another character: its performers step into that one's mesh."""
+"""Tests of transferring a performance to another character: its performers are placed in that character's
+mesh.
+"""
 
 from __future__ import annotations
 
@@ -36,17 +38,21 @@ STOOL = replace(make_chair(0.09), name="stool")
 NODES = 32
 LAST = 29 / 30
 SETTLED = 4e-3
-"""Share of the height: an iterative solver ends as near to itself where its input differs by rounding."""
+"""Tolerance as a fraction of the height. If its input differs by rounding, an iterative solver repeats to
+this accuracy.
+"""
 FOLD = 0.1
-"""Share of the height that a limb of this stool is apart by in its other solution. The stool counts as a
-person, and one of its thin limbs has two solutions at some moments: at three to four of 14 random sizes and
-places, rounding decides which one is found."""
+"""Distance between the two solutions of one of the stool's limbs, as a fraction of the height.
+
+The stool counts as a person, and one of its thin limbs has two solutions at some times. For three to four of
+14 random sizes and positions, rounding decides which solution is found.
+"""
 FOLDED = 0.2
-"""Share of the vertices that may be in the other solution: one limb of four and the seat."""
+"""Maximum fraction of vertices in the other solution: one of four limbs, and the seat."""
 
 
 def with_stool(size: float = 1.0, place=(2.0, 0.0, 1.0)) -> Project:
-    """Returns a performed chair, and a still stool next to it."""
+    """Returns a performed chair, and a stool that stands still next to it."""
     mesh = replace(STOOL, vertices=STOOL.vertices * size)
     project, name = paste_character(WORLD, project_of_mesh(mesh, "stool"), "stool")
     return move_character(project, name, place)
@@ -157,7 +163,7 @@ def test_ends_that_an_artist_named_stay_where_they_are_on_the_mesh():
 
 
 def test_ends_and_stiff_spots_of_the_first_mesh_are_not_those_of_another():
-    """They are places on that mesh."""
+    """The spots are positions on the first mesh, which another mesh does not have."""
     take = take_of(20)
     how = settings_from_possession(WORLD.graph(SOURCE).parts[0].possession)
     how = replace(how, place="meet")

@@ -1,5 +1,6 @@
-"""Tests of solving a possessed mesh's motion again from its performers: which solutions stay valid, and which
-follow."""
+"""Tests of solving a possessed mesh's motion again from its performers, and of edits that keep a solution
+valid.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +53,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 WORLD = possessed_chair(frames=40)
 TIMES = (0.0, 0.4, 0.9, 1.3)
 SETTLED = 2e-3
-"""Metres: an iterative solver ends as near to itself where its input differs by rounding."""
+"""Tolerance in metres. If its input differs by rounding, an iterative solver repeats to this accuracy."""
 
 
 def is_stale(project, name):
@@ -60,7 +61,7 @@ def is_stale(project, name):
 
 
 def similar(project, name, kind, random):
-    """An edit that carries the whole shape along, by random numbers."""
+    """Applies an edit with random numbers that transforms the whole shape."""
     match kind:
         case 0:
             return move_character(project, name, random.normal(size=3), random_turns(random))
@@ -97,9 +98,9 @@ def test_rigid_edits_keep_motion_and_solution(seed):
 
 
 def held_misses(project, name, number=0):
-    """Metres between the points that are held and where their performer has them, at the mean of each frame.
+    """Returns the mean distance per frame between the held points and the performer's points.
 
-    In metres of the performance: what scales the whole shape is taken out.
+    The distances are metres of the performance: any scale of the whole shape is divided out.
     """
     shape = project.graph(name)
     part = shape.parts[number]
@@ -129,7 +130,7 @@ def held_misses(project, name, number=0):
 
 
 def moved(attachment, rest, pose):
-    """(L, 3) where the pose has the held points."""
+    """Returns (L, 3) positions of the held points in a pose."""
     places = np.zeros((len(attachment), 3))
     for k in range(4):
         node = attachment.node_indices[:, k]
@@ -154,7 +155,7 @@ def test_a_larger_or_smaller_mesh_is_held_and_follows(factor, seed):
 
 
 def leg_cut(project, name, time=0.0):
-    """The chair without the lower end of one leg; the ids of the chair and of the leg."""
+    """Returns the chair without the lower end of one leg, and the ids of the chair and of the leg."""
     seen = compute_vertices(project, name, time)
     outward = np.array([1.0, -1.0, 1.0]) / np.sqrt(3.0)
     foot = seen[(seen @ outward).argmax()]
@@ -232,7 +233,7 @@ def without_stream(data, stream, lose):
 
 
 def without_array(data, array, lose):
-    """The file with an array of other numbers, or cut short."""
+    """Returns the file with one array removed, shortened or changed."""
     from enliven.formats.project.values import array_checksum
 
     entry, out = f"arrays/{array_checksum(array)}.npy", io.BytesIO()

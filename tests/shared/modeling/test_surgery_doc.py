@@ -10,7 +10,7 @@ PAGE = Path(__file__).parents[3] / "docs" / "surgery.md"
 
 
 @pytest.mark.slow
-def test_the_page_runs(capsys):
+def test_code_of_the_page_runs(capsys):
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     assert len(blocks) >= 5
     names = {}
@@ -19,7 +19,7 @@ def test_the_page_runs(capsys):
     output = capsys.readouterr().out
     for comment in ("{'elbow': 'elbow 2', 'hand': 'hand 2'}", "('Insert a node', 'Turn')"):
         assert comment in output
-    # The elbow at 45 degrees, half a metre away; the hand another half straight up from there.
+    # The elbow is half a metre away at 45 degrees, and the hand is half a metre above it.
     half = np.sqrt(0.5) / 2
     assert f"{half:.3f}" in output
     assert f"{half + 0.5:.3f}" in output

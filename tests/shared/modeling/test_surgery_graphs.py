@@ -1,4 +1,4 @@
-"""Possessed meshes cut and merged: every node and every vertex where it was, and still moving."""
+"""Tests of cutting and merging possessed meshes: every node and vertex keeps its position and its motion."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ TIMES = st.floats(-0.5, 3.0)
 
 
 def block(size=(2.0, 0.5, 0.5), steps=(17, 5, 5)):
-    """A closed box of small faces, centred."""
+    """Returns a closed, centred box with small faces."""
     axes = [np.linspace(-s / 2, s / 2, n) for s, n in zip(size, steps, strict=True)]
     points, faces = [], []
     for k in range(3):
@@ -54,7 +54,7 @@ def block(size=(2.0, 0.5, 0.5), steps=(17, 5, 5)):
 
 @pytest.fixture(scope="module")
 def walking():
-    """A block that was possessed: each node bends and sways on its own, smoothly along the block."""
+    """Returns a possessed block. Its nodes bend and sway independently, but smoothly along the block."""
     mesh = block()
     graph = DeformationGraph.build(mesh, 24, seed=1)
     character = character_from_graph(mesh, graph, "block")
@@ -191,7 +191,7 @@ def test_a_cut_off_half_is_put_on_elsewhere_and_cut_off_again(walking):
     assert closed(whole.graph("block").mesh)
     moved = graph_pose(whole, whole.graph("block"), 2.0)[1]
     assert np.linalg.norm(moved - graph_pose(whole, whole.graph("block"), 0.4)[1], axis=1).min() > 0.01
-    # Merged once more onto a third, so that a ride rides.
+    # The result is merged onto a third character, so that a carried graft is carried again.
     twice, copy = copy_character(project, "block")
     twice = whole.with_characters(twice.graph(copy).with_changes(id="third"))
     twice = move_character(twice, "third", [1.0, 0.2, 0.3])

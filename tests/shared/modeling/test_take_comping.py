@@ -29,7 +29,7 @@ SIZES = (0.2, 0.5, 0.9)
 
 
 def three(count: int = 3) -> Project:
-    """An arm with one layer that is heard always, and some alternatives over that."""
+    """Returns an arm with one layer that always plays, and some alternatives above it."""
     project, _ = add_performance(Project().with_characters(ARM), performed(waving({1: 0.3}), "take 0"), BEGIN)
     for number, size in enumerate(SIZES[:count], 1):
         beside = "take 1" if number > 1 else ""

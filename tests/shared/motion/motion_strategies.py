@@ -1,4 +1,4 @@
-"""Random trees, random takes and random projects for the laws of motion."""
+"""Random skeletons, takes and projects for the tests of motion."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 def random_skeleton(rng: np.random.Generator, joints: int, branching: float = 0.4) -> Skeleton:
-    """A tree; each joint hangs on the one before it, or with ``branching`` on any before."""
+    """Returns a random tree. Each joint's parent is the previous joint or, if ``branching``, any earlier
+    one.
+    """
     parents = [-1]
     for j in range(1, joints):
         parents.append(int(rng.integers(0, j)) if rng.random() < branching else j - 1)
@@ -29,7 +31,9 @@ def random_skeleton(rng: np.random.Generator, joints: int, branching: float = 0.
 
 
 def random_clip(rng: np.random.Generator, skeleton: Skeleton, frames: int = 9, id: str = "take") -> Clip:
-    """Every bone turned anyhow relative to its parent, smoothly over time and by less than half a turn."""
+    """Returns a take in which every bone rotates relative to its parent, smoothly and by less than 180
+    degrees.
+    """
     turns = np.empty((frames, len(skeleton), 4))
     t = np.arange(frames)[:, None] * STEP
     for j, parent in enumerate(skeleton.parents):
@@ -41,31 +45,31 @@ def random_clip(rng: np.random.Generator, skeleton: Skeleton, frames: int = 9, i
 
 
 def random_turn(rng: np.random.Generator) -> np.ndarray:
-    """(4,) any rotation."""
+    """Returns (4,) a random rotation."""
     q = rng.normal(size=4)
     return q / np.linalg.norm(q)
 
 
 def chain_to(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
-    """The joints from the root to ``joint``."""
+    """Returns the joints from the root to ``joint``."""
     return skeleton.path(0, joint)
 
 
 def scene(rng: np.random.Generator, joints: int = 8, frames: int = 9) -> tuple[Project, Clip, Shape]:
-    """A project with a take, and a still shape "shape" of the very skeleton of the take."""
+    """Returns a project with a take, and a shape "shape" at rest with the same skeleton as the take."""
     skeleton = random_skeleton(rng, joints)
     clip, shape = random_clip(rng, skeleton, frames), still_shape("shape", skeleton)
     return Project().with_takes(clip).with_characters(shape), clip, shape
 
 
 def times_of(clip: Clip) -> np.ndarray:
-    """The times of the frames, and times between them, before the first and after the last."""
+    """Returns the times of the frames, and times between, before and after them."""
     at = np.arange(len(clip.turns)) * clip.step
     return np.concatenate([at, at[:-1] + 0.37 * clip.step, [-1.0, at[-1] + 1.0]])
 
 
 def angle(a, b) -> float:
-    """The largest angle in radians between rotations (..., 4)."""
+    """Returns the largest angle in radians between rotations (..., 4)."""
     a, b = np.asarray(a), np.asarray(b)
     low = np.minimum(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))
     return float(4.0 * np.arcsin(np.clip(low.max() / 2, 0, 1)))

@@ -1,4 +1,4 @@
-"""The basis of a polyline: the paper's words, its degenerate views, the flip."""
+"""Tests of a polyline's basis: the definition of the paper, degenerate views, and the flip."""
 
 import numpy as np
 import pytest
@@ -83,7 +83,8 @@ def test_the_first_bone_of_the_source_lands_on_that_of_the_target(source, target
 
 @pytest.mark.parametrize("tilt", [-0.1, -1e-3, 0.0, 1e-3, 0.1])
 def test_hanging_bones_that_lean_to_either_side_are_not_mirrored(tilt):
-    # A bend to the right on the screen stays one, though up alone would turn one of the two bases over.
+    # A bend to the right on the screen stays one. A basis from the up direction alone would mirror one of the
+    # two.
     source, target = np.array([0.05, -1.0, 0.0]), np.array([tilt, -1.0, 0.0])
     bend = from_rotation_vector([0.0, 0.0, 0.5])
     basis = basis_from_views(source, target)

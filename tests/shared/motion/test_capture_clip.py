@@ -1,4 +1,4 @@
-"""Clips of files and of tracked people: the clip's forward kinematics are the joints that came in."""
+"""Tests of clips of files and of tracked people: forward kinematics reproduces the input joints."""
 
 import sys
 from pathlib import Path
@@ -37,7 +37,7 @@ STANDING = np.concatenate([_TRUNK, _ARM, _ARM * [-1, 1, 1], _LEG, _LEG * [-1, 1,
 
 
 def joints_of(clip):
-    """(F, N, 3) where the clip's joints are."""
+    """Returns (F, N, 3) joint positions of the clip."""
     at = np.empty((len(clip.turns), len(clip.skeleton), 3))
     at[:, 0] = clip.root
     for j, parent in enumerate(clip.skeleton.parents):
@@ -47,7 +47,9 @@ def joints_of(clip):
 
 
 def a_capture(rng, unit=1.0, carrier=False):
-    """A walk of a person of 20 joints, as a file would tell it; with a joint on the floor that carries it."""
+    """Returns a walk of a person of 20 joints in a file's units. With ``carrier``, a joint on the floor is
+    the root.
+    """
     frames, offsets = (
         12,
         STANDING - np.where(np.array(PARENTS)[:, None] < 0, 0, STANDING[np.maximum(PARENTS, 0)]),
@@ -88,7 +90,7 @@ def test_standing_zero_pose_is_the_rest_pose():
     floor = np.percentile(capture.positions[:, :, 1].min(1), 10)
     expected = STANDING + np.array([0, floor - 0.05, 0])
     np.testing.assert_allclose(clip.skeleton.positions, expected, atol=1e-9)
-    # Lying on its back it does not: the first frame is.
+    # If the zero pose lies on its back, the first frame is the rest pose instead.
     lying = to_matrix(from_rotation_vector([-np.pi / 2, 0, 0]))
     offsets = np.tile(np.eye(3), (len(capture.positions), 20, 1, 1))
     down = Capture(
@@ -176,7 +178,7 @@ def test_bodies_become_a_clip_at_an_even_rate(oriented):
         np.testing.assert_allclose(at[frame], body.joints, atol=1e-6)
         if oriented:
             assert angle(clip.turns[frame], body.orientations) < 1e-6
-    # Half way in time is half way of the turn.
+    # Half of the time is half of the rotation.
     assert angle(clip.turns[1, 5], slerp(clip.turns[0, 5], clip.turns[2, 5], 0.5)) < 1e-6
 
 

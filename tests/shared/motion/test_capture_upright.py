@@ -1,4 +1,6 @@
-"""A motion capture is upright and in metres by every road, whatever its axes, unit and tree."""
+"""Tests that an imported motion capture is upright and in metres, whatever the axes, unit and skeleton of the
+file.
+"""
 
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from enliven.takes.files import read_take
 
 
 def joints_of(clip) -> dict[str, np.ndarray]:
-    """(F, 3) of each joint by name."""
+    """Returns (F, 3) positions of each joint by name."""
     rest, parents = clip.skeleton.positions, clip.skeleton.parents
     at = [clip.root]
     for j in range(1, len(parents)):
@@ -46,9 +48,9 @@ def test_every_axis_and_unit_give_the_clip_of_the_twin(tmp_path, wanted, up, uni
 
 @pytest.mark.parametrize("up", ["+Z", "-Z", "+X", "-Y"])
 def test_a_root_with_an_extra_rotation_is_upright(tmp_path, wanted, up):
-    # The skeleton is written with +Y up, and the root turns the motion to another axis.
+    # The skeleton is written with +Y up, and the root rotates the motion to another up axis.
     check(tmp_path, wanted, same_turns=False, extra=UP[up])
-    # The skeleton is written with another axis up, and the root turns it to +Y.
+    # The skeleton is written with another up axis, and the root rotates it to +Y.
     check(tmp_path, wanted, same_turns=False, axes=UP[up], extra=UP[up].T)
 
 
@@ -58,7 +60,7 @@ def test_a_joint_that_carries_the_hips_is_upright(tmp_path, wanted, up):
 
 
 def lying(height: float) -> tuple[np.ndarray, np.ndarray]:
-    """The person face up on a floor, the head towards -Z, the middle of the hips at 1 m along Z."""
+    """Returns a person face up on a floor, with the head towards -Z and the hips at 1 m along Z."""
     root, turns = moved()
     turns = turns.copy()
     turns[:, 0] = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]) @ turns[:, 0]
@@ -75,7 +77,9 @@ def test_a_person_who_lies_all_the_time_stays_on_the_floor(tmp_path):
 
 
 def test_an_animal_of_other_names_stands_on_its_legs(tmp_path):
-    """A table-like animal: four legs with paws, no head and no knees by our names."""
+    """The animal is like a table with four legs and paws. It has neither head nor knees by our joint
+    names.
+    """
     legs = "".join(
         f"JOINT Thigh{k}\n{{\nOFFSET {x} {y} 0\nCHANNELS 3 Zrotation Xrotation Yrotation\nJOINT Hock{k}\n{{\n"
         f"OFFSET 0 0 -30\nCHANNELS 3 Zrotation Xrotation Yrotation\nJOINT Paw{k}\n{{\nOFFSET 0 2 -30\n"

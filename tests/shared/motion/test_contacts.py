@@ -1,4 +1,4 @@
-"""When a foot stands: by height and speed, with hysteresis; and how a pin comes and goes."""
+"""Tests of foot contacts by height and speed with hysteresis, and of the blending of pins."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,9 @@ HOW = ContactSettings()
 
 
 def steps(phases, stride=0.5, lift=0.3):
-    """(F, 3) a foot that stands and swings for the seconds of ``phases`` in turn; and when it stood."""
+    """Returns (F, 3) a foot that alternately stands and swings for the seconds in ``phases``, and when it
+    stood.
+    """
     at, stood, z = [], [], 0.0
     for i, seconds in enumerate(phases):
         count = round(seconds / STEP)
@@ -101,7 +103,7 @@ def test_a_pin_holds_wholly_in_contact_and_lets_go_smoothly():
     fine = np.linspace(0.5, 2.5, 4001)
     weights, _ = held(fine, [1.0], [2.0], [[1, 2, 3]])
     assert np.abs(np.diff(weights)).max() < 1.6 * (fine[1] - fine[0]) / 0.2
-    # Without blending it is on or off.
+    # Without blending, the pin is either on or off.
     assert held([0.99, 1.0, 2.01], [1.0], [2.0], [[0, 0, 0]], 0.0)[0].tolist() == [0, 1, 0]
 
 
@@ -113,6 +115,6 @@ def test_between_two_contacts_the_place_moves_without_a_jump():
     assert weights[(fine <= 1.0) | (fine >= 1.15)].min() == 1.0
 
 
-def test_no_contacts_change_nothing():
+def test_motion_without_contacts_is_unchanged():
     weights, goals = held([0.0, 1.0], [], [], [])
     assert not weights.any() and not goals.any()

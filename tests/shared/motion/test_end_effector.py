@@ -1,4 +1,6 @@
-"""Layers of the mode "end": the end of a chain is where the take's is, scaled, in the basis."""
+"""Tests of layers in the mode "end": the end of a chain is at the take's end position, scaled, in the
+basis.
+"""
 
 import sys
 from pathlib import Path
@@ -25,7 +27,7 @@ laws = settings(deadline=None, max_examples=30)
 
 
 def posed(clip, chain):
-    """(F, K, 3) a chain of a take, from its first joint, relative to the bone that carries it."""
+    """Returns (F, K, 3) a take's chain from its first joint, relative to its parent bone."""
     at = np.zeros((len(clip.turns), len(chain), 3))
     base = conjugate(clip.turns[:, chain[0]])
     for i, joint in enumerate(chain[1:], 1):
@@ -96,7 +98,7 @@ def test_two_arms_of_one_layer_are_led_apart_and_side_branches_ride():
     rng = np.random.default_rng(4)
     source = line(rng, 4)
     clip = random_clip(rng, source)
-    # Two arms of two bones from joint 1, and a thumb on the elbow of the first.
+    # There are two arms of two bones from joint 1, and a thumb on the first arm's elbow.
     at = np.array(
         [[0, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0.1], [-1, 1, 0], [-2, 1, 0.1], [1, 1.5, 0]], float
     )
@@ -115,14 +117,15 @@ def test_two_arms_of_one_layer_are_led_apart_and_side_branches_ride():
     np.testing.assert_allclose(joints[:, 6] - joints[:, 2], rotate(turns[:, 6], tree.vectors[6]), atol=1e-12)
 
 
-def test_there_is_no_other_mode():
+def test_unknown_mode_is_refused():
     project, clip, _ = scene(np.random.default_rng(0))
     with pytest.raises(InputError, match="known: turns, end"):
         bind_chain(project, "shape", (0,), clip.id, (0,), mode="fly")
 
 
 def test_a_chain_that_was_cut_follows_its_own_part():
-    # The second half of a chain, alone: its end is where the take's end is from the take's own middle.
+    # The second half of a chain is mapped alone. Its end is at the take's end position, relative to the
+    # take's middle.
     rng = np.random.default_rng(6)
     source, target = line(rng, 7, 0.1), line(rng, 7, 0.1)
     clip = random_clip(rng, source)

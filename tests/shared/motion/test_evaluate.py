@@ -1,4 +1,4 @@
-"""A shape at a time: against the definition in plain steps, and the laws of layers."""
+"""Tests of a shape's pose at a time: against the definition in plain steps, and properties of layers."""
 
 import sys
 from pathlib import Path
@@ -39,7 +39,7 @@ laws = settings(deadline=None, max_examples=30)
 
 
 def plain_pose(project, shape, seconds):
-    """The definition: D_j = D_parent m_j a_j, span by span and layer by layer."""
+    """Computes the definition D_j = D_parent m_j a_j, span by span and layer by layer."""
 
     def q(ref, s):
         layer = shape.layer(ref.layer)
@@ -69,7 +69,7 @@ def plain_pose(project, shape, seconds):
 
 
 def any_spans(rng, names):
-    """Up to three spans of any shares, refs and fixed turns."""
+    """Returns up to three spans with random shares, references and fixed rotations."""
     shares = rng.dirichlet(np.ones(rng.integers(1, 4)))
     spans = []
     for share in shares / shares.sum():
@@ -243,7 +243,7 @@ def test_travel_goes_as_far_as_the_legs_are_long():
     times = np.arange(9) * clip.step
     way = Player(project, "small").sample(times)[1][:, 0] - small.skeleton.positions[0]
     np.testing.assert_allclose(way, 0.25 * (clip.root - clip.skeleton.positions[0]), atol=1e-12)
-    # Turned, halved, mirrored and off.
+    # The layer is rotated, halved and mirrored. Without it or without travel, the root stands still.
     half = set_layer(project, "small", "take", weight=0.5, basis=[0.5, 0.5, 0.5, 0.5], mirrored=True)
     turned = Player(half, "small").sample(times)[1][:, 0] - small.skeleton.positions[0]
     np.testing.assert_allclose(turned, 0.5 * rotate([0.5, 0.5, 0.5, 0.5], way * [-1, 1, 1]), atol=1e-12)
@@ -276,7 +276,7 @@ def test_the_pose_moves_vertices_as_the_bones_go():
     np.testing.assert_allclose(pose.linear, to_matrix(at.turns), atol=1e-6)
     above = np.maximum(skeleton.parents, 0)
     for j in range(9):
-        # A point skinned to bone j at the joint's own rest place goes where the joint goes.
+        # A point skinned to bone j at the joint's rest position follows the joint.
         v = pose.linear[j] @ (skeleton.positions[j] - skeleton.positions[above[j]]) + pose.positions[j]
         np.testing.assert_allclose(v, at.joints[j], atol=1e-5)
 
@@ -299,7 +299,7 @@ def test_a_live_moment_is_played_as_the_same_frame_of_a_take(seed):
         player.feed("nobody", clip.turns[0], clip.root[0])
 
 
-def test_there_must_be_such_a_shape():
+def test_missing_shape_is_refused():
     with pytest.raises(InputError, match="no shape"):
         evaluate_pose(Project(), "ghost", 0.0)
 
@@ -316,6 +316,6 @@ def test_looped_take_continues_from_its_end(speed):
     for rounds in (-2, 1, 5):
         later = player.root(times + rounds * period)
         np.testing.assert_allclose(later, player.root(times) + rounds * way, atol=1e-9)
-    # The position over the ground has no jump where the loop restarts.
+    # The floor position has no jump where the loop restarts.
     seam = rotate(conjugate(layer.basis), np.diff(player.root(period + np.array([-1e-9, 1e-9])), axis=0)[0])
     assert np.abs(seam[[0, 2]]).max() < 1e-6

@@ -1,4 +1,6 @@
-"""Foot locking by clip: never changes nothing, always lets no foot slide, grounding lets none sink."""
+"""Tests of foot locking per clip: "never" changes nothing, "always" prevents sliding, "ground" prevents
+sinking.
+"""
 
 import sys
 from pathlib import Path
@@ -113,7 +115,7 @@ def test_each_clip_has_its_own_way(slide, first, second):
     assert are_identical(parse_project(project_bytes(project)), project), "kept in the file"
 
 
-def test_without_a_word_feet_stand_as_they_did():
+def test_automatic_footing_sets_no_modes():
     project = world(0.2, "auto")
     shape = project.shape("walker")
     assert foot_modes(project, shape, resolve_pins(shape)) is None

@@ -1,4 +1,4 @@
-"""Limbs that reach: exact where they can, as near as they can elsewhere; bones keep their length."""
+"""Tests of limb IK: exact if reachable, otherwise as near as possible, with constant bone lengths."""
 
 import sys
 from pathlib import Path
@@ -20,7 +20,7 @@ FRONT = (0.0, 0.0, 1.0)
 
 
 def bent(limb, goal, side=FRONT):
-    """Where the middle and the end of a limb (3, 3) are after two-bone IK, by plain rotations."""
+    """Returns the positions of a limb's middle and end after two-bone IK, computed from plain rotations."""
     upper, lower = (np.array(q) for q in two_bone(*(tuple(p) for p in limb), tuple(goal), side))
     middle = limb[0] + rotate(upper, limb[1] - limb[0])
     return middle, middle + rotate(lower, limb[2] - limb[1])

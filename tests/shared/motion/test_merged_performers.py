@@ -1,4 +1,6 @@
-"""Lost frames make no further takes: one for each performer of a recording, and onlookers apart."""
+"""Tests that tracking losses create no extra takes: one take for each performer, and separate ones for
+onlookers.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,7 @@ def body(who: int, number: int, x: float = 0.0):
 
 
 def frames(count: int, who) -> list[BodyFrame]:
-    """Returns frames in which the function determines the visible people and their positions."""
+    """Returns frames whose visible people and positions are determined by the function ``who``."""
     return [BodyFrame([body(i, n, x) for i, x in who(n)], n * STEP, "edge") for n in range(count)]
 
 
@@ -40,7 +42,7 @@ def recorded(seen: list[BodyFrame], *events: HoldMessage) -> dict[str, float]:
 
 
 def test_24_losses_make_one_take() -> None:
-    """Each time the tracker finds the performer under another id, after a tenth of a second to a second."""
+    """Each time, the tracker finds the performer with a new id after 0.1 to 1 s."""
 
     def who(n: int):
         track, since = divmod(n, 40)
@@ -87,7 +89,9 @@ def test_different_person_gets_a_separate_take() -> None:
 
 
 def test_handed_over_hold_identifies_the_performer() -> None:
-    """Even after a long time and far away, as the edge knows that it is the same performer."""
+    """This holds even after a long time and far away, since the edge reports that it is the same
+    performer.
+    """
     seen = frames(400, lambda n: [(1, 0.0)] if n < 100 else [(5, 3.0)] if n > 300 else [])
     takes = recorded(seen, held(1), held(5, 10.1, "take over", 1))
     assert list(takes) == ["take 1"]

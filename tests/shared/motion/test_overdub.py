@@ -39,12 +39,14 @@ FRAMES = 40
 
 @pytest.fixture(scope="module")
 def chair() -> Project:
-    """A chair that was possessed for a second."""
+    """Returns a chair that was possessed for one second."""
     return possessed_chair(30, nodes=24)[0]
 
 
 def lifted(shape: GraphShape, size: float = 0.3, frames: int = FRAMES) -> PerformedMotion:
-    """Returns an edge's messages for the chair held at its top: it swings, away from its playing position."""
+    """Returns an edge's messages for the chair held at its top, which swings away from its playing
+    position.
+    """
     character, poses = character_from_graph_shape(shape), []
     top = shape.positions[:, 1] > np.quantile(shape.positions[:, 1], 0.7)
     stands = to_matrix(from_rotation_vector(np.array([0.0, 0.7, 0.0])))

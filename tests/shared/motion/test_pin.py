@@ -1,4 +1,4 @@
-"""Pinned feet: still while they stand, free in the air, on limbs of any number of bones."""
+"""Tests of pinned feet: still while they stand, free in the air, on limbs of any number of bones."""
 
 import sys
 from pathlib import Path
@@ -34,7 +34,7 @@ FEET = ["ankle L", "ankle R"]
 
 
 def walk(frames=91, slide=0.15):
-    """A walk whose feet slide by a share of the stride, on knees that are always a bit bent."""
+    """Returns a walk with slightly bent knees, in which feet slide by a fraction of the step length."""
     t = np.arange(frames) * STEP
     turns = np.tile(EYE, (frames, 9, 1))
     for side, phase in ((1, 0.0), (5, np.pi)):
@@ -51,7 +51,7 @@ def walk(frames=91, slide=0.15):
 
 
 def walking(clip, shape=None):
-    """A project in which a shape walks."""
+    """Returns a project in which a shape walks."""
     shape = shape or still_shape("walker", WALKER)
     project = Project().with_takes(clip).with_characters(shape)
     for side in (1, 5):
@@ -64,14 +64,14 @@ TIMES = np.arange(0, 3.0, 1 / 60)
 
 
 def slides(player, contacts, name):
-    """Metres that a joint moves at the most within each of its contacts."""
+    """Returns the largest movement of a joint within each of its contacts, metres."""
     joint = NAMES.index(name)
     joints = player.sample(TIMES)[1][:, joint]
     inside = [(a <= TIMES) & (b >= TIMES) for a, b in zip(contacts.starts, contacts.ends, strict=True)]
     return [np.ptp(joints[some], axis=0).max() for some in inside if some.any()]
 
 
-def test_feet_that_slid_stand():
+def test_sliding_feet_are_pinned():
     project = walking(walk())
     pinned = pin_feet(project, "walker", FEET, settings=FIRM)
     player = Player(pinned, "walker")
@@ -81,7 +81,7 @@ def test_feet_that_slid_stand():
         assert 3 <= len(contact.starts) <= 5
         assert max(slides(Player(project, "walker"), contact, name)) > 0.03
         assert max(slides(player, contact, name)) < 1e-6
-    # Bones keep their length, the toes their turn, and the trunk and the free feet their way.
+    # Bones keep their lengths, the toes their rotation, and the trunk and the free feet their paths.
     (turns, joints), (old, before) = player.sample(TIMES), Player(project, "walker").sample(TIMES)
     for j in range(1, 9):
         link = rotate(turns[:, j], WALKER.vectors[j])
@@ -125,7 +125,7 @@ def test_a_foot_that_may_sink_keeps_its_height_and_is_held_along_the_floor_only(
 
 
 @pytest.mark.parametrize("rise", [0.0, 1.0])
-def test_there_is_no_jump(rise):
+def test_pinned_motion_has_no_jump(rise):
     project = pin_feet(walking(walk()), "walker", FEET, settings=ContactSettings(rise=rise))
     fine = np.arange(0, 3.0, 1 / 600)
     pinned, free = (
@@ -134,7 +134,7 @@ def test_there_is_no_jump(rise):
     )
     for joint in (0, 2, 3):
         steps = np.linalg.norm(np.diff(pinned[:, joint], axis=0), axis=1)
-        # Within the blend the foot makes good what it slid; nothing is quicker than that.
+        # Within the blend, the foot compensates for its sliding. It moves no faster than that.
         assert steps.max() < np.linalg.norm(np.diff(free[:, joint], axis=0), axis=1).max() + 0.002
 
 
@@ -149,13 +149,13 @@ def test_pinned_pose_at_one_time_matches_sampled_poses():
 
 
 def rising():
-    """A walker that stands while its root rises by 2 cm, more than its legs can follow."""
+    """Returns a walker that stands while its root rises by 2 cm, more than its legs can extend."""
     root = REST[0] + np.linspace(0, 1, 31)[:, None] * [0, 0.02, 0]
     return walking(Clip("walk", WALKER, np.tile(EYE, (31, 9, 1)), root, STEP))
 
 
 def test_a_stretched_limb_reaches_as_far_as_it_can():
-    # The hips may not come down: the foot points to its place, stretched, and nothing breaks.
+    # The hips may not be lowered. The stretched leg points to the foot's position, and nothing breaks.
     how = ContactSettings(rise=0.0, drop=0.0)
     player = Player(pin_feet(rising(), "walker", ["ankle L"], settings=how), "walker")
     turns, joints = player.sample(np.linspace(0, 1, 13))
@@ -174,7 +174,7 @@ def test_the_root_comes_down_for_a_foot_that_would_not_reach():
     np.testing.assert_allclose(joints[:, 3], np.tile(place, (13, 1)), atol=1e-9)
     down = Player(rising(), "walker").sample(np.linspace(0, 1, 13))[1][:, 0] - joints[:, 0]
     assert not down[:, [0, 2]].any() and (down[:, 1] >= 0.0).all() and 0.0 < down[-1, 1] < 0.02
-    # The foot that no pin holds comes down with the hips.
+    # The unpinned foot is lowered together with the hips.
     assert joints[-1, 7, 1] == pytest.approx(0.06 + 0.02 - down[-1, 1])
 
 
@@ -205,7 +205,7 @@ def test_a_looped_walk_stands_in_every_round():
     times = np.linspace(0.01, 0.99, 50)
     (a, x), (b, y) = player.sample(times), player.sample(times + 7.0)
     assert angle(a, b) < 1e-6
-    # It walks on: seven rounds further.
+    # The walk continues in seven further rounds.
     clip = project.takes["walk"]
     np.testing.assert_allclose(
         y - x, np.broadcast_to([0, 0, 7 * np.ptp(clip.root[:, 2])], x.shape), atol=1e-6
@@ -213,7 +213,7 @@ def test_a_looped_walk_stands_in_every_round():
     assert any(len(c.starts) for c in player.contacts().values())
 
 
-def test_the_window_of_layers():
+def test_analysis_window_covers_the_layers():
     project = walking(walk(31))
     (shape,) = project.shapes.values()
     layers = shape.layers
@@ -229,7 +229,7 @@ def test_the_window_of_layers():
     )
 
 
-def test_pins_come_and_go():
+def test_pins_are_added_and_removed():
     project = walking(walk())
     pinned = pin_feet(project, "walker", [3, "ankle R"])
     assert [(pin.joint, pin.start) for pin in pinned.shape("walker").pins] == [
@@ -240,7 +240,7 @@ def test_pins_come_and_go():
     assert [pin.settings.blend for pin in firm.shape("walker").pins] == [0.5, 0.12]
     assert [pin.joint for pin in unpin(pinned, "walker", ["ankle L"]).shape("walker").pins] == ["ankle R"]
     assert unpin(pinned, "walker").shape("walker").pins == ()
-    # Where an edit took the joint away, the pin is left out.
+    # If an edit removed the joint, the pin is ignored.
     less = Skeleton(NAMES[:3], PARENTS[:3], REST[:3])
     assert resolve_pins(still_shape("less", less).with_changes(pins=pinned.shape("walker").pins)) == []
 

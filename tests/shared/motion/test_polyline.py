@@ -1,4 +1,4 @@
-"""q(s, t): the kernel against the definition in plain steps, its ends, its knots, its times."""
+"""Tests of q(s, t): the kernel against the definition in plain steps, its ends, its knots, its times."""
 
 import sys
 from pathlib import Path
@@ -25,7 +25,7 @@ laws = settings(deadline=None, max_examples=40)
 
 
 def plain_q(clip, chain, s, frame, weight, basis, mirrored):
-    """AniMesh 5.1 by the book: one turn, at one place, at one time."""
+    """Returns one rotation at one position and time, by the definition of AniMesh 5.1."""
     skeleton = clip.skeleton
     low = int(np.floor(frame))
     high = min(low + 1, len(clip.turns) - 1)
@@ -40,7 +40,7 @@ def plain_q(clip, chain, s, frame, weight, basis, mirrored):
             lengths.append(np.linalg.norm(skeleton.positions[a] - skeleton.positions[b]))
             bone = b if skeleton.parents[b] == a else a
             whole.append(multiply(conjugate(base), world[bone]))
-    # Weighted: each bone's turn relative to the one before.
+    # With a weight, each bone's rotation relative to the previous one is scaled.
     steps = [whole[0]] + [multiply(conjugate(a), b) for a, b in itertools.pairwise(whole)]
     at, knots = EYE, [EYE]
     for step in steps:
@@ -119,7 +119,7 @@ def test_a_bone_without_length_keeps_its_turn_to_itself():
         ({"loop": True, "offset": 0.1}, 0.0, 5.0),
     ],
 )
-def test_the_time_of_a_layer(played, seconds, expected):
+def test_layer_time_is_clamped_and_looped(played, seconds, expected):
     clip = random_clip(np.random.default_rng(0), random_skeleton(np.random.default_rng(0), 3))
     clocks = Clocks.of([Layer("layer", "take", (0,), **played)], [clip])
     assert clocks.frames_at(np.array([seconds]))[0][0] == pytest.approx([expected], abs=1e-9)

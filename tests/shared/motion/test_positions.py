@@ -23,7 +23,7 @@ def direction(v):
 
 
 def plain_turns(skeleton, positions, known):
-    """One frame, joint by joint, with the functions of enliven.rotation."""
+    """Computes one frame, joint by joint, with the functions of enliven.rotation."""
     turns = np.empty((len(skeleton), 4))
     for j, parent in enumerate(skeleton.parents):
         below = list(skeleton.children[j])

@@ -1,4 +1,6 @@
-"""Laws of joint ranges: unchanged within, bounded beyond, continuous, alike in the mirror; a slow twin."""
+"""Tests of joint ranges: identity inside, bounded outside, continuous, mirror-symmetric, and equal to a slow
+reference.
+"""
 
 import numpy as np
 import pytest
@@ -21,12 +23,12 @@ from enliven.rotation import conjugate, from_rotation_vector, multiply, normaliz
 
 SEEDS = st.integers(0, 10_000)
 MIRROR = np.array([1.0, 1.0, -1.0, -1.0])
-"""Factors of a quaternion seen in the mirror x = 0."""
+"""Factors of a quaternion under reflection in the plane x = 0."""
 DOWN = np.array([0.0, -1.0, 0.0])
 
 
 def made(random, frames=12):
-    """A bone, turns of it that are known, and its range."""
+    """Returns a bone, known rotations of the bone, and its range."""
     bone = random.normal(size=3)
     turns = from_rotation_vector(random.normal(size=(frames, 3)) * random.uniform(0.0, 0.5, size=3))
     return bone / np.linalg.norm(bone), turns, fit_joint_range(bone, turns)
@@ -41,7 +43,7 @@ def degrees_apart(one, other):
 
 
 def parts(bone, turn):
-    """The swing (3,) and the twist of one turn (4,), by SciPy: the twist comes first."""
+    """Returns the swing (3,) and the twist of a rotation (4,), by SciPy. The twist is applied first."""
     turn = Rotation.from_quat(np.roll(turn, -1))
     there = turn.apply(bone)
     axis = np.cross(bone, there)
@@ -50,7 +52,9 @@ def parts(bone, turn):
 
 
 def gives_way(swing, twist):
-    """The factor of both: the free angle of a turn that swings and twists is that of an ellipse."""
+    """Returns the common factor of swing and twist. Together, they may exceed the range by a free angle that
+    forms an ellipse.
+    """
     off = np.hypot(swing, twist)
     share = np.hypot(swing / FREE_SWING, twist / FREE_TWIST)
     free = off / max(share, 1e-300)
@@ -58,11 +62,13 @@ def gives_way(swing, twist):
 
 
 def slow_limit(bone, known, turn):
-    """One limited turn: the nearest of all mixtures of the known swings and rest, and from there outwards."""
+    """Returns a limited rotation: the nearest mixture of the known swings and the rest pose, extended
+    outwards.
+    """
     swings, twists = zip(*(parts(bone, each) for each in known), strict=True)
     swing, twist = parts(bone, turn)
     corners = np.array([np.zeros(3), *swings]).T
-    # Weights of a mixture are at least 0 and add up to 1.
+    # Weights of a mixture are at least 0 and sum to 1.
     weights = nnls(np.vstack([corners, np.full(corners.shape[1], 1e4)]), np.append(swing, 1e4))[0]
     nearest = corners @ weights
     near = np.clip(twist, min(0.0, *twists), max(0.0, *twists))
@@ -143,7 +149,7 @@ def test_a_larger_turn_stays_the_larger_one_until_it_nears_half_a_turn():
 
 
 def test_an_arm_that_is_raised_through_half_a_turn_stays_at_its_limit():
-    """It does not fall back while the performer's is overhead, nor jump as it passes the vertical."""
+    """It does not fall back while the performer's arm is overhead, nor jump as it passes the vertical."""
     angles = np.radians(np.concatenate([np.arange(0.0, 200.0), np.arange(200.0, 0.0, -1.0)]))
     limited = limit_turns(fit_joint_range(DOWN), from_rotation_vector(-angles[:, None] * [1.0, 0.0, 0.0]))
     raised = np.linalg.norm(to_rotation_vector(limited), axis=1)[(angles > 1.6) & (angles < np.pi)]
@@ -152,7 +158,9 @@ def test_an_arm_that_is_raised_through_half_a_turn_stays_at_its_limit():
 
 
 def test_a_bone_that_is_twisted_far_swings_less_far():
-    """Its turn as a whole leaves the known ones by the free angle and the margin, not each part."""
+    """Its combined rotation, not each part, may exceed the known rotations by the free angle and the
+    margin.
+    """
     knee = from_rotation_vector(np.radians(np.linspace(0.0, 60.0, 7))[:, None] * [1.0, 0.0, 0.0])
     joint = fit_joint_range(DOWN, knee)
     swing = Rotation.from_rotvec([np.radians(85.0), 0.0, 0.0])
@@ -186,7 +194,9 @@ def test_the_bones_of_a_spine_share_the_limits_of_one():
 
 @pytest.mark.parametrize("angle", [0.0, 40.0, 90.0])
 def test_a_hinge_of_the_clips_bends_one_way_only(angle):
-    """A knee that clips bend by up to 90 degrees still does; backwards it gives way by the free angle."""
+    """A knee bends by up to 90 degrees in the clips, so this is not limited. Backwards, only the free angle
+    is allowed.
+    """
     knee = from_rotation_vector(np.radians(np.linspace(0.0, 90.0, 10))[:, None] * [1.0, 0.0, 0.0])
     bent = from_rotation_vector(np.radians([[angle, 0.0, 0.0], [-100.0, 0.0, 0.0]]))
     got = limit_turns(fit_joint_range(DOWN, knee), bent)

@@ -1,4 +1,4 @@
-"""Takes of recordings: one for each person and each visit, from the file itself."""
+"""Tests of takes read from recordings: one for each visit of each person, directly from the file."""
 
 import sys
 from pathlib import Path
@@ -37,7 +37,7 @@ def frame(seconds: float, *ids: int) -> BodyFrame:
 
 
 def test_a_recording_is_a_take_of_each_visit(tmp_path):
-    # Person 1 all the time, person 2 with a pause of a second.
+    # Person 1 is always present. Person 2 is absent for a second.
     path = tmp_path / "dance.mcap"
     with Recorder(path) as recorder:
         for i in range(4 * RATE):
@@ -55,7 +55,7 @@ def test_a_recording_is_a_take_of_each_visit(tmp_path):
 
 def test_one_person_gives_the_take_its_name_and_a_short_gap_is_bridged():
     frames = [frame(i / RATE, 1) for i in range(60) if i not in (20, 21, 22)]
-    frames.insert(10, frames[9])  # one moment twice
+    frames.insert(10, frames[9])  # the same time twice
     (clip,) = clips_of_frames(frames, "solo", TakeSettings())
     assert clip.id == "solo" and len(clip.turns) == 60
     np.testing.assert_allclose(joints_of(clip)[21], waving(1, 21 / RATE).joints, atol=0.01)
@@ -72,7 +72,7 @@ def test_passer_by_is_not_a_take(tmp_path):
 
 
 def test_published_bodies_become_a_take(tmp_path):
-    """The bodies of a performance that was recorded come as the wire carries them, to a millimetre or two."""
+    """Bodies of a recorded performance are those of the wire, accurate to a millimetre or two."""
     path = tmp_path / "show.mcap"
     with Recorder(path) as recorder:
         for i in range(60):

@@ -1,4 +1,6 @@
-"""Binding chains: what a target gets of a source, however either is sampled, turned or named."""
+"""Tests of binding chains: the retargeted motion does not depend on sampling, rotation or names of either
+side.
+"""
 
 import sys
 from pathlib import Path
@@ -38,7 +40,7 @@ laws = settings(deadline=None, max_examples=30)
 
 
 def polyline(rng, joints, id="line"):
-    """A still shape that is one polyline."""
+    """Returns a shape at rest that is a single polyline."""
     return still_shape(id, random_skeleton(rng, joints, branching=0.0))
 
 
@@ -196,7 +198,7 @@ def test_clearing_a_chain_leaves_the_rest_alone():
     assert set(half.layer_names) == {"a", "b"} and set(half.takes) == {"take"}
     none = clear_chain(two, "line", range(6))
     assert none.shape("line").spans == bare and not none.layer_names
-    # A layer that carries the root stays.
+    # A layer that moves the root stays.
     cleared = clear_chain(set_travel(bound, "line", "a"), "line", range(6))
     assert set(cleared.layer_names) == {"a"}
 
@@ -274,7 +276,7 @@ def test_an_edit_that_cannot_be_changes_nothing():
 
 
 def test_a_bend_is_seen_the_same_in_the_view():
-    # An arm to the right that bends up makes a leg to the left bend up, and a flip bends it down.
+    # If an arm to the right bends up, a leg to the left bends up as well. With the flip, it bends down.
     arm = Skeleton(
         ("a", "b", "c"), np.array([-1, 0, 1], np.int32), np.array([[0, 0, 0], [1, 0, 0], [2.0, 0, 0]])
     )
@@ -294,7 +296,8 @@ def test_a_bend_is_seen_the_same_in_the_view():
 
 
 def test_turns_are_spread_along_the_target_as_in_the_papers_figure_4():
-    # Two bones that bend by 30 and by 40 degrees give four of half their length 15, 15, 20 and 20.
+    # Two bones that bend by 30 and 40 degrees are mapped to four bones of half their length: 15, 15, 20 and
+    # 20.
     def line(joints):
         at = np.stack([np.linspace(0, 1, joints), np.zeros(joints), np.zeros(joints)], 1)
         names = tuple(f"j{i}" for i in range(joints))
@@ -307,7 +310,8 @@ def test_turns_are_spread_along_the_target_as_in_the_papers_figure_4():
     own = np.degrees(to_rotation_vector(Player(project, "line").animation_rotations([0.0])[0]))
     np.testing.assert_allclose(own[:, 2], [0, 15, 15, 20, 20], atol=1e-9)
     assert not own[:, :2].any()
-    # Half of each bone's turn at half the weight; and from the other side, half of the target has it all.
+    # At half the weight, each bone has half the rotation. If only half of the target is bound, it has
+    # the whole rotation.
     half = Player(set_layer(project, "line", "take", weight=0.5), "line").animation_rotations([0.0])[0]
     np.testing.assert_allclose(np.degrees(to_rotation_vector(half))[:, 2], [0, 7.5, 7.5, 10, 10], atol=1e-9)
     short = bind_chain(clear_chain(project, "line", range(5)), "line", (2, 3, 4), "take", range(3))

@@ -1,4 +1,4 @@
-"""One-shot functions do what their solvers do, and refuse with a way out."""
+"""Tests that one-shot functions return the results of their solvers, and that refusals name a remedy."""
 
 from dataclasses import replace
 
@@ -68,7 +68,7 @@ def test_possessed_mesh_starts_at_rest_and_moves(performed):
     assert np.abs(mesh_at(project, chair, 0.5).vertices - rest).max() > 0.05
 
 
-def test_a_second_one_has_a_name_of_its_own(performed):
+def test_second_character_gets_a_unique_name(performed):
     project, chair = performed
     both, other = possess(load_sample("chair"), [standing(), standing(0.1)], STEP, nodes=64, project=project)
     assert other != chair
@@ -91,7 +91,7 @@ def test_copy_is_offset_in_space_and_time(performed):
     np.testing.assert_allclose(there, here + np.array([1.0, 0.0, 0.0]), atol=1e-6)
 
 
-def test_the_matches_are_the_matchers():
+def test_matches_equal_those_of_the_matcher():
     skeleton = _skeleton()
     body = standing(0.7)
     expected = Matcher(skeleton).rank(body_source(body, "arms").source.points(body.joints), ScreenView())

@@ -30,7 +30,7 @@ BLENDER = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 
 
 def bones_of(body) -> dict:
-    """Returns the bones of a performer as the add-on receives them."""
+    """Returns the bones of a performer in the form that the add-on receives."""
     receiver = VmcReceiver("127.0.0.1", 0)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
         for packet in VmcOutput().packets(LiveFrame(0, {1: body})):
@@ -90,7 +90,9 @@ def rest_rig(convention: str, facing: float, seed: int):
 
 
 def moved_heads(rows, basis, place) -> dict[str, np.ndarray]:
-    """Returns where the bones begin, by Blender's rule: parent @ rest relative to the parent @ basis."""
+    """Returns the positions of the bones' heads by Blender's rule: parent @ rest relative to the parent @
+    basis.
+    """
     turns, heads = {}, {}
     rest = {name: (np.array(head), np.array(turn)) for name, _, head, turn in rows}
     for name, above, head, turn in rows:

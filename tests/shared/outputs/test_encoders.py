@@ -1,4 +1,6 @@
-"""Tests that the fast encoders of live outputs send what their slow twins say, for random stages."""
+"""Tests that the fast encoders of live outputs send the values of their slow references, for random
+stages.
+"""
 
 import json
 import re
@@ -28,7 +30,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 
 def messages(packets) -> dict:
-    """Returns the arguments of each message by its address, or by address and name."""
+    """Returns the arguments of each message by its address, or by address and first name."""
     values = {}
     for packet in packets:
         for timed in OscPacket(packet).messages:

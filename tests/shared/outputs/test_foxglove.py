@@ -47,7 +47,9 @@ def server(port):
 
 
 def shown(server, client, frame, topic):
-    """Sends a frame until its message comes, because a subscription takes effect a little later."""
+    """Sends a frame repeatedly until its message arrives, because a subscription takes effect with a
+    delay.
+    """
 
     def arrived():
         server.send(frame)
@@ -74,7 +76,7 @@ def placed(transforms) -> dict[str, tuple[np.ndarray, tuple[float, ...]]]:
 
 
 def in_map(rows, child) -> np.ndarray:
-    """Returns the position of a frame in Foxglove's own axes, through the frame ``world``."""
+    """Returns the position of a coordinate frame in Foxglove's own axes, through the frame ``world``."""
     base, way = rows["world"]
     return base + turn(way, rows[child][0])
 
@@ -89,12 +91,12 @@ def test_frames_stand_upright_with_left_and_front_on_their_sides(server, port):
     assert np.allclose(hip, body.joints[Joint.HIP_CENTER], atol=1e-6)
     for axis in np.eye(3):
         assert np.allclose(turn(way, axis), rotate(body.orientations[Joint.HIP_CENTER], axis), atol=1e-6)
-    # The performer turns 0.6 rad to the left: the front goes from +Z to +X.
+    # The performer turns 0.6 rad to the left, so the front moves from +Z towards +X.
     assert turn(way, [0, 0, 1])[0] > 0.5
     expected = rotate(CHAIR_TURN, chair()[0].pivots.mean(0)) + CHAIR_PLACE
     assert np.allclose(rows["chair"][0], expected, atol=1e-5)
     assert np.allclose(turn(rows["chair"][1], [1, 2, 3]), rotate(CHAIR_TURN, [1.0, 2.0, 3.0]), atol=1e-5)
-    # Foxglove has +Z up. The upward direction of the world is up there, and left stays left of front.
+    # Foxglove has +Z up. World up is +Z there, and left stays left of the front.
     assert in_map(rows, "performer-1")[2] == pytest.approx(body.joints[Joint.HIP_CENTER][1], abs=1e-6)
     up, front, left = (turn(rows["world"][1], axis) for axis in ([0, 1, 0], [0, 0, 1], [1, 0, 0]))
     assert np.allclose(up, [0, 0, 1], atol=1e-6) and np.allclose(np.cross(up, front), left, atol=1e-6)
@@ -180,7 +182,7 @@ def test_the_depth_image_and_its_camera(server, port, mirrored):
     assert (image.encoding, image.width, image.height, image.step) == ("16UC1", 8, 6, 16)
     values = np.frombuffer(image.data, "<u2").reshape(6, 8)
     assert np.array_equal(values, frame.depth.depth[:, ::-1] if mirrored else frame.depth.depth)
-    # The point that the camera looks at is the same one in both images.
+    # The camera's target is the same point in both images.
     assert list(camera.K) == [7.0, 0, 4.0 if mirrored else 3.0, 0, 7.5, 2.5, 0, 0, 1]
     assert camera.D[3] == (-0.04 if mirrored else 0.04) and camera.frame_id == image.frame_id == "camera"
     place, way = rows["camera"]
@@ -231,7 +233,7 @@ def test_a_client_may_be_absent_leave_and_come_back(server, port):
 
 
 def newest_depth(client) -> int:
-    """Returns the time of the newest depth image that came, in nanoseconds."""
+    """Returns the time of the newest received depth image, nanoseconds."""
     return max((time_ns for _, time_ns in client.messages["/depth"]), default=0)
 
 
@@ -244,15 +246,15 @@ def test_a_slow_client_delays_neither_the_edge_nor_others(server, port, caplog):
         FoxgloveClient(port, ["/depth", "/tf"]) as slow,
         FoxgloveClient(port, ["/stage"]) as quick,
     ):
-        shown(server, slow, frame, "/tf")  # From here on it reads nothing.
+        shown(server, slow, frame, "/tf")  # From here on, it reads nothing.
         shown(server, quick, frame, "/stage")
         frame_ns = quick.messages["/stage"][-1][1]
         quick.messages.clear()
         for step in range(1, 301):
             server.send(replace(frame, time_ns=frame.time_ns + step * 200_000_000))
             until(lambda step=step: quick.newest("/stage") and len(quick.messages["/stage"]) >= step)
-        # 300 images of 0.6 MB are 184 MB, more than a connection keeps. So a call that waits for the slow
-        # client would not have returned. The client gets the beginning and the newest ones.
+        # 300 images of 0.6 MB are 184 MB, more than a connection buffers. A call that waited for the slow
+        # client would not have returned. The client receives the first images and the newest ones.
         until(
             lambda: (slow.poll(0.1), newest_depth(slow) >= frame_ns + 300 * 200_000_000)[1], "the newest one"
         )
@@ -305,13 +307,15 @@ def test_an_address_that_others_reach_needs_permission(port):
 
 
 def test_log_of_the_library_does_not_reach_python(port, monkeypatch):
-    """Its threads would wait for the interpreter while they hold locks that the edge needs: a deadlock."""
+    """The library's threads would wait for the interpreter while holding locks that the edge needs: a
+    deadlock.
+    """
     records = []
     handler = logging.Handler()
     handler.emit = records.append
     monkeypatch.setattr(logging.getLogger("foxglove"), "handlers", [handler])
     with FoxgloveServer("fox", "127.0.0.1", port) as opened:
-        logging.getLogger("foxglove").setLevel(logging.DEBUG)  # As a program could that hosts an edge.
+        logging.getLogger("foxglove").setLevel(logging.DEBUG)  # as a program that hosts an edge might do
         with FoxgloveClient(port, ["/stage"]) as client:
             shown(opened, client, four_characters(), "/stage")
             again = [{"id": 100, "channelId": client.channels["/stage"]["id"]}]

@@ -27,7 +27,7 @@ TIMES = st.builds(
     lambda seconds, nanoseconds: seconds * 10**9 + nanoseconds,
     *(st.integers(1_600_000_000, 4_000_000_000), st.integers(2**28, 10**9 - 1)),
 )
-"""Times that the SDK encodes in five bytes for each number, as templates always do."""
+"""Times whose two numbers the SDK encodes in five bytes each, as the templates always do."""
 
 
 @given(SEEDS, TIMES)

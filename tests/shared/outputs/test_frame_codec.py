@@ -1,4 +1,4 @@
-"""Tests that a frame that was handed to another process gives the same packets as the original."""
+"""Tests that a frame sent to another process gives the same packets as the original."""
 
 import pickle
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Tests of the humanoid bones of performers and rigged characters, whatever their rest pose is."""
+"""Tests of the humanoid bones of performers and rigged characters with any rest pose."""
 
 import numpy as np
 import pytest
@@ -43,7 +43,7 @@ def test_bones_of_a_performer_point_along_its_limbs():
 def test_palms_face_down_in_the_t_pose():
     body = performer()
     human = human_of_body(body, "performer-1")
-    # The palm of a hanging left hand faces the thigh, the bone's -X. Held out, it faces down.
+    # The palm of a hanging left hand faces the thigh, the bone's -X. With the arm held out, it faces down.
     inwards = rotate(body.orientations[Joint.WRIST_LEFT], [-1.0, 0.0, 0.0])
     assert np.allclose(rotate(human.at("LeftLowerArm")[1], [0.0, -1.0, 0.0]), inwards, atol=1e-9)
 
@@ -106,7 +106,7 @@ def test_bones_of_a_rig_point_along_its_limbs(seed, convention, away):
 @pytest.mark.parametrize("away", [False, True], ids=["VRM 1 faces +Z", "VRM 0 faces -Z"])
 def test_the_front_of_the_rest_pose_does_not_matter(away):
     skeleton = facing_away(man()) if away else man()
-    # The rig is turned so that it faces +X, whatever its rest pose faces.
+    # The rig is rotated to face +X, whatever direction its rest pose faces.
     quarter = from_rotation_vector([0.0, -np.pi / 2 if away else np.pi / 2, 0.0])
     turns = np.tile(IDENTITY, (len(skeleton), 1))
     turns[0] = quarter

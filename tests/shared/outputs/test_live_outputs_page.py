@@ -1,4 +1,4 @@
-"""Tests that docs/live-outputs.md lists what is sent."""
+"""Tests that docs/live-outputs.md lists everything that is sent."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,6 @@
-"""Tests that the process of the outputs never delays its program, is restarted, and leaves nothing behind."""
+"""Tests that the output process never delays its program, is restarted, and leaves no processes or files
+behind.
+"""
 
 import contextlib
 import logging
@@ -35,7 +37,7 @@ def free_port() -> int:
 
 
 def ready(outputs: OutputSet) -> int:
-    """Waits until the process sends, and returns its id."""
+    """Waits until the process sends, and returns its process id."""
     until(lambda: outputs.is_ready, "the process")
     assert outputs.process_id is not None
     return outputs.process_id
@@ -78,7 +80,7 @@ def test_killed_process_is_restarted_and_sends_again(caplog):
 
 
 def cloud() -> CharacterInfo:
-    """Returns a character with 20,000 nodes, because a connection keeps few poses of that size."""
+    """Returns a character with 20,000 nodes. A connection buffers only few poses of this size."""
     corners, faces = np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.int32)
     skin = SkinWeights(np.zeros((3, 4), np.uint16), np.tile(np.float32([1, 0, 0, 0]), (3, 1)))
     pivots = np.random.default_rng(0).uniform(-1.0, 1.0, (20_000, 3)).astype(np.float32)
@@ -99,7 +101,7 @@ def test_stopped_process_blocks_nothing_and_gets_the_newest_frame_with_all_event
         try:
             for k in range(
                 1, 101
-            ):  # 100 MB, more than the connection keeps. A call that waits never returns.
+            ):  # 100 MB, more than the connection buffers. A blocking call would never return.
                 events = [LiveEvent("possess", 1, f"event {k}")] if k % 20 == 0 else []
                 outputs.put(replace(frame, time_ns=k * 10**9, events=events))
         finally:
@@ -165,7 +167,7 @@ def test_process_ends_with_a_killed_program(number):
             until(lambda: seconds_of(receiver) == 0.0, "a frame")
         finally:
             program.send_signal(number)
-        # Both processes have the same stderr. It ends when the last of them has ended.
+        # Both processes share stderr, which is closed when the last of them ends.
         _, errors = program.communicate(timeout=120)
     assert program.returncode == -number and errors == ""
 
@@ -192,7 +194,7 @@ def test_nothing_is_left_after_the_end():
     assert open_files() <= files
     assert "live outputs" not in {thread.name for thread in threading.enumerate()}
     for old in (process, second):
-        with pytest.raises(ChildProcessError):  # It was waited for, so that it is not a zombie.
+        with pytest.raises(ChildProcessError):  # It has been waited for, so it is not a zombie.
             os.waitpid(old, os.WNOHANG)
 
 

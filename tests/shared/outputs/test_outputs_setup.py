@@ -1,4 +1,6 @@
-"""Tests that wrong outputs are refused at the start, with messages that name the place and the remedy."""
+"""Tests that invalid outputs are refused at the start, with messages that name the position and the
+remedy.
+"""
 
 import socket
 

@@ -38,7 +38,9 @@ SEGMENTS = {
 
 @pytest.fixture
 def sent(tmp_path):
-    """Returns a function that sends frames to an OSC receiver, and returns the receiver with everything."""
+    """Returns a function that sends frames to an OSC receiver and returns the receiver once it has read
+    them.
+    """
     receivers = []
 
     def send(scheme: str, *frames, source: str = "", last: str, **keys) -> OscReceiver:
@@ -76,7 +78,7 @@ def test_vmc_moves_an_avatar_as_the_performer_moves(sent):
         along = unit(body.joints[ends] - body.joints[begins])
         assert np.allclose(avatar.direction(bone), MIRROR * along, atol=1e-5), bone
         assert np.allclose(avatar.position(bone), MIRROR * body.joints[begins], atol=1e-5), bone
-    # The posture in words, in Unity's axes: the left arm points to the front, and the left knee is up.
+    # The pose in words, in Unity's axes: the left arm points to the front, and the left knee is up.
     front, left = avatar.turned("Hips", [0, 0, 1]), avatar.turned("Hips", [-1, 0, 0])
     assert avatar.direction("LeftUpperArm") @ front > 0.8 and avatar.direction("RightUpperArm") @ left < -0.6
     assert avatar.direction("LeftUpperLeg") @ front > 0.6 > 0.2 > avatar.direction("RightUpperLeg") @ front
@@ -98,7 +100,8 @@ def test_vmc_sends_four_characters_in_small_bundles(sent):
     until(lambda: len(trackers_of(receiver)) >= 40, "all trackers")
     assert max(receiver.sizes) <= MAX_PACKET_BYTES < 1500
     trackers = trackers_of(receiver)
-    # Anna is the first human on the stage. All others are trackers, and so are the bones of their rigs.
+    # Anna is the first human on the stage. All other objects are trackers, and so are the bones of their
+    # rigs.
     assert {"ben", "horse", "chair", "performer-1", "performer-2", "prop-3", "prop-4"} <= set(trackers)
     assert "anna" not in trackers and "horse/Left fore hoof" in trackers
     assert trackers["prop-3"] == (-1.0, 2.0, 3.0, 0, 0, 0, 1)
@@ -187,7 +190,7 @@ ROKOKO_REST = {
     "leftUpLeg": ((0.0, 0.7071, 0.0, 0.7071), (0, -1, 0)),
     "rightLeg": ((0.0, -0.7071, 0.0, 0.7071), (0, -1, 0)),
 }
-"""Rotation of joints in Rokoko's T-pose as its plug-in for Unity has it, and the bone's direction there."""
+"""Rotation of each joint in the T-pose of Rokoko's plug-in for Unity, and the bone's direction there."""
 ROKOKO_SEGMENTS = {
     "leftUpperArm": "LeftUpperArm",
     "rightLowerArm": "RightLowerArm",
@@ -211,7 +214,7 @@ def test_rokoko_moves_an_actor_as_the_performer_moves(compress):
         values = actor["body"][joint]
         at = np.array([values["position"][axis] for axis in "xyz"])
         assert np.allclose(at, MIRROR * body.joints[begins], atol=1e-3)
-        # As the plug-in does: undo Rokoko's rest, then turn the avatar's own T-pose.
+        # Like the plug-in: undo Rokoko's rest rotation, then apply the avatar's own T-pose.
         own = turn([-rest[0], -rest[1], -rest[2], rest[3]], straight)
         way = turn([values["rotation"][axis] for axis in "xyzw"], own)
         assert np.allclose(way, MIRROR * unit(body.joints[ends] - body.joints[begins]), atol=1e-3), joint

@@ -1,4 +1,4 @@
-"""Tests that outputs never delay the edge or each other, and outlive their receivers."""
+"""Tests that outputs never delay the edge or each other, and keep working without their receivers."""
 
 import contextlib
 import socket
@@ -17,7 +17,7 @@ from enliven.outputs.udp_sender import UdpSender
 
 
 class Collector:
-    """An output that keeps its frames and its thread, and makes one packet of each frame."""
+    """An output that stores its frames and its thread, and makes one packet of each frame."""
 
     def __init__(self) -> None:
         self.frames, self.threads = [], set()
@@ -33,7 +33,7 @@ class Collector:
 
 
 class Slow(Collector):
-    """An output that converts a frame only when the test lets it."""
+    """An output that converts a frame only when the test allows it."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -46,7 +46,7 @@ class Slow(Collector):
 
 
 class Faulty(Collector):
-    """An output that cannot convert the frame with the time 0."""
+    """An output that raises an error for the frame with time 0."""
 
     def packets(self, frame: LiveFrame) -> list[bytes]:
         if frame.time_ns == 0:
@@ -56,7 +56,7 @@ class Faulty(Collector):
 
 @contextlib.contextmanager
 def outputs_with(*outputs, port: int = 9):
-    """Yields a thread that sends to these outputs, and their senders."""
+    """Yields a thread that sends to the given outputs, and their senders."""
     place = ("127.0.0.1", port)
     with contextlib.ExitStack() as stack:
         senders = [
@@ -71,7 +71,7 @@ def test_a_slow_output_gets_the_newest_frame_with_all_events_and_never_blocks():
     with outputs_with(slow, other) as (outputs, _):
         outputs.put(LiveFrame(-1, {}))
         until(lambda: slow.begun, "the first frame")
-        for k in range(500):  # They are handed over although none can be sent.
+        for k in range(500):  # All are accepted although none can be sent.
             events = [LiveEvent("enter", k)] if k % 100 == 0 else []
             outputs.put(LiveFrame(k, {}, events=events))
         slow.go.release(2)

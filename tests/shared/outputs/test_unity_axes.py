@@ -42,7 +42,7 @@ def test_euler_angles_hold_at_the_poles(sign, yaw):
 
 def test_left_is_at_minus_x_and_front_at_plus_z():
     assert unity_position([1.0, 2.0, 3.0]).tolist() == [-1.0, 2.0, 3.0]
-    # A quarter turn to the performer's left: from the front +Z to +X here, and to -X in Unity.
+    # A quarter turn to the performer's left: from +Z to +X here, and from +Z to -X in Unity.
     left = from_rotation_vector([0.0, np.pi / 2, 0.0])
     assert np.allclose(rotate(left, [0, 0, 1]), [1, 0, 0])
     assert np.allclose(turn(unity_rotation(left), [0, 0, 1]), [-1, 0, 0])

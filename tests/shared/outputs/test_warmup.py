@@ -25,7 +25,7 @@ for scheme in ("vmc", "vrchat", "rokoko", "osc"):
         new = sorted({d.py_func.__name__ for d, n in kernels().items() if n > before.get(d, 0)})
         print(scheme, len(packets), *new, sep="|")
 """
-"""For each output, prints a line with the number of packets and the kernels that its first frame compiled."""
+"""For each output, prints the number of packets and the kernels that its first frame compiled."""
 
 
 @pytest.mark.timeout(300)

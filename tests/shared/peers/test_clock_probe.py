@@ -21,7 +21,7 @@ from enliven_edge.network.publisher import Publisher
 
 @contextlib.contextmanager
 def running(publisher: Publisher) -> Iterator[None]:
-    """Polls an edge as often as its frames, on another thread."""
+    """Polls an edge in another thread, as often as it processes frames."""
     stop = threading.Event()
 
     def poll() -> None:
@@ -55,7 +55,7 @@ def test_offset_of_an_edge_on_this_machine_is_known(
         probe = ClockProbe(publisher.endpoint, "test")
         with running(publisher), contextlib.closing(probe):
             until(lambda: probe.is_known, "the offset")
-            # The round trips do not contain the edge's frames, and bound the error.
+            # The round trips do not include the edge's frame time, and bound the error.
             bound_ns = probe.sync.round_trip_ns + 1_000_000
             assert abs(probe.offset_ns() - true_offset_ns()) < bound_ns
             assert abs(probe.wall_offset_ns()) < bound_ns

@@ -1,5 +1,4 @@
-"""Tests of the clock alignment with simulated networks and clocks: delays, drift, loss, and clocks that are
-set."""
+"""Tests of clock alignment in simulated networks: delays, drift, loss, and clocks that are set."""
 
 from __future__ import annotations
 
@@ -27,12 +26,12 @@ QUICK = settings(max_examples=30, deadline=None, phases=(Phase.explicit, Phase.g
 
 @dataclass
 class Network:
-    """A simulated edge: its clock drifts and may be set, and each way has a random delay.
+    """A simulated edge. Its clock drifts and may be set, and each direction has a random delay.
 
     Attributes:
         offset: edge time minus local time at local time 0, nanoseconds.
         drift: seconds per second.
-        delay: mean random delay of each way, nanoseconds, in addition to 0.1 ms.
+        delay: mean random delay of each direction, nanoseconds, in addition to 0.1 ms.
         answer: mean time until the edge answers, nanoseconds.
         loss: fraction of the probes without an answer.
     """
@@ -151,9 +150,9 @@ def test_impossible_answers_are_dropped() -> None:
     sync = ClockSync()
     assert sync.probes_due(0)
     for _ in range(20):
-        sync.add(Exchange(0, 100, 50, 1000))  # Answered before it arrived.
-        sync.add(Exchange(10, 0, 5000, 20))  # The edge needed longer than the whole exchange.
-        sync.add(Exchange(-5, 0, 0, 10))  # Sent before the burst.
+        sync.add(Exchange(0, 100, 50, 1000))  # answered before it arrived
+        sync.add(Exchange(10, 0, 5000, 20))  # the edge needed longer than the whole exchange
+        sync.add(Exchange(-5, 0, 0, 10))  # sent before the burst
     assert not sync.is_known
 
 

@@ -1,4 +1,6 @@
-"""Tests of discovery with real multicast DNS on loopback: edges appear, change, vanish, and lie."""
+"""Tests of discovery with real multicast DNS on loopback: edges appear, change, vanish, and send false
+data.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,7 @@ def browser() -> Iterator[EdgeBrowser]:
 
 
 def named(browser: EdgeBrowser, name: str) -> list[DiscoveredEdge]:
-    """Returns the found edges of a name. Other tests on this machine may announce others."""
+    """Returns the found edges with a name. Other tests on this machine may announce further edges."""
     return [edge for edge in browser.edges if edge.announcement.name == name]
 
 
@@ -194,7 +196,7 @@ def test_an_announcement_survives() -> None:
 
 
 def test_failed_registration_is_only_logged(caplog: pytest.LogCaptureFixture) -> None:
-    announcer = Announcer(Announcement("edge", 5580, 5581), "192.0.2.77")  # Not an address of this machine.
+    announcer = Announcer(Announcement("edge", 5580, 5581), "192.0.2.77")  # not an address of this machine
     until(lambda: not announcer._thread.is_alive(), "its failure")
     announcer.close()
     assert any("is not announced" in record.getMessage() for record in caplog.records)
@@ -219,6 +221,6 @@ def test_closing_does_not_wait_for_the_network() -> None:
 
 
 def test_address_that_answers_is_used(listening: int) -> None:
-    """An edge with several network cards is reached by one of its addresses."""
+    """An edge with several network cards is reachable only by one of its addresses."""
     edge = DiscoveredEdge("edge", Announcement("edge", listening, 6001), ("192.0.2.1", "::1", "127.0.0.1"))
     assert check_edge(edge).endpoint.host == "127.0.0.1"

@@ -1,4 +1,4 @@
-"""Bodies and their named parts."""
+"""Tests of bodies and their named parts."""
 
 import numpy as np
 import pytest
@@ -47,7 +47,7 @@ def test_parts_are_joined_by_plus_and_comma(names, between):
     assert parse_parts(names) == expected
 
 
-def test_combinations_of_the_issue():
+def test_common_combinations_of_parts_are_parsed():
     assert parse_parts("hip + right arm") == PARTS["hip and right arm"]
     assert parse_parts("left hand and right hand") == PARTS["hands"]
     assert parse_parts("  Left   Arm ") == PARTS["left arm"]

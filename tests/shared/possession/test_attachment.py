@@ -1,4 +1,4 @@
-"""Possession: what takes hold, where the held points go, and how bones turn."""
+"""Tests of possession: which points attach, where their targets are, and how bones rotate."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ LEFT_ARM = (Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_
 
 
 def standing():
-    """(20, 3) a person of 1.75 m at the origin, facing +Z, forearms forward, feet apart."""
+    """Returns (20, 3) a person of 1.75 m at the origin, facing +Z, with forearms forward and feet apart."""
     joints = np.zeros((J, 3))
     spine = {Joint.HIP_CENTER: 0.95, Joint.SPINE: 1.08, Joint.SHOULDER_CENTER: 1.42, Joint.HEAD: 1.6}
     for joint, height in spine.items():
@@ -54,7 +54,7 @@ def held(graph):
 
 
 def moved(joints, turn, about, which):
-    """The joints of ``which`` turned by a rotation vector about a point."""
+    """Returns the joints with those in ``which`` rotated by a rotation vector about a point."""
     out = joints.copy()
     which = list(which)
     out[which] = rotation.rotate(rotation.from_rotation_vector(turn), joints[which] - about) + about
@@ -78,7 +78,9 @@ def test_bone_samples_lie_on_cylinders_and_face_outwards():
 
 
 def slow_attachment(graph, joints, reach=0.10):
-    """By hand: the points that have a node within reach that faces their way, and their weights."""
+    """Returns the points that have a node within reach that faces their direction, and their weights. Slow
+    reference.
+    """
     points, normals = bone_samples(joints)
     points = np.concatenate([points.reshape(-1, 3), joints])
     normals = np.concatenate([normals.reshape(-1, 3), np.zeros((J, 3))])
@@ -93,7 +95,7 @@ def slow_attachment(graph, joints, reach=0.10):
     return attachment
 
 
-def test_the_right_samples_take_hold_of_the_right_nodes(graph, held):
+def test_samples_attach_to_the_expected_nodes(graph, held):
     expected = slow_attachment(graph, standing())
     assert len(held) == len(expected) > 100
     actual = sorted(
@@ -119,7 +121,7 @@ def test_a_standing_person_holds_every_limb_of_the_chair(held):
 @pytest.mark.parametrize("name", PARTS)
 def test_a_named_part_takes_hold_with_its_own_bones_only(graph, held, name):
     part = attach(graph, standing(), SURE, name, AttachmentSettings(joints=False))
-    pelvis = {1} if PARTS[name] & {0, 1, 12, 16} == {0} else set()  # the hip alone: see below
+    pelvis = {1} if PARTS[name] & {0, 1, 12, 16} == {0} else set()  # the hip alone, see below
     assert set(part.bone) <= {int(j) for j in PARTS[name]} | pelvis
     whole = attach(graph, standing(), SURE, "all", AttachmentSettings(joints=False))
     own = np.isin(whole.bone, list(PARTS[name])) | (np.isin(whole.bone, list(pelvis)) & (whole.along < 0.5))
@@ -208,7 +210,7 @@ def test_limbs_twist_with_the_torso():
 
 
 def arm_pose(direction):
-    """Standing with the left arm straight in a direction; at rest it hangs."""
+    """Returns a standing person whose left arm points in a direction. At rest, the arm hangs."""
     joints = standing()
     shoulder = joints[Joint.SHOULDER_LEFT]
     for joint, reach in zip(LEFT_ARM[1:], (0.28, 0.53, 0.61), strict=True):
@@ -218,7 +220,9 @@ def arm_pose(direction):
 
 @pytest.mark.parametrize("way", ["side", "front"])
 def test_a_raised_arm_never_spins(way):
-    """From hanging to straight up and on: each step of the arm turns the bone by little more than itself."""
+    """The arm moves from hanging to overhead and beyond. Each step rotates the bone by little more than
+    itself.
+    """
     rest = arm_pose([0, -1, 0])
     last = None
     for angle in np.linspace(0, np.pi + 0.2, 120):
@@ -245,7 +249,7 @@ def test_bones_turn_to_where_they_point_whatever_the_body_does(seed):
         assert np.linalg.det(turn) == pytest.approx(1.0)
 
 
-def test_bodies_without_any_shape_do_no_harm():
+def test_degenerate_bodies_are_tolerated():
     for joints in (np.zeros((J, 3)), np.full((J, 3), np.nan), np.tile([0.0, 1, 0], (J, 1))):
         for rest in (standing(), joints):
             turns, axes = bone_rotations(rest, joints)
@@ -284,14 +288,14 @@ def test_taking_hold_of_a_deformed_mesh_moves_nothing(graph):
     state = solver.solve(first.targets(lifted))
     again = attach(graph, lifted, SURE, deformed=state)
     assert len(again) > 0.7 * len(first)
-    # Each point was carried back to rest: carried forth again, it is where the body holds it.
+    # Each point was transformed to the rest pose. Transformed back, it is at the body's point.
     linear, positions = state
     arms = again.points[:, None] - graph.positions[again.node_indices]
     forth = np.einsum("lkab,lkb->lka", linear[again.node_indices], arms) + positions[again.node_indices]
     forth = (forth * again.node_weights[..., None]).sum(1)
     gaps = np.linalg.norm(forth - again.targets(lifted), axis=1)
     assert np.median(gaps) < 1e-3 and gaps.max() < 0.03
-    # Stretched parts relax a little; nothing jumps.
+    # Stretched parts relax slightly, and nothing jumps.
     after = EmbeddedSolver(graph, again, start=state).solve(again.targets(lifted))[1]
     moves = np.linalg.norm(after - positions, axis=1)
     assert moves.mean() < 0.01 and moves.max() < 0.06
@@ -319,7 +323,9 @@ def test_every_bone_belongs_to_its_child():
 
 
 def plainly_nearest(points, normals, nodes, node_normals, reach, cosine):
-    """The obvious twin of ``nearest_facing``: for each sample every node, sorted."""
+    """Returns the nearest nodes of each sample by sorting all nodes, as a reference for
+    ``nearest_facing``.
+    """
     for point, normal in zip(points, normals, strict=True):
         lengths = np.linalg.norm(nodes - point, axis=1)
         fits = (lengths < reach) & (~normal.any() | (node_normals @ normal > cosine))
@@ -376,7 +382,7 @@ def test_named_arm_is_attached_at_any_distance(graph):
 
 
 def test_the_hip_alone_holds_by_more_than_a_point(graph):
-    """So that a mesh can be turned by it."""
+    """With more than one point, the hip can also rotate the mesh."""
     held = attach(graph, standing(), SURE, "hip", AttachmentSettings(reach=3.0))
     assert len(held) > 4
     assert set(held.bone) == {1} and held.along.max() < 0.5

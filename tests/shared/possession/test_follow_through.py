@@ -12,7 +12,7 @@ FRAME = 33_333_333
 
 
 def way_of(seed, frames=60, nodes=5):
-    """(F, N, 3) metres, places that wander smoothly."""
+    """Returns (F, N, 3) metres, positions that change smoothly."""
     rng = np.random.default_rng(seed)
     times = np.arange(frames)[:, None, None] / 30.0
     waves = sum(
@@ -87,7 +87,7 @@ def test_a_stop_is_overshot_as_a_damped_spring_does_and_never_far():
     way = np.zeros((90, 1, 3))
     way[:, 0, 0] = pace
     past = shown(way, [FULL_SWING_STIFFNESS])[:, 0, 0].max() - pace[-1]
-    # From an even speed v the way past a stop is v / w exp(-d / sqrt(1 - d^2) acos(d)): here 5.8 cm.
+    # After a constant speed v, the overshoot is v / w exp(-d / sqrt(1 - d^2) acos(d)), here 5.8 cm.
     assert 0.05 < past < 0.065
     assert shown(10 * way, [FULL_SWING_STIFFNESS], 4.0)[:, 0, 0].max() - 10 * pace[-1] <= 0.35 + 1e-9
 

@@ -1,4 +1,4 @@
-"""Where a person's joints would be in other meshes: laws, and meshes made for it."""
+"""Tests of finding where a person's joints would be in other meshes: invariants, and meshes made for this."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from enliven.possession.likeness.tree_of_limbs import tree_misfit
 
 
 def capsules(points, ends, radii):
-    """(N,) metres from points to capsules, negative inside."""
+    """Returns (N,) signed distances in metres from points to capsules, negative inside."""
     best = np.full(len(points), np.inf)
     for (a, b), radius in zip(np.asarray(ends, float), radii, strict=True):
         share = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
@@ -88,7 +88,7 @@ def test_few_nodes_and_a_ball_do_no_harm(nodes):
 
 
 def test_ends_that_the_artist_names_are_taken_as_they_are():
-    """Hands and feet exchanged: the arms are where it was said."""
+    """Hands and feet are exchanged, so the arms are found at the named positions."""
     mesh, graph = built(BIPED, GIRTH)
     like = find_body_in_mesh(mesh, graph)
     head, *others = like.ends
@@ -102,7 +102,7 @@ def test_ends_that_the_artist_names_are_taken_as_they_are():
 
 
 def test_ambiguity_is_reported():
-    """Without feet, and with straight limbs, front and back are alike."""
+    """Without feet and with straight limbs, front and back cannot be distinguished."""
     mesh, graph = built([*BIPED[:6], ((0, 1.65, 0), (0, 1.66, 0))], [*GIRTH[:6], 0.1], turn=np.pi / 2)
     assert any("front" in doubt for doubt in find_body_in_mesh(mesh, graph).doubts)
     assert not find_body_in_mesh(*built(BIPED, GIRTH)).doubts

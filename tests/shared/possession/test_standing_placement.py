@@ -1,4 +1,4 @@
-"""Where a person stands in a mesh: found again wherever the mesh was put and however it was turned."""
+"""Tests of placing a standing person in a mesh, for any position and rotation of the mesh."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FRONT = np.array([0.0, 0.0, 1.0])
 
 
 def box(low: tuple[float, float, float], high: tuple[float, float, float], cuts: int = 6) -> Mesh:
-    """A closed box of many triangles."""
+    """Returns a closed box with many triangles."""
     t = np.linspace(0.0, 1.0, cuts)
     a, b = (g.reshape(-1) for g in np.meshgrid(t, t, indexing="ij"))
     vertices, faces = [], []
@@ -26,7 +26,8 @@ def box(low: tuple[float, float, float], high: tuple[float, float, float], cuts:
             points = np.insert(np.stack([a, b], 1), axis, end, axis=1)
             k = np.arange(cuts * cuts).reshape(cuts, cuts)
             quads = np.stack([k[:-1, :-1], k[1:, :-1], k[1:, 1:], k[:-1, 1:]], -1).reshape(-1, 4)
-            # Counter-clockwise from outside: the far side of X and Z, the near side of Y.
+            # The winding is counter-clockwise from outside, for the far side of X and Z, and for the near
+            # side of Y.
             quads = quads if (end == 1.0) == (axis != 1) else quads[:, ::-1]
             start = len(vertices) * cuts * cuts
             faces += [quads[:, [0, 1, 2]] + start, quads[:, [0, 2, 3]] + start]
@@ -43,7 +44,7 @@ def joined(*meshes: Mesh) -> Mesh:
 
 @pytest.fixture(scope="module")
 def horse() -> Mesh:
-    """Four legs, a trunk, a neck and a head, towards +X."""
+    """Returns a horse towards +X: four legs, a trunk, a neck and a head."""
     legs = [box((x, 0.0, z), (x + 0.12, 0.9, z + 0.1)) for x in (-0.7, 0.45) for z in (-0.18, 0.08)]
     trunk, neck = box((-0.75, 0.85, -0.2), (0.62, 1.3, 0.2)), box((0.5, 1.2, -0.08), (0.7, 1.75, 0.08))
     return joined(*legs, trunk, neck, box((0.6, 1.55, -0.07), (1.0, 1.75, 0.07)))
@@ -75,12 +76,12 @@ def test_performer_in_horse_has_matching_legs_and_heading(horse) -> None:
 
 
 def test_two_who_stand_apart_share_a_horse(horse) -> None:
-    """One behind the other, as far as its legs are: each is in a pair of them."""
+    """Two people stand one behind the other at the distance of the legs. Each matches one pair of legs."""
     ahead, behind = standing_figure(), standing_figure()
     ahead[:, 2] += 0.57
     behind[:, 2] -= 0.58
     yaw, offset, _ = fit_figures(horse, [ahead, behind])
-    # The same way, or the other way round: the pairs of legs are alike.
+    # Both headings are accepted, since the pairs of legs are alike.
     assert abs((rotation_about_y(yaw) @ FRONT)[0]) == pytest.approx(1.0, abs=1e-6)
     assert np.linalg.norm(offset - [-0.07, 0.0, 0.0]) < 0.12
 

@@ -1,4 +1,4 @@
-"""After an actor's warm-up no frame waits for a compiler or for machine code from the disk."""
+"""Tests that after an actor's warm-up, no frame compiles a kernel or loads one from disk."""
 
 import subprocess
 import sys
@@ -40,11 +40,11 @@ for frame in range(90):
 assert actor.holds and renewed
 print(*sorted({d.py_func.__name__ for d, n in kernels().items() if n > before.get(d, 0)}))
 """
-"""Prints the kernels that got a signature more while two people held a chair, one after the other."""
+"""Prints the kernels that gained a signature while two people possessed a chair, one after the other."""
 
 
 def kernels_of(nodes: int, *, warm: bool) -> set[str]:
-    """The kernels that live frames compiled or loaded, in a process of their own."""
+    """Returns the kernels that live frames compiled or loaded, in a separate process."""
     command = [sys.executable, "-c", f"WARM, NODES = {warm}, {nodes}\n{PLAYED}"]
     shown = subprocess.run(command, capture_output=True, text=True, timeout=600, check=True)
     return set(shown.stdout.split())
@@ -53,10 +53,10 @@ def kernels_of(nodes: int, *, warm: bool) -> set[str]:
 @pytest.mark.timeout(700)
 @pytest.mark.parametrize("nodes", [40, 230])
 def test_warm_up_compiles_all_kernels(nodes):
-    """Node counts below and above the threshold for recomputing the matrix after every frame."""
+    """The node counts are below and above the threshold for recomputing the matrix after every frame."""
     assert kernels_of(nodes, warm=True) == set()
 
 
 @pytest.mark.timeout(700)
-def test_without_it_the_first_frames_load_their_kernels():
+def test_first_frames_without_warm_up_load_kernels():
     assert {"next_frame", "refactor"} <= kernels_of(40, warm=False)

@@ -1,4 +1,4 @@
-"""The depth codec: exact for every image, and every damaged payload is an InputError."""
+"""Tests of the depth codec: lossless for every image, and an InputError for every damaged payload."""
 
 import struct
 import zlib
@@ -15,16 +15,16 @@ from enliven.recording.depth_codec import LAYOUT, decode_depth, encode_depth
 from enliven.recording.depth_kernels import predict_image, predict_level
 
 LEVELS = (1, 19, "archived")
-"""Of zstd, and images of archives of earlier versions."""
+"""Levels of zstd, and "archived" for images in archives of earlier versions."""
 
 
 def packed(image: np.ndarray, level: int | str) -> bytes:
-    """The payload of an image."""
+    """Returns the payload of an image."""
     return archived(image) if level == "archived" else encode_depth(image, level)
 
 
 def room(seed: int = 0, height: int = 120, width: int = 160) -> np.ndarray:
-    """A wall and a ball, quantised as a structured-light camera does it, with holes and noise."""
+    """Returns a wall and a ball, quantised like a structured-light camera's image, with holes and noise."""
     rng = np.random.default_rng(seed)
     v, u = np.mgrid[:height, :width]
     z = np.where((u - width / 2) ** 2 + (v - height / 2) ** 2 < 900, 1.2, 2.6 + 0.002 * u)
@@ -100,7 +100,7 @@ def test_codec_is_smaller_than_zstd_and_archive_mode_smaller_still():
 
 
 def slow_residuals(image: np.ndarray, ranks: np.ndarray, count: int) -> np.ndarray:
-    """The residuals s of packing 0, straight from the text of the layout."""
+    """Returns the residuals s of packing 0, implemented directly from the documented layout."""
     levels = ranks[image].astype(int)
     residuals = np.zeros(image.shape, int)
     last = (count + 1) // 2
@@ -227,7 +227,7 @@ def test_later_version_is_reported():
 
 
 def test_the_layout_can_be_followed_by_hand():
-    """Packing 0 of a 2x2 image, decoded with nothing but the text of the layout."""
+    """Decodes packing 0 of a 2x2 image by the documented layout alone."""
     payload = encode_depth(np.array([[1000, 1004], [0, 1000]], np.uint16))
     version, packing, width, height, levels = struct.unpack("<BBHHI", payload[:10])
     assert (version, packing, width, height, levels) == (1, 0, 2, 2, 2)

@@ -1,4 +1,4 @@
-"""Tests of a recorder whose file cannot grow: the error is reported, and earlier data is readable."""
+"""Tests of a recorder whose file cannot grow: the error is reported, and earlier data stays readable."""
 
 import math
 import subprocess
@@ -60,7 +60,7 @@ def test_the_first_messages_are_on_the_disk_before_a_chunk_of_full_size_is_there
 
 
 def test_a_damaged_first_chunk_of_a_cut_recording_costs_its_messages_only(tmp_path):
-    """Only that chunk listed the topics, so nothing of the file could be read."""
+    """Only the damaged chunk listed the topics. Without them, nothing in the file would be readable."""
     path = tmp_path / "a.mcap"
     recorder = Recorder(path, sync_seconds=0.0)
     for i in range(10):

@@ -1,4 +1,4 @@
-"""Recordings: exact round trips, and everything that can happen to a file."""
+"""Tests of recordings: lossless round trips, and damaged, truncated or foreign files."""
 
 import dataclasses
 import json
@@ -117,7 +117,7 @@ def test_not_a_number_in_a_joint_comes_back():
 
 
 def test_bodies_of_older_recordings_are_read():
-    """The text is that of version 0.1, before contacts and stature."""
+    """The text is from version 0.1, which had neither contacts nor stature."""
     joints = "[" + ",".join(["[1.0,2.0,null]"] * J) + "]"
     body = f'{{"id":3,"joints":{joints},"confidence":{[0.5] * J},"orientations":null}}'
     old = f'{{"time_ns":5,"sensor":"k","bodies":[{body}]}}'

@@ -1,5 +1,6 @@
-"""Tests of enliven recover: it keeps every whole message of a truncated or damaged recording, and reports the
-losses."""
+"""Tests of ``enliven recover``: it keeps every whole message of a damaged recording, and reports the
+losses.
+"""
 
 import math
 import random
@@ -23,7 +24,7 @@ def content(number: int) -> bytes:
 
 
 def write(path, sync_seconds=0.0, start=START):
-    """Two topics of two sensors' bytes, a chunk a message, and words for humans."""
+    """Writes two topics with bytes of two sensors, one message per chunk, and metadata text."""
     with Recorder(path, sync_seconds=sync_seconds) as recorder:
         recorder.add_metadata("performer", {"name": "Ada"})
         for i in range(COUNT):
@@ -33,7 +34,7 @@ def write(path, sync_seconds=0.0, start=START):
 
 
 def messages(path) -> dict[int, tuple[str, bytes]]:
-    """By number: topic and bytes; read by the ordinary reader, without any warning."""
+    """Returns topic and bytes of each message by number, read by the ordinary reader without any warning."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         recording = Recording(path)
@@ -90,7 +91,7 @@ def test_damaged_chunks_are_skipped_and_reported(tmp_path, cut):
 
 
 def test_chunks_behind_a_record_of_a_wrong_length_are_found(tmp_path):
-    """The reader walks from record to record, and stops there."""
+    """A reader that follows record lengths stops there."""
     path = write(tmp_path / "a.mcap")
     data, refs = bytearray(path.read_bytes()), chunks(path)
     data[refs[10].offset + 1 : refs[10].offset + 9] = (1 << 50).to_bytes(8, "little")

@@ -1,4 +1,6 @@
-"""Films, pictures, live recordings: a failed write leaves what was there, a good one keeps mode and link."""
+"""Tests of films, images and recordings: a failed write keeps the old file, a good one keeps mode and
+link.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,7 @@ WRITERS = {"a.mp4": write_film, "a.png": write_png, "a.mcap": record}
 
 
 def bounded(size: int, act: Callable[[], None]) -> type[BaseException] | None:
-    """Runs a function in a child process with a limit on the size of its files; returns how it ended."""
+    """Runs a function in a child process with a maximum file size. Returns its exit code."""
     import resource
     import signal
 
@@ -95,7 +97,7 @@ def test_an_error_while_filming_leaves_the_older_film(tmp_path: Path) -> None:
         raise InputError("bad", where="pose")
     assert path.read_bytes() == b"before"
     with FilmWriter(path, None, 25.0, 8.0):
-        pass  # no picture
+        pass  # no image
     assert path.read_bytes() == b"before" and os.listdir(tmp_path) == ["a.mp4"]
 
 

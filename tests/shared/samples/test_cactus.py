@@ -1,4 +1,4 @@
-"""The cactus that the project makes: one closed symmetric surface, and key poses that a person can make."""
+"""Tests of the generated cactus: one closed symmetric surface, and key poses that a person can perform."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The chair: closed, one piece, of a size that a person fits into."""
+"""Tests of the sample chair: closed, in one piece, and of a size that fits a person."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def test_its_edges_are_short_enough_to_bend(chair):
     assert np.median(lengths) < 0.02
 
 
-def test_a_standing_person_fits(chair):
+def test_standing_person_fits_into_the_chair(chair):
     low, high = chair.bounds
     assert low[1] == 0.0
     assert high[1] == pytest.approx(1.75, abs=0.03)
@@ -44,7 +44,7 @@ def test_a_standing_person_fits(chair):
         left, right = pair[pair[:, 0] > 0].mean(0), pair[pair[:, 0] < 0].mean(0)
         assert 0.40 < left[0] - right[0] < 0.50
     assert abs(back[:, 2].mean()) < 0.08
-    # The armrests: in front of the back, at the height of a bent elbow, with free ends.
+    # The armrests are in front of the back, at the height of a bent elbow, with free ends.
     arms = chair.vertices[(chair.vertices[:, 1] > 0.95) & (chair.vertices[:, 2] > 0.15)]
     assert 1.0 < arms[:, 1].mean() < 1.15
     assert np.abs(arms[:, 0]).min() > 0.2

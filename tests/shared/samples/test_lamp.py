@@ -1,4 +1,6 @@
-"""The lamp: eighteen closed shells that touch, of a size that a person's hip and right arm fit into."""
+"""Tests of the sample lamp: eighteen closed shells that touch, of a size that fits a person's hip and right
+arm.
+"""
 
 import numpy as np
 import pytest
@@ -30,7 +32,7 @@ def test_every_shell_is_closed_and_faces_outwards(lamp):
     assert repair(lamp)[1] == ["it has 18 separate shells, all kept"]
 
 
-def test_its_size(lamp):
+def test_lamp_has_its_documented_size(lamp):
     low, high = lamp.bounds
     assert low[1] == 0.0
     assert 1.5 < high[1] < 1.75
@@ -39,7 +41,7 @@ def test_its_size(lamp):
     assert np.linalg.norm(corners - np.roll(corners, -1, 1), axis=2).max() < 0.025
     foot = lamp.vertices[lamp.vertices[:, 1] < 0.01]
     assert np.ptp(foot[:, 0]) > 0.4
-    # The shade is to the right, at the height of a hand that is held out.
+    # The shade is to the right, at the height of a hand that is stretched out.
     shade = lamp.vertices[lamp.vertices[:, 0] < -0.85]
     assert 1.1 < shade[:, 1].mean() < 1.6
 

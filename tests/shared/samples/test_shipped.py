@@ -1,4 +1,4 @@
-"""The samples that ship are what scripts/make_samples.py makes, and small."""
+"""Tests that the shipped samples equal the output of scripts/make_samples.py, and are small."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ def made(tmp_path_factory):
 
 
 def assert_the_same_surface(shown: Mesh, made: Mesh) -> None:
-    """Every vertex of each has one of the other within two steps: processors round a sine differently."""
+    """Checks that each vertex has one of the other mesh within two quantisation steps. Processors round sines
+    differently.
+    """
     assert abs(len(shown.vertices) - len(made.vertices)) <= 8
     assert abs(len(shown.faces) - len(made.faces)) <= 16
     for first, second in ((shown, made), (made, shown)):

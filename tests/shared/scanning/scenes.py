@@ -8,18 +8,18 @@ from enliven.scanning import DepthNoiseModel, DepthPreparation, TsdfVolume, Volu
 
 CAMERA = Intrinsics(96, 72, 90.0, 90.0, 47.5, 35.5)
 EVEN = DepthNoiseModel(quadratic=0.0)
-"""Depth that is worth the same at every distance."""
+"""Noise model in which depth has the same weight at every distance."""
 SETTINGS = VolumeSettings(voxel=0.02, noise=EVEN, reach=5.0)
 
 
 def prepared(depth, camera=CAMERA, settings=SETTINGS, colour=None):
-    """The view of (H, W) metres, inf where there is nothing."""
+    """Returns the view of a depth image (H, W) in metres, which is inf where nothing is hit."""
     millimetres = np.where(np.isfinite(depth), depth * 1000.0, 0.0).astype(np.float32)
     return DepthPreparation(camera, settings.noise, settings.near, settings.far).prepare(millimetres, colour)
 
 
 def plane_depth(normal, distance, pose, camera=CAMERA):
-    """(H, W) metres at which rays meet the plane normal . x = distance, world."""
+    """Returns (H, W) metres to the plane normal . x = distance (world)."""
     ray = np.concatenate([pixel_rays(camera), np.ones((camera.height, camera.width, 1))], -1) @ pose[:3, :3].T
     with np.errstate(divide="ignore"):
         depth = (distance - normal @ pose[:3, 3]) / (ray @ normal)
@@ -27,7 +27,7 @@ def plane_depth(normal, distance, pose, camera=CAMERA):
 
 
 def sphere_depth(centre, radius, pose, camera=CAMERA):
-    """(H, W) metres at which rays meet a sphere first, inf where they miss it."""
+    """Returns (H, W) metres to the first intersection with a sphere, inf for rays that miss it."""
     ray = np.concatenate([pixel_rays(camera), np.ones((camera.height, camera.width, 1))], -1)
     to = pose[:3, :3].T @ (np.asarray(centre, float) - pose[:3, 3])
     a, b, c = (ray * ray).sum(-1), ray @ to, to @ to - radius**2
@@ -36,7 +36,7 @@ def sphere_depth(centre, radius, pose, camera=CAMERA):
 
 
 def looking(angle, distance=1.0, tilt=0.0):
-    """(4, 4) pose of a camera that looks at the origin from a level circle about it."""
+    """Returns (4, 4) the pose of a camera on a horizontal circle about the origin, which it looks at."""
     pose = np.eye(4)
     turn = rotation.to_matrix(rotation.from_rotation_vector([0.0, angle, 0.0]))
     turn = turn @ rotation.to_matrix(rotation.from_rotation_vector([tilt, 0.0, 0.0]))
@@ -46,7 +46,9 @@ def looking(angle, distance=1.0, tilt=0.0):
 
 
 def fused_sphere(radius=0.25, count=8, settings=SETTINGS, move=None):
-    """Views of a sphere about the origin from all around, fused; the world is moved by ``move`` (4, 4)."""
+    """Returns the fusion of views of a sphere about the origin from all sides. ``move`` (4, 4) transforms the
+    world.
+    """
     volume, move = TsdfVolume(settings), np.eye(4) if move is None else move
     poses = [looking(2 * np.pi * k / count) for k in range(count)]
     poses += [looking(0.0, tilt=1.4), looking(0.0, tilt=-1.4)]

@@ -1,4 +1,6 @@
-"""Tests of cutting out objects on the floor: the floor is found, contact areas and small holes are closed."""
+"""Tests of cutting out objects on the floor: the floor is found, and contact areas and small holes are
+closed.
+"""
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from enliven.scanning.holes import find_open_sides, find_rims
 
 
 def grid(x0, x1, z0, z1, y, step=0.02):
-    """A level sheet that looks up."""
+    """Returns a horizontal grid that faces up."""
     x, z = np.meshgrid(np.arange(x0, x1, step), np.arange(z0, z1, step), indexing="ij")
     number = np.arange(x.size).reshape(x.shape)
     a, b, c, d = (
@@ -31,7 +33,7 @@ def joined(*parts):
 
 
 def standing(at, size=(0.3, 0.6, 0.3), fine=0.06):
-    """A box without a bottom that stands on y = 0, in small triangles."""
+    """Returns a box without a bottom that stands on y = 0, made of small triangles."""
     box = trimesh.creation.box(size).subdivide_to_size(fine)
     vertices, faces = np.array(box.vertices), np.array(box.faces)
     vertices += [at[0], size[1] / 2 - 0.001, at[1]]
@@ -40,7 +42,7 @@ def standing(at, size=(0.3, 0.6, 0.3), fine=0.06):
 
 
 def scene(noise=0.0, seed=0):
-    """A floor, a table top, the thing at the origin, and another thing."""
+    """Returns a floor, a table top, the object at the origin, and another object."""
     vertices, faces = joined(
         grid(-1.0, 1.0, -1.0, 1.0, 0.0),
         grid(1.2, 1.9, -0.6, 0.6, 0.7),

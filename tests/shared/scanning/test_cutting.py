@@ -1,4 +1,6 @@
-"""Tests of cutting a selection out of a scan: by a box, and as a new object where nothing was before."""
+"""Tests of cutting a selection out of a scan: by a box, and as a new object in space that was empty
+before.
+"""
 
 import sys
 from pathlib import Path
@@ -32,7 +34,7 @@ from enliven.scanning.holes import find_rims
 FLOOR = GroundPlane(np.array([0.0, 1.0, 0.0]), 0.0, 4.0)
 LEVEL = np.eye(4)
 FINE = 0.03
-"""Metres of a triangle's side: what a scan of 2 cm voxels has."""
+"""Side length of triangles in metres, as in a scan with 2 cm voxels."""
 ROOM = joined(grid(-1.0, 1.0, -1.0, 1.0, 0.0), standing((0.7, 0.6)), standing((-0.8, -0.8), (0.3, 0.9, 0.3)))
 
 
@@ -95,7 +97,7 @@ def test_box_keeps_several_objects_without_floor_and_closes_below():
     assert cut.parts == 2 and parts_of(cut.mesh) == 2
     assert not find_rims(cut.mesh), "both have soles"
     assert (cut.mesh.colours == (200, 120, 40)).all()
-    # From 2 cm under the floor on, the floor is meant, too.
+    # A box that begins 2 cm below the floor includes the floor.
     floor = cut_by_box(mesh, box((-0.4, -0.03, -0.4), (1.0, 0.9, 0.9)))
     assert floor.area > cut.area + 1.0 and floor.mesh.bounds[0, 1] == pytest.approx(0.0, abs=2e-3)
 
@@ -135,7 +137,7 @@ def test_upright_frame_has_floor_at_zero_under_target(lean, offset, at):
 
 
 def images_of(vertices, faces, count=10, noise=0.0):
-    """Depth images of a place from all around, in millimetres."""
+    """Returns depth images of a place from all around, millimetres."""
     images, random = [], np.random.default_rng(0)
     for n in range(count):
         pose = looking(2 * np.pi * n / count, 1.6, tilt=0.5)

@@ -1,4 +1,4 @@
-"""Fewer triangles: within the budget, near the full surface as is said, closed where it was, and coloured."""
+"""Tests of mesh decimation: within the budget, with the stated error, still closed, and with colours."""
 
 import numpy as np
 import trimesh
@@ -11,7 +11,7 @@ from enliven.scanning.decimation import distance_bounds
 
 
 def ball(wobble=0.0, detail=4):
-    """A closed ball of 5,120 faces, dented in waves, red above and blue below."""
+    """Returns a closed ball of 5,120 faces with a wavy surface, red above and blue below."""
     sphere = trimesh.creation.icosphere(detail, 0.3)
     vertices = sphere.vertices * (
         1 + wobble * np.sin(9 * sphere.vertices[:, :1] + 5 * sphere.vertices[:, 1:2])
@@ -21,7 +21,7 @@ def ball(wobble=0.0, detail=4):
 
 
 def slow_distance(mesh, point):
-    """Metres from a point to a mesh, by a fine net of points on each face."""
+    """Returns metres from a point to a mesh, by a dense grid of points on each face."""
     share = np.array([(i, j, 60 - i - j) for i in range(61) for j in range(61 - i)]) / 60
     places = (mesh.vertices[mesh.faces][:, None] * share[None, :, :, None]).sum(2)
     return np.linalg.norm(places - point, axis=2).min()

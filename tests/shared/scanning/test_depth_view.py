@@ -1,4 +1,4 @@
-"""A depth image is prepared: half-size points, planes and tiles, against a slow twin of plain loops."""
+"""Tests of preparing a depth image (half-size points, planes and tiles) against plain loops."""
 
 import itertools
 
@@ -15,7 +15,9 @@ NEAR, FAR, GATE, NOISE = 0.3, 5.0, 0.04, DepthNoiseModel()
 
 
 def slow_half(depth):
-    """(h, w) depth of 2 x 2 pixels: of those within the gate of the nearest the harmonic mean; 0 for none."""
+    """Returns (h, w) the harmonic mean of those of 2 x 2 pixels that are within the gate of the nearest, 0
+    for none.
+    """
     height, width = depth.shape
     out = np.zeros(((height + 1) // 2, (width + 1) // 2))
     for v, u in np.ndindex(out.shape):
@@ -28,7 +30,9 @@ def slow_half(depth):
 
 
 def slow_fit(half, camera, v, u):
-    """The unit normal (3,) and the worth of a pixel's plane by least squares in inverse depth; or None."""
+    """Returns the unit normal (3,) and the weight of a pixel's plane by least squares in inverse depth, or
+    None.
+    """
     here, at = 1.0 / half[v, u], []
     for j, i in itertools.product((v - 2, v, v + 2), (u - 2, u, u + 2)):
         there = 0 <= j < half.shape[0] and 0 <= i < half.shape[1] and half[j, i] > 0
@@ -45,14 +49,14 @@ def slow_fit(half, camera, v, u):
 
 
 def ray(camera, v, u):
-    """x and y of the ray through the middle of 2 x 2 pixels, or of those that the image has of them."""
+    """Returns x and y of the ray through the centre of 2 x 2 pixels, or of those inside the image."""
     column = (2 * u + min(2 * u + 1, camera.width - 1)) / 2
     row = (2 * v + min(2 * v + 1, camera.height - 1)) / 2
     return (column - camera.cx) / camera.fx, (row - camera.cy) / camera.fy
 
 
 def slow_tile(depth):
-    """Nearest and farthest depth of a tile, and the share of a whole tile's pixels that have none."""
+    """Returns a tile's nearest and farthest depth, and the fraction of a full tile's pixels without depth."""
     is_known = (depth >= 1e3 * NEAR) & (depth <= 1e3 * FAR)
     some = depth[is_known] * 1e-3
     return min(some, default=np.inf), max(some, default=0.0), (~is_known).sum() / TILE**2

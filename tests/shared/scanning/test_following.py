@@ -1,4 +1,6 @@
-"""Tests of vacated space, and of distances between points and a surface, against laws and slow references."""
+"""Tests of vacated space, and of distances between points and a surface, against known cases and slow
+references.
+"""
 
 import sys
 from pathlib import Path
@@ -30,12 +32,14 @@ def sphere():
 
 
 def on_sphere(radius=RADIUS, count=900, seed=0):
-    """(N, 3) points evenly on a sphere about the origin."""
+    """Returns (N, 3) points evenly on a sphere about the origin."""
     return radius * rotation.unit(np.random.default_rng(seed).normal(size=(count, 3)))
 
 
 def slow_share(points, view, pose, clearance):
-    """The share by its definition: one point after the other, the nearest of nine pixels."""
+    """Returns the fraction of vacated points by its definition, one point at a time, with the nearest of nine
+    pixels.
+    """
     depth = np.where(view.worth > 0, view.points[..., 2], np.inf)
     rows, columns = depth.shape
     lens, gone, shown = view.intrinsics, 0, 0

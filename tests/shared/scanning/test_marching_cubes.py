@@ -1,4 +1,4 @@
-"""Marching cubes over blocks: no crack whatever the signs, and the surface lies where distances are 0."""
+"""Tests of marching cubes over blocks: no cracks for any signs, and the surface is at distance 0."""
 
 import sys
 from pathlib import Path
@@ -16,7 +16,7 @@ from scenes import SETTINGS, fused_sphere
 
 
 def filled(distance, voxel=1.0):
-    """A volume of 2 x 2 x 2 blocks with (16, 16, 16) distances, z first, all of them seen."""
+    """Returns a volume of 2 x 2 x 2 blocks filled with (16, 16, 16) distances, z first, all observed."""
     volume = TsdfVolume(VolumeSettings(voxel=0.01), voxel=voxel)
     volume.blocks.places[:8] = [(k & 1, k >> 1 & 1, k >> 2) for k in range(8)]
     volume.blocks.count = 8
@@ -28,7 +28,7 @@ def filled(distance, voxel=1.0):
 
 
 def sides(faces):
-    """How often each directed side of the faces occurs."""
+    """Returns the count of each directed edge of the faces."""
     pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     return np.unique(pairs, axis=0, return_counts=True)
 
@@ -54,7 +54,7 @@ def test_each_crossing_is_where_the_distance_is_nothing():
     distance = np.sqrt((x - 7.3) ** 2 + (y - 7.9) ** 2 + (z - 8.2) ** 2) - 5.1
     mesh = extract_surface(filled(distance.astype(np.float32)))
     radius = np.linalg.norm(mesh.vertices - [7.3, 7.9, 8.2], axis=1)
-    assert np.abs(radius - 5.1).max() < 0.05  # linear between voxels of a field that is not quite
+    assert np.abs(radius - 5.1).max() < 0.05  # interpolation is linear, but the field is only nearly so
     outward = (mesh.face_normals() * (mesh.vertices[mesh.faces].mean(1) - [7.3, 7.9, 8.2])).sum(1)
     assert (outward > 0).all()
     assert len(mesh.vertices) - 1.5 * len(mesh.faces) + len(mesh.faces) == 2  # Euler: one ball

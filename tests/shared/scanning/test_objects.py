@@ -1,4 +1,6 @@
-"""Objects that are moved: found in any pose or not at all; floors that tell it; one of several things."""
+"""Tests of finding moved objects in any pose or rejecting them, of the floor, and of choosing among
+objects.
+"""
 
 import sys
 from dataclasses import replace
@@ -28,7 +30,7 @@ GROUND = GroundPlane(np.array([0.0, 1.0, 0.0]), 0.0, 1.0)
 
 
 def box(low, high):
-    """A closed box of 12 triangles."""
+    """Returns a closed box of 12 triangles."""
     corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     faces = [[a, b, c] for a, b, c, d in quads] + [[a, c, d] for a, b, c, d in quads]
@@ -37,7 +39,7 @@ def box(low, high):
 
 
 def together(*meshes):
-    """Meshes as one."""
+    """Returns several meshes as one."""
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
     return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), faces.astype(np.int32))
@@ -48,13 +50,13 @@ CRANE = together(
     box((0.12, 0.5, 0.0), (0.5, 0.6, 0.06)),
     box((0.0, 0.0, 0.1), (0.2, 0.08, 0.4)),
 )
-"""A post with an arm to one side and a foot to another: no turn brings it onto itself."""
+"""A post with an arm to one side and a foot to another. No rotation maps it onto itself."""
 WIDE = Intrinsics(192, 144, 180.0, 180.0, 95.5, 71.5)
 units = st.tuples(*[st.floats(-1, 1)] * 3)
 
 
 def pose_of(turn, move):
-    """(4, 4) of a rotation vector and a move."""
+    """Returns (4, 4) the pose of a rotation vector and a translation."""
     pose = np.eye(4)
     pose[:3, :3] = rotation.to_matrix(rotation.from_rotation_vector(np.array(turn)))
     pose[:3, 3] = move
@@ -62,7 +64,7 @@ def pose_of(turn, move):
 
 
 def seen_from(mesh, side, pose):
-    """The points of a mesh that face a direction (3,), moved to another world by a pose."""
+    """Returns the points of a mesh that face a direction (3,), transformed by a pose."""
     points = sample_surface(mesh, 6000)
     faces = points.normals @ rotation.unit(np.array(side, float)) > -0.2
     return replace(points, points=points.points[faces], normals=points.normals[faces]).transformed(pose)
@@ -129,7 +131,7 @@ def test_point_is_seen_through_if_two_images_see_behind_it(points):
 
 
 def _clear(view, local):
-    """Whether a small image saw on beyond a point, camera frame."""
+    """Returns True if a small image measured depth beyond a point (camera frame)."""
     lens = view.intrinsics
     if local[2] <= 0.2:
         return False

@@ -1,4 +1,4 @@
-"""A graph of poses: its laws, and a slow obvious twin."""
+"""Tests of a pose graph: its invariants, and a slow reference."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,9 @@ LEVEL = 0.01
 
 
 def made(seed, count=6, noise=0.0, loops=2):
-    """True poses round a circle, and links between them that are off by ``noise`` deviations."""
+    """Returns true poses around a circle, and links between them with errors of ``noise`` standard
+    deviations.
+    """
     random = np.random.default_rng(seed)
     poses = []
     for _ in range(count):
@@ -39,7 +41,7 @@ def made(seed, count=6, noise=0.0, loops=2):
 
 
 def shaken(poses, random, size):
-    """The poses, each but the first moved and turned by some ``size``."""
+    """Returns the poses, each except the first moved and rotated randomly by ``size``."""
     return [poses[0], *(move_pose(pose, random.normal(0, size, 6)) for pose in poses[1:])]
 
 
@@ -110,7 +112,7 @@ def test_the_world_may_lie_anywhere(seed):
 
 
 def test_measured_gravity_keeps_a_chain_level():
-    """Each link is a little tilted; the chain bends, but not where an accelerometer feels what is up."""
+    """Each link is slightly tilted, so the chain would bend. The measured up direction prevents this."""
     tilt = move_pose(np.eye(4), np.array([0.5, 0.0, 0.0, 0.0, 0.0, 0.02]))
     links = [PoseLink(n, n + 1, tilt, np.diag([1e4] * 6)) for n in range(10)]
     poses = [move_pose(np.eye(4), np.array([0.5 * n, 0, 0, 0, 0, 0])) for n in range(11)]

@@ -18,7 +18,7 @@ def test_each_item_is_done_once_by_a_thread_with_a_tool_of_its_own():
     def do(mine, item):
         assert mine == threading.get_ident()
         pieces = []
-        # A function that shares its work may be called inside such work.
+        # A function that distributes work may be called within such work.
         run_in_pieces(lambda first, last: pieces.extend(range(first, last)), 10, 3)
         assert sorted(pieces) == list(range(10))
         done.append(item)

@@ -1,4 +1,4 @@
-"""The camera of a scan: found where it is, said to be unsure or lost where it is not, and found again."""
+"""Tests of tracking a scan's camera: its pose, the states "unsure" and "lost", and relocalisation."""
 
 import sys
 from dataclasses import replace
@@ -36,7 +36,7 @@ BALLS = (((0.0, 0.25, 0.0), 0.25), ((0.45, 0.15, 0.3), 0.15), ((-0.4, 0.5, -0.3)
 
 
 def room_depth(pose):
-    """(H, W) metres of a corner of a room with three balls."""
+    """Returns (H, W) metres to a corner of a room with three balls."""
     planes = (FLOOR, 0.0), (WALL, -1.2), (SIDE, -1.4)
     depths = [plane_depth(normal, offset, pose, CAMERA) for normal, offset in planes]
     depths += [sphere_depth(centre, radius, pose, CAMERA) for centre, radius in BALLS]
@@ -49,7 +49,7 @@ def frame_of(depth, index=0, pose=None):
 
 
 def carried(angle, height=0.9):
-    """(4, 4) pose of an upright camera on a circle about the balls that looks at them."""
+    """Returns (4, 4) the pose of an upright camera on a circle about the balls, which it looks at."""
     eye = np.array([1.5 * np.sin(angle), height, 1.5 * np.cos(angle)])
     ahead = rotation.unit(np.array([0.0, 0.25, 0.0]) - eye)
     right = rotation.unit(np.cross(ahead, [0.0, 1.0, 0.0]))
@@ -70,12 +70,12 @@ def scan(angles, scanner=None):
 
 @cache
 def scanned():
-    """A scan of the room by a camera that went a sixth of a circle; not to be added to."""
+    """Returns a scan of the room by a camera that moved by a sixth of a circle. Tests must not modify it."""
     return scan(np.linspace(0.0, 1.0, 26))
 
 
 def apart(a, b):
-    """Metres and radians between two poses."""
+    """Returns metres and radians between two poses."""
     turn = rotation.to_rotation_vector(rotation.from_matrix(a[:3, :3].T @ b[:3, :3]))
     return np.linalg.norm(a[:3, 3] - b[:3, 3]), np.linalg.norm(turn)
 
@@ -118,13 +118,13 @@ def test_a_blank_wall_is_unsure_and_not_fused():
     assert step.state is ScanState.UNSURE and step.alignment.deviation > 1.0
     assert scanner.volumes[0].weight.sum() == before
     values, vectors = np.linalg.eigh(step.alignment.covariance[:3, :3])
-    # The position is known along the wall's normal, but not parallel to the wall.
+    # The position along the wall's normal is known, but not the position parallel to the wall.
     normal = np.abs(step.world_from_camera[:3, 2])
     assert np.abs(vectors[:, 0]) @ normal > 0.99 and values[0] < 1e-4 < values[1]
 
 
 def noisy(depth, seed):
-    """Depth with the noise that the settings expect of a camera, another one for each seed."""
+    """Returns the depth with the noise that the settings expect of a camera, for a seed."""
     noise = DepthNoiseModel()
     is_known = np.isfinite(depth) & (depth < 5.0)
     sigma = np.where(is_known, noise.constant + noise.quadratic * np.square(depth - noise.start), 0.0)
@@ -149,14 +149,14 @@ def test_of_a_steep_plane_in_small_voxels_only_the_distance_and_the_tilt_are_kno
 def check_plane(tilt, distance, voxel):
     """Checks that a plane does not determine the camera's position along it.
 
-    A plane's noise has slopes of all directions: they are not what tells where the camera is.
+    The noise of a plane has slopes in all directions. They must not count as information about the position.
     """
     volume = VolumeSettings(voxel=voxel, reach=5.0)
     scanner, pose = Scanner(ScanSettings(volume=volume)), np.eye(4)
     pose[:3, :3] = rotation.to_matrix(rotation.from_rotation_vector([*tilt, 0.0]))
     plane = np.array([0.0, 0.0, -1.0]), -distance
     for n in range(8):
-        # It slides along the plane; eight images are fused at their true places.
+        # The camera moves along the plane. Eight images are fused at their true poses.
         pose[:2, 3] = 0.015 * n, -0.01 * n
         scanner.place(frame_of(noisy(plane_depth(*plane, pose, CAMERA), n), n), pose)
     pose[:2, 3] = 0.12, -0.08
@@ -169,10 +169,10 @@ def check_plane(tilt, distance, voxel):
 
 
 def test_slope_noise_correction_matches_slow_sum():
-    """The ten sums of the kernel, against the points of an image one by one."""
+    """Compares the ten sums of the kernel with sums over the points of an image, one by one."""
     scanner, _ = scanned()
     near, pose = room_depth(carried(0.5)), carried(0.5)
-    near[near > 0.98 * scanner.volumes[0].reach] = np.inf  # what is farther is looked up in coarser voxels
+    near[near > 0.98 * scanner.volumes[0].reach] = np.inf  # farther points are looked up in coarser voxels
     view = scanner.prepare_view(frame_of(noisy(near, 1)))
     sums = scanner.tracker._normal_equations(view, pose, 0, closely=True)
     matrix, true, field = np.zeros((6, 6)), np.zeros((6, 6)), scanner.volumes[0].field
@@ -200,9 +200,9 @@ def test_slope_noise_correction_matches_slow_sum():
     median = np.array(angles)[order][np.searchsorted(share, 0.5)]
     expected = matrix - median**2 / (2 * np.log(2)) * (extra - matrix)
     corrected = frame_to_model_tracking._denoised_matrix(sums)
-    # Bins of a sixteenth know the median to some percent; what is taken off is known to twice as many.
+    # Bins of a sixteenth determine the median to a few percent, and the correction to twice that.
     assert np.abs(corrected - expected).max() < 0.3 * np.abs(matrix - expected).max()
-    # Corrected for noise: products of slopes and normals, and a fraction of the rest for the number of
+    # Corrected for noise: products of slopes and normals, and a part of the remainder in proportion to the
     # points.
     independent = scanner.settings.tracking.independent
     count = np.sum(weights) ** 2 / np.square(weights).sum()
@@ -222,7 +222,7 @@ def test_an_image_without_depth_does_nothing():
 def test_lost_camera_fuses_nothing_and_relocalizes():
     scanner, _ = scan(np.linspace(0.0, 0.8, 21))
     before = [volume.weight.sum() for volume in scanner.volumes]
-    # It is put down before something else.
+    # The camera now looks at something else.
     elsewhere = np.minimum(
         plane_depth(np.array([0.0, 0.6, -0.8]), -1.1, np.eye(4), CAMERA),
         sphere_depth((0.1, 0.05, 0.8), 0.2, np.eye(4), CAMERA),
@@ -237,13 +237,13 @@ def test_lost_camera_fuses_nothing_and_relocalizes():
 
 
 def test_a_place_that_nothing_carried_could_have_reached_is_not_believed():
-    """In a corridor of blank walls an image fits in many places, metres from one another."""
+    """In a corridor of blank walls, an image fits at many positions metres apart."""
     scanner, _ = scan(np.linspace(0.0, 0.4, 14))
     far = frame_of(room_depth(carried(0.56)), 14)
     assert np.linalg.norm(carried(0.56)[:3, 3] - carried(0.4)[:3, 3]) > 0.2
     assert scanner.add(far).state is ScanState.LOST
     assert len(scanner.poses) == 14
-    # Half a second later it may well have been carried there.
+    # Half a second later, the camera may have been carried there.
     scanner, _ = scan(np.linspace(0.0, 0.4, 14))
     step = scanner.add(replace(far, time_ns=far.time_ns + 500_000_000))
     assert step.state is ScanState.SCANNING

@@ -1,4 +1,4 @@
-"""The fusion of depth images: its laws, and a slow obvious twin."""
+"""Tests of the fusion of depth images: its invariants, and a slow reference."""
 
 import sys
 from dataclasses import replace
@@ -18,7 +18,7 @@ from scenes import CAMERA, EVEN, SETTINGS, fused_sphere, looking, plane_depth, p
 
 
 def slow_distance(volume, view, pose, voxel):
-    """(distance, weight) that one image gives a voxel at (3,) integer voxels, as the docstrings say it."""
+    """Returns (distance, weight) that one image gives the voxel (3,), computed as documented."""
     band, lens = volume.band, view.intrinsics
     x, y, z = pose[:3, :3].T @ (voxel * band.voxel - pose[:3, 3])
     if z <= 0.01:
@@ -36,7 +36,7 @@ def slow_distance(volume, view, pose, voxel):
     return distance, worth * max(0.1, 1.0 - abs(distance) / band.behind)
 
 
-def test_the_compiled_fusion_is_the_slow_one():
+def test_compiled_fusion_matches_the_slow_reference():
     volume, poses = TsdfVolume(SETTINGS), [looking(0.0), looking(0.5), looking(-0.4, 1.2, 0.3)]
     views = [prepared(sphere_depth((0.02, 0, 0.05), 0.3, pose)) for pose in poses]
     for view, pose in zip(views, poses, strict=True):
@@ -52,7 +52,7 @@ def test_the_compiled_fusion_is_the_slow_one():
             ]
             samples = [pair for pair in samples if pair is not None]
             total = sum(weight for _, weight in samples)
-            # A voxel at the edge of two pixels may be rounded into either.
+            # Rounding may assign a voxel at the border of two pixels to either.
             if total == 0 or not np.isclose(volume.weight[b, i], total, rtol=1e-3):
                 continue
             mean = sum(distance * weight for distance, weight in samples) / total
@@ -125,7 +125,7 @@ def test_a_world_moved_by_whole_blocks_gives_the_same_numbers():
     here, there = fused_sphere(), fused_sphere(move=step)
     at = there.blocks.find(here.blocks.places[: here.blocks.count] + np.array([3, -2, 5], np.int32))
     seen = (at >= 0).mean()
-    assert seen > 0.99  # float32 may put a point at the border of two blocks into either
+    assert seen > 0.99  # float32 rounding may put a point at a border into either block
     near = np.abs(here.distance[: len(at)][at >= 0] - there.distance[at[at >= 0]])
     assert np.quantile(near, 0.99) < 1e-5
 
@@ -158,7 +158,7 @@ def test_a_hand_that_passed_is_carved_away_and_its_memory_given_back():
     )
 
 
-def test_a_volume_that_forgot_is_as_a_new_one():
+def test_reset_volume_equals_a_new_one():
     poses = [looking(0.2 * k) for k in range(4)]
     views = [prepared(sphere_depth((0, 0, 0), 0.3, pose)) for pose in poses]
     again, new = TsdfVolume(SETTINGS), TsdfVolume(SETTINGS)
@@ -178,13 +178,13 @@ def test_a_volume_that_forgot_is_as_a_new_one():
 def test_memory_follows_the_surface_and_keeps_to_its_limit():
     fine = fused_sphere(settings=replace(SETTINGS, voxel=0.01)).blocks.count
     finer = fused_sphere(settings=replace(SETTINGS, voxel=0.005)).blocks.count
-    assert 3.0 < finer / fine < 5.5  # four times the blocks of a quarter of the area, not eight times
+    assert 3.0 < finer / fine < 5.5  # four times the blocks for a quarter of the area, not eight times
     small = TsdfVolume(replace(SETTINGS, voxel=0.004, memory=16))
     pose = looking(0.0, 1.5)
     view = prepared(plane_depth(np.array([0.0, 0.0, -1.0]), 0.0, pose))
     results = [small.integrate(view, pose) for _ in range(4)]
     assert not results[-1].has_memory and small.megabytes <= 16
-    assert len(extract_surface(small).faces) > 100  # what is there is kept
+    assert len(extract_surface(small).faces) > 100  # existing data is kept
 
 
 def test_thin_parts_stay_whole_from_both_sides():
@@ -192,7 +192,7 @@ def test_thin_parts_stay_whole_from_both_sides():
     normal = np.array([0.0, 0.0, 1.0])
     for angle in (0.0, np.pi, 0.4, np.pi + 0.4, -0.4, np.pi - 0.4):
         pose = looking(angle)
-        # A board 2 cm thick, seen from before and behind.
+        # A board 2 cm thick, seen from the front and from behind.
         near = -0.01 if np.cos(angle) > 0 else 0.01
         volume.integrate(prepared(plane_depth(normal, near, pose)), pose)
     z = extract_surface(volume).vertices[:, 2]
@@ -223,7 +223,7 @@ def test_images_without_colour_do_not_darken_and_gaps_take_nearest_colour():
     volume.integrate(prepared(half, colour=colour), pose)
     volume.integrate(prepared(wall), pose)
     mesh = extract_surface(volume)
-    # The right half was seen without colours only; black in the image stays black.
+    # The right half was seen without colours only. Black pixels of the image stay black.
     assert (mesh.vertices[:, 0] < -0.1).any() and (mesh.vertices[:, 0] > 0.1).any()
     assert np.abs(mesh.colours.astype(int) - (180, 0, 90)).max() <= 1
 

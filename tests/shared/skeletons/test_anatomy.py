@@ -1,4 +1,4 @@
-"""Where bodies look, and what they are made of, whatever they are called and however they stand."""
+"""Tests of finding the facing direction and the body parts, for any joint names and any pose."""
 
 from dataclasses import replace
 
@@ -49,7 +49,7 @@ def named(skeleton, chain):
     return [skeleton.names[j] for j in chain]
 
 
-def test_the_parts_of_a_man():
+def test_parts_of_a_man_are_found():
     skeleton = man()
     anatomy = find_anatomy(skeleton)
     assert named(skeleton, anatomy.trunk) == ["hips", "spine", "chest"]
@@ -63,7 +63,7 @@ def test_the_parts_of_a_man():
     assert anatomy.tail is None
 
 
-def test_the_parts_of_a_horse():
+def test_parts_of_a_horse_are_found():
     skeleton = horse()
     anatomy = find_anatomy(skeleton)
     assert named(skeleton, anatomy.trunk) == ["croup", "loin", "withers"]

@@ -1,4 +1,4 @@
-"""Limbs found from the names of joints: every known convention, with extras that are no limbs."""
+"""Tests of finding limbs by joint names: every known convention, with extra joints that are not limbs."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def test_limbs_are_found_by_name(convention, extras):
         assert leg.knots == named(f"{side} hip", f"{side} knee", f"{side} ankle")
         assert leg.tip == named(f"{side} toe")[0]
     assert (limbs.hips, limbs.chest) == named("hips", "chest")
-    if convention != "rigify":  # which calls its neck a spine
+    if convention != "rigify":  # rigify calls its neck a spine
         assert limbs.head_knots == named("neck", "head")
     assert limbs.head[-1] == named("top")[0]
 
@@ -78,7 +78,7 @@ def test_a_tracked_person_is_found_by_name():
 @pytest.mark.parametrize(
     "skeleton", [horse(), spider(), man(named=False)], ids=["horse", "spider", "nameless"]
 )
-def test_other_names_say_nothing(skeleton):
+def test_unknown_names_identify_no_limbs(skeleton):
     assert human_joints(skeleton) is None
 
 

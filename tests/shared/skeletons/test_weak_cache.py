@@ -1,4 +1,4 @@
-"""The cache for functions of one immutable object."""
+"""Tests of the cache of functions of one immutable object."""
 
 from __future__ import annotations
 

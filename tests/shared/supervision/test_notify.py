@@ -1,4 +1,4 @@
-"""The notifications of a supervised program, read from a real datagram socket."""
+"""Tests of the notifications of a supervised program, read from a real datagram socket."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="datagram socket
 
 @pytest.fixture
 def supervisor(tmp_path: Path) -> Iterator[socket.socket]:
-    """A supervisor's socket that does not wait."""
+    """Returns a supervisor's non-blocking socket."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
         listener.bind(str(tmp_path / "notify"))
         listener.setblocking(False)

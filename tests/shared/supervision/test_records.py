@@ -1,4 +1,4 @@
-"""Records of supervised programs: written, read, damaged and limited."""
+"""Tests of records of supervised programs: written, read, damaged and limited."""
 
 from __future__ import annotations
 

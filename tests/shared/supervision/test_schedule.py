@@ -1,4 +1,4 @@
-"""The time of the nightly restart, with jumps of the clock and daylight saving time."""
+"""Tests of the time of the nightly restart, with clock changes and daylight saving time."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def unix_s(*date: int) -> float:
 
 
 def restarts(at: str, begin_s: float, hours: float, step_s: float = 60.0) -> list[str]:
-    """Returns the local times of the restarts while both clocks run evenly."""
+    """Returns the local times of the restarts while both clocks run at the same rate."""
     nightly = NightlyRestart(at, 0.0)
     times = [number * step_s for number in range(int(hours * HOUR_S / step_s))]
     due = [begin_s + seconds for seconds in times if nightly.is_due(seconds, begin_s + seconds)]

@@ -1,4 +1,4 @@
-"""Causes that systemd reports at the end of a service, and counters of the kernel."""
+"""Tests of the causes that systemd reports when a service ends, and of kernel counters."""
 
 from __future__ import annotations
 

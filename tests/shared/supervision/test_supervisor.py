@@ -1,4 +1,4 @@
-"""The supervisor with real processes: ends, freezes, back-off, records, and its own end."""
+"""Tests of the supervisor with real processes: exits, freezes, back-off, records, and its own end."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ def note(path):
     with open(path, "a") as file:
         file.write(f"{os.getpid()}\\n")
 """
-"""Beginning of each scripted program: the protocol written out, so that it is tested against the bytes."""
+"""Beginning of each scripted program. It implements the protocol literally, to test the bytes."""
 SHORT_S = 0.3
-"""Time without progress after which a scripted program counts as frozen, in seconds."""
+"""Time without progress after which a scripted program counts as frozen, seconds."""
 
 
 def script(text: str) -> list[str]:
@@ -46,7 +46,7 @@ def fast_backoff() -> RestartBackoff:
 
 @contextmanager
 def supervised(folder: Path, *programs: Program) -> Iterator[Supervisor]:
-    """Runs a supervisor in a thread, and stops it."""
+    """Runs a supervisor in a thread and stops it afterwards."""
     supervisor = Supervisor(programs, RecordFolders(folder / "run", folder / "history"), backoff=fast_backoff)
     thread = threading.Thread(target=supervisor.run)
     thread.start()
@@ -59,7 +59,7 @@ def supervised(folder: Path, *programs: Program) -> Iterator[Supervisor]:
 
 
 def starts(path: Path) -> list[int]:
-    """Returns the process ids that a scripted program noted at its starts."""
+    """Returns the process ids that a scripted program wrote at its starts."""
     return [int(line) for line in path.read_text().splitlines()] if path.exists() else []
 
 
@@ -159,7 +159,7 @@ def test_states_are_recorded(tmp_path) -> None:
 
 
 def test_first_progress_is_recorded_at_once(tmp_path, monkeypatch) -> None:
-    # The next usual record would come in a day.
+    # The next periodic record would be written a day later.
     monkeypatch.setattr(supervisor_module, "_RECORD_INTERVAL_S", 86400.0)
     busy = "time.sleep(0.2); report('READY=1'); time.sleep(600)"
     with supervised(tmp_path, Program("edge", script(busy), frozen_after_s=60.0)):
@@ -168,7 +168,9 @@ def test_first_progress_is_recorded_at_once(tmp_path, monkeypatch) -> None:
 
 @pytest.mark.skipif(not hasattr(os, "pidfd_open"), reason="needs Linux")
 def test_end_of_a_program_is_noticed_without_waiting_for_the_next_check(tmp_path, monkeypatch) -> None:
-    """Also the end of its successor. The wait between two checks is longer than the patience of this test."""
+    """This includes the end of the restarted program. The interval between two checks is longer than this
+    test's timeout.
+    """
     monkeypatch.setattr(supervisor_module, "POLL_INTERVAL_S", 3600.0)
     ended = Program("edge", script("sys.exit(3)"), restart="failure")
     backoff = RestartBackoff(max_wait_s=0.0)
@@ -239,7 +241,9 @@ def test_programs_end_with_the_run(tmp_path) -> None:
 
 
 def test_exit_codes_of_programs_that_the_supervisor_ends(tmp_path, monkeypatch) -> None:
-    """One reacts to the signal with a code of its own, one is ended by it, and one has to be killed."""
+    """One program exits with its own code on the signal, one is terminated by it, and one has to be
+    killed.
+    """
     monkeypatch.setattr(supervisor_module, "TERMINATION_GRACE_S", 2.0)
     log = tmp_path / "starts"
     forms = {

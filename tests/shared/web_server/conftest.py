@@ -1,4 +1,4 @@
-"""Certificates for the tests of web servers."""
+"""Provides certificates for the tests of web servers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Passwords, rate limits, tokens, forms, and certificates."""
+"""Tests of passwords, rate limits, tokens, forms, and certificates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Materials on the wire: what is sent arrives, what is too large is left out, what is wrong is refused."""
+"""Tests of materials on the wire: sent materials arrive, too large ones are omitted, and invalid ones
+refused.
+"""
 
 from __future__ import annotations
 
@@ -60,7 +62,7 @@ def test_message_without_materials_is_unchanged() -> None:
     assert sent(replace(painted(2), materials=None)).materials is None
 
 
-def test_textures_that_are_too_large_stay_at_home_and_the_character_goes() -> None:
+def test_too_large_textures_are_left_out_of_the_character() -> None:
     character = painted(2)
     large = replace(character.materials, textures=(texture(1 << 24),))
     assert sent(replace(character, materials=large)).materials is None
@@ -91,7 +93,7 @@ def test_a_definition_that_is_nested_without_end_is_refused() -> None:
         message_to_character(msgspec.convert(plain, CharacterMessage))
     plain["materials"]["definitions"][0] = '{"a":' * 900 + "1" + "}" * 900
     try:
-        message_to_character(msgspec.convert(plain, CharacterMessage))  # read, or refused with a word
+        message_to_character(msgspec.convert(plain, CharacterMessage))  # read, or an InputError
     except InputError as error:
         assert "nested" in str(error) or "JSON" in str(error)
 

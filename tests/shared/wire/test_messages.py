@@ -1,4 +1,4 @@
-"""Messages there and back; and everything that is not a message is refused, whatever it is."""
+"""Tests of encoding and decoding messages, and that all other bytes are refused."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ def test_replies_survive(body: object) -> None:
     assert envelope.unpack_control(envelope.pack_control(reply), topics.REPLY) == reply
 
 
-def test_the_table_is_whole() -> None:
+def test_message_table_is_complete() -> None:
     assert len({t.name for t in topics.TOPICS}) == len(topics.TOPICS)
     assert all(t.max_bytes < topics.MAX_STREAM_BYTES for t in topics.STREAMS.values())
     assert {type(m) for m in EXAMPLES} == {t.type for t in topics.STREAMS.values()}
@@ -190,7 +190,7 @@ def test_body_survives_encoding() -> None:
 
 
 def test_messages_of_older_programs_are_read() -> None:
-    """The bytes are those that version 0.1 sent and recorded: arrays without the fields that came later."""
+    """The bytes were sent and recorded by version 0.1: arrays without the fields that were added later."""
     joints = np.arange(60).astype("<i2").tobytes()
     packed = b"\x93\x07\xc4\x78" + joints + b"\xc4\x14" + bytes(range(20))
     old = b"bodies\0\x01" + b"\x93\x05\x06\x91" + packed
@@ -360,7 +360,7 @@ def test_each_kind_of_malformed_message_is_logged_once(caplog: pytest.LogCapture
         ("[::1]", Endpoint("::1", 5580, 5581)),
     ],
 )
-def test_addresses(text: str, expected: Endpoint) -> None:
+def test_addresses_are_parsed(text: str, expected: Endpoint) -> None:
     assert parse_endpoint(text) == expected
     assert parse_endpoint(str(expected)) == expected
 
@@ -387,7 +387,9 @@ def test_more_performers_than_the_wire_names_do_no_harm() -> None:
 
 
 def test_messages_of_older_programs_keep_their_meaning() -> None:
-    """Fields that came later are left out: Possess took over alone, Release was of everybody."""
+    """Fields that were added later are missing: Possess took over by one performer, Release released
+    everybody.
+    """
     old = {"type": "Possess", "character": "chair", "body": 3, "parts": "legs"}
     asked = msgspec.convert(old, requests.Possess)
     assert asked == requests.Possess("chair", 3, "legs", "alone")
@@ -432,7 +434,7 @@ def test_bodies_as_sent_are_those_that_arrive_and_are_sent_again_alike(seed: int
     ],
 )
 def test_scan_flags_and_mode_mean_the_same(flags, mode) -> None:
-    """An older viewer sends flags, and an older edge reads them."""
+    """An older viewer sends flags instead of a mode, and an older edge reads the flags."""
     old_request = {"type": "Scan", "do": "start", **flags}
     read = msgspec.convert(old_request, requests.Scan)
     assert read.mode == mode

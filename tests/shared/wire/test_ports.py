@@ -1,4 +1,4 @@
-"""Ports for programs that are started together."""
+"""Tests of choosing ports for programs that are started together."""
 
 import socket
 import sys

@@ -1,4 +1,6 @@
-"""Props on the wire: as exact as stated, whole in every message, and refused where they make no sense."""
+"""Tests of props on the wire: within the stated accuracy, complete in every message, and refused if
+invalid.
+"""
 
 from __future__ import annotations
 

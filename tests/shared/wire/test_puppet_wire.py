@@ -41,7 +41,9 @@ def character(count: int = 12, surface: ArapSettings = SOFT) -> Character:
 
 
 def acting(seed: int, character: Character, far: float = 0.4) -> Pose:
-    """The puppet turned and moved about the stage, its control points somewhere."""
+    """Returns a pose with the puppet at a random position and rotation, and random control point
+    positions.
+    """
     rng = np.random.default_rng(seed)
     turn = to_matrix(from_rotation_vector(np.array([0.0, rng.uniform(-3, 3), 0.0])))
     away = rng.normal(0, far, (len(character.pivots), 3))
@@ -74,7 +76,7 @@ def test_everything_that_the_solve_needs_comes_through() -> None:
 
 def test_older_program_sees_puppet_as_one_rigid_piece() -> None:
     class Before(msgspec.Struct, tag="CharacterMessage", frozen=True):
-        """As programs had it that did not know control points."""
+        """The message class of programs before control points were added."""
 
         kind: Literal["graph", "bones"]
         indices: bytes
@@ -194,7 +196,7 @@ def test_the_message_has_the_solvers_own_defaults() -> None:
 
 
 def replace_fields(message: CharacterMessage, **changes: object) -> CharacterMessage:
-    """A message with other fields."""
+    """Returns a message with some fields replaced."""
     return msgspec.structs.replace(message, **changes)
 
 

@@ -1,4 +1,4 @@
-"""The pose code: its stated errors hold for every transform, and nothing that comes in can break it."""
+"""Tests of the pose code: the stated errors hold for every transform, and no input can break the decoder."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ few = settings(max_examples=40, deadline=None)
 
 
 def character(count: int, seed: int = 0, kind: str = "graph") -> Character:
-    """Pivots at random in two cubic metres, each joined to the one before."""
+    """Returns a character with random pivots in two cubic metres, each linked to the previous one."""
     pivots = np.random.default_rng(seed).uniform(-1, 1, (count, 3)).astype(np.float32)
     edges = np.stack([np.arange(count - 1), np.arange(1, count)], -1).astype(np.int32)
     skin = SkinWeights(np.zeros((3, 4), np.uint16), np.full((3, 4), 0.25, np.float32))
@@ -28,7 +28,9 @@ def character(count: int, seed: int = 0, kind: str = "graph") -> Character:
 
 
 def random_pose(count: int, seed: int, spread: float) -> Pose:
-    """Any rotation, times any stretch within ``spread`` of the identity, anywhere in a stage."""
+    """Returns a random pose: any rotation, times any stretch within ``spread`` of the identity, anywhere on a
+    stage.
+    """
     rng = np.random.default_rng(seed)
     q = rng.normal(size=(count, 4))
     rotation = np.stack([matrix(each) for each in q])
@@ -39,25 +41,25 @@ def random_pose(count: int, seed: int, spread: float) -> Pose:
 
 
 def matrix(q: np.ndarray) -> np.ndarray:
-    """The slow twin of ``rotation_matrix``: q v q* on the axes."""
+    """Returns the matrix by q v q* on the axes, as a reference for ``rotation_matrix``."""
     w, x, y, z = q / np.linalg.norm(q)
     k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.eye(3) + 2 * w * k + 2 * k @ k
 
 
 def polar(a: np.ndarray) -> np.ndarray:
-    """The slow twin of ``nearest_rotation``, by singular values."""
+    """Returns the nearest rotation by singular values, as a reference for ``nearest_rotation``."""
     u, _, vt = np.linalg.svd(a)
     return u @ np.diag([1, 1, np.sign(np.linalg.det(u @ vt))]) @ vt
 
 
 def angle(a: np.ndarray, b: np.ndarray) -> float:
-    """Radians between two rotation matrices, exact near 0."""
+    """Returns radians between two rotation matrices, accurate near 0."""
     return 2 * np.arcsin(min(1.0, float(np.linalg.norm(a - b)) / np.sqrt(8)))
 
 
 def in_room(a: np.ndarray) -> np.ndarray:
-    """(3, 3) as part of a larger array, as the codec hands it to the kernels."""
+    """Returns a (3, 3) view into a larger array, in the form that the codec passes to the kernels."""
     room = np.empty((4, 6))
     room[:3, :3] = a
     return room[:3, :3]
@@ -227,7 +229,7 @@ def test_integers_survive_with_size_of_slow_reference(table: np.ndarray) -> None
 
 
 def slow_column(column: list[int]) -> str:
-    """A Rice-coded column as a string of bits."""
+    """Returns a Rice-coded column as a string of bits."""
     if not any(column):
         return "1111"
     return min((slow_rice(column, k) for k in range(bits.ALL_ZERO)), key=len)

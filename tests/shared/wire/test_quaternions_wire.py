@@ -1,4 +1,4 @@
-"""Quaternions in four bytes: how far off, and that any four bytes are a rotation."""
+"""Tests of quaternions in four bytes: the accuracy, and that any four bytes decode to a rotation."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,6 @@
-"""Every message: what is out of its declared range is refused, what is accepted is read again unchanged."""
+"""Tests that every message refuses values outside the declared ranges, and that accepted values are read
+unchanged.
+"""
 
 from __future__ import annotations
 
@@ -94,7 +96,7 @@ def test_noise_has_no_number(noise: bytes) -> None:
 
 @pytest.mark.parametrize("name", ["a\ud800b", "\udcff"])
 def test_text_that_cannot_be_encoded_is_refused(name: str) -> None:
-    """File names of other encodings have such letters."""
+    """Such characters occur in file names of other encodings."""
     with pytest.raises(MalformedMessageError):
         pack_checked(streams.SizeMessage(name, 1.0))
     with pytest.raises(InputError, match="cannot be sent"):
@@ -106,7 +108,7 @@ def test_text_that_cannot_be_encoded_is_refused(name: str) -> None:
 
 
 def soft(**surface: float) -> Character:
-    """A character of control points with these settings of its surface."""
+    """Returns a character with control points and the given settings of its surface."""
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
     skin = SkinWeights(np.zeros((3, 4), np.uint16), np.tile(np.float32([1, 0, 0, 0]), (3, 1)))
     pivots, edges = vertices[:2], np.array([[0, 1]], np.int32)
@@ -140,7 +142,7 @@ def test_a_character_below_its_minimum_is_refused_with_the_field_and_the_range(
     surface: dict, why: str
 ) -> None:
     check_character(soft())
-    check_character(soft(most_stretch=float("inf")))  # an infinite limit is sent as the largest
+    check_character(soft(most_stretch=float("inf")))  # an infinite limit is sent as the largest one
     with pytest.raises(InputError) as error:
         check_character(soft(**surface))
     assert why in error.value.what and error.value.where == "character 'soft'" and error.value.remedy
@@ -166,7 +168,7 @@ def test_ranges_between_fields_hold_too() -> None:
 
 
 def _scan(box: list[float]) -> requests.Scan:
-    """A request with a box that its class refuses: as a program without these checks sends it."""
+    """Returns a request with a box that its class refuses, as sent by a program without these checks."""
     scan = requests.Scan("done", box=[0.0] * 6, stage_from_scan=[0.0] * 12)
     scan.box[:] = box
     return scan

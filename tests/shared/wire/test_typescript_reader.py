@@ -1,4 +1,4 @@
-"""Tests of integrations/web: the reader gets the numbers of Python, and built files are current."""
+"""Tests of integrations/web: the reader gets the same numbers as Python, and built files are current."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""ZMTP's listening side without sockets: bytes say the same however they are cut, noise is only refused."""
+"""Tests of the server side of ZMTP without sockets: messages do not depend on packet boundaries, noise is
+refused.
+"""
 
 import itertools
 import struct
@@ -20,7 +22,7 @@ PUB_TALK = make_frame(b"\x09SUBSCRIBEpose", 4) + make_frame(b"\x01cues") + make_
 
 
 def heard(session: ZmtpSession, chunks: list[bytes]) -> list[list[bytes]]:
-    """The messages in the bytes, however they come."""
+    """Returns the messages in the bytes, which may arrive in any pieces."""
     messages = []
     for chunk in chunks:
         session.feed(chunk)

@@ -1,4 +1,6 @@
-"""Tests that a short film decodes with the right length, size and content; a sheet has its tiles."""
+"""Tests that a short film has the correct length, size and content, and that a contact sheet has its
+tiles.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,7 @@ SMALL = ViewerSettings(
 
 
 class Walk:
-    """A feed of a box that moves along +X, in bursts, and then ends."""
+    """A feed of a box that moves along +X, with messages in bursts, and then ends."""
 
     def __init__(self, character: Character, count: int, rate: float = 30.0, start: int = 10**15) -> None:
         self.character, self.count, self.step = character, count, round(NS_PER_S / rate)
@@ -61,7 +63,7 @@ class Walk:
 
 
 class Vanishing(Walk):
-    """A feed from a killed edge: it falls silent without a farewell."""
+    """A feed of a killed edge, which becomes silent without a final message."""
 
     def poll(self, document: Document) -> int:
         arrived = super().poll(document)
@@ -170,7 +172,7 @@ def test_missing_encoders_are_reported(monkeypatch) -> None:
 
 
 def test_an_encoder_that_is_listed_but_does_not_open_is_passed_over(tmp_path, monkeypatch) -> None:
-    """PyAV lists hardware encoders on every machine; no such device exists here."""
+    """PyAV lists hardware encoders on every machine, but this machine has no such device."""
     broken = FilmEncoder("h264_v4l2m2m", "H.264", "the system's own")
     if broken.name not in av.codecs_available:
         pytest.skip(f"this build of PyAV does not list {broken.name}")

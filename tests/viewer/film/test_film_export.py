@@ -1,4 +1,4 @@
-"""Tests of the .mp4 exporter: a film of given performances, and errors before any work."""
+"""Tests of the .mp4 exporter: a film of given performances, and errors that are raised before any work."""
 
 from pathlib import Path
 
@@ -35,11 +35,11 @@ def test_a_film_is_as_long_as_the_performance_and_shows_it_move(tmp_path) -> Non
 
 
 CODED = 0.035
-"""Maximum offset in seconds of a sound in a film: the encoder's blocks of 1,024 samples."""
+"""Maximum offset of a sound in a film in seconds, because the encoder's blocks have 1,024 samples."""
 
 
 def click_at(path: Path) -> float:
-    """Returns the second at which a film clicks; checks that its sound ends with its images."""
+    """Returns the second at which a film clicks. Checks that its sound ends with its images."""
     heard = read_sound(path).samples
     with av.open(str(path)) as film:
         lasts = float(film.streams.video[0].duration * film.streams.video[0].time_base)
@@ -49,7 +49,9 @@ def click_at(path: Path) -> float:
 
 @pytest.mark.parametrize(("start", "clicks"), [(0.0, 0.3), (0.2, 0.1)])
 def test_the_film_of_a_project_has_its_sound_from_its_first_picture_on(start, clicks, tmp_path) -> None:
-    """Also for a part of the project; the sound is longer, and is cut with the images."""
+    """This also holds for a part of the project. The sound is longer than the images, and is cut with
+    them.
+    """
     samples = np.zeros(2 * SOUND_RATE, np.int16)
     samples[round(0.1 * SOUND_RATE) :][:400] = 25_000
     clip = waving()

@@ -1,4 +1,6 @@
-"""Tests that a film is encoded in the background: all images, in order, upright; errors are reported."""
+"""Tests that a film is encoded in the background with all images in order and upright, and that errors are
+reported.
+"""
 
 import threading
 
@@ -15,7 +17,9 @@ from enliven_viewer.render.gl.targets import flip_rows
 
 
 def raw(level: int) -> np.ndarray:
-    """Returns a (32, 64, 4) image in OpenGL's order: upper half as bright as ``level``, lower half black."""
+    """Returns a (32, 64, 4) image in OpenGL's row order. The upper half has brightness ``level``, the lower
+    half is black.
+    """
     picture = np.zeros((32, 64, 4), np.uint8)
     picture[16:] = level
     return picture

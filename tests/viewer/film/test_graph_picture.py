@@ -1,4 +1,4 @@
-"""Tests of enliven graph, end to end: the image of a real graph, with each colour at its place."""
+"""Tests of ``enliven graph`` with a real graph: each colour of the image is at its position."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ SIZE = 320
 
 @pytest.fixture(scope="module")
 def balls():
-    """Returns two balls that do not touch: one bridge connects their graphs."""
+    """Returns two balls that do not touch, so that one bridge connects their graphs."""
     centres = np.array([[0.0, 0.3, 0.0], [0.0, 1.3, 0.0]])
 
     def field(points):
@@ -58,7 +58,7 @@ def test_the_bridge_is_red_where_it_is(balls, tmp_path, capsys):
         column, row = round((number + 0.5 + x / 2) * SIZE), round(HEADER_HEIGHT_PX + (0.5 - y / 2) * height)
         around = pixels[row - 2 : row + 3, column - 2 : column + 3]
         assert close_to(around, BRIDGE_COLOUR).any(), f"view {number}"
-        # Only the bridge has that colour in the panel.
+        # Only the bridge has this colour in the panel.
         red = close_to(
             pixels[HEADER_HEIGHT_PX : HEADER_HEIGHT_PX + height, number * SIZE : (number + 1) * SIZE],
             BRIDGE_COLOUR,

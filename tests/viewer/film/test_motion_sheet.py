@@ -1,4 +1,6 @@
-"""Tests of the sheet of a motion: performer above, model below, both moving and in full view."""
+"""Tests of the contact sheet of a motion: performer above, model below, both moving and completely
+visible.
+"""
 
 import sys
 from pathlib import Path
@@ -39,7 +41,7 @@ def test_a_stick_figure_has_a_piece_for_every_bone():
     shape = make_stick_shape("man", man())
     followed = np.unique(shape.skin.indices[:, 0])
     assert followed.tolist() == list(range(1, len(man())))
-    # Every piece surrounds its bone: equally long, and little thicker than a sixth of it.
+    # Every piece surrounds its bone, is equally long, and is little thicker than a sixth of its length.
     for bone in followed:
         points = shape.mesh.vertices[shape.skin.indices[:, 0] == bone]
         start, along = man().positions[man().parents[bone]], man().vectors[bone]

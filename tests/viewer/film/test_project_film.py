@@ -1,4 +1,4 @@
-"""A film of a project shows all of it from one place, in both formats."""
+"""Tests of films of a project: one fixed camera shows all of it, in both formats."""
 
 import math
 

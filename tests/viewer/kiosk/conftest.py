@@ -1,4 +1,4 @@
-"""Profiles for the tests of the kiosk's window."""
+"""Provides profiles for the tests of the kiosk's window."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from enliven.kiosk.profile import EdgeOfKiosk, KioskCharacter, KioskProfile, Sto
 
 @pytest.fixture
 def profile() -> KioskProfile:
-    """Returns a kiosk with a chair and a lamp. Its edge does not run."""
+    """Returns a kiosk profile with a chair and a lamp. Its edge does not run."""
     return KioskProfile(
         edges={"floor": EdgeOfKiosk(port=9)},
         characters={"chair": KioskCharacter("chair", "chair"), "lamp": KioskCharacter("lamp", "lamp")},

@@ -1,4 +1,6 @@
-"""The words of the kiosk: readable from 4 m, in every language, and never at rest."""
+"""Tests of the kiosk's texts: readable from 4 m, translated into every language, and never still on the
+screen.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,7 @@ def english():
 
 
 def draw(gl, canvas, size, letters, text) -> np.ndarray:
-    """Returns (H, W) the brightness of a text on black."""
+    """Returns (H, W) the brightness of a text drawn on black."""
     target = gl.simple_framebuffer(size, 4)
     target.clear()
     with canvas.over(target):
@@ -71,7 +73,7 @@ def test_every_text_of_the_story_has_words_in_german():
 
 
 def make_frame(phase=Phase.ATTRACT, **changes) -> ShowFrame:
-    """Returns a picture with a state of the story."""
+    """Returns a frame in a given state of the story."""
     story = Story(StorySettings(), KioskProfile().zone, ["chair"])
     view = story.advance(StoryInput(0.0))
     spot = replace(view.spots[0], phase=phase, **changes)

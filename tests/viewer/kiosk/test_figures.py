@@ -1,4 +1,4 @@
-"""Figures of the kiosk: they stand on the floor, turn at once, and never jump."""
+"""Tests of the kiosk's figures: they stand on the floor, turn at once, and never jump."""
 
 from __future__ import annotations
 

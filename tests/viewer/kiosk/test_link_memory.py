@@ -1,4 +1,4 @@
-"""The memory of the kiosk's link during a long run in lock-step with a real edge."""
+"""Tests the memory of the kiosk's link during a long run in lock-step with a real edge."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from enliven_viewer.kiosk.stage_link import KioskLink
 from enliven_viewer.link.edge_client import EdgeClient
 
 MAX_HISTORY_S = 6.0
-"""Longest history that a kiosk may store, in seconds."""
+"""Longest history that a kiosk may store, seconds."""
 FRAMES = 600
-"""Frames of each half of the run: 20 s, more than three times the longest history."""
+"""Number of frames in each half of the run: 20 s, more than three times the longest history."""
 MAX_LINK_FRAMES = 20_000
-"""Frames after which a message that has not arrived is lost. Each one takes 2 ms or more."""
+"""Number of frames after which a message counts as lost. Each frame takes 2 ms or more."""
 IMAGE = CameraMessage([1.0, 0.0, 0.0, 0.0] * 3, [0.9, 0.9, 0.6, 0.5], 96, 72, bytes(range(96)) * 72)
 """A camera preview of the size that edges send."""
 
 
 class Run:
-    """A kiosk's link to an edge with a visitor and camera previews."""
+    """A kiosk's link to an edge with a visitor and camera previews, advanced by the test."""
 
     def __init__(self, stage: StagedKiosk) -> None:
         self.stage = stage
@@ -38,7 +38,7 @@ class Run:
         self.longest_s, self.most_unread_bytes = 0.0, 0
 
     def advance(self, frames: int) -> None:
-        """Runs until the link has received everything up to the given number of frames from now."""
+        """Runs until the link has received everything that is sent within the next ``frames`` frames."""
         end_ns = round((self.stage.now + frames / RATE_HZ) * 1e9)
         for _ in range(frames + MAX_LINK_FRAMES):
             self.stage.step()
@@ -74,6 +74,6 @@ def test_a_kiosk_stores_some_seconds_and_no_camera_images(run):
     assert latest["camera"] == 1 and latest["pose"] == 1, "both have arrived"
     assert MAX_HISTORY_S - 1.0 < run.longest_s <= MAX_HISTORY_S + 1.0 / RATE_HZ
     assert len(run.timeline) <= MAX_HISTORY_S * RATE_HZ + 1
-    # Physics, voice and the camera send the newest state, which may wait once each.
+    # Physics, voice and the camera send only their newest state, so one message of each may wait.
     assert run.most_unread_bytes < 2 * len(IMAGE.nearness)
     assert grown < FRAMES // 4, "less than one object for each frame"

@@ -1,4 +1,6 @@
-"""Reports of the kiosk's window: progress only for pictures that change, and a picture of the screen."""
+"""Tests of the reports of the kiosk's window: progress only if the image changes, and an image of the
+screen.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recorded performances of the kiosk: the shipped visits, own recordings, and damaged ones."""
+"""Tests of the kiosk's recorded performances: the shipped visits, own recordings, and damaged ones."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ PLACE = (0.3, -2.5)
 
 @pytest.fixture
 def person(make_box):
-    """Returns a character of a person's size: a box with a deformation graph."""
+    """Returns a character of a person's size, a box with a deformation graph."""
     vertices, faces = make_box((-0.3, 0.0, -0.2), (0.3, 1.7, 0.2))
-    from enliven.meshes import split_long_edges  # a graph needs more vertices than the corners of a box
+    from enliven.meshes import split_long_edges  # a graph needs more vertices than a box has corners
 
     refined = split_long_edges(vertices.astype(float), faces, 0.25)
     mesh = Mesh(np.asarray(refined[0], float), np.asarray(refined[1], np.int32), "box")
@@ -123,13 +123,13 @@ def test_without_characters_nothing_plays():
 
 
 def pairs(items):
-    """Returns each item with the one after it."""
+    """Returns each item with its successor."""
     return list(itertools.pairwise(items))
 
 
 @pytest.fixture
 def made_visit(tmp_path):
-    """Returns the path of a short visit: the standing part of a shipped one."""
+    """Returns the path of a short visit, the standing part of a shipped one."""
     frames = list(Recording(list_shipped_visits()[0]).frames())
     last = frames[-1]
     path = tmp_path / "short.mcap"

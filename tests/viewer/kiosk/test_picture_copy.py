@@ -1,4 +1,4 @@
-"""Copies of pictures: the mirror, and the rotation for an upright monitor."""
+"""Tests of copying images: mirroring, and rotation for an upright monitor."""
 
 from __future__ import annotations
 

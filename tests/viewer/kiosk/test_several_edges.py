@@ -1,4 +1,4 @@
-"""A kiosk with two real edges that replay the shipped visits: visitors and characters are in one space."""
+"""Tests of a kiosk with two real edges that replay the shipped visits: both share one space."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from enliven_viewer.render.scene import SceneCharacter
 
 VISITS = Path(str(resources.files("enliven_viewer.kiosk") / "visits"))
 APART_M = 1.5
-"""Distance of the two spots of a duet, and of the worlds of both edges in the space."""
+"""Distance between the two spots of a duet, and between the worlds of both edges in the space, metres."""
 
 
 class Room:
     """A show of two edges in lock-step.
 
     Attributes:
-        frame: the last picture.
+        frame: the last rendered frame.
     """
 
     def __init__(self, profile: KioskProfile, folder: Path, edges: list[StagedKiosk]) -> None:
@@ -53,7 +53,7 @@ class Room:
             self.step()
 
     def leave(self) -> None:
-        """Lets all visitors leave, and waits until their characters are free."""
+        """Makes all visitors leave, and waits until their characters are free."""
         for edge in self.edges:
             edge.sensor._began, edge.sensor.silent = -1e3, False
         holders = [*self.edges, *self.link._edges]
@@ -69,14 +69,14 @@ class Room:
         return [spot.phase for spot in self.frame.story.spots]
 
     def places(self) -> dict[int, np.ndarray]:
-        """Returns the place of each visitor on the floor by the number of the edge and the id."""
+        """Returns each visitor's floor position, by the number of the edge and the id."""
         bodies = self.frame.report.bodies.items()
         return {body: joints.joints[Joint.HIP_CENTER, [0, 2]] for body, joints in bodies}
 
 
 @pytest.fixture(scope="module")
 def edges():
-    """Returns two edges with the same two characters, as the kiosk starts them."""
+    """Returns two edges with the same two characters, as started by the kiosk."""
     characters = ("chair", "chair"), ("lamp", "lamp")
     staged = [
         StagedKiosk(*characters, name=name, sensor=RecordedVisitorSensor(VISITS / visit))
@@ -89,7 +89,7 @@ def edges():
 
 @pytest.fixture
 def enter(edges, tmp_path):
-    """Returns a function that opens a room in which a visitor walks to each edge's circle."""
+    """Returns a function that opens a room in which one visitor walks to the circle of each edge."""
     rooms = []
 
     def open_room(places: dict[str, float], **story) -> Room:
@@ -130,7 +130,7 @@ def enter(edges, tmp_path):
 
 
 def find_figures(room: Room) -> dict[str, SceneCharacter]:
-    """Returns the characters in the picture. The renderer draws each one once."""
+    """Returns the characters in the image. The renderer draws each one once."""
     actors = [actor for actor in room.frame.scene.actors if actor.character.id in ("chair", "lamp")]
     figures = {actor.character.id: actor for actor in actors}
     assert len(figures) == len(actors)
@@ -205,7 +205,7 @@ def test_worlds_of_the_edges_are_moved_into_that_of_the_first(enter, edges):
     places = room.places()
     numbers = {split_performer_id(body)[0]: place for body, place in places.items()}
     for k, points in enumerate(recorded):
-        # The show is behind by the frames that are still on their way, several ones on a busy machine, so any
-        # place of the last second is right.
+        # The show lags by the frames in transit, which are several on a busy machine. Any position of the
+        # last second is therefore correct.
         errors = numbers[k] - np.array(points[-round(RATE_HZ) :]) - [APART_M * k, 0.0]
         assert np.abs(errors).max(1).min() < 0.1

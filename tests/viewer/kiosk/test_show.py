@@ -1,4 +1,4 @@
-"""The whole show in simulated time: a real edge, and synthetic visitors that follow the screen."""
+"""Tests the whole show in simulated time, with a real edge and synthetic visitors that follow the screen."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from enliven.kiosk.story_table import Phase
 from enliven_viewer.kiosk.show import KioskShow
 
 WALKING_SPEED = 1.2
-"""Metres per second at which the visitor walks."""
+"""Speed of the visitor, metres per second."""
 
 
 def shown_phase(frame) -> Phase:
@@ -23,7 +23,7 @@ def shown_phase(frame) -> Phase:
 
 @pytest.fixture(scope="module")
 def stage():
-    """Returns an edge with a chair, made once, since its preparation takes seconds."""
+    """Returns an edge with a chair. It is created once, because its preparation takes seconds."""
     kiosk = StagedKiosk(("chair", "chair"), name="kiosk-show")
     yield kiosk
     kiosk.close()
@@ -31,7 +31,7 @@ def stage():
 
 @pytest.fixture
 def screening(stage):
-    """Returns a show at that edge, without visitors."""
+    """Returns a show with that edge, without visitors."""
     stage.sensor.visitors.clear()
     stage.sensor.silent = False
     profile = KioskProfile(
@@ -45,7 +45,7 @@ def screening(stage):
 
 
 def walk_to_circle(screening: Screening, visitor: SyntheticVisitor) -> None:
-    """Walks one step towards the circle, as a person that sees it on the screen."""
+    """Moves the visitor one step towards the circle, like a person who sees it on the screen."""
     goal = np.array(screening.frame.story.spot.place)
     here = np.array(visitor.place)
     away = float(np.linalg.norm(goal - here))
@@ -107,7 +107,7 @@ def test_visit_ends_with_thanks_and_attract(screening):
 
 
 @pytest.mark.slow
-def test_silent_camera_is_told_to_operators_while_attract_goes_on(screening):
+def test_silent_camera_is_reported_to_operators_while_attract_continues(screening):
     screening.kiosk.sensor.silent = True
     screening.run_until(lambda frame: "camera" in frame.report.problem, 5.0)
     assert shown_phase(screening.frame) is Phase.ATTRACT
@@ -139,7 +139,7 @@ def test_attract_without_an_edge_shows_the_shipped_chair(profile):
 
 
 def assert_pictures_move(screening: Screening) -> None:
-    """Fails if the camera and the characters stay the same."""
+    """Fails if the camera and the characters do not move."""
     before = screening.show.look(16 / 9).clip_from_world
     for _ in range(30):
         screening.step()

@@ -1,4 +1,6 @@
-"""Souvenirs from the visit to the phone: pictures of the character, the QR code, and the file behind it."""
+"""Tests of souvenirs from the visit to the phone: images of the character, the QR code, and the file at its
+address.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,7 @@ DRAWN_STEPS = 3
 
 
 class WatchedPainter(Painter):
-    """A painter that remembers its copies of the picture.
+    """A painter that stores its copies of the image.
 
     Attributes:
         grabbed: the copies.
@@ -56,7 +58,7 @@ class WatchedPainter(Painter):
 
 
 class Visit:
-    """A visit to a kiosk that is drawn."""
+    """A visit to a kiosk whose images are drawn."""
 
     def __init__(self, screening: Screening) -> None:
         self.screening, self.profile = screening, screening.profile
@@ -86,7 +88,7 @@ class Visit:
         return self.screening.frame.story.phase
 
     def enter(self) -> SyntheticVisitor:
-        """A visitor takes the character and dances."""
+        """Makes a visitor take the character and dance."""
         visitor = SyntheticVisitor(1, self.profile.zone.center)
         self.screening.kiosk.sensor.visitors.append(visitor)
         self.run_until(lambda: self.phase is Phase.POSSESSED, 8.0)
@@ -111,7 +113,7 @@ class Visit:
 
 @pytest.fixture(scope="module")
 def stage():
-    """Returns an edge with a chair, made once, since its preparation takes seconds."""
+    """Returns an edge with a chair. It is created once, because its preparation takes seconds."""
     kiosk = StagedKiosk(("chair", "chair"), name="kiosk-souvenirs")
     yield kiosk
     kiosk.close()
@@ -127,7 +129,7 @@ def visit_of(stage, tmp_path, monkeypatch):
         def open_kiosk(settings: SouvenirSettings, session_s: float = 30.0) -> Visit:
             stage.sensor.visitors.clear()
             port = free_ports(1)[0]
-            # Without a network, the loopback address stands for that of the network.
+            # Without a network, the loopback address replaces the network address.
             address = f"http://127.0.0.1:{port}" if is_loopback(find_own_address()) else ""
             profile = KioskProfile(
                 name="foyer",
@@ -160,7 +162,7 @@ def serving(profile: KioskProfile) -> Iterator[None]:
 
 
 def fetch(address: str) -> bytes:
-    """Returns what a phone gets at an address, once the server has started."""
+    """Returns the response for an address, once the server has started."""
     deadline = time.monotonic() + PATIENCE
     while True:
         try:
@@ -174,7 +176,7 @@ def fetch(address: str) -> bytes:
 def decode(pixels: np.ndarray) -> str:
     """Returns the text of the QR code in (H, W, 3) pixels, or an empty text.
 
-    OpenCV's detector misses some codes at some sizes, so several sizes are tried, as a phone does that moves.
+    OpenCV's detector misses some codes at some sizes. Several sizes are tried, like by a moving phone.
     """
     image = np.ascontiguousarray(pixels[..., ::-1])
     for scale in (1.0, 2.0, 1.5, 0.75, 3.0, 1.25):
@@ -185,7 +187,7 @@ def decode(pixels: np.ndarray) -> str:
 
 
 def without_character(visit: Visit) -> np.ndarray:
-    """Returns the picture of the present frame without the chair and without words."""
+    """Returns the image of the current frame without the chair and without texts."""
     frame = visit.screening.frame
     actors = tuple(actor for actor in frame.scene.actors if actor.character.id != "chair")
     visit.painter.draw(visit.screening.show, replace(frame, scene=replace(frame.scene, actors=actors)), 0.0)

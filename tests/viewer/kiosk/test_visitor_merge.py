@@ -1,4 +1,4 @@
-"""Laws of merging the visitors of several edges."""
+"""Tests of merging the visitors of several edges."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ EDGES = st.lists(st.lists(PLACES, max_size=4), min_size=1, max_size=3)
 
 
 def bodies_at(places: list[tuple[float, float]]) -> list[Body]:
-    """Returns bodies with the ids 1, 2, ... Their hips are at places of the floor."""
+    """Returns bodies with the ids 1, 2, ... whose hips are at floor positions."""
     return [Body(k, np.tile([x, 1.0, z], (20, 1)), np.ones(20)) for k, (x, z) in enumerate(places, 1)]
 
 

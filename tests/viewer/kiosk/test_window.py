@@ -1,4 +1,4 @@
-"""The kiosk's real window: it fills the screen, stays open, and refuses what cannot work."""
+"""Tests of the kiosk's real window: it fills the screen, stays open, and refuses invalid profiles."""
 
 from __future__ import annotations
 

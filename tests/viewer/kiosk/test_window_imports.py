@@ -1,4 +1,4 @@
-"""A kiosk's window loads only the modules that its first picture needs, because visitors wait for it."""
+"""Tests that a kiosk's window loads only the modules for its first image, because visitors wait for it."""
 
 import subprocess
 import sys
@@ -14,7 +14,7 @@ UNUSED = {
     "starlette": "is the server's of souvenirs",
     "trimesh": "reads mesh files",
 }
-"""Modules that the window must not load at its start, and their purpose."""
+"""Modules that the window must not load at its start, each with its purpose."""
 LOAD = "import sys, enliven_viewer.kiosk.window; print(*sys.modules, sep='\\n')"
 
 

@@ -1,4 +1,4 @@
-"""Tests from the link to the timeline: messages of an edge over real sockets are shown."""
+"""Tests that messages of an edge over real sockets reach the timeline."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def test_document_without_an_edge_names_the_address() -> None:
 
 
 def test_restart_is_reported_before_the_new_edges_messages(box, monkeypatch) -> None:
-    """Its first message may be about performers, which does not state its process."""
+    """The new edge's first message may be about performers. Such messages do not identify their process."""
     monkeypatch.setattr("enliven_viewer.link.edge_connection.SILENCE_TIMEOUT_S", 0.3)
 
     def edge(pose_port: int = 0, control_port: int = 0) -> Publisher:
@@ -131,7 +131,7 @@ def test_restart_is_reported_before_the_new_edges_messages(box, monkeypatch) -> 
         until(lambda: not document.edge.connected, lambda: feed.poll(document))
         second = edge(first.endpoint.pose_port, first.endpoint.control_port)
         try:
-            # This may be its first message, before any that states its process.
+            # This may be the new edge's first message, before any that identifies its process.
             feed.link.edges[0]._receive(pack_stream(performer(6)), latched=False)
             feed.poll(document)
             assert 6 not in heard and not document.edge.connected
@@ -145,7 +145,9 @@ def test_restart_is_reported_before_the_new_edges_messages(box, monkeypatch) -> 
 
 
 def test_messages_during_a_slow_frame_are_sorted_by_time(publisher, box) -> None:
-    """Ten seconds of poses and of performers: neither may look like a clock that started again."""
+    """Ten seconds of poses arrive, and then ten seconds of performers. Neither may count as a restart of the
+    clock.
+    """
     publisher.set_character(box)
     feed, document, heard = EdgeFeed(EdgeClient([publisher.endpoint])), Document(), list[int]()
     feed.on_message = lambda topic, value: heard.append(getattr(value, "pose", value).time_ns)
@@ -170,14 +172,15 @@ def test_messages_during_a_slow_frame_are_sorted_by_time(publisher, box) -> None
 
 
 def test_pauses_of_the_viewer_itself_do_not_lose_held_back_messages(monkeypatch) -> None:
-    """A laptop that is suspended, or a busy machine, may stop the viewer between any two messages."""
+    """A suspended laptop or a busy machine may stop the viewer between any two messages."""
     link = EdgeClient([Endpoint("127.0.0.1", 9, 10)])
     edge, now = link.edges[0], iter(range(0, 10**6, 10))
     performers = [bodies_to_message([Body(7, np.zeros((20, 3)), np.ones(20))], time) for time in range(3)]
     status = pack_stream(StatusMessage("paused", 1, 0, 0))
     try:
         with monkeypatch.context() as patch:
-            # Every look at the clock is ten seconds after the previous one, so each message ends a silence.
+            # Each reading of the clock is ten seconds later than the previous one, so each message ends a
+            # silence.
             patch.setattr("enliven_viewer.link.edge_connection.time.monotonic", lambda: float(next(now)))
             for message in performers:
                 edge._receive(pack_stream(message), latched=False)

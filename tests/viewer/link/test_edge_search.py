@@ -1,4 +1,4 @@
-"""Tests of the viewer with edges that were found on the network: the list, and the camera images."""
+"""Tests of the viewer with edges found on the network: the list, and the camera images."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_camera_image_of_an_edge_is_received() -> None:
 
 @pytest.mark.slow
 def test_search_shows_the_camera_of_a_found_edge(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The search, the check of the address and the image work together."""
+    """The search, the check of the address and the camera image work together."""
     monkeypatch.setattr("enliven_viewer.link.edge_search.EdgeBrowser", lambda: EdgeBrowser(["127.0.0.1"]))
     name = uuid.uuid4().hex
     with Publisher(name=name, pose_port=0, control_port=0) as edge:

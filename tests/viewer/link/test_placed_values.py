@@ -1,4 +1,4 @@
-"""Tests of values that are moved from the world of one edge into that of another."""
+"""Tests of transforming values from the world of one edge into that of another."""
 
 from __future__ import annotations
 

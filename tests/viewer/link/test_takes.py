@@ -1,4 +1,4 @@
-"""Tests of a take: an edge's recording is read as poses, bodies and cues, in the order of time."""
+"""Tests of reading an edge's recording: poses, bodies and cues, in order of time."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def shifted(character: Character, k: int) -> Pose:
 
 
 def write(path: Path, character: Character, *, broken: int | None = None, poses: bool = True) -> None:
-    """Writes a take of a box that is pushed along, possessed from the 20th pose on."""
+    """Writes a recording of a box that is pushed along and possessed from the 20th pose on."""
     codec = PoseCodec(character)
     with Recorder(path) as recorder:
 
@@ -70,7 +70,7 @@ def read(path: Path) -> tuple[Document, TakeFeed]:
     raise AssertionError("the take never ends")
 
 
-def test_everything_comes_back_in_order(tmp_path, box) -> None:
+def test_all_messages_are_read_in_order(tmp_path, box) -> None:
     write(tmp_path / "take.mcap", box)
     document, take = read(tmp_path / "take.mcap")
     timeline = document.timeline
@@ -104,7 +104,9 @@ def test_invalid_recording_is_reported(tmp_path) -> None:
 
 
 def with_copies(path: Path, character: Character) -> None:
-    """Writes a take that repeats its character in the middle and at the end, one message per chunk."""
+    """Writes a recording that repeats its character in the middle and at the end, with one message per
+    chunk.
+    """
     codec = PoseCodec(character)
     with Recorder(path, sync_seconds=0.0) as recorder:
 

@@ -1,4 +1,4 @@
-"""Tests of the window in Play, if there is a display or Xvfb; and of the command that opens it."""
+"""Tests of the Play window, if there is a display or Xvfb, and of the command that opens it."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def test_invalid_size_is_refused(text: str) -> None:
         with_size(ViewerSettings(), text)
 
 
-def test_sizes_and_addresses() -> None:
+def test_sizes_and_addresses_are_parsed() -> None:
     assert (with_size(ViewerSettings(), "640 x 360").width, with_size(ViewerSettings(), None).width) == (
         640,
         1280,

@@ -1,4 +1,4 @@
-"""Tests of the moment that several edges show together."""
+"""Tests of choosing the common time at which several edges are shown."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of the HUD: its contents, its place, and that text looks like its typeface."""
+"""Tests of the HUD: its contents and position, and that its text is drawn in its typeface."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_a_rectangle_covers_its_pixels_and_no_others(gl) -> None:
 
 
 def written(gl, text: str, size: int, **where) -> tuple[np.ndarray, tuple[float, float]]:
-    """Returns the (200, 400) ink, 0..1, of a text at (100, 20), and its extent."""
+    """Returns the (200, 400) coverage, 0..1, of a text at (100, 20), and the text's extent."""
     target, canvas = canvas_of(gl, 400, 200), Canvas(gl)
     with canvas.over(target):
         canvas.text(100, 20, text, size, (1, 1, 1, 1), **where)
@@ -128,7 +128,7 @@ def test_only_frames_that_come_as_they_should_have_a_green_dot(gl, edge, good) -
     assert (green > red + 40 and green > blue) == good
 
 
-def test_everything_at_once_draws_without_an_error(gl) -> None:
+def test_all_elements_at_once_are_drawn_without_an_error(gl) -> None:
     target = canvas_of(gl, 640, 360)
     edge = EdgeState(True, "tcp://127.0.0.1:5580", "possessed", "a note", 21.0, 8.0)
     draw(gl, target, HudState(edge=edge, fps=60, length_s=3, live=False, notice="waiting"))
@@ -139,7 +139,7 @@ def test_everything_at_once_draws_without_an_error(gl) -> None:
 
 
 def ailing(*severities: Severity) -> EdgeState:
-    """Returns an edge's state with one problem for each severity."""
+    """Returns the state of an edge with one problem of each severity."""
     states = tuple(
         HealthState("slow", severity, 0, "The sensor gives 5 frames a second instead of 30.", "Use USB 3.")
         for severity in severities
@@ -176,5 +176,5 @@ def test_silent_edge_shows_no_health(gl) -> None:
     np.testing.assert_array_equal(pixels(first), pixels(second))
 
 
-def test_clocks() -> None:
+def test_times_are_formatted() -> None:
     assert [format_time(s) for s in (0, 9.96, 61.24, -1)] == ["0:00.0", "0:10.0", "1:01.2", "0:00.0"]

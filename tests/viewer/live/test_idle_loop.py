@@ -1,4 +1,4 @@
-"""Tests of the picture for an audience while the edge is lost, and of the performers' numbers."""
+"""Tests of the image for an audience while the edge is lost, and of the performers' numbers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from enliven_viewer.render.camera import OrbitCamera
 
 
 class Feed:
-    """An edge with a state that the test sets."""
+    """An edge whose state the test sets."""
 
     def __init__(self) -> None:
         self.edge = EdgeState(connected=True, address="tcp://127.0.0.1:5580", phase="tracking")

@@ -1,4 +1,4 @@
-"""Tests of how a viewer shows matches: tubes on the model, cards, and the camera."""
+"""Tests of displaying matches: tubes on the model, cards, and the camera."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def front() -> OrbitCamera:
     return camera
 
 
-def test_the_meant_chains_glow_on_the_model_in_the_limbs_colours(gl) -> None:
+def test_matched_chains_glow_in_the_limbs_colours(gl) -> None:
     renderer = Renderer(gl, (300, 200))
     view = front().view(1.5)
     plain = renderer
@@ -210,7 +210,9 @@ def test_the_camera_turns_to_where_bones_are_seen() -> None:
 
 
 def test_each_limb_has_one_colour_on_the_performer_the_model_and_the_card(gl) -> None:
-    """For any choosing parts: a right leg has the model's colour, and limbs without a target the body's."""
+    """For any chosen parts, a right leg has its colour on the model. Limbs without a target have the body's
+    colour.
+    """
     performer = Body(1, standing_joints(), np.ones(20))
     for parts in ("all", "arms", "legs", "right arm", "torso"):
         chains = body_source(performer, parts).chains

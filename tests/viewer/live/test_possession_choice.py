@@ -1,4 +1,4 @@
-"""Tests of the options of the next possession, and of the colours of attached parts."""
+"""Tests of the options for the next possession, and of the colours of attached parts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Tests of blending transforms: rotations stay rotations, ends are exact, and turning is steady."""
+"""Tests of interpolating transforms: rotations stay rotations, ends are exact, and the angular speed is
+constant.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of puppets in the viewer: solved in the background, rigid until then, moved with the frame."""
+"""Tests of puppets in the viewer: solved in the background, rigid until then, and moved with their frame."""
 
 from __future__ import annotations
 
@@ -40,9 +40,11 @@ CHARACTER = character_from_puppet(puppet())
 
 
 def pose(places: Float, turn: float = 0.0, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Pose:
-    """Returns the chair's control points at (P, 3) places of its own frame, which is moved and rotated."""
+    """Returns a pose with the chair's control points at (P, 3) positions in its own frame, which is moved and
+    rotated.
+    """
     frame = to_matrix(from_rotation_vector(np.array([0.0, turn, 0.0])))
-    with np.errstate(invalid="ignore"):  # impossible places are tried too
+    with np.errstate(invalid="ignore"):  # impossible positions are tested as well
         positions = np.concatenate([np.zeros((1, 3)), places]) @ frame.T + at
     linear = np.tile(frame, (len(positions), 1, 1))
     return Pose("chair", 0, linear.astype(np.float32), positions.astype(np.float32))
@@ -55,7 +57,7 @@ def bent(by: float = 0.2) -> Float:
 
 
 def shown(surfaces: SolvedSurfaces, made: Pose, character: Character = CHARACTER) -> Float:
-    """Returns the vertices as soon as they are solved."""
+    """Returns the vertices once they are solved."""
     until(lambda: surfaces.vertices(character, made) is not None, "the surface")
     vertices = surfaces.vertices(character, made)
     assert vertices is not None
@@ -90,7 +92,7 @@ def test_a_puppet_that_is_carried_about_keeps_its_shape() -> None:
     np.testing.assert_allclose(vertices, first @ moved.linear[0].T + moved.positions[0], atol=2e-3)
 
 
-def test_no_picture_waits_and_the_surface_comes() -> None:
+def test_frames_do_not_wait_for_the_surface() -> None:
     surfaces = SolvedSurfaces()
     assert surfaces.vertices(CHARACTER, pose(bent())) is None
     seen = shown(surfaces, pose(bent()))
@@ -114,7 +116,7 @@ def test_a_still_puppet_is_solved_until_it_rests_and_then_no_more(monkeypatch) -
 
 
 @pytest.mark.parametrize("what", [np.nan, np.inf, 1e9])
-def test_places_that_cannot_be_leave_the_last_good_shape(what: float) -> None:
+def test_impossible_positions_keep_the_last_good_shape(what: float) -> None:
     surfaces = SolvedSurfaces(wait=True)
     before = surfaces.vertices(CHARACTER, pose(bent()))
     wild = bent()
@@ -123,7 +125,7 @@ def test_places_that_cannot_be_leave_the_last_good_shape(what: float) -> None:
     assert surfaces.vertices(CHARACTER, pose(bent(0.25))) is not None
 
 
-def test_a_frame_that_is_no_frame_is_drawn_rigidly() -> None:
+def test_invalid_frame_is_drawn_rigidly() -> None:
     broken = pose(bent())
     broken.linear[0] = 0.0
     assert SolvedSurfaces(wait=True).vertices(CHARACTER, broken) is None
@@ -198,7 +200,7 @@ def test_unchanged_scene_costs_nothing() -> None:
 
 
 def test_viewer_without_puppets_loads_no_solver() -> None:
-    """It is a third of everything that a viewer loads before its first frame."""
+    """The solver is a third of everything that a viewer loads before its first frame."""
     heavy = {"enliven.deformation.arap.solver", "scipy.sparse.linalg"}
     look = (
         f"import sys, enliven_viewer.film, enliven_viewer.live.live_stage; print(*{heavy} & set(sys.modules))"
@@ -210,7 +212,7 @@ def test_viewer_without_puppets_loads_no_solver() -> None:
 
 
 def test_a_window_starts_without_what_its_first_tool_needs() -> None:
-    """SciPy loads these at their first use; they were a sixth of the start."""
+    """SciPy loads these modules when they are first used. They were a sixth of the start time."""
     later = {"scipy.spatial", "scipy.optimize", "scipy.ndimage"}
     look = f"""
 import sys

@@ -1,4 +1,4 @@
-"""Tests of the timeline and of the playhead on it."""
+"""Tests of the timeline and of its playhead."""
 
 from __future__ import annotations
 
@@ -220,7 +220,7 @@ def test_an_empty_timeline_has_nothing_to_show() -> None:
 
 
 def test_cues_belong_to_their_own_time() -> None:
-    """However late they arrive: poses and bodies of a burst come before its cues."""
+    """Poses and bodies of a burst arrive before its cues, however late the cues are."""
     timeline = Timeline()
     for i in range(4):
         timeline.add_bodies(i * NS_PER_S, [])

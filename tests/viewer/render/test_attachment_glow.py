@@ -1,4 +1,4 @@
-"""Tests that attached parts, and only they, are lit and outlined in their performer's colour."""
+"""Tests that only attached parts are lit and outlined in their performer's colour."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ EYE = np.array([0.0, 1.0, 4.0])
 
 @pytest.fixture
 def pillar(make_box) -> Character:
-    """Returns two boxes above one another, each with its own node."""
+    """Returns two boxes, one above the other, each with its own node."""
     (low, faces), (high, _) = (
         make_box((-0.3, 0.0, -0.3), (0.3, 0.8, 0.3)),
         make_box((-0.3, 1.1, -0.3), (0.3, 1.9, 0.3)),

@@ -1,4 +1,4 @@
-"""Tests of the stage's looks: the picture agrees with the settings."""
+"""Tests that the image agrees with the settings of the stage's looks."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_the_character_stands_out_from_every_look(gl, box) -> None:
 def test_a_backdrop_is_shown_in_its_colour(gl, colour: str) -> None:
     wanted = [int(colour[k : k + 2], 16) for k in (1, 3, 5)]
     picture = shown(gl, replace(SMALL, backdrop=colour))
-    np.testing.assert_allclose(picture[2:5, 30:50].mean((0, 1)), wanted, atol=12)  # slightly vignetted
+    np.testing.assert_allclose(picture[2:5, 30:50].mean((0, 1)), wanted, atol=12)  # slight vignetting
 
 
 def test_a_backdrop_that_is_no_colour_is_refused_with_its_key() -> None:
@@ -56,16 +56,16 @@ def test_a_backdrop_that_is_no_colour_is_refused_with_its_key() -> None:
 
 def test_the_grid_is_drawn_where_it_is_wanted(gl) -> None:
     lines, bare = (shown(gl, replace(SMALL, grid=grid)) for grid in (True, False))
-    # lines are brighter, and all else is equal
+    # Grid lines are brighter, and everything else is equal.
     assert (lines - bare).max() > 4 and (lines - bare).min() >= -1
     assert abs(lines - bare)[:20].max() <= 1
 
 
 def test_a_shadow_falls_away_from_the_light(gl, box) -> None:
     def darker(around: float) -> float:
-        """Returns the levels by which the box darkens the left of the floor more than the right."""
+        """Returns the brightness by which the box darkens the left of the floor more than the right."""
         own = replace(SMALL, light_around=around, light_up=25.0)
         less = shown(gl, own, eye=(0.0, 1.6, 4.0)) - shown(gl, own, box, eye=(0.0, 1.6, 4.0))
         return float(less[:, :34].mean() - less[:, 46:].mean())
 
-    assert darker(75.0) > 0.2 and darker(-75.0) < -0.2  # the shadow falls on the opposite side
+    assert darker(75.0) > 0.2 and darker(-75.0) < -0.2  # on the side opposite to the light

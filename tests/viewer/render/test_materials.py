@@ -1,4 +1,6 @@
-"""Tests of materials and textures: the GPU against a slow reference; holes, glass, seams, bad input."""
+"""Tests of materials and textures: the GPU against a slow reference, with holes, glass, seams and bad
+input.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,7 @@ SIZE = (64, 64)
 SMALL = RenderSettings(shadow_size=64, contact_size=32, samples=1)
 EYE = np.array([0.3, 1.2, 3.0])
 CLOSE = 2.5 / 255
-"""Tolerance between GPU and reference: rounding, half a step of dither each way, and float32."""
+"""Tolerance between GPU and reference: rounding, half a step of dither on each side, and float32."""
 PATCHES = np.array([[(200, 60, 40), (40, 160, 70)], [(60, 80, 210), (230, 220, 190)]], np.uint8)
 
 
@@ -41,7 +43,9 @@ def picture(pixels: np.ndarray, sampler: str = '{"magFilter": 9728}') -> Texture
 
 
 def board(material: dict, *textures: Texture, lean: float = 0.0, at: float = 0.0) -> Character:
-    """Returns an upright square of a metre, its centre 1 m high, leaning back; v runs down."""
+    """Returns an upright square of one metre whose centre is 1 m high. It leans back, and v runs
+    downwards.
+    """
     corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
     c, s = math.cos(lean), math.sin(lean)
     vertices = np.stack([corners[:, 0], 1.0 + c * corners[:, 1], at - s * corners[:, 1]], 1).astype(
@@ -68,7 +72,7 @@ def drawn(gl: moderngl.Context, *boards: Character, eye: np.ndarray = EYE, of: R
 
 
 def pixel_of(point: np.ndarray) -> tuple[int, int]:
-    """Returns column and row from below of a point (3,) in the image."""
+    """Returns a (3,) point's image column, and its row counted from below."""
     x, y = (view().project(point[None])[0] + 1) / 2 * SIZE
     return int(x), int(y)
 
@@ -98,7 +102,7 @@ def test_textured_board_matches_the_slow_reference(gl, look: str, metallic: floa
 
 
 def test_metal_roughness_and_occlusion_come_from_their_textures(gl) -> None:
-    numbers = np.full((1, 1, 3), (51, 128, 204), np.uint8)  # occlusion, roughness, metallic
+    numbers = np.full((1, 1, 3), (51, 128, 204), np.uint8)  # red is occlusion, green roughness, blue metallic
     texture = {"index": 0}
     definition = {"pbrMetallicRoughness": {"metallicRoughnessTexture": texture, "metallicFactor": 0.5}}
     shown = drawn(gl, board({**definition, "alphaMode": "OPAQUE"}, picture(numbers)))[32, 32]
@@ -110,13 +114,13 @@ def test_metal_roughness_and_occlusion_come_from_their_textures(gl) -> None:
 
 def test_a_normal_map_lights_as_a_board_that_leans(gl) -> None:
     lean = 0.5
-    up = np.array([[[0.0, math.sin(lean), math.cos(lean)]]])  # +Y of a normal map is up in the image
+    up = np.array([[[0.0, math.sin(lean), math.cos(lean)]]])  # +Y of a normal map points up in the image
     bumps = picture(np.round((up + 1) * 127.5).astype(np.uint8))
     rough = {"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 1.0}}
     shown = drawn(gl, board({**rough, "normalTexture": {"index": 0}}, bumps))[32, 32]
     n = np.array([0.0, math.sin(lean), math.cos(lean)])
     wanted = developed(shaded(np.ones(3), 0.0, 1.0, n, ray_to(32, 31, 0.0), EYE, SMALL), (32, 31), SIZE)
-    np.testing.assert_allclose(shown, wanted, atol=2 * CLOSE)  # a map has 127 levels
+    np.testing.assert_allclose(shown, wanted, atol=2 * CLOSE)  # a normal map has 127 levels
     assert abs(shown - drawn(gl, board(rough))[32, 32]).max() > 0.03
 
 
@@ -156,7 +160,7 @@ def test_a_one_sided_board_is_not_seen_from_behind(gl) -> None:
     behind, definition = EYE * [1, 1, -1], {"pbrMetallicRoughness": {}}
     empty = drawn(gl, eye=behind)
     single, double = (drawn(gl, board({**definition, "doubleSided": d}), eye=behind) for d in (False, True))
-    assert abs(single[32, 32] - empty[32, 32]).max() < 0.15  # its shadow may be there
+    assert abs(single[32, 32] - empty[32, 32]).max() < 0.15  # the board's shadow may be there
     assert abs(double[32, 32] - empty[32, 32]).max() > abs(single[32, 32] - empty[32, 32]).max() + 0.05
 
 

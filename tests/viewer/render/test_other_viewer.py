@@ -1,4 +1,6 @@
-"""Tests of exported files in three.js against enliven's renderer: colours, silhouettes, poses."""
+"""Tests that exported files look the same in three.js and in enliven's renderer: colours, silhouettes,
+poses.
+"""
 
 from __future__ import annotations
 
@@ -22,14 +24,19 @@ from enliven.motion.layers.evaluate import Player
 pytestmark = pytest.mark.skipif(bool(MISSING), reason=MISSING or "all is here")
 PICTURES = Path(__file__).parents[3] / "out" / "web" / "pictures"
 LEAST = 0.97
-"""Minimum intersection over union: the outline of a shape of 100 pixels may be a quarter of a pixel off."""
+"""Minimum intersection over union of the silhouettes. The outline of a shape of 100 pixels may be a quarter
+of a pixel off.
+"""
 CLOSE = 3.0
-"""Maximum difference of a region's mean colour, 0..255: dither and rounding of enliven are 1. The rounding of
-three.js is another, which the steep start of the film curve doubles in dark colours."""
+"""Maximum difference of a region's mean colour, 0..255.
+
+Dither and rounding in enliven contribute 1. The rounding of three.js adds as much, which the steep start of
+the tone curve doubles in dark colours.
+"""
 
 
 def sphere(rings: int = 40, around: int = 60) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Returns vertices, faces and texture coordinates of a sphere of a metre."""
+    """Returns vertices, faces and texture coordinates of a sphere of one metre."""
     v, u = np.meshgrid(np.linspace(0, 1, rings + 1), np.linspace(0, 1, around + 1), indexing="ij")
     up, turn = np.pi * v, 2 * np.pi * u
     points = np.stack([np.sin(up) * np.sin(turn), 1 + np.cos(up), np.sin(up) * np.cos(turn)], -1) * 0.5
@@ -68,7 +75,7 @@ def test_colours_of_a_scan_are_the_same(tmp_path: Path) -> None:
 
 
 def chequered() -> bytes:
-    """Returns an image of four colours in fields of 8 pixels, a quarter of them holes."""
+    """Returns an image with squares of 8 pixels in four colours. A quarter of them are holes."""
     colours = np.array([[(230, 40, 30, 255), (40, 160, 60, 255)], [(30, 60, 190, 255), (200, 190, 60, 0)]])
     pixels = np.kron(colours.astype(np.uint8), np.ones((64, 64, 1), np.uint8))
     data = io.BytesIO()
@@ -77,7 +84,9 @@ def chequered() -> bytes:
 
 
 def rigged(path: Path) -> Path:
-    """Writes two textured spheres: one jumps, is rotated by cubic keys and mirrored; one is skinned to it."""
+    """Writes two textured spheres. One jumps, is rotated by cubic keys and is mirrored. The other is skinned
+    to it.
+    """
     gltf, (vertices, faces, uv) = GltfBuilder(), sphere(20, 30)
     picture = gltf.view(chequered())
     gltf.json["images"] = [{"bufferView": picture, "mimeType": "image/png"}]

@@ -1,4 +1,4 @@
-"""Tests of props in the viewer: on the timeline, interpolated, from a take, in the picture."""
+"""Tests of props in the viewer: on the timeline, interpolated, read from a take, and in the image."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from enliven_viewer.render.scene import Scene, SceneStyle, make_scene
 
 
 def loose(time_ns: int = 0, shift: float = 0.0, ids: tuple[int, ...] = (0, 1), turn: float = 0.0) -> Props:
-    """Returns a box at the left and a ball at the right, or more of them."""
+    """Returns a box on the left and a ball on the right, or more of them."""
     count = len(ids)
     positions = np.array([[-0.5 + k, 0.2, shift] for k in range(count)])
     turns = np.tile(from_rotation_vector(np.array([0.0, turn, 0.0])), (count, 1))
@@ -40,7 +40,7 @@ def test_props_are_interpolated_by_id() -> None:
     before, after = loose(0, ids=(3, 4)), loose(100, 0.2, ids=(4, 3), turn=1.0)
     between = blend_props(before, after, 0.25, 25)
     assert between is not None and between.time_ns == 25 and between.ids.tolist() == [3, 4]
-    # Prop 3 moves a metre from the left to the right: it was put there and did not fly.
+    # Prop 3 jumps a metre from left to right: it was reset and did not fly.
     np.testing.assert_allclose(between.positions, before.positions)
     near = blend_props(loose(0), loose(100, 0.2, turn=1.0), 0.25, 25)
     np.testing.assert_allclose(near.positions[:, 2], 0.05)
@@ -96,7 +96,8 @@ def test_a_template_is_closed_and_faces_outwards(fineness: int) -> None:
     pulled = corner * 0.5 + 0.1 * direction
     a, b, c = pulled[faces].swapaxes(0, 1)
     volume = np.einsum("fa,fa->f", a, np.cross(b, c)).sum() / 6
-    # A box of a metre with bevels of 0.1: slightly less than 1.2 cubed, if no face is missing.
+    # The box has 1 m sides and bevels of 0.1. Its volume is slightly less than 1.2 cubed if no face is
+    # missing.
     assert 1.6 < volume <= 1.2**3 + 1e-6
 
 

@@ -1,4 +1,4 @@
-"""Tests that rendering only the occupied regions gives the same picture as rendering everything."""
+"""Tests that rendering only the occupied regions gives the same image as rendering everything."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from enliven_viewer.settings import RenderSettings
 SIZE = (320, 180)
 SMALL = RenderSettings(shadow_size=128, contact_size=64)
 ROUNDING = 2
-"""Tolerance in levels of 255: a dither or a sample's weight may round the other way."""
+"""Tolerance in levels of 255. A dither or a sample's weight may be rounded differently."""
 
 
 def side_view(distance: float = 4.0) -> CameraView:
@@ -64,7 +64,7 @@ def full_scene(box, make_body) -> Scene:
 
 
 @pytest.mark.parametrize("samples", [1, 4])
-def test_the_picture_is_that_of_work_everywhere(gl, box, make_body, monkeypatch, samples) -> None:
+def test_region_rendering_matches_full_rendering(gl, box, make_body, monkeypatch, samples) -> None:
     settings = replace(SMALL, samples=samples)
     scene, view = full_scene(box, make_body), side_view()
     narrow = Renderer(gl, SIZE, settings)
@@ -152,7 +152,7 @@ def test_with_one_sample_what_is_behind_glass_is_seen_too(gl, box, make_body) ->
 
 
 def test_neighbours_are_drawn_in_turn() -> None:
-    """A cache of 256 vertices, as in software OpenGL, has half as many misses or fewer."""
+    """In software OpenGL's cache of 256 vertices, the new order has at most half as many misses."""
     side = 60
     u, v = np.meshgrid(np.arange(side), np.arange(side), indexing="ij")
     vertices = np.stack([u, np.sin(0.1 * u * v), v], -1).reshape(-1, 3).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Tests of the renderer against expected results: skinned positions, cues, shadows, an empty stage."""
+"""Tests of the renderer: skinned positions, cues, shadows, and an empty stage."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def bent(character, seed: int = 1, stretch: bool = False) -> Pose:
 
 
 def skinned_by_hand(character, pose: Pose) -> np.ndarray:
-    """Evaluates Pose's own equation, vertex by vertex."""
+    """Evaluates the equation in the docstring of ``Pose`` vertex by vertex."""
     moved = np.zeros((len(character.vertices), 3))
     for v, vertex in enumerate(character.vertices.astype(float)):
         for node, weight in zip(character.skin.indices[v], character.skin.weights[v], strict=True):
@@ -119,7 +119,7 @@ def test_body_without_confidence_reveals_nothing(renderer, box, make_body) -> No
     actor, guess = SceneCharacter(box, box.rest_pose()), make_body((0, 0.8, 0.2), confidence=0.0)
     solid = drawn(renderer, Scene((actor,), (guess,), BARE))
     glass = drawn(renderer, Scene((actor,), (guess,), replace(BARE, reveal=1.0)))
-    # The pool of light drifts towards the scene from one frame to the next.
+    # The spotlight moves towards the scene from one frame to the next.
     assert np.abs(solid - glass).max() <= 5
 
 
@@ -196,7 +196,7 @@ def test_a_pose_that_is_not_finite_draws(renderer, box) -> None:
     assert after.std() > 30, "what follows a broken pose is drawn as ever"
 
 
-def test_characters_come_and_go(renderer, box, make_character, make_box) -> None:
+def test_characters_are_added_and_removed(renderer, box, make_character, make_box) -> None:
     other = replace(make_character(*make_box((1, 0, 0), (1.2, 1, 0.3)), nodes=2), id="other")
     drawn(renderer, Scene((SceneCharacter(box, box.rest_pose()), SceneCharacter(other, other.rest_pose()))))
     assert set(renderer._meshes) == {"box", "other"}
@@ -213,7 +213,7 @@ def test_resizing_and_a_minimised_window(renderer) -> None:
 
 
 @pytest.mark.parametrize("samples", [1, 4])
-def test_with_and_without_multisampling(gl, box, samples) -> None:
+def test_image_is_similar_without_multisampling(gl, box, samples) -> None:
     renderer = Renderer(gl, (64, 48), RenderSettings(samples=samples, shadow_size=64, contact_size=32))
     picture = drawn(renderer, Scene((SceneCharacter(box, box.rest_pose()),)))
     assert picture.shape == (48, 64, 3) and picture.std() > 5

@@ -1,4 +1,6 @@
-"""Tests of drawn normals of solved vertices: against rest normals, a slow reference and the skin shader."""
+"""Tests of the drawn normals of solved vertices: against rest normals, a slow reference and the skinning
+shader.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,7 @@ SIZE = (200, 160)
 
 
 def slow(vertices: Float) -> Float:
-    """Sums the unit normals of each group's corner faces, weighted by the corner angles at rest."""
+    """Returns the sum of unit normals of each group's corner faces, weighted by the corner angles at rest."""
     rows = np.zeros((len(SURFACE.source), 6))
     a, b, c = (vertices[FACES[:, k]].astype(float) for k in range(3))
     normals = np.cross(b - a, c - a)
@@ -36,7 +38,7 @@ def slow(vertices: Float) -> Float:
 
 
 def rigid(character: Character) -> Pose:
-    """Returns the character rotated and moved as one piece."""
+    """Returns the character after a rigid motion."""
     turn = to_matrix(from_rotation_vector(np.array([0.3, 0.7, -0.2])))
     places = character.pivots @ turn.T + [0.2, 0.1, -0.1]
     count = len(character.pivots)
@@ -80,7 +82,7 @@ def test_nan_vertices_and_empty_faces_give_finite_normals() -> None:
 def test_the_picture_of_solved_vertices_is_that_of_the_same_vertices_skinned(gl, character) -> None:
     renderer = Renderer(gl, SIZE, RenderSettings(shadow_size=128, contact_size=64))
     bare, pose = SceneStyle(body=0, reveal=0, cues=0), rigid(character)
-    room = np.full(3, -1.5), np.full(3, 1.5)  # shadows reach equally far in both
+    room = np.full(3, -1.5), np.full(3, 1.5)  # equal bounds, so that both shadow maps cover the same area
     renderer.draw(Scene((SceneCharacter(character, pose),), style=bare, extent=room), view())
     skinned = renderer.pixels().astype(int)
     where = VERTICES @ pose.linear[0].T + pose.positions[0]

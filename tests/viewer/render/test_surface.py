@@ -1,4 +1,4 @@
-"""Tests of crease splitting: boards are flat, balls are round, and no face is lost."""
+"""Tests of splitting vertices at creases: boards are flat, balls are smooth, and no face is lost."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_faces_keep_their_corners(make_box) -> None:
     assert np.array_equal(surface.source[surface.faces], faces)
 
 
-def test_a_face_without_area_does_no_harm() -> None:
+def test_face_without_area_is_tolerated() -> None:
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0]], np.float32)
     surface = split_creases(vertices, np.array([[0, 1, 2], [0, 1, 3], [1, 1, 2]], np.int32))
     assert np.isfinite(surface.normals).all()
@@ -90,7 +90,9 @@ def test_a_mesh_smaller_than_a_cluster_keeps_its_faces(make_box) -> None:
 
 
 def slow_groups(vertices: np.ndarray, faces: np.ndarray, crease: float) -> set[frozenset[int]]:
-    """Returns corners (numbers 3 f + k) that share a normal: neighbours at an edge, face by face."""
+    """Returns corners (numbers 3 f + k) that share a normal, found from neighbours at an edge, face by
+    face.
+    """
     normals = []
     for f in faces:
         a, b, c = vertices[f].astype(float)

@@ -22,7 +22,7 @@ def box_at(centre: np.ndarray, half: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def inner_points(box: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-    """Returns the (6, 3) centres of a box's faces, which its subject reaches."""
+    """Returns (6, 3) the centres of a box's faces, which are inside the framed region."""
     middle, half = (box[0] + box[1]) / 2, (box[1] - box[0]) / 2
     return middle + np.vstack([np.diag(half), -np.diag(half)])
 
@@ -160,7 +160,7 @@ def test_a_pan_while_it_follows_is_kept_and_switching_on_moves_nothing() -> None
     np.testing.assert_allclose(camera.target, panned)
 
 
-def test_a_turntable_goes_round_and_comes_back() -> None:
+def test_turntable_returns_to_its_start() -> None:
     camera, moves = OrbitCamera(), CameraMoves()
     begin = camera.view(1.0).eye
     moves.toggle_turntable()

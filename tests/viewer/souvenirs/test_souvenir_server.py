@@ -1,4 +1,4 @@
-"""The server of souvenirs with real sockets: it sends what a token names, and nothing else."""
+"""Tests of the souvenir server with real sockets: it sends only files that are named by a token."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def own_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def profile() -> KioskProfile:
-    """A kiosk that makes photos, on a free port."""
+    """Returns a kiosk profile that makes photos, on a free port."""
     return KioskProfile(
         name="foyer 1", souvenir=SouvenirSettings("photo", host="0.0.0.0", port=free_ports(1)[0])
     )
@@ -76,7 +76,7 @@ def serving(profile: KioskProfile) -> Iterator[None]:
 def request(
     profile: KioskProfile, method: str, path: str, headers: Mapping[str, str] | None = None
 ) -> tuple[int, dict[str, str], bytes]:
-    """Returns status, headers and body of an answer."""
+    """Returns status, headers and body of a response."""
     connection = connect(profile)
     with contextlib.closing(connection):
         connection.request(method, path, headers=dict(headers or {}))
@@ -85,7 +85,7 @@ def request(
 
 
 def connect(profile: KioskProfile) -> http.client.HTTPConnection:
-    """Returns a connection of a phone that trusts the certificate of the kiosk, if there is one."""
+    """Returns a phone's connection. It trusts the certificate of the kiosk if there is one."""
     settings = profile.souvenir
     if not settings.certificate:
         return http.client.HTTPConnection("127.0.0.1", settings.port, timeout=PATIENCE)
@@ -166,7 +166,7 @@ def test_a_phone_can_fetch_a_part_of_a_film(profile):
         assert headers["content-type"] == "video/mp4"
 
 
-def test_nothing_else_can_be_read_and_nothing_changed(profile):
+def test_other_paths_and_methods_are_refused(profile):
     token, path = add(profile, b"picture")
     with serving(profile):
         wrong = ["/", "/index.html", f"/{token[:-1]}", f"/{token}/", f"/{token}x", f"/{path.name}", "/.."]

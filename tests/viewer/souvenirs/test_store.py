@@ -1,4 +1,4 @@
-"""The files of souvenirs: secret names, expiry, and the limit of their size."""
+"""Tests of the files of souvenirs: secret names, expiry, and the limit on their size."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of scaling a project's character with both hands on a real edge: one edit; undo reaches the stage."""
+"""Tests that scaling a project's character with both hands is one edit, and that undo reaches the stage."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Person(Sensor):
 
 
 class House:
-    """A real edge with a chair, and a workspace with the same chair in its project, on one thread."""
+    """A real edge with a chair, and a workspace with the same chair in its project, in one thread."""
 
     def __init__(self, outlet: Outlet, folder) -> None:
         mesh = make_chair(0.08)
@@ -96,7 +96,7 @@ def test_hand_scaling_is_kept_undone_and_set_again(house: House) -> None:
     house.person.away = 1.2
     house.until(lambda: sizes.find_size("chair") > 1.6)
     assert editor.project is first, "nothing is kept before it stays"
-    house.until(lambda: sizes.scaled_character is None)  # the hands stay still
+    house.until(lambda: sizes.scaled_character is None)  # until the hands have been still for a while
     assert "It stays." in sizes.text
     size = sizes.find_size("chair")
     house.until(lambda: editor.project.handling)
@@ -120,7 +120,7 @@ def test_soft_swing_setting_is_dragged_undone_and_set_again(house: House) -> Non
     house.until(lambda: session.connected and session.performers and "chair" in session.stage_ids)
     assert actor.exaggeration is None, "as the stage's settings say"
     editor.preview_edit(lambda project: handle_characters(project, ["chair"], exaggeration=3.0))
-    house.until(lambda: actor.exaggeration == 3.0)  # during the drag
+    house.until(lambda: actor.exaggeration == 3.0)  # also during the drag
     editor.edit("swing", lambda project: handle_characters(project, ["chair"], exaggeration=2.5))
     house.until(lambda: actor.exaggeration == 2.5)
     assert parse_project(project_bytes(editor.project)).handling["chair"].exaggeration == 2.5, "it is saved"
@@ -128,6 +128,6 @@ def test_soft_swing_setting_is_dragged_undone_and_set_again(house: House) -> Non
     house.until(lambda: actor.exaggeration is None)
     editor.redo()
     house.until(lambda: actor.exaggeration == 2.5)
-    # A restarted edge has forgotten it.
+    # A restarted edge has lost the setting.
     actor.exaggerate(None)
     house.until(lambda: actor.exaggeration == 2.5)

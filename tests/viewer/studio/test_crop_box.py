@@ -1,6 +1,4 @@
-"""Tests of the crop box of a scan: its sides follow the pointer, none crosses another, it encloses the
-object.
-"""
+"""Tests of the crop box of a scan: its sides follow the pointer, never cross, and enclose the object."""
 
 import numpy as np
 import pytest
@@ -115,7 +113,7 @@ def test_initial_box_encloses_the_central_object():
 
 
 class Client:
-    """Records the session's requests to the edge."""
+    """A client that records the session's requests."""
 
     def __init__(self):
         self.asked = []

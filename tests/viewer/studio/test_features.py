@@ -1,4 +1,4 @@
-"""Tests of features of the studio: one of another package appears in the window without any other change."""
+"""Tests that a feature from another package appears in the studio's window without other changes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ VIEWER = Path(__file__).parents[1]
 
 @pytest.fixture
 def installed(tmp_path, monkeypatch):
-    """Installs the gauge as a package of its own, as pip does: a module and its metadata."""
+    """Installs the gauge as a separate package, as pip does: a module and its metadata."""
     about = tmp_path / "site" / "gauge_feature-1.0.dist-info"
     about.mkdir(parents=True)
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: gauge-feature\nVersion: 1.0\n")

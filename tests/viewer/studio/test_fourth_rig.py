@@ -1,4 +1,4 @@
-"""Tests that a rig which only the tests know stands on a stage, is performed, edited and exported."""
+"""Tests that a rig defined only in the tests can be put on a stage, performed, edited and exported."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from enliven.oneshot.exporting import export
 from enliven_edge import uploaded_actor
 
 RAISED_M = 0.4
-"""How high the performer raises both hands, metres."""
+"""Height by which the performer raises both hands, metres."""
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def sitting(tmp_path: Path) -> Iterator:
 
 
 def perform(session: StagedSession) -> Project:
-    """Puts a cage on the stage, records a performer that raises both hands, and returns the project."""
+    """Puts a cage on the stage and records a performer that raises both hands. Returns the project."""
     editor = session.editor
     editor.edit("open", lambda project: project.with_characters(cage_of(make_chair(0.05), "chair")))
     editor.choose("chair")

@@ -1,4 +1,4 @@
-"""Tests that a project's character that is also on the stage is shown once, with both states merged."""
+"""Tests that a project's character that is also on the stage is shown once, with both states combined."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def editor() -> Editor:
 
 
 def on_stage(held: bool = True) -> SceneCharacter:
-    """Returns the arm in an edge's state: at rest, aside, or attached at its second bone."""
+    """Returns the arm in an edge's state: at rest, moved to the side, or attached at its second bone."""
     character = character_of(ARM)
     rest = character.rest_pose()
     cues = CueFrame("arm", np.array([1], np.int32), np.ones(1, np.float32)) if held else None
@@ -72,7 +72,7 @@ def test_matches_lie_on_the_bones_as_they_are_shown(editor: Editor) -> None:
     assert len(nothing) == 0
 
 
-def test_one_that_was_edited_meanwhile_is_the_projects_until_the_stage_has_it(editor: Editor) -> None:
+def test_edited_character_is_shown_until_the_stage_has_it(editor: Editor) -> None:
     other = replace(
         on_stage(), pose=Pose("arm", 5, np.zeros((1, 3, 3), np.float32), np.zeros((1, 3), np.float32))
     )

@@ -1,4 +1,4 @@
-"""Tests that errors of an edge on this machine that cannot start reach the window."""
+"""Tests that the window shows start-up errors of an edge on this machine."""
 
 import time
 

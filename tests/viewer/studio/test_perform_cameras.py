@@ -1,4 +1,4 @@
-"""Tests of this machine's cameras in the window: found by the edge's program, previewed, started."""
+"""Tests of this machine's cameras in the window: found by the edge's program, previewed, and started."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from PIL import Image
 from enliven_viewer.studio.perform.cameras import Camera, CameraSearch
 
 PATIENCE_S = 120.0
-"""Timeout in seconds for the edge's program to start, on a machine with ten times the load."""
+"""Timeout in seconds for the edge's program to start, on a machine with ten times its normal load."""
 
 
 def until(done) -> None:

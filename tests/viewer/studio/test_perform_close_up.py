@@ -1,4 +1,4 @@
-"""Tests that the view moves to the limb that would be attached, shows it from the side too, and returns."""
+"""Tests that the view moves to the limb that would be attached, also shows it from the side, and returns."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from enliven_viewer.studio.perform.close_up import CloseUp, find_pending_limb_bo
 from enliven_viewer.studio.settings import StudioSettings
 
 LONG = 1.0
-"""Minimum seconds until the view may move to another limb."""
+"""Minimum seconds before the view may move to another limb."""
 
 
 @pytest.fixture
@@ -32,7 +32,7 @@ def scene_with(
 
 
 def end(one: Character, *, top: bool) -> np.ndarray:
-    """Returns the nodes in the upper, or the lower, half."""
+    """Returns the nodes in the upper or in the lower half."""
     height = one.pivots[:, 1]
     return np.flatnonzero((height > 1.5) == top)
 
@@ -43,7 +43,7 @@ def chosen(points: np.ndarray) -> MatchList:
 
 
 def seen_share(editor: Editor, points: np.ndarray) -> float:
-    """Returns the fraction of the image's height that some points cover, once the view has settled."""
+    """Returns the fraction of the image's height that points cover once the view has settled."""
     editor.camera.advance(10.0)
     return float(np.ptp(editor.lens.project(points.astype(np.float64))[0][:, 1])) / editor.size[1]
 

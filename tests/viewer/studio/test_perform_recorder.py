@@ -1,4 +1,4 @@
-"""Tests of the recorder in the window, for a stage with a clock that may start again."""
+"""Tests of the window's recorder if the clock of the stage restarts."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_a_hold_from_before_the_recording_is_kept_with_the_frames_since() -> Non
 
 
 def test_topic_bursts_after_a_slow_frame_do_not_end_the_recording(box) -> None:
-    """Three seconds of performers, and then of poses, arrive in one frame."""
+    """Three seconds of performers, and then three seconds of poses, arrive in one frame."""
     recorder = LiveRecorder()
     recorder.record(HOLDS, HoldMessage("box", 0, "alone", body=1, holders=[1]))
     hear(recorder, 0)

@@ -1,4 +1,4 @@
-"""Tests of automatic ends of a recording: holding still, the end of its span, a pedal or voice command."""
+"""Tests of automatic ends of a recording: holding still, the end of the span, a pedal or voice command."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_unmoved_or_absent_performer_does_not_end_the_recording() -> None:
     assert seen(unseen).seconds(59 * STEP) > 1.0, "a joint that is guessed does not count"
 
 
-def test_the_still_end_is_left_out() -> None:
+def test_still_end_is_trimmed() -> None:
     frames = [BodyFrame([standing(1)], n * STEP, "edge") for n in range(10)]
     kept = PerformedMotion("take 1", 0, frames=frames).until(4 * STEP)
     assert [frame.time_ns // STEP for frame in kept.frames] == [0, 1, 2, 3, 4]
@@ -126,7 +126,7 @@ def test_a_span_is_recorded_and_no_more_and_again_where_it_loops(session: Perfor
 
 
 @pytest.mark.slow
-def test_a_word_begins_a_recording_takes_it_again_and_ends_it(session: PerformSession) -> None:
+def test_voice_command_starts_repeats_and_ends_a_recording(session: PerformSession) -> None:
     heard = session.live.feed.on_message
 
     def called(word: str) -> None:
@@ -152,7 +152,9 @@ def test_a_word_begins_a_recording_takes_it_again_and_ends_it(session: PerformSe
 
 @pytest.mark.slow
 def test_the_motion_of_a_scanned_mesh_is_on_that_mesh(session: PerformSession) -> None:
-    """A mesh from a file is a puppet without examples, one from a scan is at rest; neither is duplicated."""
+    """A mesh from a file is a puppet without examples, and a scanned mesh is at rest. Neither is
+    duplicated.
+    """
     mesh, editor = load_sample("chair"), session.editor
 
     def scanned(project: Project) -> Project:
@@ -172,7 +174,7 @@ def test_the_motion_of_a_scanned_mesh_is_on_that_mesh(session: PerformSession) -
         moved = np.stack(
             [compute_vertices(editor.project, "chair", second) for second in np.linspace(0.1, 0.7, 7)]
         )
-        # The dance that is recorded depends on the clock: in a slow moment it moves by 1 cm in 0.4 s.
+        # The recorded dance depends on the clock: in a slow part, it moves by 1 cm in 0.4 s.
         assert np.ptp(moved, axis=0).max() > 0.005
         editor.undo()
         assert editor.project.characters["chair"].kind == before
@@ -180,7 +182,7 @@ def test_the_motion_of_a_scanned_mesh_is_on_that_mesh(session: PerformSession) -
 
 @pytest.mark.slow
 def test_waiting_samples_are_put_on_the_stage(session: PerformSession, tmp_path: Path) -> None:
-    """A sample that was opened before the stage connected, and one that was opened afterwards."""
+    """One sample was opened before the stage connected, and one afterwards."""
     later = Workspace.new(Editor(), tmp_path / "own")
     later.editor.edit("a chair", lambda project: make_puppet(project, load_sample("lamp"), "chair"))
     assert later.actions.do("sample.chair")

@@ -1,4 +1,4 @@
-"""Tests of performing in the studio's real window with a real edge, which is killed while recording."""
+"""Tests of performing in the studio's real window with a real edge, which is killed during a recording."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests that a press of Possess acts at once, or as soon as possible, or is refused with advice."""
+"""Tests that pressing Possess acts at once, or as soon as possible, or is refused with advice."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_a_chosen_character_that_is_not_on_the_stage_is_put_there_first(sitting)
 def test_a_press_before_the_stage_is_ready_is_kept(sitting) -> None:
     session = sitting(actor())
     session.perform.connect(str(session.house.outlet.publisher.endpoint))
-    session.perform.live.is_local = True  # a stage that was started by this window
+    session.perform.live.is_local = True  # as for a stage that this window started
     session.perform.possession_requests.press()
     assert session.perform.possession_requests.words == session.perform.live.preparation_text
     session.present = [person()]
@@ -124,7 +124,7 @@ def test_a_waiting_press_outlasts_a_silent_edge(sitting, monkeypatch, is_local) 
             requests.press()
         return requests.waits
 
-    # On a busy machine, the edge may be silent at the moment of a press, which is then refused.
+    # On a busy machine, the edge may be silent when the button is pressed, and the request is refused.
     session.until(press)
     refused = list(session.toasts)
     session.until(lambda: requests.words.startswith("No one is in view"))
@@ -174,7 +174,7 @@ def test_a_busy_stage_is_asked_again(sitting, monkeypatch) -> None:
     session.perform.possession_requests.press()
     end = time.monotonic() + PATIENCE
     while not session.perform.possession_requests.words and time.monotonic() < end:
-        session.poll()  # the edge compiles meanwhile, and is otherwise idle
+        session.poll()  # meanwhile the edge compiles, and is otherwise idle
         time.sleep(0.01)
     assert session.perform.possession_requests.words.startswith("The stage is busy")
     session.until(lambda: session.held == {"chair"})

@@ -1,4 +1,4 @@
-"""Tests of the camera preview: performers as their camera sees them, in the corner that hides least."""
+"""Tests of the camera preview: performers as seen by their camera, in the corner that hides least."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of scanning in the studio's real window; a real edge replays a camera carried round a chair."""
+"""Tests of scanning in the studio's real window. A real edge replays a camera carried around a chair."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_a_chair_is_scanned_undone_kept_and_added_to(carried: Path, tmp_path: Pa
     assert 0.5 * high[1] < dragged[1] < high[1] - 0.05, "the top came down, and was taken again there"
     assert (lower == low).all() and (dragged[[0, 2]] == high[[0, 2]]).all()
     faces, (wide, tall, deep) = report["scanned"]
-    # At a centimetre, from a third of a round, or less on a busy machine; only inside the box.
+    # The scan has centimetre voxels, covers at most a third of a round, and only the inside of the box.
     assert 1000 < faces <= 50_000
     assert (np.array([wide, tall, deep]) < dragged - lower + 0.02).all() and tall > 0.6 * dragged[1]
     assert report["chosen"] == ["scan", "scan scan", True], "one edit, chosen, with its colours"
@@ -57,7 +57,7 @@ def test_a_chair_is_scanned_undone_kept_and_added_to(carried: Path, tmp_path: Pa
 
 
 def message(**given: object) -> ScanMessage:
-    """Returns a scan's message at 1.3 m, with the camera at +z looking at the middle."""
+    """Returns a scan's message with a camera at +z, 1.3 m away, that looks at the centre."""
     camera = [1.0, 0, 0, 0.0, 0, -1.0, 0, 0.8, 0, 0, -1.0, 1.3]
     usual: dict[str, object] = {"number": 1, "phase": "scanning", "tracking": "scanning"}
     return ScanMessage(**{**usual, "stage_from_camera": camera, **given})

@@ -1,4 +1,4 @@
-"""Tests of several edges in one window: shown together, recorded as one, one continues without the other."""
+"""Tests of several edges in one window: shown and recorded together, and one continues without the other."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ EDGE = Path(__file__).parents[2] / "system" / "staged_edge.py"
 
 
 def started(name: str, folder: Path) -> tuple[subprocess.Popen[str], str]:
-    """Starts an edge with a performer in a chair; returns its address, too."""
+    """Starts an edge with a performer in a chair. Returns the edge and its address."""
     folder.mkdir()
     edge = subprocess.Popen(
         [sys.executable, str(EDGE), name, str(folder), "100"], stdout=subprocess.PIPE, text=True
@@ -32,7 +32,7 @@ def started(name: str, folder: Path) -> tuple[subprocess.Popen[str], str]:
 
 @pytest.fixture
 def two(tmp_path: Path):
-    """Starts a session that follows two real edges; returns it and the first edge's process."""
+    """Starts a session that follows two real edges. Returns the session and the first edge's process."""
     stamp = time.time_ns()
     edges = [started(f"{name}-{stamp}", tmp_path / name) for name in ("left", "right")]
     session = PerformSession(Editor(), tmp_path)

@@ -1,4 +1,6 @@
-"""Tests of several edges in one space over real sockets: places, equal names, one moment, and a lost edge."""
+"""Tests of several edges in one space over real sockets: poses, equal names, a common time, and a lost
+edge.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,7 @@ def make_character(name: str = "chair", count: int = 8) -> Character:
 
 
 class MovingEdge:
-    """An edge with its own sensor clock. Its character moves 1 m per second along x.
+    """An edge with its own sensor clock, whose character moves 1 m per second along x.
 
     Args:
         delay_ms: milliseconds from a frame to its publication.
@@ -55,7 +57,7 @@ class MovingEdge:
         return str(self.publisher.endpoint)
 
     def place_at(self, wall_ns: int) -> float:
-        """Returns the place of the character at a time of the wall clock, metres."""
+        """Returns the character's position along x in metres, at a time of the wall clock."""
         return (wall_ns - ORIGIN_NS) * 1e-9
 
     def poll(self) -> None:
@@ -83,7 +85,7 @@ class MovingEdge:
 
 
 ORIGIN_NS = time.time_ns()
-"""The wall clock at which all characters stand at their rest."""
+"""Time of the wall clock at which all characters are at x = 0."""
 
 
 def until(session: PerformSession, done: Callable[[], Any], *edges: MovingEdge) -> None:
@@ -110,7 +112,7 @@ def follow(session: PerformSession, *edges: MovingEdge) -> None:
 
 
 def shown_places(session: PerformSession, rest: Character) -> list[float]:
-    """Returns how far each character has moved along x, metres, in the order of the edges."""
+    """Returns each character's displacement along x in metres, in the order of the edges."""
     assert session.scene is not None
     start = rest.rest_pose().positions[0, 0]
     return [float(actor.pose.positions[0, 0] - start) for actor in session.scene.actors]
@@ -126,7 +128,7 @@ def is_aligned(session: PerformSession) -> bool:
 
 @pytest.mark.slow
 def test_frames_of_both_edges_are_drawn_at_the_same_moment(session: PerformSession) -> None:
-    """The characters move alike, so at one moment they are at the same place."""
+    """The characters move alike, so at the same time they are at the same position."""
     fast, slow = MovingEdge(uuid.uuid4().hex), MovingEdge(uuid.uuid4().hex, delay_ms=90.0)
     with contextlib.ExitStack() as stack:
         stack.callback(fast.stop)
@@ -146,7 +148,7 @@ def test_frames_of_both_edges_are_drawn_at_the_same_moment(session: PerformSessi
                 worst.append(abs(a - b))
             time.sleep(0.004)
         assert len(worst) > 20, "the fast edge waits for the slow one"
-        # Without alignment the places differ by 90 mm at the median.
+        # Without alignment, the positions differ by 90 mm at the median.
         assert np.median(worst) < 0.015
 
 
@@ -170,7 +172,7 @@ def test_edges_are_placed_by_the_space_and_one_lost_keeps_the_other(session: Per
         until(session, lambda: is_aligned(session), left, right)
         assert session.scene is not None
         _, actor = session.scene.actors
-        # The world of the right edge is turned and shifted relative to that of the left edge.
+        # The world of the right edge is rotated and shifted relative to the world of the left edge.
         relative = np.linalg.inv(shifted) @ turned
         joints = {body.id: body.joints for body in session.scene.bodies}
         moved = joints[shared_performer_id(1, 1)][0]
@@ -201,7 +203,7 @@ def test_an_edge_without_a_place_is_reported(session: PerformSession) -> None:
 
 
 def test_edges_of_one_name_do_not_mix() -> None:
-    """Their names are the same only on different machines, so this tests the names alone."""
+    """Names are equal only on different machines, so this tests the names alone."""
     messages: list[tuple[str, str]] = []
     shared = SharedSpace(lambda problem, remedy: messages.append((problem, remedy)))
     shared.place("stage", [])

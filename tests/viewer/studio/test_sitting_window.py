@@ -1,4 +1,4 @@
-"""Tests of one session in the real window with the real edge: scan, voice, possession, physics, recording."""
+"""Tests a session in the real window with the real edge: scanning, voice, possession, physics, recording."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ wav = "say.wav"
 
 
 def speech(text: str, folder: Path) -> np.ndarray:
-    """Returns a sentence by a synthetic speaker, at 16 kHz."""
+    """Returns a sentence from a speech synthesiser, at 16 kHz."""
     path = folder / "sentence.wav"
     subprocess.run(["espeak-ng", "-v", "en-us", "-s", "140", "-w", str(path), text], check=True)
     with wave.open(str(path)) as file:
@@ -48,7 +48,7 @@ def speech(text: str, folder: Path) -> np.ndarray:
 
 
 def rehearsal(path: Path) -> None:
-    """Writes minutes of speech in which a known phrase and another sentence alternate."""
+    """Writes minutes of speech in which a known command and another sentence alternate."""
     room = np.random.default_rng(0).normal(0.0, 20.0, MINUTES * 60 * RATE)
     texts = ("puppet follow my pose", "look at the lights")
     sounds = [speech(text, path.parent) for text in texts]
@@ -61,9 +61,10 @@ def rehearsal(path: Path) -> None:
 
 
 def carried_and_performed(path: Path) -> None:
-    """Writes recorded depth: a person performs, then the camera is carried round a chair repeatedly.
+    """Writes recorded depth: a person performs, then the camera is carried around a chair repeatedly.
 
-    Its path is closed, so the rounds follow each other without a jump. A busy machine starts the scan late.
+    The path is closed, so the rounds follow each other without a jump. On a busy machine, the scan starts
+    late.
     """
     person = list(Recording(shipped_recording()).frames())
     scan = HandheldScan(load_sample("chair"), load_profile("kinect1"), PATH, width=320, colour=True)
@@ -95,7 +96,7 @@ def test_one_sitting_scans_speaks_possesses_plays_and_records(needs: tuple[str, 
     assert report["heard"].startswith("Heard: puppet follow my pose")
     assert report["not understood"].startswith("Not understood: ")
     assert report["phrases"] == 2
-    # The performer may return while the pointer moves to the button.
+    # The performer may have returned by the time the pointer has reached the button.
     assert report["waits"].startswith(("No one is in view", "Stand still")), "a press is answered at once"
     assert report["held"] == ["Performer 1 is in the scan: the whole body"], "and done without another press"
     assert report["recorded"][0] > 0 and report["recorded"][1]

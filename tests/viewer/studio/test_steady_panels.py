@@ -1,4 +1,4 @@
-"""Tests that no clickable widget moves while lists fill: start page, Perform without a stage, scan."""
+"""Tests that no clickable widget moves while lists grow: start page, Perform without a stage, and scan."""
 
 from __future__ import annotations
 

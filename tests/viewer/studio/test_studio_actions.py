@@ -1,4 +1,6 @@
-"""Tests of actions: found by letters, done by menu and key in the real window, rebound; and undone."""
+"""Tests of actions: found by letters, done by menu and key in the real window, reassigned to other keys, and
+undone.
+"""
 
 from __future__ import annotations
 
@@ -48,11 +50,12 @@ def stage(tmp_path_factory) -> Workspace:
 
 CHOSEN = (LIMB, TIP, CHAIN, POST, STAR)
 AT_RANDOM = int(os.environ.get("ENLIVEN_ACTIONS", "150"))
-"""Number of random actions in the session: each of some ninety comes once or twice. `make test-long` does
-500."""
+"""Number of random actions in the session, so that each of about ninety occurs once or twice. `make
+test-long` does 500.
+"""
 _STEPS = ("edit.undo", "edit.redo", "edit.history")
 NOT_AT_RANDOM = (*_STEPS, "file.", "shape.bake", "help.", "tool.", "perform.", "scan.")
-"""Dialogs, steps through the history, and actions that take seconds in a thread."""
+"""Actions that are not drawn randomly: dialogs, history steps, and actions that take seconds in a thread."""
 
 
 @pytest.mark.slow

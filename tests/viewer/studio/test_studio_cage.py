@@ -1,4 +1,4 @@
-"""Tests of a rig that the studio does not know: played, selected, posed, moved, cut and exported as usual."""
+"""Tests that a rig unknown to the studio can be played, selected, posed, moved, cut and exported."""
 
 from __future__ import annotations
 

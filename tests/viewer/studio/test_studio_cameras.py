@@ -24,7 +24,7 @@ def workspace_of(make_limb) -> Workspace:
 
 
 def seen(editor: Editor, name: str) -> float:
-    """Returns a character's distance from the centre of the image, 1 at its edge."""
+    """Returns a character's distance from the centre of the image, where 1 is the edge."""
     posed = editor.stage_character(name)
     aspect = editor.size[0] / editor.size[1]
     return float(np.abs(editor.camera.view(aspect).project(posed.vertices)).max())
@@ -95,6 +95,6 @@ def test_ctrl_f_frames_the_whole_path_and_f_the_current_pose() -> None:
 
 
 def inside(editor: Editor, points) -> bool:
-    """Returns True if all of some positions are in the image."""
+    """Returns True if all points are in the image."""
     pixels = editor.lens.project(points)[0]
     return bool(((pixels >= 0) & (pixels <= editor.size)).all())

@@ -1,4 +1,6 @@
-"""Tests of clips on the timeline, for all rigs: handles are where they are drawn; a drag is one edit."""
+"""Tests of clips on the timeline for all rigs: handles can be clicked where they are drawn, and a drag is one
+edit.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,7 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 RIGS = ("bones", "graph", "points")
 rigs = pytest.mark.parametrize("rig", RIGS)
 FAR = 60.0
-"""Pixels: snapping does not reach over a gap this wide."""
+"""A distance in pixels that is beyond the range of snapping."""
 
 
 def all_rigs() -> tuple[Project, dict[str, str]]:

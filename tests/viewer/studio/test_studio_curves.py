@@ -1,4 +1,4 @@
-"""Tests of the selection's curves, for every rig: curves equal the playback, and each drag is one edit."""
+"""Tests of the selection's curves for every rig: curves equal the playback, and each drag is one edit."""
 
 from __future__ import annotations
 
@@ -235,7 +235,7 @@ def test_a_character_is_moved_over_the_stage_by_keys_while_that_is_on(rig: str) 
     editor, curves, name = desk(rig, handle=None)
     editor.size = (800.0, 600.0)
     editor.frame_all(at_once=True)
-    KeyCommands(editor).set()  # at 0 s it is unchanged
+    KeyCommands(editor).set()  # at 0 s, the key changes nothing
     editor.time, editor.is_auto_key = 1.0, True
     before = compute_vertices(editor.project, name, 1.0)
     x, y = editor.lens.project_visible(before.mean(0)[None])[0]
@@ -284,7 +284,7 @@ def test_weight_and_speed_have_keys_on_their_curves(rig: str) -> None:
         x, y = at(curves, 1, 0)
         curves.press(x, y)
         curves.drag(x, y + 5000)
-        curves.release(x, y + 5000)  # below the playable minimum: the minimum is used, and reported
+        curves.release(x, y + 5000)  # below the minimum, the minimum is used and reported
         keys = layer_keys(editor.project, name, 0, number)
         assert keys[1].value == (0.0 if number == "weights" else MIN_SPEED)
         assert editor.toasts.shown
@@ -313,7 +313,7 @@ def test_a_dragged_dot_of_a_possessed_mesh_sets_a_key_that_bends_it_there() -> N
     nodes = np.array(editor.stage_character(name).nodes, float)
     pixels = np.array(editor.lens.project_visible(nodes))
     distances = np.linalg.norm(pixels[:, None] - pixels[None], axis=2) + 1e9 * np.eye(len(pixels))
-    node = int(distances.min(1).argmax())  # one that is alone in the image
+    node = int(distances.min(1).argmax())  # the node that is farthest from the others in the image
     drag(tool, tuple(pixels[node]), (0, -40))
     assert editor.selection.handle == node and editor.history.names == (f"key {name}",)
     ((time, key),) = find_keys(editor.project, name, node)

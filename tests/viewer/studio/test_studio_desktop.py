@@ -1,4 +1,6 @@
-"""Tests of the window on dense screens and with large text: one scale for all; colours for all eyes."""
+"""Tests of the window on high-density screens and with large text: one scale for everything, accessible
+colours.
+"""
 
 from __future__ import annotations
 
@@ -93,7 +95,9 @@ SEEN = {
     "without blue": "1.256 -0.077 -0.179  -0.078 0.931 0.148  0.005 0.691 0.304",
     "with all": "1 0 0  0 1 0  0 0 1",
 }
-"""Linear RGB as seen without one kind of cone (Machado, Oliveira and Fernandes 2009)."""
+"""Matrices from linear RGB to linear RGB as seen without one kind of cone (Machado, Oliveira and Fernandes
+2009).
+"""
 
 
 @pytest.mark.parametrize("eyes", SEEN)

@@ -1,4 +1,4 @@
-"""Tests of naming a possessed mesh's five ends: marks at their places, dragged by an artist, and kept."""
+"""Tests of naming the five ends of a possessed mesh: marks are shown, can be dragged, and are stored."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ENDS = (Joint.HEAD, Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FO
 ROUNDED = 1e-6
 """Tolerance in metres: a project's mesh is rounded to float32."""
 FINGERS = 0.2
-"""Maximum metres from the joint of a hand, a foot or the head to its end."""
+"""Maximum distance in metres between the joint of a hand, foot or head and its end."""
 
 
 @pytest.fixture
@@ -136,7 +136,7 @@ def test_ends_are_kept_in_a_file_and_taken_by_an_edge(tmp_path):
     ends = KNOWN.mesh.vertices[
         [int(np.linalg.norm(KNOWN.mesh.vertices - KNOWN.joints[k], axis=1).argmin()) for k in ENDS]
     ]
-    ends = ends[[0, 2, 1, 4, 3]]  # rotated by half a turn: the left end must become the right one
+    ends = ends[[0, 2, 1, 4, 3]]  # rotated by half a turn, the left end must become the right one
     character = project.character("man").with_changes(ends=ends)
     data = character_bytes(project.with_characters(character), "man")
     for fit in (False, True):

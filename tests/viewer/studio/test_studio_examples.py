@@ -1,4 +1,6 @@
-"""Tests of the example panel without a window: background solving, coverage, pairing, going to key poses."""
+"""Tests of the example panel without a window: background solving, coverage, pairing, and jumping to key
+poses.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +55,7 @@ NAMES = ("head", "left", "right", "foot")
 
 
 def posed(times: tuple[float, ...] = (0.0, 0.75, 2.25), take: str = "sway") -> Project:
-    """Returns the star playing a take, with a key pose at each time."""
+    """Returns a star that plays a take, with a key pose at each time."""
     project = project_with(*NAMES, take=take)
     rest = project.puppets["star"].rest
     for k, time in enumerate(times):
@@ -158,7 +160,7 @@ def test_unnamed_points_are_named_after_their_joint() -> None:
         ("X1", "x"),
     ],
 )
-def test_joints_as_people_call_them(joint: str, said: str) -> None:
+def test_joints_have_readable_names(joint: str, said: str) -> None:
     assert describe_joint(joint) == said
 
 

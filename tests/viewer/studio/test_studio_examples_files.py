@@ -1,4 +1,6 @@
-"""Tests that unrigged meshes, takes and sessions open, and puppets are exported as GLB with their error."""
+"""Tests that unrigged meshes, takes and sessions open, and that puppets are exported as GLB with their
+error.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of the lanes of puppets: hit-testing equals drawing, and a drag is one edit."""
+"""Tests of the timeline rows of puppets: hit-testing equals drawing, and a drag is one edit."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SWITCHES = (Switch(0, "contact"), Switch(30, "flight"), Switch(60, "contact"))
 
 
 def posed(times: tuple[float, ...], **changes) -> Project:
-    """Returns the star with key poses at seconds of "sway", played by a layer."""
+    """Returns the star with key poses at times of "sway" in seconds, played by a layer."""
     project = project_with(*NAMES, take="sway")
     rest = project.puppets["star"].rest
     for k, time in enumerate(times):

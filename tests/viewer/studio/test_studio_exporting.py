@@ -1,4 +1,4 @@
-"""Tests of an export's contents, progress and cancelling; and of large files opened in the background."""
+"""Tests of an export's contents, progress and cancelling, and of opening large files in the background."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ def test_scale_axis_and_motion_in_place_are_those_of_the_command(workspace, tmp_
     assert (tmp_path / "window.csv").read_text() == (tmp_path / "command.csv").read_text()
     written(workspace, tmp_path / "plain.csv", left_out={"limb 2"}, rate=12, last=0.5)
     assert (tmp_path / "window.csv").read_text() != (tmp_path / "plain.csv").read_text()
-    # A .glb fixes the axis, so the window shows that choice in grey, and the export ignores it.
+    # A .glb has a fixed axis, so the window greys out that choice and the export ignores it.
     assert "up" not in list_supported_options(".glb") and "scale" in list_supported_options(".glb")
     written(workspace, tmp_path / "out.glb", up="z", last=0.5)
     turned = (tmp_path / "out.glb").read_bytes()

@@ -1,4 +1,6 @@
-"""Tests of the file dialog: places, recent folders, sorting, new folders; and files that are not projects."""
+"""Tests of the file dialog: locations, recent folders, sorting, new folders, and files that are not
+projects.
+"""
 
 from __future__ import annotations
 

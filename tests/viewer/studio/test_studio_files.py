@@ -1,4 +1,6 @@
-"""Tests that no work is lost: saving, opening, asking before discarding, recovery files; the file browser."""
+"""Tests that no work is lost: saving, opening, asking before discarding, recovery files, and the file
+browser.
+"""
 
 from __future__ import annotations
 
@@ -283,11 +285,11 @@ def test_50_studios_killed_at_random_moments_lose_20_seconds_at_most(tmp_path) -
 
 @pytest.mark.slow
 def test_real_windows_killed_at_random_moments_give_back_all_but_the_last_seconds(tmp_path) -> None:
-    """A single one here; `make test-long` kills 50."""
+    """The test kills a single window. `make test-long` kills 50."""
     kills = os.environ.get("ENLIVEN_KILLS", "1")
     report = in_a_window(WINDOW_KILLED, str(tmp_path), kills, seconds=120.0 + 30.0 * int(kills))
     assert all(kill["lost_s"] <= 20.0 for kill in report["results"]), report
-    # Edits before the last recovery files are never lost, however soon the kill follows.
+    # Edits before the last recovery file are never lost, however soon the kill follows.
     assert all(kill["kept"] > 0 for kill in report["results"] if kill["worked_s"] > 6 * report["autosave"]), (
         report
     )
@@ -295,7 +297,7 @@ def test_real_windows_killed_at_random_moments_give_back_all_but_the_last_second
 
 
 def model_with_clips(path: Path, *loops: bool, seed: int = 2) -> Path:
-    """Writes a man with clips "clip 0", "clip 1" ..., looping or not."""
+    """Writes a man with clips "clip 0", "clip 1" ..., which loop or not."""
     random, skeleton = np.random.default_rng(seed), man()
     shape, performances = meshed("man", skeleton), []
     for number, loop in enumerate(loops):
@@ -310,7 +312,7 @@ def model_with_clips(path: Path, *loops: bool, seed: int = 2) -> Path:
 
 
 def write_clips(path: Path, names: list[str], performances: list[Performance]) -> None:
-    """Writes performances of one character as one model with an animation for each."""
+    """Writes performances of one character as one model, with one animation for each performance."""
     whole = GLTF2.load_from_bytes(build_glb([performances[0]]))
     blob = bytearray(whole.binary_blob() or b"")
     for performance in performances[1:]:

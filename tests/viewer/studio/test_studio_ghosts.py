@@ -1,4 +1,6 @@
-"""Tests of ghosts and motion trails for every rig: computed in the background, updated after every edit."""
+"""Tests of ghosts and motion trails for every rig: computed in the background, and updated after every
+edit.
+"""
 
 from __future__ import annotations
 
@@ -229,7 +231,7 @@ def test_smooth_normals_of_a_ball_point_outwards() -> None:
 
 @rigs
 def test_ghosts_are_seen_in_their_colours(rig: str) -> None:
-    """The picture has more blue and more orange with ghosts than without."""
+    """With ghosts, the image has more blue and more orange than without."""
     editor, ghosts, _ = desk(rig)
     editor.size = (320.0, 240.0)
     editor.frame_all(at_once=True)

@@ -1,4 +1,4 @@
-"""Tests of the window in German: texts of menus, actions, tools and tips are translated, and fit."""
+"""Tests of the window in German: texts of menus, actions, tools and tooltips are translated and fit."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_every_text_has_a_translation(script, language) -> None:
 
 
 def forms(entry: polib.POEntry) -> list[str]:
-    """Returns the translations of an entry: one, or one for each form of its plural."""
+    """Returns the translations of an entry: one, or one for each plural form."""
     return list(entry.msgstr_plural.values()) if entry.msgid_plural else [entry.msgstr]
 
 
@@ -62,7 +62,7 @@ def test_translations_keep_values_keys_and_the_sentence_that_is_the_title(langua
             values = sorted(re.findall(pattern, entry.msgid))
             for translated in forms(entry):
                 assert sorted(re.findall(pattern, translated)) == values, place
-        # The text up to the first full stop is the title, the rest is the advice.
+        # The text up to the first full stop is the title. The rest is the advice.
         assert all((". " in entry.msgid) == (". " in translated) for translated in forms(entry)), place
 
 

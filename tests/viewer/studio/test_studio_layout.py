@@ -1,4 +1,6 @@
-"""Tests of the window from 600x400 to 3840x2160 and with large text: all is reachable, nothing overlaps."""
+"""Tests of the window from 600x400 to 3840x2160 and with large text: everything is reachable, nothing
+overlaps.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +50,7 @@ def test_tabs_tools_and_menu_are_inside_the_window_at_any_size(shown: dict) -> N
         assert menu <= lines[0][0], f"{name}: the menus and the tabs share pixels"
 
 
-def test_the_hint_covers_no_character_and_every_character_is_in_the_picture(shown: dict) -> None:
+def test_hint_covers_no_character_and_all_are_in_view(shown: dict) -> None:
     hinted = {name: report for name, report in shown.items() if "hint" in report["widgets"]}
     assert len(hinted) >= 12
     for name, report in hinted.items():

@@ -1,4 +1,4 @@
-"""Tests that models open at a size that people can step into, with a note, and are framed."""
+"""Tests that models open at a size that people can possess, with a note, and are framed by the camera."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from enliven_viewer.studio.workspace.model_size import choose_size
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 FARTHEST_M = 9.0
-"""Maximum metres between the camera and the centre of the largest model that opens unchanged."""
+"""Maximum distance in metres between the camera and the centre of the largest model that opens unchanged."""
 
 
 def box_of(wide: float, tall: float, deep: float) -> list[list[float]]:

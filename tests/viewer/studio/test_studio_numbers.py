@@ -1,4 +1,6 @@
-"""Tests of typed numbers: units and sums, positions, sizes and rotations, snapping, and camera bookmarks."""
+"""Tests of typed numbers (units and sums, positions, sizes, rotations), of snapping, and of camera
+bookmarks.
+"""
 
 from __future__ import annotations
 
@@ -158,7 +160,7 @@ def test_a_bookmark_brings_the_view_back_and_is_in_the_file(workspace, tmp_path)
 
 
 @pytest.mark.slow
-def test_in_the_window(tmp_path) -> None:
+def test_numbers_are_typed_in_the_window(tmp_path) -> None:
     report = in_a_window(SESSION, str(tmp_path))
     assert report["done"] and report["complaints"] == ["that is not a number"], report
     assert report["place"] == pytest.approx(1.5, abs=1e-4) and report["tall"] == pytest.approx(0.5, abs=1e-4)

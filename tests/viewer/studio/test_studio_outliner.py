@@ -1,4 +1,6 @@
-"""Tests of the outliner: its tree and filter, names, order, visibility and locks; and multiple selection."""
+"""Tests of the outliner (its tree and filter, names, order, visibility and locks), and of multiple
+selection.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,7 @@ from enliven_viewer.studio.workspace.files import list_exportable
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 SESSION = Path(__file__).parents[1] / "studio_outliner_session.py"
-FULL = acting_stage  # a limb that waves, a possessed post, and the puppet of a star
+FULL = acting_stage  # a waving limb, a possessed post, and the puppet of a star
 
 
 @pytest.fixture
@@ -179,7 +181,7 @@ def test_renaming_changes_only_the_name(workspace) -> None:
 
 
 @pytest.mark.slow
-def test_in_the_window(tmp_path) -> None:
+def test_outliner_works_in_the_window(tmp_path) -> None:
     report = in_a_window(SESSION, str(tmp_path))
     assert report["done"] and report["complaints"] == []
     assert report["several"] == ["star", "limb"] and report["hidden"] == ["limb", "star"], (

@@ -142,7 +142,7 @@ def test_painted_stiffness_is_saved_and_softens_on_stage(workspace, tmp_path):
 
 
 def wave(actor) -> np.ndarray:
-    """Returns the (F, N, 3) nodes while a performer waves the left arm and stops."""
+    """Returns (F, N, 3) node positions while a performer waves the left arm and stops."""
     frames = []
     for k in range(30):
         joints = KNOWN.joints.copy()

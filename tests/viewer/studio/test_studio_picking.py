@@ -1,4 +1,4 @@
-"""Tests of picking: hit-testing equals the projection exactly; compared with brute force."""
+"""Tests that picking equals the projection exactly, and equals a brute-force search."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SIZE = (900.0, 600.0)
 
 
 def standing(shape: Shape, joints: np.ndarray) -> StageCharacter:
-    """Returns a shape without bone rotations, with joints at random positions."""
+    """Returns a shape without bone rotations whose joints have random positions."""
     pose = pose_from(shape, ShapePose(np.tile(IDENTITY, (len(joints), 1)), joints), 0.0)
     return StageCharacter(shape, None if shape.mesh is None else character_of(shape), pose, joints)
 
@@ -42,7 +42,9 @@ def lens_of(azimuth: float, elevation: float) -> Lens:
 
 @st.composite
 def trees(draw: st.DrawFn) -> StageCharacter:
-    """Generates a random tree of joints at distinct positions, before every camera of :func:`lens_of`."""
+    """Generates a random tree of joints at different positions, in front of every camera of
+    :func:`lens_of`.
+    """
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     count = int(rng.integers(2, 12))
     parents = np.array([-1, *(int(rng.integers(0, k)) for k in range(1, count))], np.int32)

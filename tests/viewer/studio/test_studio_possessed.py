@@ -1,4 +1,4 @@
-"""Tests of possessed meshes in the studio: selected, moved, cut, merged, copied; read from a take."""
+"""Tests of possessed meshes in the studio: selected, moved, cut, merged, copied, and read from a take."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ NS = 1_000_000_000
 
 @pytest.fixture
 def workspace(make_limb, tmp_path) -> Workspace:
-    """Returns a workspace with two possessed posts that rock."""
+    """Returns a workspace with two possessed posts that swing."""
     project = Project()
     for name, x in (("post", 0.0), ("other", 0.8)):
         limb = make_limb(name, 4, 1.2, (x, 0.1, 0.0))
@@ -115,7 +115,7 @@ def test_shift_drag_merges_two_meshes(workspace: Workspace) -> None:
 
 
 def test_touching_drop_merges_whatever_is_under_the_pointer(workspace: Workspace) -> None:
-    """The pointer is over its own top, which hides the other one."""
+    """The pointer is over the dragged mesh's own top, which hides the other mesh."""
     low = vertices(workspace)["other"][:, 0].min() - vertices(workspace)["post"][:, 0].max()
     drag = Drag((Spot(0.8, 1.29), Spot(0.8 - low - 0.02, 1.34)), shift=True)
     do(workspace, Key("g"), drag)
@@ -183,7 +183,7 @@ def test_possessed_meshes_go_out_as_glb(workspace: Workspace, tmp_path) -> None:
 
 
 def test_performers_reattach_after_a_cut_and_undo_reverts_it(tmp_path: Path) -> None:
-    """Also for a file without the motion: it is solved when it is opened."""
+    """This also holds for a file without the motion, which is solved when the file is opened."""
     project, name = possessed_chair(frames=20)
     opened = Workspace.new(Editor(), tmp_path)
     opened.store.new(without_cache(project, name))
@@ -206,7 +206,7 @@ def test_performers_reattach_after_a_cut_and_undo_reverts_it(tmp_path: Path) -> 
 
 
 def test_performance_is_copied_onto_another_mesh_by_two_keys(workspace: Workspace) -> None:
-    """Its performers step into the selected mesh in the background; later edits are kept."""
+    """The performers possess the selected mesh in the background. Later edits are kept."""
     editor = workspace.editor
     source, performed = possessed_chair(frames=15)
     stool = project_of_mesh(replace(make_chair(0.09), name="stool"), "stool")

@@ -34,7 +34,7 @@ def editor_with(*names: str) -> Editor:
 
 @cache
 def seen() -> Editor:
-    """A view with a camera that can be rotated."""
+    """Returns a view with a camera that can be rotated."""
     return editor_with()
 
 
@@ -51,7 +51,7 @@ def pixel_of(editor: Editor, place: np.ndarray) -> tuple[float, float]:
 
 
 def first_face(vertices, faces, eye, way):
-    """Returns the nearest face on a ray and its distance, with all faces at once."""
+    """Returns the nearest face on a ray and its distance, computed for all faces at once."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     side, other, arm = b - a, c - a, eye - a
     across, turned = np.cross(way, other), np.cross(arm, side)
@@ -100,7 +100,7 @@ def test_a_puppet_is_picked_where_it_stands(name: str) -> None:
     assert find_surface_at(editor.stage_characters, editor.lens, (3.0, 3.0)) is None
 
 
-def test_into_the_mesh_and_out_again() -> None:
+def test_points_are_transformed_into_the_mesh_and_back() -> None:
     editor = editor_with("head")
     turn = from_rotation_vector(np.array([0.3, 0.7, -0.2]))
     editor.edit("away", lambda p: turn_character(move_character(p, "star", [0.6, 0.2, -0.3]), "star", turn))
@@ -194,7 +194,7 @@ def test_gizmo_has_constant_size_on_screen() -> None:
     assert sizes == pytest.approx([ARROW_LENGTH_PX, ARROW_LENGTH_PX], rel=1e-6)
 
 
-def test_behind_the_eye_there_is_nothing_to_take() -> None:
+def test_points_behind_the_camera_are_not_picked() -> None:
     editor = editor_with()
     tool = Gizmo(editor.lens.view.eye - editor.lens.forward, editor.lens)
     assert tool.find_part((320.0, 240.0)) == "" and tool.marks("") == ()

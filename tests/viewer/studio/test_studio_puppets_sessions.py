@@ -1,4 +1,4 @@
-"""Tests of working with puppets: the studio's own tools and keys, without a window."""
+"""Tests of working with puppets by the studio's own tools and keys, without a window."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def tool_of(workspace: Workspace) -> PuppetTool:
 
 
 def two_poses(workspace: Workspace) -> None:
-    """Returns the first two key poses of the selected star: at rest, and bent to its left."""
+    """Returns the selected star's first two key poses: at rest, and bent to its left."""
     rest = workspace.puppets.puppet.rest
     bent = rest + np.linspace(0.0, 0.3, len(rest))[::-1, None] * [1.0, 0.3, 0.0]
     for time, places in ((0.0, rest), (0.8, bent)):

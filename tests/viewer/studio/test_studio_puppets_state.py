@@ -1,4 +1,6 @@
-"""Tests of the state that pose tool and example panel share: a finished change is one edit, none is lost."""
+"""Tests of the state shared by pose tool and example panel: a finished change is one edit, and none is
+lost.
+"""
 
 from __future__ import annotations
 
@@ -71,7 +73,7 @@ def test_a_new_key_pose_begins_where_the_puppet_is_shown() -> None:
     assert puppets.previous is puppet_of(puppets).poses[0]
 
 
-def test_one_moment_has_one_key_pose() -> None:
+def test_each_time_has_at_most_one_key_pose() -> None:
     puppets = posing("head", "left")
     puppets.begin_pose("sway", 0.5)
     puppets.accept()
@@ -262,7 +264,7 @@ def test_with_symmetry_points_are_put_and_dragged_in_pairs() -> None:
     assert np.allclose(puppets.places, puppet.rest), "what is at rest is so in the mirror too"
 
 
-def test_on_the_plane_a_point_stays_on_it() -> None:
+def test_point_on_the_symmetry_plane_stays_on_it() -> None:
     puppets = posing("head")
     puppets.editor.edit("sides", lambda p: set_symmetry(p, "star", SIDES))
     puppets.set_symmetric(True)

@@ -45,7 +45,7 @@ def test_slow_presses_work_and_a_closed_window_loses_nothing(tmp_path: Path) -> 
 
 @pytest.fixture
 def workspace(tmp_path: Path) -> Workspace:
-    """Returns a saved project, and a running recording of a second."""
+    """Returns a saved project with a running recording of one second."""
     opened = Workspace.new(Editor(), tmp_path / "recovery")
     opened.store.save(tmp_path / "work.enliven")
     recording = opened.perform.recording
@@ -68,7 +68,7 @@ def perform(workspace: Workspace, until: int) -> None:
 
 
 def seconds(path: Path) -> float:
-    """Returns the length of the performer's take in a project file; 0 if there is none."""
+    """Returns the length of the performer's take in a project file in seconds, 0 if there is none."""
     return max(
         (take.duration for name, take in read_project(path).takes.items() if "take 1" in name), default=0
     )
@@ -143,7 +143,7 @@ def test_running_recordings_are_written_for_recovery(workspace: Workspace, tmp_p
 
 
 def test_a_recovery_file_is_written_before_anything_has_moved(workspace: Workspace, tmp_path: Path) -> None:
-    """An empty recording endangers neither the project nor the window."""
+    """An empty recording is no risk for the project or the window."""
     recorder = workspace.perform.recording.recorder
     recorder.end()
     recorder.handle_restart()

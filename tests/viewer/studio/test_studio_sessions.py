@@ -1,4 +1,4 @@
-"""Tests of the paper's sessions with the studio's own tools, without a window; and of undo."""
+"""Tests of the sessions in the paper with the studio's own tools, without a window, and of undo."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FILMS = Path(__file__).parents[2] / "benchmarks" / "examples" / "session_films.p
 
 @pytest.fixture(scope="module")
 def films() -> ModuleType:
-    """Returns the script that films the sessions."""
+    """Returns the module of the script that films the sessions."""
     spec = importlib.util.spec_from_file_location("session_films", FILMS)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -127,7 +127,7 @@ def make_scene(tmp_path_factory):
 
 
 def limb_at(name: str, x: float):
-    """Returns bones only, so that a random stroke is fast."""
+    """Returns a limb of bones only, so that a random stroke is fast."""
     from enliven.document.rigged import still_shape
     from enliven.document.skeleton import Skeleton
 

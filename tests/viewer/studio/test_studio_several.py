@@ -1,4 +1,4 @@
-"""Tests of multiple selection: by clicks and boxes; each action is one edit of all selected characters."""
+"""Tests of multiple selection by clicks and boxes. Each action is one edit of all selected characters."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def test_clicks_and_boxes_in_the_view_choose_several(workspace) -> None:
     assert editor.selection.characters == ("limb",)
 
 
-def test_each_deed_on_several_is_one_step_that_undo_takes_back(workspace) -> None:
+def test_each_action_on_several_characters_is_one_undo_step(workspace) -> None:
     editor, first = workspace.editor, workspace.editor.project
     for deed in (
         *("edit.delete", "edit.duplicate", "edit.cut_out", "shape.mirror", "shape.larger"),

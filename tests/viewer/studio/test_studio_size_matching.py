@@ -1,4 +1,6 @@
-"""Tests of an object of another size than the others: reported on opening, and fitted by one action."""
+"""Tests that an object whose size differs from the others is reported on opening, and fitted by one
+action.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of robustness to slow frames or disks: strokes, autosave, and textures still being decoded."""
+"""Tests of slow frames or disks: strokes, autosave, and textures that are still being decoded."""
 
 from __future__ import annotations
 

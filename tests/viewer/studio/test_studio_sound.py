@@ -1,4 +1,4 @@
-"""Tests of sounds for a performance: read from files, mixed, played in sync, kept and undone."""
+"""Tests of sounds for a performance: read from files, mixed, played in sync, saved, and undone."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from enliven_viewer.studio.features.sound.waveform import compute_envelope
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 BEAT = 0.25
-"""Seconds into the written file at which it clicks."""
+"""Time of the click in the written file, seconds."""
 
 
 def written(path: Path, rate: int = 44_100, channels: int = 2) -> Path:
@@ -158,7 +158,7 @@ def test_sound_opens_at_the_playhead_is_saved_and_undone(tmp_path) -> None:
     assert are_identical(editor.project, before)
 
 
-def test_samples_of_another_kind_are_refused() -> None:
+def test_samples_of_another_type_are_refused() -> None:
     for samples, begin in (
         (np.zeros(4), 0.0),
         (np.zeros((2, 2), np.int16), 0.0),

@@ -1,4 +1,4 @@
-"""Tests of the view in which a chain of a take is chosen."""
+"""Tests of the view in which a user selects a chain of a take."""
 
 from enliven import History, Project
 from enliven_viewer.studio.editor.editor import Editor

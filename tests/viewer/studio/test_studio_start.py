@@ -1,4 +1,4 @@
-"""Tests of the first minutes: the start page, samples, and the tour, in the real window and without one."""
+"""Tests of the start page, samples, and the tour, in the real window and without a window."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ MEANT = (
     *("do Armchair", "recorded person", "possess", "record", "record", "room Animate", "tool cut"),
     *("the leg", "tool carry", "the piece", "menu File", "menu File/Save", "file name", "dialog Save"),
 )
-"""Widgets and positions in the picture to which the tour must point, in order."""
+"""Widgets and positions in the image to which the tour must point, in order."""
 FORBIDDEN = (
     *("chain", "root", "node", "vertex", "vertices", "skeleton", "mesh", "bone", "joint", "rig", "layer"),
     *("take", "edge", "sensor", "track", "project", "performer", "possessed", "deform", "graph", "keyframe"),
 )
-"""Words that a child of nine does not know in this sense."""
+"""Words that a nine-year-old child does not know in this sense."""
 MOST_WORDS = 15
 
 
 def encloses(outline: list[float], rectangle: list[float]) -> bool:
-    """Returns True if an outline goes round a rectangle of pixels, without much space around it."""
+    """Returns True if an outline surrounds a rectangle of pixels closely."""
     around = outline[0] <= rectangle[0] and outline[1] <= rectangle[1]
     around = around and outline[2] >= rectangle[2] and outline[3] >= rectangle[3]
     return around and max(np.abs(np.subtract(outline, rectangle))) < 12
 
 
 def kept_chair(path: Path):
-    """Returns the only chair of a saved file, and the project."""
+    """Returns the only chair in a saved file, and the project."""
     project = read_project(path)
     (chair,) = project.graphs.values()
     return chair, project
@@ -184,7 +184,7 @@ def test_the_tour_goes_back_if_what_a_step_needs_is_lost(workspace: Workspace) -
 
 @pytest.fixture
 def limb_there(workspace: Workspace) -> np.ndarray:
-    """Returns the (V, 2) pixels of a shape that is alone and plays."""
+    """Returns (V, 2) pixels of the only shape, which plays."""
     outline = limb(np.array([[0.0, 1.4], [0.0, 1.0], [0.0, 0.5]]), np.array([0.07, 0.06, 0.05]))
     shape = shape_from_stroke(outline, id="limb")
     workspace.editor.edit("add", lambda project: project.with_characters(shape))
@@ -225,7 +225,7 @@ def test_the_legs_of_the_armchair_are_found() -> None:
 
 @pytest.mark.parametrize("size", [(1000.0, 600.0), (620.0, 421.0)])
 def test_tour_stroke_cuts_exactly_one_leg(workspace: Workspace, size: tuple[float, float]) -> None:
-    """From each side, along the arrow: the removed part belongs to one leg."""
+    """From each side, a stroke along the arrow removes a part of exactly one leg."""
     workspace.actions.do("sample.chair")
     editor = workspace.editor
     (chair,) = editor.project.graphs.values()
@@ -252,7 +252,7 @@ def test_tour_stroke_cuts_exactly_one_leg(workspace: Workspace, size: tuple[floa
 
 
 def draw_cut(workspace: Workspace, path: tuple[tuple[float, float], ...]) -> bool:
-    """Draws a stroke with the scissors; returns True if it cut."""
+    """Draws a stroke with the scissors. Returns True if it cut something."""
     workspace.input.activate_tool("cut")
     count, (start, end) = len(workspace.editor.project.graphs), np.array(path)
     workspace.input.press(tuple(start))

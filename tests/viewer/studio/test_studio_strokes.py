@@ -1,4 +1,4 @@
-"""Tests of random strokes with every tool on any object: nothing breaks, and undo is exact bit for bit."""
+"""Tests of random strokes with every tool on any object: no errors, and undo is exact bit for bit."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from enliven_viewer.studio.tools.registry import TOOLS
 STROKES = int(os.environ.get("ENLIVEN_STROKES", "20"))
 """Number of strokes; make test-long makes 500."""
 BETWEEN = ("ctrl+z", "ctrl+shift+z", "escape", "f", "1", "3", "ctrl+d", "enter", "space", "shift+k", "delete")
-"""Keys that are pressed now and then."""
+"""Keys that are pressed occasionally."""
 MOST = 6
-"""Maximum number of characters: copies of copies would take too long."""
+"""Maximum number of characters, because copies of copies would take too long."""
 
 
 def spot(editor: Editor, chance: random.Random) -> Place:
-    """Returns a position in the image on a visible object, or near it."""
+    """Returns a pixel on or near a visible object."""
     visible = [posed for posed in editor.visible_characters if len(posed.extent)]
     at = np.array([chance.random(), chance.random()])
     if visible:
@@ -35,7 +35,7 @@ def spot(editor: Editor, chance: random.Random) -> Place:
 
 
 def strokes(editor: Editor, chance: random.Random) -> Iterator[Action]:
-    """Returns a tool, and a stroke with it."""
+    """Returns a random tool and a stroke with it."""
     yield Key(chance.choice((*TOOLS, PaintTool)).key)
     shift = chance.random() < 0.3
     if chance.random() < 0.4:

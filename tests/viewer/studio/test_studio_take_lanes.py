@@ -1,4 +1,4 @@
-"""Tests of the lanes of overdubbed takes, and of the marked span on the timeline."""
+"""Tests of the timeline rows of overdubbed takes, and of the marked span."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def stage(tmp_path: Path) -> Workspace:
 
 
 def mine(layout: TimelineLayout) -> list[str]:
-    """Returns the recordings in the limb's lanes, from the top."""
+    """Returns the recordings in the limb's rows, from the top."""
     return [lane.layer.recorded for lane in layout.bars() if lane.character.id == "limb"]
 
 

@@ -1,4 +1,6 @@
-"""Tests of themes and colour sets: text is readable on every ground, and neighbours differ for all eyes."""
+"""Tests of themes and colour sets: text is readable on every background, and neighbours differ for all
+eyes.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ TEXTS = ("ink", "quiet", "accent", "good", "wait", "bad", "chain")
 PAINTING = ("tinted", "push_style_color")
 SOLID = ("panel", "dark", "popup")
 LEAST_APART = 30.0
-"""Minimum CIELAB distance of neighbouring colours: far above the just noticeable 2.3, since bars are thin."""
+"""Minimum CIELAB distance of neighbouring colours. It is far above the just noticeable 2.3, because bars are
+thin.
+"""
 LEAST_TOLD = 15.0
 """Minimum CIELAB distance of any two colours of a set."""
 CONFUSED = {
@@ -40,8 +44,11 @@ CONFUSED = {
         [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]]
     ),
 }
-"""Linear sRGB as seen without one kind of cone: G. M. Machado, M. M. Oliveira, L. A. F. Fernandes, "A
-Physiologically-based Model for Simulation of Color Vision Deficiency", IEEE TVCG 15(6), 2009."""
+"""Linear sRGB as seen without one kind of cone.
+
+G. M. Machado, M. M. Oliveira, L. A. F. Fernandes, "A Physiologically-based Model for Simulation of Color
+Vision Deficiency", IEEE TVCG 15(6), 2009.
+"""
 XYZ = np.array(
     [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
 )
@@ -54,7 +61,7 @@ def linear(shown) -> np.ndarray:
 
 
 def over(colour, ground) -> np.ndarray:
-    """Returns the (3,) sRGB of a translucent colour over an opaque one, mixed as by the graphics card."""
+    """Returns (3,) the sRGB of a translucent colour over an opaque one, mixed as by the graphics card."""
     colour, opacity = np.asarray(colour[:3], float), colour[3] if len(colour) > 3 else 1.0
     return opacity * colour + (1.0 - opacity) * np.asarray(ground[:3], float)
 
@@ -75,14 +82,16 @@ def lab(light) -> np.ndarray:
 
 
 def apart(colours) -> np.ndarray:
-    """Returns (N, N) CIELAB distances of sRGB colours 0..255, for the eyes with the least difference."""
+    """Returns (N, N) CIELAB distances of sRGB colours 0..255, for the type of vision with the smallest
+    difference.
+    """
     colours_seen = [lab(linear(np.asarray(colours) / 255) @ matrix.T) for matrix in CONFUSED.values()]
     return np.min(
         [np.linalg.norm(shades[:, None] - shades[None], axis=-1) for shades in colours_seen], axis=0
     )
 
 
-def test_the_measures_are_those_of_their_publications() -> None:
+def test_colour_measures_match_their_publications() -> None:
     assert contrast((0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 1.0)) == pytest.approx(21.0)
     assert contrast((0.4666667,) * 3, (1.0, 1.0, 1.0)) == pytest.approx(4.48, abs=0.01)  # the well-known #777
     assert lab(linear([1.0, 0.0, 0.0])) == pytest.approx([53.24, 80.09, 67.20], abs=0.05)
@@ -114,7 +123,8 @@ def test_every_text_is_readable_on_every_ground(name) -> None:
     for track in ("raised", "pressed"):
         grab = over((*colours.accent[:3], ACCENT_OPACITY_UNDER_TEXT), getattr(colours, track))
         pairs.append(("ink", colours.ink, f"a slider or progress on {track}", grab))
-    # Over the stage: its default look; for texts in every look black and white as well.
+    # Texts over the stage are tested on its default look. Texts in every look are also tested on black and
+    # white.
     stage = (0.30, 0.33, 0.38) if name == "dark" else (0.74, 0.75, 0.77)
     glass = over(colours.glass, stage)
     pairs += [(text, getattr(colours, text), "glass over the stage", glass) for text in TEXTS[:3]]
@@ -165,7 +175,7 @@ def test_a_theme_changes_at_once_and_is_kept(tmp_path) -> None:
 
 def test_unknown_theme_falls_back_to_the_default(tmp_path) -> None:
     (tmp_path / "preferences.json").write_text('{"theme": "neon", "colours": 7}')
-    assert Preferences(tmp_path).theme == "dark"  # damaged: put aside
+    assert Preferences(tmp_path).theme == "dark"  # damaged preferences are put aside
     (tmp_path / "preferences.json").write_text('{"theme": "neon", "colours": "none"}')
     preferences = Preferences(tmp_path)
     assert (preferences.theme, preferences.colours) == get_theme() == ("dark", "usual")
@@ -193,7 +203,7 @@ def test_no_module_of_the_window_has_colours_of_its_own() -> None:
 
 
 def test_full_colour_buttons_use_a_readable_text_colour() -> None:
-    """Buttons are filled by ``filled`` only: ``tinted`` would leave the default text colour."""
+    """Buttons are filled by ``filled`` only, because ``tinted`` would leave the default text colour."""
     full, kinds = {"ACCENT", "GOOD", "WAIT", "BAD"}, ("button", "plot_histogram", "slider_grab", "frame_bg")
     for path in Path(enliven_viewer.__file__).parent.glob("studio/panels/**/*.py"):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):

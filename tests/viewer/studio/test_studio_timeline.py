@@ -1,4 +1,4 @@
-"""Tests of the timeline's geometry: hit-testing equals drawing; lanes, ticks, messages."""
+"""Tests of the timeline's geometry: hit-testing equals drawing; rows, ticks, and messages."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 
 
 def project_of(offsets: list[float], speeds: list[float], take: str = "wave") -> Project:
-    """Returns a shape with one bone per layer, each with its own time."""
+    """Returns a shape with one bone per layer. Each layer has its own time map."""
     count = len(offsets) + 1
     names = tuple(f"j{k}" for k in range(count))
     joints = np.stack([np.zeros(count), np.arange(count, dtype=float), np.zeros(count)], 1)
@@ -207,7 +207,7 @@ def test_lanes_are_named_by_the_limb_first() -> None:
 
 
 def limb_with_two_layers(clip: Clip, take: str) -> tuple[Shape, Project]:
-    """Returns a shape with one take that moves two limbs, named by the retargeting."""
+    """Returns a shape with two limbs that one take moves, with names from the retargeting."""
     bones = np.array([[0.0, 0.0], [0.05, 0.3], [0.0, 0.6], [0.0, 0.9]])
     shape = shape_from_stroke(limb(bones, np.array([0.08, 0.07, 0.06, 0.05])), id="limb")
     project = Project().with_takes(replace(clip, id=take)).with_characters(shape)
@@ -230,7 +230,7 @@ def test_the_timeline_has_the_height_that_it_was_given(tmp_path) -> None:
 
 @pytest.fixture
 def workspace_playing(tmp_path) -> Workspace:
-    """Returns a workspace of two seconds."""
+    """Returns a workspace with two seconds of motion."""
     workspace = Workspace.new(Editor(), tmp_path)
     workspace.editor.edit("add", lambda _: limb_with_two_layers(read_library()[0], "wave")[1])
     assert workspace.editor.length >= 2.0

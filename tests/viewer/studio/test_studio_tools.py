@@ -271,7 +271,7 @@ def test_a_closed_stroke_becomes_a_part_with_bones(workspace: Workspace) -> None
     assert tall == pytest.approx(0.5 * workspace.editor.size[1], rel=0.12)
 
 
-def test_a_dot_is_no_part(workspace: Workspace) -> None:
+def test_dot_creates_no_part(workspace: Workspace) -> None:
     do(workspace, Key("s"), Drag((Pixel(0.2, 0.2), Pixel(0.21, 0.2)), 0.2))
     assert "part" not in workspace.editor.project.shapes and "too short" in said(workspace)
 
@@ -313,7 +313,7 @@ def test_every_motion_of_the_library_can_be_looped_or_stays(workspace: Workspace
 
 
 def test_a_bone_of_the_library_turns_with_the_bones_before_it() -> None:
-    """Frame by frame and bone by bone, compared with all frames at once."""
+    """All bones in every frame are compared with an evaluation of all frames at once."""
 
     def bends(phase: float) -> list[np.ndarray]:
         return [np.array([phase, 0.3 * bone, -0.5 * phase * bone]) for bone in range(1, 4)]
@@ -350,7 +350,7 @@ def test_take_of_another_build_gives_advice_or_is_fully_mapped(workspace: Worksp
 
 
 def test_whole_body_is_fitted_in_the_background_and_measured(workspace: Workspace) -> None:
-    """As by the command: on the floor, stepping, smoothed; edits made meanwhile are kept."""
+    """The result equals the command's: on the floor, stepping, smoothed. Edits made meanwhile are kept."""
     clip, shape = replace(walk(0.3), id="steps"), meshed("horse", horse())
     tool = workspace.input.tools["map"]
     assert isinstance(tool, MapTool)
@@ -373,7 +373,7 @@ def test_whole_body_is_fitted_in_the_background_and_measured(workspace: Workspac
 def test_whole_body_honours_loop_box_and_is_replaced_by_remapping(
     workspace: Workspace,
 ) -> None:
-    """The box "loop" applies to the whole body too; a second retargeting replaces the first."""
+    """The checkbox "loop" also applies to the whole body. A second retargeting replaces the first."""
     clip, shape = replace(walk(0.3), id="steps"), meshed("horse", horse())
     tool = workspace.input.tools["map"]
     assert isinstance(tool, MapTool)

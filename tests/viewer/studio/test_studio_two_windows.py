@@ -1,4 +1,4 @@
-"""Tests of two windows on one project: neither overwrites the other's work without being asked."""
+"""Tests that of two windows on one project, neither overwrites the other's work without asking."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_save_as_keeps_both(windows, tmp_path: Path, name: str) -> None:
     assert characters(tmp_path / "work.enliven") == ["first", "shared"]
     second.ask("save")
     assert second.asking == ""
-    # Neither the changed file's own name nor a link to it circumvents the question.
+    # Neither the changed file's own name nor a link to it avoids the question.
     first.store.path, other = tmp_path / "work.enliven", tmp_path / name
     if not other.exists():
         other.symlink_to(tmp_path / "work.enliven")
@@ -117,7 +117,7 @@ def test_an_answer_of_cancel_does_not_quit_later(windows) -> None:
 
 
 def test_unchanged_content_asks_no_question(windows, tmp_path: Path) -> None:
-    """Only the content counts, not the date."""
+    """Only the content is compared, not the modification time."""
     second = windows[1]
     path = tmp_path / "work.enliven"
     os.utime(path, (1e9, 1e9))
@@ -130,7 +130,7 @@ def test_unchanged_content_asks_no_question(windows, tmp_path: Path) -> None:
     assert second.asking == "" and characters(path) == ["shared"]
 
 
-def test_two_windows_that_made_the_same_ask_nothing(windows, tmp_path: Path) -> None:
+def test_equal_edits_in_two_windows_ask_no_question(windows, tmp_path: Path) -> None:
     first, second = windows
     first.ask("save")
     assert second.attempt(lambda: second.open(tmp_path / "work.enliven"))

@@ -1,4 +1,4 @@
-"""Tests of the window's words for artists: no vertex counts, milliseconds, scores or setting names."""
+"""Tests that the window's texts suit artists: no vertex counts, milliseconds, scores or setting names."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ ENGINEERS = re.compile(
 )
 """Words and units that do not help people make a film."""
 NOT_SHOWN = {"perform/nearby.py", "timeline/lane_names.py"}
-"""Modules with texts for files and messages, which translate them."""
+"""Modules whose texts go to files and messages. The messages translate them."""
 
 
 def texts_of(path: Path) -> list[tuple[int, str]]:
-    """Returns line and text of every string of a module that is not a docstring and has a space."""
+    """Returns line and text of every string of a module that contains a space and is not a docstring."""
     tree = ast.parse(path.read_text("utf-8"))
     plain = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     return [
@@ -50,7 +50,7 @@ def texts_of(path: Path) -> list[tuple[int, str]]:
     ]
 
 
-def test_no_text_of_the_window_has_words_of_engineers() -> None:
+def test_window_texts_contain_no_technical_terms() -> None:
     for path in sorted(STUDIO.rglob("*.py")):
         if str(path.relative_to(STUDIO)) in NOT_SHOWN:
             continue
@@ -86,7 +86,7 @@ def test_number_of_examples_is_rated_without_percents() -> None:
 
 
 def quality(**changes: object) -> MotionQuality:
-    """Returns a motion of good quality, with changes."""
+    """Returns a motion of good quality, with some values changed."""
     fields = {name: () for name in MotionQuality.__dataclass_fields__}
     good = {"stretch": 1.1, "sunk": 0.0, "afloat": 0.0, "slide": 0.0, "through": 0.0, "joints": ("knee",)}
     return MotionQuality(**{**fields, **good, "parts": ("arm", "belly"), **changes})

@@ -1,4 +1,4 @@
-"""States of an edge that have not arrived yet are not taken for an older edge."""
+"""Tests that missing states of a starting edge are not taken as a sign of an older edge."""
 
 from __future__ import annotations
 

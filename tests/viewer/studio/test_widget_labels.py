@@ -1,7 +1,7 @@
 """Tests that every widget keeps its id while it is shown.
 
 ImGui derives the id from the label, so a label that changes during a press loses the click. The variable part
-must stand before ``###``, which hides it from the id.
+must be before ``###``, which excludes it from the id.
 """
 
 from __future__ import annotations
@@ -23,18 +23,21 @@ WIDGETS = {
 """Functions of ImGui that derive an id from their first argument."""
 PREFIXES = ("slider_", "drag_", "input_", "v_slider_")
 HELPERS = {"draw_button": 1, "draw_choice": 1, "draw_switch": 1, "open_modal": 0, "panel": 0}
-"""Own functions that pass on a label, and its argument index: their callers are checked instead."""
+"""Functions of the project that pass on a label, with the label's argument index. Their callers are checked
+instead.
+"""
 PASSED_ON = {
     *(("modal.py", word) for word in ("label", "title", "yes", "no")),
     *(("fields.py", "label"), ("style.py", "name"), ("layer_options.py", "label")),
     *(("dialogs.py", "_TITLES[workspace.asking]"), ("dialogs.py", "'Save' if browser.saving else 'Open'")),
 }
-"""Labels that helpers pass on, the names of a layer's fields, and those of a file dialog, which are constant
-while it is open."""
+"""Labels that helpers pass on, names of a layer's fields, and those of a file dialog. They are constant while
+it is open.
+"""
 FIXED = {"action.label", "action.entry", "menu", "group"}
-"""Labels of the table of actions, which does not change while the window is open."""
+"""Labels of the table of actions, which do not change while the window is open."""
 NAMES = {"name", "stem", "label", "id"}
-"""Attributes that distinguish the items of a list; they are the item's id in any case."""
+"""Attributes that identify the items of a list. They are part of the item's id anyway."""
 
 
 def is_constant(label: ast.expr) -> bool:
@@ -54,7 +57,7 @@ def is_name(label: ast.expr, items: set[str]) -> bool:
 
 
 def keeps_its_id(label: ast.expr, items: set[str]) -> bool:
-    """Returns True if the text before the id mark is constant, or does not count."""
+    """Returns True if the text before the id mark is constant, or is ignored."""
     if is_constant(label) or is_name(label, items) or ast.unparse(label) in FIXED:
         return True
     if isinstance(label, ast.Call) and ast.unparse(label.func) == "labelled":
@@ -79,7 +82,7 @@ def keeps_its_id(label: ast.expr, items: set[str]) -> bool:
                 return True
             named = named or "##" in piece.value
         elif piece.format_spec is not None:
-            before = False  # a number that is a part of the id, unless the mark comes after it
+            before = False  # a number is a part of the id, unless the mark comes after it
         elif not (is_constant(piece.value) or is_name(piece.value, items)):
             before = before and named
     return before

@@ -36,7 +36,7 @@ LENGTH_S = 2.0
 
 
 def waving(name: str, take: str, project: Project, *, mesh: bool = True, lift: float = 1.0) -> Project:
-    """Returns a project with one more person. The left arm swings forward during two seconds."""
+    """Returns a project with one more person, whose left arm swings forward within two seconds."""
     skeleton = person("vrm")
     shape = still_shape(name, skeleton, *(triangles(skeleton) if mesh else ()))
     frames, chain = 21, tuple(skeleton.index(name_in("vrm", joint)) for joint in ARM)
@@ -73,14 +73,14 @@ def bones_of(receiver: OscReceiver) -> dict[str, tuple[float, ...]]:
 
 
 def arm_of(workspace: Workspace, name: str, skeleton: Skeleton) -> np.ndarray:
-    """Returns (3,) the direction of the left upper arm as the window draws it."""
+    """Returns (3,) the direction of the left upper arm as drawn by the window."""
     handles = workspace.editor.stage_character(name).handles
     shoulder, elbow = (handles[skeleton.index(name_in("vrm", joint))] for joint in ARM[:2])
     return unit(elbow - shoulder)
 
 
 def shows(receiver: OscReceiver, direction: np.ndarray) -> bool:
-    """Returns True if a receiver's avatar has its left upper arm in this direction."""
+    """Returns True if the left upper arm of a receiver's avatar has this direction."""
     bones = bones_of(receiver)
     if len(bones) < 15:
         return False
@@ -97,7 +97,7 @@ def test_a_project_is_sent_as_it_is_at_the_playhead(tmp_path, mesh):
             direction = arm_of(workspace, "anna", skeleton)
             until(lambda d=direction: (outputs.send(), shows(receiver, d))[1], f"the pose at {seconds} s")
             seen.append(direction)
-        # The arm swings to the front, +Z, and the last time is an earlier one.
+        # The arm swings to the front, +Z. The last tested time is earlier than the one before it.
         assert seen[0][2] < seen[3][2] < seen[1][2] < seen[2][2] and seen[2][2] > 0.5
         assert receiver.values["/VMC/Ext/OK"] == (1, 3, 0, 1)
 
@@ -199,7 +199,7 @@ def test_performers_of_a_stage_are_sent_by_their_numbers(workspace):
 
             until(arrived, "the performer")
             assert osc.values["/enliven/event/enter"] == (1,)
-            # The project is shown, too. Its characters come in the last packet of a frame.
+            # The project is shown as well. Its characters come in the last packet of a frame.
             until(lambda: "/enliven/character/anna/position" in osc.values, "the character")
             assert osc.values["/enliven/performer/1/height"] == pytest.approx((1.7,))
 

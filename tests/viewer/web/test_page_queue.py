@@ -1,4 +1,6 @@
-"""Tests of the queue of a page: newest messages only, and no more than the page draws."""
+"""Tests of a web page's message queue: it keeps only the newest messages, and only as many as the page
+draws.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +12,11 @@ import pytest
 from enliven_viewer.web.page_queue import CHARACTER_PREFIX, PageQueue
 
 LOOP = asyncio.new_event_loop()
-"""The loop of all tests: a queue belongs to one."""
+"""The event loop of all tests. A queue belongs to one loop."""
 
 
 def take(queue: PageQueue) -> list | str:
-    """Returns the next message, decoded; raises TimeoutError if there is none."""
+    """Returns the next message, decoded. Raises TimeoutError if there is none."""
     data = LOOP.run_until_complete(asyncio.wait_for(queue.next(), 0.05))
     return data if isinstance(data, str) else msgspec.msgpack.decode(data)
 

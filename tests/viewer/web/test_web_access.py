@@ -1,4 +1,4 @@
-"""Tests of the rules of access to the page."""
+"""Tests of the access rules for the web page."""
 
 from __future__ import annotations
 

@@ -56,11 +56,11 @@ def join(server: WebServer, query: str = "", **options: str) -> ClientConnection
 
 
 def messages(page: ClientConnection, topics: set[str], answers: bool = True) -> dict[str, bytes]:
-    """Returns the newest message of each topic once all have arrived; ``state`` is the state as JSON."""
+    """Returns the newest message of each topic once all have arrived. ``state`` is JSON."""
     received: dict[str, bytes] = {}
     deadline = time.monotonic() + PATIENCE
     while not topics <= received.keys():
-        # Other topics may arrive all the time.
+        # Messages of other topics may arrive at any time.
         assert time.monotonic() < deadline, f"only {sorted(received)} came, of {sorted(topics)}"
         data = page.recv(timeout=PATIENCE)
         if isinstance(data, str):
@@ -96,7 +96,7 @@ def test_state_lists_the_characters_and_removed_ones_leave(stage: PublishedStage
         while json.loads(messages(page, {"state"})["state"])["characters"]:
             pass
         with join(server) as late:
-            # A late page is not given what has left.
+            # A page that connects later does not receive what has left.
             assert "character" not in messages(late, {"bodies"})
 
 

@@ -1,4 +1,4 @@
-"""Tests that drivers use the known properties of each camera kind, and of some drivers' own features."""
+"""Tests that drivers use the known properties of each camera model, and of some drivers' own features."""
 
 import importlib
 
@@ -37,7 +37,7 @@ def test_a_camera_gets_the_profile_of_its_kind(kinds, otherwise, called, profile
 
 
 EDGES = [each + by for each in (500, 700, 1000, 2000, 3100, 5460) for by in (-1, 0, 1)]
-"""Millimetres around the limits of the ranges below."""
+"""Depths in millimetres around the limits of the ranges below."""
 
 
 @given(
@@ -126,7 +126,7 @@ ASKED = {
         "FrameType": "DEPTH",
     },
 }
-"""Attributes that a driver uses only if a device is connected, class by class."""
+"""Attributes that a driver uses only if a device is connected, by class."""
 
 
 @pytest.mark.parametrize("driver", ASKED)

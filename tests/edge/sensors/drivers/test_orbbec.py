@@ -1,4 +1,4 @@
-"""Tests of Orbbec's driver, through Orbbec's library on generated recordings."""
+"""Tests of Orbbec's driver with Orbbec's library on generated recordings."""
 
 import struct
 from dataclasses import replace
@@ -43,7 +43,7 @@ def test_orbbec_knows_its_ways_of_keeping_time():
 
 
 BENT = (17.7, 12.3, 0.68, 18.0, 16.9, 3.6, 0.0001, -0.0002)
-"""k1 to k6, p1 and p2 of a Femto's depth camera, of realistic size."""
+"""Coefficients k1 to k6, p1 and p2 of realistic size for a Femto's depth camera."""
 
 
 def bent_stream(lens: Intrinsics, fps: int) -> bytes:
@@ -56,7 +56,9 @@ playback_stream = playback._stream_message
 
 
 def test_orbbecs_library_and_the_import_straighten_alike(take, tmp_path, monkeypatch):
-    """The library's filter and ours round to the nearest pixel, but not every half in the same way."""
+    """The library's filter and ours both round to the nearest pixel, but they may round halves
+    differently.
+    """
     needs("orbbec")
     monkeypatch.setattr(playback, "_stream_message", bent_stream)
     write_playback(take, tmp_path / "bent.bag")
@@ -79,13 +81,13 @@ def test_old_playback_is_refused_before_the_library_hangs(take, tmp_path, monkey
 
 
 ACCELERATION = (0.5, -9.7, -1.25)
-"""Reading of an accelerometer at rest, m/s^2, in its own frame: the opposite of gravity."""
+"""Reading of an accelerometer at rest in its own frame, m/s^2. It is the opposite of gravity."""
 TURN = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """(3, 3) rotation from the accelerometer's frame to the depth camera's: a permutation of the axes."""
 
 
 def felt(time_us: int, number: int) -> bytes:
-    """Returns ``sensor_msgs/Imu`` with Orbbec's fields: the reading, and its temperature again as bytes."""
+    """Returns ``sensor_msgs/Imu`` with Orbbec's fields. The last bytes repeat the temperature."""
     unknown, reading = struct.pack("<4d9d3d9d", *(0.0,) * 25), struct.pack("<4f", *ACCELERATION, 36.5)
     own = struct.pack("<IQfQQQ", len(reading), number, 36.5, time_us, time_us, time_us)
     moved = struct.pack("<3d9d", *ACCELERATION, *(0.0,) * 9)
@@ -104,7 +106,7 @@ def accelerometer() -> bytes:
 
 
 def test_gravity_comes_from_the_accelerometer_in_the_cameras_frame(tmp_path, monkeypatch):
-    """Through Orbbec's library, which takes readings and the accelerometer's pose from a recording."""
+    """Orbbec's library takes the readings and the accelerometer's pose from a recording."""
     needs("orbbec")
     more = {
         "felt": ("/cam/sensor_4/frameType_4", "sensor_msgs/Imu", "6a62c6daae103f4ff57a132d6f95cec2"),
@@ -138,14 +140,18 @@ STEPS = [
     (0x0800, b"Orbbec Gemini 335", 176, struct.pack("<f", 0.25)),
     (0x0660, b"Orbbec Astra 2", 75, struct.pack("<i", 2)),
 ]
-"""Depth steps by product, name and property: a Gemini 335 states millimetres, an Astra 2 a level."""
+"""Depth steps by product, name and property. A Gemini 335 states millimetres, an Astra 2 a precision
+level.
+"""
 
 
 @pytest.mark.parametrize(("product", "name", "number", "value"), STEPS)
 def test_orbbecs_library_and_the_import_take_the_same_steps(
     take, tmp_path, monkeypatch, product, name, number, value
 ):
-    """Cameras with depth from disparities report it (85, 3004), and report that smoothing is off (24)."""
+    """Cameras that compute depth from disparities report this (85, 3004), and report that smoothing is off
+    (24).
+    """
     needs("orbbec")
     write_bag = playback._Bag.write
 
@@ -173,7 +179,7 @@ def test_orbbecs_library_and_the_import_take_the_same_steps(
 
 
 class Listed:
-    """Two cameras in the form in which Orbbec's library lists them; no device is connected."""
+    """Two cameras, listed like by Orbbec's library. No device is connected."""
 
     cameras = (
         ("AY1", "Orbbec Gemini 335", "usb-1", "0.0.0.0", ""),
@@ -193,7 +199,7 @@ class Listed:
 
 
 class Connected:
-    """Orbbec's context, with those cameras."""
+    """Orbbec's context with those cameras."""
 
     OBError = RuntimeError
 
@@ -235,7 +241,9 @@ def test_a_camera_that_is_not_there_or_does_not_open_is_a_sentence():
 
 
 def test_a_rehearsal_is_all_of_one_sensor_over_its_losses_and_lenses(tmp_path):
-    """Only the first of two sensors; images before and after a loss; each with its own lens and number."""
+    """Only the first of two sensors is replayed, with images before and after a loss. Each image has its own
+    lens and number.
+    """
     needs("orbbec")
     sizes = [(96, 64)] * 4 + [(128, 72)] * 3 + [(96, 64)] * 3
     with Recorder(tmp_path / "two.mcap") as recorder:

@@ -1,4 +1,4 @@
-"""Tests of the errors for unavailable cameras: each problem has its message and advice."""
+"""Tests of the errors for unavailable cameras: each problem has a message with advice."""
 
 import errno
 import importlib.util
@@ -77,14 +77,14 @@ def test_library_message_becomes_an_error_with_advice(sensor, message, words):
     assert error.exit_code == 4 and error.remedy
 
 
-def test_no_message_is_without_its_sentence():
+def test_every_message_has_an_explanation():
     sentences = {str(convert_error(sensor, RuntimeError(message))) for sensor, message, _ in MESSAGES}
     assert len(sentences) >= 10
     for pieces in LIBRARY_MESSAGES.values():
         assert len(dict(pieces)) == len(pieces)
 
 
-def test_the_system_s_own_words():
+def test_system_errors_are_explained():
     if sys.platform.startswith("linux"):
         codes = (errno.EACCES, errno.EPERM, errno.EBUSY, errno.ENODEV, errno.ENOENT)
         assert [piece for piece, _ in SYSTEM_MESSAGES] == [os.strerror(code) for code in codes]
@@ -92,7 +92,7 @@ def test_the_system_s_own_words():
 
 @pytest.mark.parametrize("driver", LIBRARIES.values(), ids=LIBRARIES)
 def test_library_messages_still_exist(driver):
-    """Every message part occurs in the installed library, so an update that rewords it is noticed here."""
+    """Every part of a message occurs in the installed library, so an update that rewords it fails here."""
     module = importlib.util.find_spec(usable(driver).needs[0])
     near = Path(module.origin).parent
     own = [near] if module.submodule_search_locations else [near / f"{module.name}.libs"]
@@ -139,8 +139,8 @@ def test_two_cameras_of_one_name_are_reported_with_advice():
         ("realsense", "pyrealsense2", "2.50.0.3785", "needs 2.56"),
     ],
 )
-def test_a_library_of_a_version_that_does_not_work(monkeypatch, sensor, package, version, why):
-    """Reported before the library is loaded."""
+def test_unsupported_library_version_is_reported(monkeypatch, sensor, package, version, why):
+    """The error is reported before the library is loaded."""
     monkeypatch.setattr(cameras, "version", {package: version}.__getitem__)
     with pytest.raises(ResourceError) as raised:
         cameras.import_library(package, sensor)
@@ -149,7 +149,7 @@ def test_a_library_of_a_version_that_does_not_work(monkeypatch, sensor, package,
     assert f'pip install "enliven-edge[{sensor}]"' in reason
 
 
-def test_versions_that_work_are_let_be():
+def test_working_versions_are_accepted():
     good = {
         "depthai": ("3.6.1", "3.7.0", "3.11.0", "3.12.0"),
         "pyrealsense2": ("2.56.5.9235", "2.59.1.11053"),
@@ -161,7 +161,7 @@ def test_versions_that_work_are_let_be():
 
 @pytest.fixture(scope="module", params=LIBRARIES)
 def said(request, tmp_path_factory):
-    """Returns the sensor, and its driver's errors on the real library without a device, by USB state."""
+    """Returns the sensor, and its driver's errors with the real library without a device, by USB state."""
     driver = usable(LIBRARIES[request.param])
     folder = tmp_path_factory.mktemp("asked")
     plugged(folder / "nothing")
@@ -181,7 +181,7 @@ def said(request, tmp_path_factory):
 
 
 def plugged(folder: Path, allowed: bool | None = None) -> None:
-    """Creates a USB tree with an OAK, a RealSense and an Orbbec camera, or an empty one."""
+    """Creates a simulated USB tree with an OAK, a RealSense and an Orbbec camera, or an empty one."""
     titles = {"03e7": "Luxonis Device", "8086": "Intel RealSense D435", "2bc5": "Orbbec Gemini 335"}
     for number, (vendor, title) in enumerate(titles.items()):
         device = folder / "devices" / f"1-{number}"
@@ -206,7 +206,7 @@ def test_missing_camera_gives_advice_and_command(said):
     assert "USB 3 port" in words and f"enliven run --sensor {sensor}" in words and "enliven doctor" in words
 
 
-def test_another_camera_than_was_asked_for(said):
+def test_other_camera_than_requested_is_reported(said):
     sensor, reports = said
     kind, words, _ = reports["another"]
     assert kind == "ResourceError" and f"called {KINDS[sensor][2]} is not connected" in words
@@ -221,8 +221,8 @@ def test_forbidden_and_hidden_cameras_are_reported(said):
     )
 
 
-def test_a_camera_without_its_lens(said):
-    """It runs with the default lens of its kind, and reports it."""
+def test_camera_without_calibration_uses_a_default_lens(said):
+    """The camera runs with the default lens of its model, which is reported."""
     _, reports = said
     width, focal, calibrated = json.loads(reports["lensless"][1].lower())
     assert width == 320 and 180 < focal < 260 and calibrated is False
@@ -263,7 +263,7 @@ def test_a_camera_that_does_not_know_its_lens_gets_that_of_its_kind():
 
 @pytest.mark.parametrize("sensor", LIBRARIES)
 def test_rehearsal_without_a_lens_gives_advice(tmp_path, sensor):
-    """A recording cannot change its size, and neither a port nor a cable is the cause."""
+    """A recording cannot change its size, so neither a port nor a cable is named as the cause."""
     usable(LIBRARIES[sensor])
     with Recorder(tmp_path / "square.mcap") as recorder:
         for number in range(3):
@@ -281,7 +281,7 @@ def test_rehearsal_without_a_lens_gives_advice(tmp_path, sensor):
 
 
 def seen(sensor, errors: list[Exception]) -> bool:
-    """Returns True if an image or an error arrived; notes the error."""
+    """Returns True if an image or an error arrived. Stores the error."""
     try:
         return sensor.read(0.1) is None
     except TimeoutError:
@@ -293,7 +293,7 @@ def seen(sensor, errors: list[Exception]) -> bool:
 
 @pytest.mark.parametrize("sensor", LIBRARIES)
 @pytest.mark.parametrize("message", [message for _, message, _ in MESSAGES])
-def test_in_a_rehearsal_no_device_is_to_be_mended(sensor, message):
+def test_rehearsal_gives_no_hardware_advice(sensor, message):
     refusal = str(convert_error(sensor, RuntimeError(message), "a rehearsal", rehearsed=True))
     assert " ".join(message.split()).rstrip(".") in refusal and "enliven inspect" in refusal
     assert not any(word in refusal for word in ("Plug it", "Unplug it", "Close", "cable", "Type: sudo"))

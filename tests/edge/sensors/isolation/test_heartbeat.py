@@ -1,4 +1,4 @@
-"""Tests that viewers receive heartbeats with the current problems, whatever a camera does."""
+"""Tests that viewers receive heartbeats with the current problems during every camera failure."""
 
 import contextlib
 import os
@@ -25,11 +25,11 @@ from enliven_edge.warmup import warm_up_tracking
 from enliven_viewer.link.edge_client import EdgeClient
 
 BEATS = 3
-"""Heartbeats to wait for during a problem: a blocked edge would send none."""
+"""Number of heartbeats to wait for during a problem. A blocked edge would send none."""
 
 
 class Viewer:
-    """A real viewer's link; notes every heartbeat."""
+    """A real viewer's link that stores every heartbeat."""
 
     def __init__(self, endpoint) -> None:
         self.link, self.beats = EdgeClient([endpoint]), []
@@ -45,7 +45,7 @@ class Viewer:
         return {state.kind: state.what for state in status.health}
 
     def until(self, kind: HealthKind | None, words: str = "") -> None:
-        """Waits until a problem, or none, is reported, and then for some heartbeats with the same report."""
+        """Waits until a problem (or none) is reported, and then for some heartbeats with the same report."""
 
         def holds() -> bool:
             health = self.hear()
@@ -61,8 +61,8 @@ class Viewer:
 
 @pytest.fixture
 def edge(tmp_path, monkeypatch):
-    """Starts an edge on a thread that waits for a missing camera, and a viewer."""
-    # Keeps a hanging call hanging.
+    """Starts an edge in a thread, which waits for a missing camera, and a viewer."""
+    # A hanging call stays hanging.
     monkeypatch.setattr(isolated, "SILENCE_TIMEOUT_S", 10 * PATIENCE)
     monkeypatch.setattr(helper_process, "OPEN_TIMEOUT_S", 10 * PATIENCE)
     (tmp_path / "gone").touch()

@@ -1,4 +1,4 @@
-"""Tests of drivers in helper processes: whatever happens, the edge gets frames again and ends in time."""
+"""Tests of drivers in helper processes: after any failure, the edge gets frames again or ends in time."""
 
 import time
 from pathlib import Path
@@ -33,7 +33,7 @@ def test_frames_come_whole_and_in_order(tmp_path, capfd):
 
 
 def test_frames_that_are_kept_do_not_change(tmp_path):
-    """More frames than slots, while new ones keep arriving."""
+    """There are more frames than slots, and new ones keep arriving."""
     with opener(tmp_path, pace=0.001)() as sensor:
         kept = [next_frame(sensor) for _ in range(3 * SLOTS)]
         copies = [frame.depth.copy() for frame in kept]
@@ -46,7 +46,7 @@ def test_frames_that_are_kept_do_not_change(tmp_path):
 
 
 def test_a_pause_does_not_become_a_lag(tmp_path):
-    """Three images that waited, and then current ones."""
+    """After the pause, three queued images are delivered, and then current ones."""
     with opener(tmp_path, pace=0.02)() as sensor:
         next_frame(sensor)
         time.sleep(0.8)
@@ -69,7 +69,7 @@ def test_any_library_failure_is_continued_by_another_process(tmp_path, mishap, s
     assert (tmp_path / "asked-for-any").exists() and (tmp_path / "asked-for-wild").exists()
 
 
-def test_a_stream_that_ends_ends(tmp_path):
+def test_end_of_stream_is_passed_on(tmp_path):
     with opener(tmp_path, mishap="ends")() as sensor:
         frames = []
         while (frame := next_frame(sensor)) is not None:
@@ -90,7 +90,7 @@ def test_library_crash_during_opening_is_reported(tmp_path):
         open_reopening(opener(tmp_path, mishap="crashes at open"))
 
 
-def test_none_is_there(tmp_path):
+def test_missing_device_is_reported(tmp_path):
     (tmp_path / "gone").touch()
     with pytest.raises(ResourceError, match=r"no device\. Plug it in"):
         open_reopening(opener(tmp_path))
@@ -105,7 +105,7 @@ def ended(pid: int) -> bool:
 
 
 def test_the_helper_ends_with_an_edge_that_was_killed(tmp_path):
-    """The pipe closes with the edge, and the shared memory has no name that could be left over."""
+    """The pipe closes with the edge. The shared memory has no name, so nothing is left over."""
     import subprocess
     import sys
 

@@ -29,7 +29,7 @@ def write(path, times):
 
 
 class FakeClock:
-    """Time that passes only by sleeping; stands in for the module ``time``."""
+    """A clock that advances only by sleeping. It replaces the module ``time``."""
 
     def __init__(self) -> None:
         self.now = 100.0
@@ -200,7 +200,7 @@ def test_other_packages_add_sensors(monkeypatch, tmp_path):
 
 @pytest.mark.skipif(os.name != "posix", reason="an open file cannot be removed here")
 def test_a_loop_needs_its_file_only_once(tmp_path, clock):
-    """It stays open: neither missing descriptors nor the file's removal can end an installation's loop."""
+    """The file stays open, so neither missing descriptors nor the removal of the file can end a loop."""
     path = write(tmp_path / "a.mcap", [0, 33_000_000, 66_000_000])
     with ReplaySensor(path, loop=True) as sensor:
         path.unlink()

@@ -1,4 +1,4 @@
-"""Tests that a recording's message that is not a frame is skipped, and replay continues."""
+"""Tests that a replay skips messages that are not frames, and continues."""
 
 import struct
 
@@ -13,7 +13,7 @@ from enliven_edge.sensors.replay import ReplaySensor
 
 @pytest.fixture
 def damaged(tmp_path):
-    """Writes ten frames; the fifth has a NaN focal length, as an older recorder allowed."""
+    """Writes ten frames. The fifth has a NaN focal length, as an older recorder allowed."""
     Troubled.reset()
     device, path = Troubled(10), tmp_path / "a.mcap"
     with Recorder(path) as recorder:

@@ -1,4 +1,4 @@
-"""Tests of stereo calibration from a printed board with known cameras: rendered boards, random points."""
+"""Tests of stereo calibration from a printed board with known cameras: rendered boards and random points."""
 
 import re
 import tomllib
@@ -25,11 +25,11 @@ from enliven_edge.sensors.stereo.stereo_solver import MIN_PAIRS, BoardSighting, 
 BOARD = CalibrationBoard()
 WIDTH, HEIGHT = 320, 200
 SCALE = 2000
-"""Pixels per metre of the rendered board: half a millimetre each."""
+"""Pixels per metre of the rendered board, so that a pixel is half a millimetre."""
 
 
 def poses(count, seed=0, tilt=30.0, side=0.45, near=0.4, far=0.8):
-    """Returns (rotation, centre) of boards across the field of view of a camera of 70 degrees."""
+    """Returns (rotation, centre) of boards across the field of view of a 70-degree camera."""
     random = np.random.default_rng(seed)
     for _ in range(count):
         turn = Rotation.from_euler("xyz", random.uniform(-tilt, tilt, 3), degrees=True).as_matrix()
@@ -72,7 +72,7 @@ SHEET = drawn(BOARD.rectangles())
 
 
 class Studio:
-    """Renders the printed board in front of a grey room; its 2 x 2 rays per pixel are cast once."""
+    """Renders the printed board in front of a grey room. The 2 x 2 rays per pixel are cast only once."""
 
     def __init__(self, lens):
         self.lens, steps = lens, np.array([-0.25, 0.25])
@@ -98,7 +98,7 @@ class Studio:
 
 @pytest.fixture(scope="module")
 def pairs(tmp_path_factory):
-    """Renders a folder of image pairs; returns it and the studios."""
+    """Renders a folder of image pairs. Returns the folder and the renderers."""
     folder, studios = tmp_path_factory.mktemp("pairs"), [Studio(lens) for lens in rig(WIDTH, HEIGHT)]
     for number, pose in enumerate(poses(9, 4, tilt=25, side=0.25, near=0.36, far=0.5)):
         for name, studio in zip(("left", "right"), studios, strict=True):
@@ -112,7 +112,7 @@ def test_a_rendered_board_is_found_to_a_fifth_of_a_pixel(pairs):
     corners = BOARD.find(studio.photograph(*pose))
     true = studio.lens.pixels(placed(BOARD.points, *pose))
     off = [np.linalg.norm(point - true[number]) for number, point in corners.items()]
-    # A marker's cell is 2.5 px wide here, so that some markers are not read.
+    # A marker's cell is 2.5 px wide here, so some markers are not detected.
     assert len(off) >= 18 and np.median(off) < 0.2 and max(off) < 0.6
     assert BOARD.find(np.zeros((HEIGHT, WIDTH), np.uint8)) == {}
 
@@ -131,7 +131,7 @@ def test_the_sheet_is_the_board_to_the_millimetre(tmp_path, capsys):
     squares = mm[mm[:, 2] > 30]
     assert squares[:, 2:] == pytest.approx(38.0, abs=1e-3)
     assert np.ptp(squares[:, 0]) == pytest.approx(6 * 38.0, abs=1e-3)
-    # Its rows count from the bottom; reversed, it is the board that the detector finds as a whole.
+    # Its rows are counted from the bottom. After reversing them, the detector finds the whole board.
     x, y = mm[:, 0].min(), (mm[:, 1] + mm[:, 3]).max()
     mirrored = np.stack([mm[:, 0] - x, y - mm[:, 1] - mm[:, 3], mm[:, 2], mm[:, 3]], -1) * 1e-3
     sheet = drawn(mirrored)[::2, ::2].astype(np.uint8)
@@ -178,7 +178,9 @@ def test_good_calibration_is_judged_good_with_its_error():
 
 @pytest.mark.parametrize(("seed", "noise"), [(0, 0.1), (2, 0.1), (1, 0.3), (3, 0.5)])
 def test_reported_disparity_error_covers_the_true_error(seed, noise):
-    """At 2 m, over the whole image, with known cameras; boards were at most 0.8 m away."""
+    """The error is measured at 2 m over the whole image with known cameras. Boards were at most 0.8 m
+    away.
+    """
     lenses = rig()
     solution = solve(BOARD, sightings(lenses, noise=noise, seed=seed), (640, 400))
     rectification = Rectification(solution.calibration)

@@ -1,4 +1,6 @@
-"""Tests of the calibration file: it round-trips, and contradictory files are refused with an error."""
+"""Tests of the calibration file: it is read back unchanged, and contradictory files are refused with an
+error.
+"""
 
 import re
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Tests of the libcamera driver: on recorded pairs in its own process, and without a camera."""
+"""Tests of the libcamera driver, with recorded pairs in its own process, and without a camera."""
 
 import os
 import re
@@ -95,7 +95,7 @@ def test_a_damaged_image_costs_its_pair_only(recorded, tmp_path):
 
 
 def test_bodies_cross_the_process_boundary_unchanged(none_left):  # noqa: F811
-    """Like those of a single camera with landmarks that become bodies in the driver."""
+    """A single camera with landmarks also creates bodies in the driver."""
     with IsolatedOpener("telling", BodyDriver, {})() as sensor:
         for number in range(body_driver.FRAMES):
             frame = next_frame(sensor)

@@ -1,4 +1,4 @@
-"""Depth of two rendered cameras against the truth; the rendering shares nothing with the matcher."""
+"""Tests of depth from two rendered cameras against the truth. Rendering and matching share no code."""
 
 import numpy as np
 import pytest
@@ -51,18 +51,18 @@ def test_depth_of_a_slanted_plane_is_accurate(distance, across, down, seed):
 
 
 PERFORMANCE = [*room(wall=3.0), *person(0.1, 1.2)[:4]]
-"""A room with a head, a trunk and an arm."""
+"""Surfaces of a room with a head, a trunk and an arm."""
 
 
 @pytest.fixture(scope="module")
 def performance():
-    """Renders a person in a room for two cameras of very different exposure."""
+    """Renders a person in a room for two cameras with very different exposures."""
     return pair(PERFORMANCE, gains=(1.0, 1.25))
 
 
 @pytest.fixture(scope="module")
 def wall():
-    """Renders a wall only."""
+    """Renders only a wall."""
     return pair([Plane((0, 0, 1.5), (0, 0, -1))])
 
 
@@ -83,7 +83,7 @@ def test_points_hidden_from_the_right_camera_get_no_depth(performance):
     other = -CAMERAS[1].turn.T @ CAMERAS[1].shift
     reached, _ = photographer._hit(other, points - other)
     hidden = (reached < 0.95).reshape(HEIGHT, WIDTH) & (truth > 2.0)
-    # Its edges lie within the matching window.
+    # Its edges are inside the matching window.
     hidden[:, 1:-1] &= hidden[:, :-2] & hidden[:, 2:]
     depth = StereoMatcher(RECTIFIED, 0.6, 8.0).depth(left, right)
     assert hidden.sum() > 500
@@ -104,7 +104,7 @@ def test_unrelated_images_give_no_depth():
     left, right = (
         np.random.default_rng(seed).integers(0, 255, (HEIGHT, WIDTH)).astype(np.uint8) for seed in (0, 1)
     )
-    # Without the uniqueness check it is 4 %, without the speckle filter 45 %.
+    # It is 4 % without the uniqueness check and 45 % without the speckle filter.
     assert (StereoMatcher(RECTIFIED).depth(left, right) > 0).mean() < 0.032
 
 

@@ -1,4 +1,4 @@
-"""Tests that images of two cameras are paired by time, with lost or late ones."""
+"""Tests that images of two cameras are paired by time, also if images are lost or late."""
 
 import itertools
 

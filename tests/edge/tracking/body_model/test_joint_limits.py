@@ -1,5 +1,4 @@
-"""Tests of joint limits: possible postures are free, impossible ones are not, and left and right are
-equal."""
+"""Tests of joint limits: possible postures cost nothing, impossible ones do, and left and right are equal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of the body's frames: rotations and their logarithms, rigid bones, sides that are not swapped."""
+"""Tests of the body's frames: rotations and their logarithms, rigid bones, and correct sides."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def test_logarithm_of_half_a_turn(axis):
 
 @given(st.integers(0, 10_000), st.floats(0.0, 1.0))
 @settings(max_examples=100, deadline=None)
-@example(0, 0.99999)  # 1e-5 less than half a turn: the axis once had the wrong sign
+@example(0, 0.99999)  # 1e-5 less than 180 degrees, where the axis once had the wrong sign
 def test_a_deviation_is_the_logarithm_of_the_turn_between(seed, share):
     """For any angle: zero, small, about a half turn."""
     random = np.random.default_rng(seed)
@@ -114,7 +114,7 @@ def test_upright_posture_has_identity_rotations():
     np.testing.assert_allclose(np.abs(turned[:, 0]), 1.0)
 
 
-def test_left_is_left():
+def test_left_joints_are_on_the_left():
     joints = Posture(np.zeros(3), joint_limits.standing_pose(), model.lengths_for_height(1.7)).joints()
     from enliven.person.joints import Joint
 
@@ -123,7 +123,7 @@ def test_left_is_left():
 
 
 def test_predicted_posture_continues_its_rotation():
-    """It continues by a fraction of the last rotation, and never faster than a person turns."""
+    """It continues by a fraction of the last rotation, and never faster than a person can turn."""
     before, now = random_posture(1, 0.1), random_posture(1, 0.1)
     slow, fast = np.array([0.1, -0.05, 0.02]), np.array([0.0, 2.0, 0.0])
     now.rotations[model.HEAD] = before.rotations[model.HEAD] @ exponential(slow)

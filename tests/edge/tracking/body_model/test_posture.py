@@ -12,7 +12,7 @@ from enliven_edge.tracking.body_model.posture import Posture, forward, predict_n
 
 
 def random_posture(seed: int, turns: float = 0.8) -> Posture:
-    """Returns a person with random limb rotations and a random build."""
+    """Returns a person with random limb rotations and random proportions."""
     random = np.random.default_rng(seed)
     rotations = standing_pose() @ to_matrix(from_rotation_vector(random.normal(0, turns, (13, 3))))
     lengths = model.lengths_for_height(1.7) * random.uniform(0.8, 1.2, len(model.LENGTHS))
@@ -38,7 +38,7 @@ def test_joints_and_capsules_are_carried_by_their_frames(seed):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_capsules_follow_a_posture_that_is_written_into(seed):
-    """Capsules are cached, and the cache is invalid as soon as a number has changed."""
+    """Capsules are cached. The cache becomes invalid as soon as a value has changed."""
     posture, other = random_posture(seed), random_posture(seed + 100)
     for name in ("position", "rotations", "lengths"):
         before = posture.capsules()
@@ -71,7 +71,7 @@ def test_a_rotation_turns_about_x_then_y_then_z(seed):
 
 @pytest.mark.parametrize("seed", range(20))
 def test_predicted_motion_is_damped_and_limited(seed):
-    """By four fifths of the last frame's translation and rotation, at most 0.1 metres and 0.25 radians."""
+    """The prediction is four fifths of the last frame's motion, limited to 0.1 metres and 0.25 radians."""
     before, random = random_posture(seed), np.random.default_rng(seed)
     now, turns = before.copy(), random.normal(0, 0.2, (13, 3))
     now.position += random.normal(0, 0.08, 3)

@@ -1,4 +1,4 @@
-"""Tests of appearance: body parts at points, their limbs, and a person's facing."""
+"""Tests of appearance: body parts at points, the limbs to which they belong, and a person's facing."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FRONT_TOLD = 0.7
 """Minimum fraction of people with the correct facing, front or back."""
 YAWS = st.floats(-3.1, 3.1)
 NECK = 6
-"""The capsule between both sides, which contains a little of each."""
+"""Index of the neck capsule between the two sides, which contains a little of each side."""
 MIRRORED_CAPSULE = np.array(
     [3, 4, 5, 0, 1, 2, 6, 7, *range(11, 14), *range(8, 11), *range(17, 20), *range(14, 17)]
 )
@@ -49,7 +49,9 @@ def noise(seed: int, count: int = 30):
 
 
 def surface_of(posture: Posture, points_each: int = 12):
-    """Returns (points, probabilities) on a posture's capsules, each with a certain part of its capsule."""
+    """Returns (points, probabilities) on a posture's capsules. Each point certainly has a part of its
+    capsule.
+    """
     dice = np.random.default_rng(0)
     (ends, radii), points, shown = posture.capsules(), [], []
     for c, (a, b) in enumerate(ends):
@@ -218,7 +220,7 @@ def test_network_distinguishes_front_and_back_for_most():
 
 
 def test_another_estimate_of_the_same_frame_is_seen_at_the_same_points():
-    """The result equals that of a separate evaluation, with all points or a sample."""
+    """The result equals that of a separate evaluation, with all points or with a sample."""
     observation, _ = seen_person("one leg up", SEEDS[0])
     seen, by_facing = seen_in(observation)
     for estimate in by_facing:

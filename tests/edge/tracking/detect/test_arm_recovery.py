@@ -1,4 +1,4 @@
-"""Tests of an arm in front of the trunk that is fitted too deep: it is moved to its visible surface."""
+"""Tests that an arm in front of the trunk that was fitted too deep is moved to its visible surface."""
 
 from __future__ import annotations
 
@@ -28,14 +28,16 @@ FOUND = 0.07
 LOST = 0.12
 """Minimum error in metres of a hand that counts as lost."""
 FRAMES = 5
-"""Frames until it must be found again; it used to be stuck for eight and more."""
+"""Number of frames within which the arm must be found again. Without recovery it was lost for eight or
+more.
+"""
 SAMPLED = 1e-4
-"""Maximum error in metres of the nearest of 2,001 samples along an axis, and of single precision."""
+"""Tolerance in metres: the nearest of 2,001 samples along an axis, and single precision."""
 SURE = np.ones(20)
 
 
 def forearm_across(forward: float) -> Posture:
-    """Returns a posture with the left forearm across the belly and the elbow ``forward`` radians ahead."""
+    """Returns a posture with the left forearm across the belly and the elbow rotated forward, radians."""
     posture = Posture(
         np.array([0.0, 0.95, -2.5]), joint_limits.standing_pose(), model.lengths_for_height(1.75)
     )
@@ -48,12 +50,12 @@ TRUTH, TOO_DEEP = forearm_across(0.3), forearm_across(-0.35)
 
 
 def off(posture: Posture) -> float:
-    """Returns the larger error of the left wrist and hand, metres."""
+    """Returns the larger error of left wrist and left hand, metres."""
     return float(np.linalg.norm(posture.joints() - TRUTH.joints(), axis=1)[HANDS].max())
 
 
 def mistaken(observation: Observation) -> EstimateAtPoints:
-    """Returns an estimate that is certain of the arm inside the trunk, and uncertain of all points."""
+    """Returns an estimate that is certain of the arm inside the trunk, and uncertain about all points."""
     points = observation.points
     return seen_as(estimate_of(TOO_DEEP.joints()), points, np.full((len(points), 17), 1 / 17))
 
@@ -76,7 +78,7 @@ def test_an_arm_caught_in_the_trunk_comes_to_its_surface(told):
 
 
 def test_usual_frame_gets_no_extra_arm_fit():
-    """A confident arm in its visible place, with a usual fit error: no extra fit is made."""
+    """If a confident arm at its visible position has the usual fit error, no extra fit is made."""
     fitter, observation = Fitter(FitSettings()), observed(TRUTH)
     posture, report = fitter.fit(observation, TRUTH)
     points = observation.points
@@ -87,7 +89,7 @@ def test_usual_frame_gets_no_extra_arm_fit():
 
 
 def test_forearm_candidate_lies_along_unexplained_points():
-    """The model's arm hangs; points across the belly are not explained by it, so one start is there."""
+    """The model's arm hangs. It does not explain points across the belly, so one candidate is there."""
     observation, hanging = observed(TRUTH), forearm_across(0.0)
     hanging.rotations[list(LEFT)] = joint_limits.standing_pose()[list(LEFT)]
     apart = [off(start()) for start in arm_starts(observation, hanging, None, [LEFT])]
@@ -100,7 +102,7 @@ def test_forearm_candidate_lies_along_unexplained_points():
 
 
 def test_unexplained_points_are_measured_from_the_nearest_capsule():
-    """Compared with every point and capsule, sampled densely along its axis."""
+    """Compared with every point and capsule, with dense samples along the axis."""
     dice = np.random.default_rng(3)
     ends, radii = TRUTH.capsules()
     points = dice.normal([0.0, 1.0, -2.5], 0.4, (40, 3)).astype(np.float32)

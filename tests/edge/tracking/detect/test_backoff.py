@@ -1,4 +1,4 @@
-"""Tests of backoff: failed attempts are repeated increasingly rarely, and at once if the fit gets worse."""
+"""Tests of back-off: failed attempts become increasingly rare, but follow at once if the fit gets worse."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
-"""Tests of detection without history, in postures of every class, builds and untrained postures.
+"""Tests of detecting a person in a single frame, in postures of every class and of untrained builds.
 
-Figures are fixed by their seeds. None of them was used to tune detection or to train the network: both used
-other seeds.
+Figures are fixed by their seeds. Tuning of the detection and training of the network used other seeds.
 """
 
 from __future__ import annotations
@@ -27,17 +26,20 @@ from enliven_edge.tracking.work_budget import run_to_end
 from enliven_synthesis.training.rendering import random_build
 
 MEDIAN, FAR, NOT_FAR = 0.08, 0.15, 0.6
-"""Maximum median error of visible joints, metres, in any class; a larger error, and the minimum fraction
-below it."""
+"""Maximum median error of visible joints in any class, metres. A larger error, and the minimum fraction of
+joints below it.
+"""
 MORE_WITH, ALONE = 0.1, 0.5
-"""Minimum gain by the network in the fraction of joints within 10 cm; and that fraction without it."""
+"""Minimum improvement of the fraction of joints within 10 cm by the network, and minimum fraction without the
+network.
+"""
 SUPPOSED = 0.10
-"""Maximum median, over people, of the mean joint error of the best network estimate by facing, metres."""
+"""Maximum median over people of the mean joint error of the best network estimate by facing, metres."""
 
 
 @cache
 def found(name: str, seed: int, network: bool) -> Posture:
-    """Returns a person detected from scratch."""
+    """Returns a person detected without history."""
     observation, _ = seen_person(name, seed)
     seen, by_facing = seen_in(observation) if network else (None, None)
     eye = observation.view[4][:3, 3]
@@ -99,7 +101,7 @@ def test_network_postures_cover_likely_facings_and_the_opposite():
 
 
 def hung_upside_down(observation: Observation) -> Observation:
-    """Returns the same person in front of a sensor that is mounted upside down."""
+    """Returns the same person, seen by a sensor that is mounted upside down."""
     z, mask, _, camera, pose = observation.view
     height, width = z.shape
     turned = pose.copy()
@@ -120,7 +122,7 @@ def test_upside_down_image_is_detected_alike():
 
 
 def test_known_person_is_detected_with_their_own_bones():
-    """A kneeling person does not show their height; a known person's is already known."""
+    """A kneeling person does not show their height, but a known person's height is available."""
     known_errors, unknown_errors = [], []
     for seed in SEEDS:
         observation, figure = seen_person("kneeling", seed)
@@ -133,7 +135,7 @@ def test_known_person_is_detected_with_their_own_bones():
 
 
 def test_new_posture_is_searched_only_if_it_may_be_better():
-    """A correctly fitted person is unchanged; one fitted with another posture is detected again."""
+    """A well fitted person is unchanged. A person fitted with another posture is detected again."""
     observation, _ = seen_person("one leg up", SEEDS[0])
     fitter, eye = Fitter(FitSettings()), observation.view[4][:3, 3]
     seen, by_facing = seen_in(observation)

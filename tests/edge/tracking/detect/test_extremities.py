@@ -1,4 +1,4 @@
-"""Tests of geodesic extremities: shortest paths over the surface, with hands, feet and head at their ends."""
+"""Tests of geodesic extremities: shortest paths over the surface end at hands, feet and head."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from enliven_synthesis.training.rendering import PersonRenderer
 
 
 def slow_distances(points: np.ndarray, z: np.ndarray, mask: np.ndarray, step: int, source: int) -> np.ndarray:
-    """Computes the same by scipy's Dijkstra over an explicit graph."""
+    """Returns the same distances by SciPy's Dijkstra on an explicit graph."""
     height, width = mask.shape
     rows, columns, costs = [], [], []
     for v in range(height):

@@ -1,5 +1,4 @@
-"""Tests of facing, which is decided over several frames, from the network's output and the walking
-direction."""
+"""Tests of facing, which is decided over several frames by the network's output and the walking direction."""
 
 import numpy as np
 import pytest
@@ -32,7 +31,9 @@ def standing(yaw: float = 0.0) -> Posture:
 
 
 def seen_facing(posture: Posture | None, plainly: float = 2.5) -> EstimateAtPoints:
-    """Returns the network's estimate for a facing as in the posture; without a preference if None."""
+    """Returns the network's estimate for the posture's facing. If ``plainly`` is None, it has no
+    preference.
+    """
     joints = standing().joints() if posture is None else posture.joints()
     return seen_as(estimate_of(joints, ways=ways_of(posture, plainly)))
 
@@ -55,7 +56,7 @@ def test_wrong_facing_is_corrected_after_a_delay(yaw):
 
 
 def test_person_walking_backwards_is_turned_round():
-    """The network has no preference; the walking direction decides."""
+    """The network has no preference, so the walking direction decides."""
     sideways = standing(np.pi / 2)
     assert any(verdicts(flip_posture(sideways), seen_facing(None), velocity=(1.2, 0.0, 0.0)))
     assert not any(verdicts(sideways, seen_facing(None), velocity=(1.2, 0.0, 0.0)))
@@ -82,7 +83,9 @@ def bent(pitch: float, yaw: float = 0.0) -> Posture:
 
 @pytest.mark.parametrize("yaw", [0.0, 1.1, np.pi, -2.0])
 def test_people_bend_forward(yaw):
-    """A person bowing towards the sensor does not lean backward away from it, even without network output."""
+    """A person bowing towards the sensor does not appear to lean back from it, even without network
+    output.
+    """
     assert leaning_backward(bent(0.0, yaw).rotations) == 0.0
     assert leaning_backward(bent(0.6, yaw).rotations) == 0.0
     assert leaning_backward(bent(-0.6, yaw).rotations) == pytest.approx(np.sin(0.6) - 0.15, abs=1e-6)
@@ -99,7 +102,7 @@ def test_weak_facing_evidence_does_not_flip():
 
 
 def test_established_facing_needs_more_evidence_to_flip():
-    """Seen from the side, where the sensor itself has no evidence."""
+    """The person is seen from the side, where the sensor provides no evidence."""
     sideways, other = standing(np.pi / 2), flip_posture(standing(np.pi / 2))
     against = seen_facing(other, plainly=1.5)
     assert any(verdicts(sideways, against))
@@ -112,7 +115,7 @@ def test_established_facing_needs_more_evidence_to_flip():
 
 
 def any_posture(random) -> Posture:
-    """Returns a person at a random position, with random bends and rotations."""
+    """Returns a person at a random position with random bends and rotations."""
     posture = standing(random.uniform(-np.pi, np.pi))
     posture.position = posture.position + random.normal(0, 1, 3)
     posture.rotations[model.PELVIS] = rotation(*random.normal(0, [0.5, 2, 0.5]))
@@ -130,7 +133,7 @@ def test_the_chest_turned_about_is_that_of_the_posture_turned_about(seed):
 
 @pytest.mark.parametrize("seed", range(40))
 def test_a_frames_evidence_is_the_difference_to_the_posture_turned_about(seed):
-    """Computed term by term: from the network, the walking direction, and implausible backward leaning."""
+    """It is computed term by term: the network, the walking direction, and implausible backward leaning."""
     random = np.random.default_rng(seed)
     posture, velocity = any_posture(random), random.normal(0, 0.7, 3)
     sighting = seen_as(estimate_of(posture.joints(), ways=random.normal(0, 2, 8)))

@@ -1,4 +1,4 @@
-"""Tests that the fit stays near observed joints, and recovery brings a lost limb there."""
+"""Tests that the fit stays near observed joints, and that recovery moves a lost limb there."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from enliven_edge.tracking.settings import FitSettings
 LEFT_ARM = [Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT]
 SURE = np.ones(20)
 TURNS = 8
-"""Frames within which a limb must be found again."""
+"""Number of frames within which a limb must be found again."""
 
 
 def standing() -> Posture:
@@ -31,7 +31,7 @@ def standing() -> Posture:
 
 
 def arm_out(lift: float = 1.4) -> Posture:
-    """Returns a person with the left arm held out, or higher, and the right one hanging."""
+    """Returns a person with the left arm stretched out or higher, and the right arm hanging."""
     posture, out = standing(), joint_limits.standing_pose(arm_raise=lift)
     posture.rotations[[model.UPPER_ARM_L, model.FOREARM_L]] = out[[model.UPPER_ARM_L, model.FOREARM_L]]
     return posture
@@ -75,14 +75,14 @@ def test_well_fitted_person_is_not_changed():
 
 
 def test_limb_is_not_moved_against_the_depth():
-    """The network is wrong; the depth frame decides."""
+    """The network is wrong, and the depth frame decides."""
     observation = observed(standing())
     recovered = reconsidered(observation, standing(), seen_of(arm_out(), observation))
     assert off(recovered, standing(), LEFT_ARM) < 0.08
 
 
 def test_whole_body_candidate_keeps_the_facing():
-    """An estimate with the opposite facing is turned round first."""
+    """An estimate with the opposite facing is first turned around."""
     observation = observed(standing())
     idea = next(propose_bodies(observation, standing(), seen_of(flip_posture(standing()), observation)))
     assert idea.rotations[model.PELVIS][2, 2] > 0.5
@@ -97,7 +97,7 @@ def with_landmarks(observation: Observation, posture: Posture, joints=range(20))
 
 
 def test_a_hidden_limb_is_kept_where_its_joints_are_seen():
-    """Shins and feet are behind a board; the landmarks show one bent knee."""
+    """Shins and feet are behind a board. The landmarks show one bent knee."""
     bent, fitter = standing(), Fitter(FitSettings())
     bent.rotations[model.SHIN_L] = joint_limits.standing_pose(knee=0.6)[model.SHIN_L]
     plain = observed(standing(), hide=80)
@@ -118,7 +118,7 @@ def test_landmarks_without_weight_change_nothing():
 
 
 def test_landmarks_make_the_fit_surer():
-    """Of a joint that has no other evidence."""
+    """The landmark belongs to a joint without other evidence."""
     fitter, plain = Fitter(FitSettings()), observed(standing(), hide=80)
     shin = 3 + int(np.flatnonzero(model.DOF_FRAME == model.SHIN_L)[0])
     uninformed, informed = (
@@ -140,7 +140,9 @@ def test_thinning_keeps_the_landmarks(step):
 
 @pytest.mark.parametrize(("loses", "kept"), [(1.0, False), (recovery._MAX_UNEXPLAINED, True)])
 def test_recovery_keeps_observed_limb_against_the_network(loses, kept, monkeypatch):
-    """The network is so certain of a hanging arm that its energy is lower, but points stay unexplained."""
+    """The network is certain of a hanging arm, which therefore has a lower energy. But points stay
+    unexplained.
+    """
     monkeypatch.setattr(recovery, "_MAX_UNEXPLAINED", loses)
     observation, fitter = observed(arm_out()), Fitter(FitSettings(landmarks=3.0))
     posture, report = fitter.fit(observation, arm_out())

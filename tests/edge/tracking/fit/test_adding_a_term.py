@@ -1,4 +1,4 @@
-"""Tests that a new term of the fit touches two files: ``terms.py``, and the settings for its weight."""
+"""Tests that adding a term to the fit changes only ``terms.py`` and the settings for its weight."""
 
 import os
 import shutil
@@ -60,7 +60,7 @@ FIT = """
 
 
 def test_a_term_is_added_in_two_files(tmp_path: Path) -> None:
-    """In a copy of the package, without compilation: a ceiling term makes the head bend down."""
+    """In a copy of the package without compilation, a ceiling term makes the head bend down."""
     home = Path(enliven_edge.__file__).parent
     ignored = shutil.ignore_patterns("__pycache__", "*.mcap", "*.npz", "*.onnx")
     shutil.copytree(home, tmp_path / "enliven_edge", ignore=ignored)

@@ -1,4 +1,4 @@
-"""Tests of alignment: a posture is recovered from its joint positions from any nearby start."""
+"""Tests of alignment: a posture is recovered from its joint positions, from any nearby initial posture."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_every_posture_of_the_bank_is_reached_from_standing(number):
     assert np.linalg.norm(aligned.joints() - wanted.joints(), axis=1).mean() < 0.04
 
 
-def test_an_outlier_is_doubted():
+def test_outlier_is_downweighted():
     wanted = standing(0.4)
     targets = wanted.joints()
     targets[7] += [0.0, 1.5, 0.0]
@@ -47,7 +47,7 @@ def test_target_without_weight_has_no_effect():
     assert energy == same
 
 
-def test_a_start_is_not_touched():
+def test_start_posture_is_not_modified():
     start = standing()
     align(start, *ANCHORS, standing(0.4).joints(), ALIKE)
     np.testing.assert_array_equal(start.joints(), standing().joints())
@@ -61,7 +61,8 @@ def test_the_gradient_is_that_of_the_energy():
     def energy(step: np.ndarray, gradient: np.ndarray) -> float:
         rotations = posture.rotations.copy()
         turn(rotations, step[3:], model.DOF_FRAME, model.DOF_AXIS)
-        # Too wide to reject anything: only then does iterated least squares have the energy's own gradient.
+        # The width is too large to reject anything. Only then does iterated least squares have the energy's
+        # gradient.
         return _normal_equations(
             np.zeros((30, 30)), gradient, posture.position + step[:3], rotations, LENGTHS, wanted, 1e3,
             _SKELETON, _LIMITS,
@@ -73,6 +74,6 @@ def test_the_gradient_is_that_of_the_energy():
         step = np.zeros(30)
         step[k] = 1e-5
         slope = (energy(step, unused) - energy(-step, unused)) / 2e-5
-        # If a joint's own rotation is large, the logarithm's derivative is approximated by one.
+        # For a large rotation of the joint, the logarithm's derivative is only approximately one.
         free = k < 3 or _REST_WEIGHTS[model.DOF_FRAME[k - 3]] == 0.0
         assert 2 * gradient[k] == pytest.approx(slope, rel=0.02 if free else 0.3, abs=6.0), k

@@ -1,4 +1,4 @@
-"""Tests of the compiled terms of the fit: gradients equal the energies' derivatives."""
+"""Tests that the gradients of the fit's compiled terms equal the energies' derivatives."""
 
 import numpy as np
 import pytest
@@ -57,7 +57,7 @@ def free_space_energy(posture: Posture, view):
 
 
 def slope(function, posture: Posture, direction, h: float = 1e-6) -> float:
-    """Returns the central difference of an energy along a step of the unknowns."""
+    """Returns the central difference of an energy along a direction of the unknowns."""
     return (
         function(moved_by(posture, h * direction))[0] - function(moved_by(posture, -h * direction))[0]
     ) / (2 * h)
@@ -185,7 +185,7 @@ def test_forces_vanish_on_a_perfectly_fitted_person():
 
 
 def test_a_limb_in_free_space_is_pushed_into_the_silhouette():
-    """The person is a band in the middle and the wall is far: limbs outside move inward."""
+    """The person is a band in the middle, far from the wall. Limbs outside the band move inward."""
     h, w = 120, 160
     depth, mask = np.full((h, w), 5.0), np.zeros((h, w), bool)
     depth[:, 70:90], mask[:, 70:90] = 2.4, True

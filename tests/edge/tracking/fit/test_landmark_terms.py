@@ -1,4 +1,4 @@
-"""Tests of the landmark term: gradient and matrix belong to its energy."""
+"""Tests of the landmark term: its gradient and matrix belong to its energy."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from enliven_edge.tracking.fit.gauss_newton import apply_step
 JOINTS = (model.JOINT_FRAMES, model.JOINT_OFFSETS)
 SEEDS = st.integers(0, 10_000)
 COUNTS = st.sampled_from([model.DOFS, (model.DOFS + len(model.LENGTHS))])
-"""Number of unknowns with frozen and with free lengths."""
+"""Number of unknowns with fixed and with free lengths."""
 WEIGHT = 1.7
 STEP = 1e-6
 
@@ -36,7 +36,7 @@ def moved_by(posture: Posture, step: np.ndarray) -> Posture:
 
 
 def random_landmarks(posture: Posture, seed: int) -> np.ndarray:
-    """Returns (20, 5) landmarks near the joints, some outliers and some with weight 0."""
+    """Returns (20, 5) landmarks near the joints, with some outliers and some of weight 0."""
     dice = np.random.default_rng(seed)
     places = posture.joints() + dice.normal(0, 0.15, (20, 3))
     weights = dice.uniform(0, 1, 20) * (dice.random(20) < 0.8)
@@ -51,7 +51,7 @@ def near(posture: Posture, landmarks: np.ndarray, count: int = (model.DOFS + len
 
 
 def differences(of, posture: Posture, count: int) -> np.ndarray:
-    """Returns the central differences of ``of(posture)`` by the unknowns, along the first axis."""
+    """Returns the central differences of ``of(posture)`` by the unknowns, on the first axis."""
     columns = []
     for k in range(count):
         step = np.zeros(count)

@@ -1,4 +1,4 @@
-"""Tests that hips may bend farther only if the person is known and low; a search keeps the usual range."""
+"""Tests that hips may bend farther only if the person is known and low. A search uses the usual range."""
 
 import numpy as np
 import pytest
@@ -10,11 +10,11 @@ from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.settings import FitSettings
 
 DRAWN_UP = 2.35
-"""Flexion of both thighs in radians: 0.35 beyond the usual range, within the wider one."""
+"""Flexion of both thighs in radians, 0.35 beyond the usual range and within the wider one."""
 
 
 def drawn_up(hips: float) -> Posture:
-    """Returns a person with the knees drawn up and the hips at a height in metres."""
+    """Returns a person with drawn-up knees and the hips at a height in metres."""
     rotations = joint_limits.standing_pose(knee=1.9)
     rotations[model.THIGH_L] = rotation(x=-DRAWN_UP, z=0.06)
     rotations[model.THIGH_R] = joint_limits.mirror_rotations(rotations)[model.THIGH_R]

@@ -1,4 +1,4 @@
-"""Tests that sums by frame give the same normal equations as one row per residual."""
+"""Tests that sums per body frame give the same normal equations as one row per residual."""
 
 import numpy as np
 import pytest

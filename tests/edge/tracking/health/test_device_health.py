@@ -19,7 +19,7 @@ LEVEL = world_from_level_camera(1.2)
 def kinds_after(
     conditions: list[Condition], stand=LEVEL, floor_known=True, seconds: int = 20
 ) -> list[set[str]]:
-    """Returns the problems at the end of each condition, which lasts ``seconds``."""
+    """Returns the problems at the end of each condition. Each condition lasts ``seconds``."""
     alarms, reported, now = Alarms("The sensor"), [], 0
     for condition in conditions:
         for _ in range(seconds):

@@ -1,4 +1,4 @@
-"""Tests of the monitor's parts: times, images, alarms; each problem is reported once, and then cleared."""
+"""Tests of the monitor's times, images and alarms: each problem is reported once and then cleared."""
 
 import dataclasses
 import logging
@@ -171,9 +171,7 @@ def test_a_good_stream_is_in_good_health():
     ],
 )  # fmt: skip
 def test_sensor_fault_is_reported_and_cleared(kind, fault):
-    """Three seconds of the fault between good ones: nothing else is reported, and the report does not
-    flicker.
-    """
+    """The fault lasts three seconds. Nothing else is reported, and the report does not flicker."""
     monitor = HealthMonitor()
     assert watched(monitor, [frame(i) for i in range(100)])[-1] == set()
     reported = watched(monitor, [f for f in (fault(i) for i in range(100, 220)) if f is not None])

@@ -1,4 +1,4 @@
-"""Tests of prediction joint by joint against whole arrays."""
+"""Tests of extrapolating joints one by one, against whole arrays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of foot contacts against the synthetic performer's true footwork."""
+"""Tests of foot contacts against the synthetic performer's true contacts."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,9 @@ UP = np.array([0.0, 1.0, 0.0])
 
 
 def walk(offset: float = 0.0, noise: float = 0.0, frames: int = 250):
-    """Returns [(body, (left, right) planted)] of the walk; joints are noisy and ``offset`` metres high."""
+    """Returns [(body, (left, right) planted)] of the walk. Joints are noisy and raised by ``offset``
+    metres.
+    """
     random = np.random.default_rng(0)
     with SyntheticSensor(choreography="walk", realtime=False) as sensor:
         for i in range(frames):
@@ -71,7 +73,7 @@ def test_a_foot_that_is_not_seen_stands_nowhere():
 
 
 def test_a_body_that_floats_does_not_stand():
-    """The floor does not move: feet half a metre above it have no contact."""
+    """The floor height is fixed, so feet half a metre above it have no contact."""
     with SyntheticSensor(choreography="idle", realtime=False) as sensor:
         body = sensor.truth(0)
     contacts = FootContacts()
@@ -81,7 +83,7 @@ def test_a_body_that_floats_does_not_stand():
 
 
 class _Slowly:
-    """The same as :class:`FootContacts`, for all points at once in whole arrays."""
+    """Computes the same as :class:`FootContacts` for all points at once, in whole arrays."""
 
     def __init__(self) -> None:
         self.last, self.time_ns = None, 0
@@ -110,7 +112,7 @@ class _Slowly:
 
 @pytest.mark.parametrize("seed", range(20))
 def test_foot_by_foot_is_as_all_at_once(seed):
-    """Feet appear and disappear at random, and some frames are missing."""
+    """Feet appear and disappear randomly, and some frames are missing."""
     random = np.random.default_rng(seed)
     fast, slow = FootContacts(), _Slowly()
     joints, time_ns = random.normal(0, 1, (20, 3)), 0

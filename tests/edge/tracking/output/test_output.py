@@ -1,4 +1,6 @@
-"""Tests of the tracker's output: off means off, no NaN, no jumps, mirroring, and prediction."""
+"""Tests of the tracker's output: it can be switched off, and has no NaN or jumps; mirroring and
+extrapolation.
+"""
 
 import dataclasses
 from functools import cache
@@ -28,7 +30,7 @@ def settings_of(amount: float = 1.0, **output) -> TrackerSettings:
 
 @cache
 def truth(choreography: str, frames: int, fps: float = 30.0) -> list[Body]:
-    """Returns true bodies with artificial orientations that rotate with the motion."""
+    """Returns true bodies with synthetic orientations that rotate with the motion."""
     with SyntheticSensor(choreography=choreography, realtime=False) as sensor:
         bodies = []
         for i in range(frames):
@@ -139,7 +141,7 @@ def test_bodies_without_orientations_are_smoothed_and_predicted_too():
 
 @pytest.mark.parametrize("choreography", ["walk", "wave"])
 def test_filter_lag_is_compensated_for_moving_joints(choreography):
-    """By at least a third; share 0 leaves the lag unchanged."""
+    """The lag decreases by at least a third. A share of 0 leaves it unchanged."""
     bodies = truth(choreography, 90)
     late, on_time = (
         lag_of(run(Output(TrackerSettings(smoothing=SmoothingSettings(undelayed=share))), bodies), bodies)

@@ -1,4 +1,4 @@
-"""Tests of the One-Euro filter: off means off, rest is calm, steady motion is followed."""
+"""Tests of the One-Euro filter: it can be switched off, reduces noise at rest, and follows steady motion."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def filtered(amount: float, values: np.ndarray) -> np.ndarray:
     return np.stack([one_euro(v, i * STEP) for i, v in enumerate(values)])
 
 
-def test_zero_is_off():
+def test_zero_disables_the_filter():
     values = np.random.default_rng(0).normal(size=(20, 20, 3))
     np.testing.assert_array_equal(filtered(0.0, values), values)
 
@@ -37,7 +37,7 @@ def test_still_joints_are_calmer(amount):
     assert filtered(amount, noise)[30:].std() < noise[30:].std()
 
 
-def test_more_is_smoother():
+def test_larger_amount_is_smoother():
     noise = np.random.default_rng(2).normal(0, 0.005, (90, 20, 3))
     spread = [filtered(amount, noise)[30:].std() for amount in (0.5, 1.0, 3.0, 9.0)]
     assert spread == sorted(spread, reverse=True)
@@ -98,13 +98,13 @@ def tumbling(seed: int, frames: int = 20) -> np.ndarray:
     return np.stack(turns)
 
 
-def test_zero_is_off_for_turns():
+def test_zero_disables_the_filter_for_rotations():
     values = tumbling(0)
     np.testing.assert_array_equal(turned(0.0, values), values)
 
 
 def test_filter_switched_on_again_starts_from_current_values():
-    """State from before it was switched off must not be mixed in."""
+    """State from before it was switched off must not be used."""
     one_euro = OneEuro(SmoothingSettings(amount=1.0))
     one_euro(np.zeros((20, 3)), 0)
     one_euro.amount = 0.0

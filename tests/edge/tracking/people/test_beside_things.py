@@ -1,4 +1,4 @@
-"""Tests that a person connected with an object in the image is found in the person's pixels."""
+"""Tests that a person who is connected to an object in the image is found in the person's own pixels."""
 
 import numpy as np
 import pytest
@@ -15,12 +15,13 @@ from enliven_edge.tracking.tracker import Tracker
 SETTINGS = TrackerSettings()
 GOOD, HIPS_WITHIN = 0.6, 0.15
 HEAD_WITHIN = 0.11
-"""Maximum head error in metres at first detection, before tracking: it is 10.2 cm if first fits use half of
-the points."""
+"""Maximum head error at first detection, before tracking, metres. It is 0.102 if first fits use half of the
+points.
+"""
 
 
 def group(stagecraft, players=(), boxes=()):
-    """Returns the view of people and boxes in the room, and the (h, w) pixels of either."""
+    """Returns the view of people and boxes in the room, and the (h, w) pixels of people or boxes."""
     s = stagecraft
     camera = WorkingCamera(s.CAMERA, s.CAMERA.width)
     z = s.Playground(*players, boxes=lambda time: boxes).frame(0.0).depth / 1000.0
@@ -54,7 +55,7 @@ def test_person_touching_a_table_is_detected(stagecraft, does, x, low, high):
 
 
 def test_table_touching_a_person_soon_becomes_background(stagecraft):
-    """The table's edge touches the hip of a waving person: in the first second it counts as an arm."""
+    """The table's edge touches the hip of a waving person. In the first second, it counts as an arm."""
     s = stagecraft
     low, high = (0.05, 0.6, -2.6), (0.6, 0.75, -2.3)
     playground = s.Playground(s.Player(s.still(-0.2, -2.4), "wave"), boxes=lambda time: (s.Box(low, high),))
@@ -77,7 +78,7 @@ def test_table_carried_in_is_not_a_person(stagecraft, low, high):
 
 
 def detections(monkeypatch, view, pixels, posture):
-    """Returns the (h, w) masks that are searched for a person if all fits are bad; and the new follower."""
+    """Returns the (h, w) masks that are searched for a person if all fits are bad, and the new track."""
     asked = []
 
     def detect(fitter, observation, *rest):
@@ -93,14 +94,14 @@ def detections(monkeypatch, view, pixels, posture):
 
 @pytest.fixture
 def somebody(stagecraft):
-    """Returns view, pixels and posture of a person with nothing next to them."""
+    """Returns the view, pixels and posture of a person without neighbouring objects."""
     player = stagecraft.Player(stagecraft.still(0.0, -2.4), "idle")
     view, pixels = group(stagecraft, [player])
     return view, pixels, detect(view, pixels)[0].posture
 
 
 def beside(pixels, share):
-    """Adds pixels on the left of a person, so that the person is that fraction of all."""
+    """Adds pixels to the left of a person, so that the person is the fraction ``share`` of all."""
     more, (rows, columns) = pixels.copy(), np.nonzero(pixels)
     left = [(v, u) for u in range(columns.min() - 20, -1, -1) for v in range(rows.min(), rows.max())]
     for v, u in left[: round(len(rows) * (1.0 / share - 1.0))]:

@@ -46,14 +46,14 @@ def test_joints_behind_board_are_occluded_and_beyond_image_are_outside():
 
 
 def looseness(posture, information):
-    """Returns (20,) how loosely each joint is constrained."""
+    """Returns (20,) the uncertainty of each joint, from how weakly the fit constrains it."""
     state = (posture.position, posture.rotations, posture.lengths)
     body = (*of_joints._SKELETON, of_joints._TURNS, *of_joints._JOINTS)
     return of_joints.joint_uncertainty(information, *state, *body)[1]
 
 
 def test_unconstrained_joint_is_the_loosest():
-    """If the hips and below are behind a board, the feet are looser than the hands, and looser than in full
+    """Hips and legs are behind a board. The feet are less constrained than the hands, and than in full
     view.
     """
     fitter = Fitter(FitSettings())
@@ -104,7 +104,7 @@ def test_uncertainty_is_that_of_the_inverse_matrix(seed):
 
 
 def test_the_network_is_evidence_where_there_is_one():
-    """Only the estimated joint error, and the distance between the joint and its estimate."""
+    """The evidence is the estimated joint error, and the distance between the joint and its estimate."""
     fitter, observation = Fitter(FitSettings()), observed(standing())
     posture, report = fitter.fit(observation, standing())
     estimate = estimate_of(posture.joints() + np.array([0.0, 0.0, 0.3]), np.linspace(0.02, 0.4, 20))
@@ -148,7 +148,7 @@ def test_gathered_evidence_matches_the_slow_reference(seed, alone):
 
 @cache
 def in_full_view():
-    """The view of a standing person; rendered once for all examples."""
+    """Returns the view of a standing person, rendered once for all examples."""
     return observed(standing())
 
 
@@ -205,10 +205,10 @@ def test_joints_outside_the_image_are_not_invented(alone):
 
 @pytest.mark.parametrize("alone", [False, True])
 def test_visible_joint_is_surer_than_occluded_one(alone):
-    """All other evidence is that of a usual frame.
+    """All other evidence has typical values.
 
-    The weights are learnt: for the hands both are equal, since thin capsules are often seen through
-    correctly, too.
+    The weights are learnt. For the hands both confidences are equal, since correctly fitted thin capsules are
+    often seen through as well.
     """
     usual = np.zeros((20, len(NAMES)))
     for name, value in (

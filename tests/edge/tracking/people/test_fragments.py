@@ -1,4 +1,4 @@
-"""Tests that a person's disconnected pixels are kept out of a new background model."""
+"""Tests that disconnected pixels of a person are not learnt by a new background model."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from enliven_edge.tracking.settings import TrackerSettings
 CAMERA = WorkingCamera(Intrinsics(80, 60, 66, 66, 39.5, 29.5), 80)
 MOUNT = world_from_level_camera(1.2)
 SOMEBODY = (-0.25, 0.25, 0.1, 1.7)
-"""Left, right, bottom and top in metres (world), 2.4 m from the sensor."""
+"""Left, right, bottom and top of a person in metres (world), 2.4 m from the sensor."""
 SHANK, BENCH = (0.4, 0.52, 0.25, 0.6), (0.35, 1.15, 0.1, 0.35)
-"""A small object next to a person, and one too large and too low to be a person."""
+"""A small object next to a person, and an object that is too large and too low to be a person."""
 
 
 def drawn(*boxes) -> FrameView:
-    """Returns a view of flat boxes in front of nothing."""
+    """Returns a view of flat boxes without a background."""
     z = np.zeros((60, 80))
     x, y = CAMERA.ray[..., 0] * 2.4, 1.2 - CAMERA.ray[..., 1] * 2.4
     for left, right, bottom, top in boxes:

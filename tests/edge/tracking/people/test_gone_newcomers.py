@@ -1,4 +1,4 @@
-"""A search for a person ends when the pixels that it began with are no longer there."""
+"""Tests that a search for a person ends when its initial pixels have disappeared."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ STEP_NS = 33_333_333
 
 
 def view_of(frame: int, shown: bool) -> FrameView:
-    """Returns a view of a flat shape of a person's size, 2.4 m away, or of nothing."""
+    """Returns a view of a flat shape of a person's size at 2.4 m, or of nothing."""
     x, y = CAMERA.ray[..., 0] * 2.4, 1.2 - CAMERA.ray[..., 1] * 2.4
     z = np.where(shown & (np.abs(x) < 0.25) & (y > 0.1) & (y < 1.7), 2.4, 0.0)
     return FrameView(frame * STEP_NS, z, world_points(z, CAMERA.ray, MOUNT), CAMERA, MOUNT)
@@ -29,7 +29,7 @@ def view_of(frame: int, shown: bool) -> FrameView:
 
 @pytest.mark.parametrize(("gone_for", "is_lost"), [(0, False), (1, False), (6, False), (8, True)])
 def test_search_has_lost_all_a_moment_after_its_pixels_are_gone(gone_for, is_lost):
-    """Furniture that became background is no longer searched; some frames of noise change nothing."""
+    """Furniture that became background is no longer searched. Some noisy frames change nothing."""
     settings = TrackerSettings(estimator=False)
     finder = MultiPersonTracker(settings, Fitter(settings.fit)).finder
     for frame in range(2 + gone_for):

@@ -1,4 +1,6 @@
-"""Tests that without a visible floor, height comes from body proportions and people stand on the floor."""
+"""Tests that without a visible floor, the sensor height follows from body proportions, and people stand on
+the floor.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +13,10 @@ from enliven_edge.tracking.tracker import Tracker
 from enliven_synthesis.body.performer import Proportions
 
 HEIGHT, TILT = 1.1, np.deg2rad(-10)
-"""Sensor height above the floor in metres, and tilt in radians: it looks up, so the floor is not in view."""
+"""Sensor height above the floor in metres and tilt in radians. It looks up, so the floor is not in view."""
 FRAMES = 12
 TOLERANCE = 0.12
-"""Maximum error in metres of a height estimated from proportions."""
+"""Maximum error of a height estimated from proportions, metres."""
 
 
 @pytest.fixture
@@ -33,7 +35,7 @@ def film(stagecraft):
 
 @pytest.mark.parametrize("height", [1.58, 1.75, 1.88])
 def test_height_without_floor_is_by_proportions(film, height):
-    """In every frame from the first; no stature is published, since none was measured."""
+    """This holds in every frame. No body height is published, since none was measured."""
     tracker = Tracker()
     for frame in film(height):
         (body,) = tracker.track(frame)

@@ -1,4 +1,4 @@
-"""Tests that doubtful people are searched again now and then: less often while nothing better is found."""
+"""Tests that doubtful people are searched again repeatedly, less often while nothing better is found."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from enliven_edge.tracking.settings import FitSettings, TrackerSettings
 
 FEW = TrackerSettings(estimator=False, fit=FitSettings(points=60))
 KNOWN = 16
-"""A frame in which the person is tracked, and not yet due for a new search."""
+"""Number of a frame in which the person is tracked and no new search is due."""
 FIRST = 29
-"""The thirtieth frame, the first in which a new search is due."""
+"""Number of the thirtieth frame, the first in which a new search is due."""
 
 
 @pytest.fixture(scope="module")
@@ -73,11 +73,11 @@ def test_unsuccessful_searches_become_rarer(looks):
     assert np.diff(searches).tolist() == [60, 120, 120]
 
 
-def test_a_good_frame_brings_the_patience_back(looks):
+def test_good_frame_resets_the_search_interval(looks):
     assert looks(175, lambda frame: frame >= KNOWN and frame != 60) == [29, 61, 121]
 
 
-def test_a_look_that_finds_something_brings_the_patience_back(looks):
+def test_successful_search_resets_the_search_interval(looks):
     assert looks(150, lambda frame: frame >= KNOWN, finds=lambda frame: frame == FIRST) == [29, 59, 119]
 
 

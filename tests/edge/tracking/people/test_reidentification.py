@@ -125,7 +125,9 @@ def test_lock_admits_only_the_named_people():
 
 
 def test_single_newcomer_near_a_loss_is_reidentified():
-    """Independent of the first bone-length estimate; but not much later, elsewhere, or if clearly taller."""
+    """This does not depend on the first estimate of bone lengths. A late, distant or clearly taller person is
+    not matched.
+    """
     gallery = PersonGallery(PeopleSettings())
     gallery.leave(1, looks(1.7), HERE, 0)
     nearby, elsewhere = HERE + 0.1, HERE + 1.0

@@ -1,4 +1,4 @@
-"""Tests of deciding which pixel groups are people: raised arms are not people, and people do not float."""
+"""Tests of deciding which pixel groups are people. Raised arms are not, and people do not float."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SETTINGS = TrackerSettings()
 
 @pytest.fixture(scope="module")
 def scene():
-    """Returns (view, (h, w) pixels) of a person with both arms held out and up."""
+    """Returns (view, (h, w) pixels) of a person with both arms stretched out and up."""
     z, mask = picture(posture_of(standing_pose(arm_raise=2.0, elbow=0.2)))
     return view_of(z), mask
 
@@ -48,7 +48,7 @@ def view_of(z: np.ndarray) -> FrameView:
 
 
 def newcomer(view: FrameView, pixels: np.ndarray) -> Candidate:
-    """Returns a pixel group like one found in the first frame."""
+    """Returns a pixel group as found in the first frame."""
     candidate = Candidate(view.points[pixels].mean(0), 0)
     area = area_of(view, pixels)
     candidate.update(pixels, candidate.centre, measure_shape(view, pixels, area), area, (0.0, 1.0), 0)
@@ -90,7 +90,7 @@ def test_two_halves_of_a_person_become_one(scene):
 
 
 def test_two_people_holding_hands_stay_two():
-    """One body does not explain both of them, so the pixels stay separate."""
+    """One body does not explain both people, so the pixels stay separate."""
     z, mask = picture(posture_of(standing_pose(arm_raise=0.5)))
     parts = [np.roll(mask, shift, 1) for shift in (-23, 23)]
     view = view_of(np.minimum(np.roll(z, -23, 1), np.roll(z, 23, 1)))
@@ -133,7 +133,7 @@ def test_no_person_is_guessed_high_on_a_wall(scene, monkeypatch):
 
 
 def test_an_area_is_that_of_the_pixels_themselves(scene):
-    """A nearer part covers a smaller area than its fraction of the pixels."""
+    """A nearer object has a smaller area than its fraction of the pixels."""
     view, mask = scene
     for part in halves(view, mask):
         expected = sum(view.z[v, u] ** 2 / (CAMERA[0] * CAMERA[1]) for v, u in np.argwhere(part))
@@ -171,7 +171,7 @@ def seen_by_network(scene, probabilities, *, good: bool = False) -> Person:
 
 @pytest.mark.parametrize(("plain_frames", "vague"), [(0, True), (9, True), (10, False)])
 def test_long_confirmed_person_stays_a_person(plain_frames, vague, scene):
-    """The network may reject later postures; a blob that it never accepted is dropped."""
+    """The network may reject later postures. A blob that it never accepted is dropped."""
     someone = seen_by_network(scene, [0.95] * plain_frames + [0.1] * 30)
     assert someone.is_probably_object == vague
     assert person._CERTAIN_FRAMES == 10
@@ -182,7 +182,7 @@ def test_long_confirmed_person_stays_a_person(plain_frames, vague, scene):
     [(0, 0.3, 30, True), (0, 0.3, 10, False), (0, 0.5, 30, False), (10, 0.1, 30, False)],
 )
 def test_blob_never_confirmed_as_person_is_dropped_even_if_moving(plain_frames, later, frames, vague, scene):
-    """A fit to the strip of wall next to a person slides along it; after half a second it is recognised."""
+    """A fit to the strip of wall next to a person slides along it, which is detected after half a second."""
     someone = seen_by_network(scene, [0.95] * plain_frames + [later] * frames, good=True)
     someone.has_moved = someone.has_person_outline = True
     assert someone.is_probably_object == vague
@@ -190,7 +190,9 @@ def test_blob_never_confirmed_as_person_is_dropped_even_if_moving(plain_frames, 
 
 
 def test_network_is_queried_only_if_useful(scene):
-    """Of a person with raised arms, sometimes; not of a panel, which no answer could make a person."""
+    """It is sometimes queried for a person with raised arms, but not for a panel, which cannot be a
+    person.
+    """
     view, pixels = scene
     raised = newcomer(view, pixels)
     raised.shape = replace(raised.shape, head_ratio=1.0)

@@ -1,4 +1,4 @@
-"""Tests of the innermost searches against plain ones: capsules, pixels, samples."""
+"""Tests of the innermost search loops against plain versions: capsules, pixels, samples."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Tests of a person's visible fraction: occluded, outside the image, and of the trunk."""
+"""Tests of a person's visible fraction: occlusion, parts outside the image, and the trunk."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def wall(metres=4.0):
 
 
 def random_person(random) -> Posture:
-    """Returns a person with random limbs at a random place around the sensor, possibly behind it."""
+    """Returns a person with random limbs at a random position around the sensor, possibly behind it."""
     start = Posture(
         random.normal([0, 1, -1.5], [1, 0.3, 1.2]), standing_pose(), model.lengths_for_height(1.7)
     )
@@ -56,7 +56,7 @@ def random_view(random) -> FrameView:
 
 
 def samples_slowly(view: FrameView, posture: Posture, pixels, frames=range(13)):
-    """Returns (S,) flags of the frames' capsule ends and middles: in the image, occluded, on own pixels."""
+    """Returns (S,) flags of the frames' capsule ends and centres: in the image, occluded, on own pixels."""
     rows = []
     camera_from_world = np.linalg.inv(view.world_from_camera)
     fx, fy, cx, cy = view.camera.camera

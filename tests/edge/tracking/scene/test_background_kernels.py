@@ -53,7 +53,7 @@ def test_guarded_pixels_match_the_slow_reference(seed, people):
 
 
 def learnt_alone(p: dict, d: float, person: bool, hold: bool, rate: LearningRate) -> tuple[int, int, int]:
-    """Learns one pixel in plain Python, with the names of :class:`BackgroundState`: the slow reference."""
+    """Learns one pixel in plain Python with the names of :class:`BackgroundState`, as a slow reference."""
     margin, step = 0.04 + 0.010 * d * d, rate.step
     if p["z"] == 0.0:
         if abs(d - p["still_z"]) <= 0.01 + 0.004 * d * d:

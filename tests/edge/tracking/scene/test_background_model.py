@@ -1,4 +1,6 @@
-"""Tests of the background model: learnt at once if possible, updated, reset in the dark, without people."""
+"""Tests of the background model: fast initial learning, updates, forgetting unmeasured pixels, excluding
+people.
+"""
 
 import numpy as np
 import pytest
@@ -24,13 +26,15 @@ NOBODY = np.zeros((8, 8), bool)
 
 
 def in_front(room: BackgroundModel, z: np.ndarray, *, guess: bool) -> np.ndarray:
-    """Returns (h, w) pixels in front of the background; unseen ones have a similar depth, or any."""
+    """Returns (h, w) pixels in front of the background. Unobserved ones have a similar depth, or any
+    depth.
+    """
     background = fill_from_nearest(room.z) if guess else room.z
     return (z > 0) & ((background == 0) | (z < background - (0.05 + 0.012 * z * z)))
 
 
 def learn(room, z, seconds, start=0.0, person=NOBODY, hold=None, rate=30):
-    """Returns the background model after a constant image, and the time."""
+    """Returns the background model after a constant image, and the new time."""
     for i in range(round(seconds * rate)):
         room.learn(z, person, round((start + i / rate) * 1e9), hold)
     return start + seconds
@@ -94,7 +98,7 @@ def test_lost_person_is_not_absorbed_until_seen_elsewhere():
     room.guard(mine, ids, picture(2.0))
     now = learn(room, picture(2.0), 60.0, now)
     assert in_front(room, picture(2.0), guess=True).all()
-    room.guard(np.full((8, 8), -1), ids, picture(2.0))  # followed, but not at these pixels
+    room.guard(np.full((8, 8), -1), ids, picture(2.0))  # the person is tracked, but not at these pixels
     learn(room, picture(2.0), 20.0, now)
     assert not in_front(room, picture(2.0), guess=True).any()
 
@@ -147,7 +151,7 @@ def test_dropped_blob_becomes_background_at_its_depth():
 
 
 HALL = (6, 60)
-"""Image size of a hall too deep for the sensor: only objects in it are measured."""
+"""Image size for a hall beyond the sensor's range. Only objects in the hall are measured."""
 
 
 def with_blob(left, metres=2.0):
@@ -158,13 +162,13 @@ def with_blob(left, metres=2.0):
 
 
 def dark_hall(seconds=0.2):
-    """Returns the model of an empty hall in which nothing is new any more, and the time."""
+    """Returns the model of an empty hall in which all pixels are learnt, and the time."""
     room = BackgroundModel(HALL)
     return room, learn(room, np.zeros(HALL), seconds, person=np.zeros(HALL, bool))
 
 
 def test_moving_object_before_unmeasured_hall_is_never_learnt():
-    """To and fro: the traces of successive passes do not add up."""
+    """The object moves back and forth. The traces of successive passes do not accumulate."""
     room, now = dark_hall()
     for i, left in enumerate([*range(0, 56, 2), *range(54, 0, -2)] * 4):
         room.learn(with_blob(left), np.zeros(HALL, bool), round((now + i * FRAME) * 1e9))
@@ -181,7 +185,7 @@ def test_still_object_before_unmeasured_hall_is_learnt_quickly(rate):
 
 
 def test_approaching_object_before_unmeasured_hall_is_learnt_once_still():
-    """It comes nearer, on the same pixels."""
+    """The object approaches on the same pixels."""
     room, now = dark_hall()
     for i in range(30):
         room.learn(with_blob(20, 3.5 - 0.05 * i), np.zeros(HALL, bool), round((now + i * FRAME) * 1e9))
@@ -191,7 +195,7 @@ def test_approaching_object_before_unmeasured_hall_is_learnt_once_still():
 
 
 def with_dark(columns, metres=3.0):
-    """Returns a wall with unmeasured first columns."""
+    """Returns a wall whose first columns are not measured."""
     z = picture(metres)
     z[:, :columns] = 0.0
     return z
@@ -232,7 +236,7 @@ def test_forgotten_background_is_relearnt_only_there():
     room, where = BackgroundModel((8, 8)), np.zeros((8, 8), bool)
     where[2:5, 1:4] = True
     now = learn(room, picture(2.0), 1.0)
-    now = learn(room, picture(1.0), 0.5, now)  # on its way to being absorbed
+    now = learn(room, picture(1.0), 0.5, now)  # it is partly absorbed
     room.forget(where)
     np.testing.assert_array_equal(room.z, np.where(where, 0.0, 2.0))
     assert in_front(room, picture(2.5), guess=False)[where].all()
@@ -248,7 +252,7 @@ def view_of(z):
 
 
 def test_learnt_fringe_does_not_predict_unseen_background():
-    """In a hall too deep for the sensor, a person's own feet would otherwise make all of the person
+    """In a hall beyond the sensor's range, a person's own feet would otherwise make the whole person
     background.
     """
     for count, expected in ((1, UNSEEN), (20, UNLIKELY)):
@@ -299,14 +303,16 @@ def test_filling_takes_about_the_nearest_known_value(seed, share):
 
 
 def nearest(z, v, u, value):
-    """Returns the pixel of that value nearest to (v, u)."""
+    """Returns the pixel with that value that is nearest to (v, u)."""
     rows, columns = np.nonzero(z == value)
     best = np.argmin(np.hypot(rows - v, columns - u))
     return rows[best], columns[best]
 
 
 def chamfer(z):
-    """Returns (n, h, w) chamfer distances from each known pixel, a diagonal step being 1.414 long (slow)."""
+    """Returns (n, h, w) chamfer distances from each known pixel, with a diagonal step of 1.414. Slow
+    reference.
+    """
     v, u = np.indices(z.shape)
     down, right = (np.abs(x - y[:, None, None]) for x, y in zip((v, u), np.nonzero(z), strict=True))
     return np.abs(down - right) + 1.414 * np.minimum(down, right)
@@ -330,12 +336,12 @@ FLOOR_BAND = 0.05
 
 
 def rise_of(mount):
-    """Returns (h, w) height gain of every pixel's ray in metres per metre of depth."""
+    """Returns (h, w) height gain of every pixel's ray, metres per metre of depth."""
     return HALL_CAMERA.ray @ mount[1, :2] + mount[1, 2]
 
 
 def floor_of(mount):
-    """Returns (h, w) depth of the floor in metres; 0 if the ray does not go down."""
+    """Returns (h, w) depth of the floor in metres, 0 for rays that do not go down."""
     rise = rise_of(mount)
     return np.where(rise < -1e-3, -mount[1, 3] / np.where(rise < -1e-3, rise, -1.0), 0.0)
 
@@ -401,7 +407,7 @@ def test_by_the_floor_only_the_floor_is_known(seed, height, tilt):
 
 
 def guessed_slowly(z, ray, mount, floor_band):
-    """Computes the same on whole images."""
+    """Computes the filled background on whole images, as a slow reference."""
     rise, height = ray @ mount[1, :2] + mount[1, 2], mount[1, 3]
     patches = ndimage.uniform_filter((z > 0).astype(np.float64), 31) > 0.12
     completed = fill_from_nearest(np.where(patches, np.where(rise * z + height < floor_band, -z, z), 0.0))

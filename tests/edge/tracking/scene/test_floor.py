@@ -25,7 +25,7 @@ def seen_floor(seed: int, tilt: float = 0.01):
 
 
 def plane_slowly(points, ranges):
-    """Computes the same passes with NumPy's least squares."""
+    """Computes the same iterations with NumPy's least squares."""
     x, y, z = points
     flat, plane, noise = np.column_stack([x, z, np.ones(len(x))]), np.zeros(3), None
     for _ in range(8):
@@ -52,7 +52,8 @@ def seen_room(seed: int, height: float, tilt: float, floor_share: float = 0.5, n
 
     Args:
         floor_share: fraction of the points on the floor.
-        noise: metres along the ray per square metre of distance, as for structured light.
+        noise: standard deviation along the ray at 1 m, metres. It grows with the squared distance, as for
+            structured light.
     """
     random, mount = np.random.default_rng(seed), world_from_level_camera(height, tilt)
     count = round(6000 * floor_share)
@@ -91,7 +92,9 @@ def test_a_floor_that_is_a_tenth_of_the_image_is_found_with_any_seed(seed):
 
 @pytest.mark.parametrize("seed", range(10))
 def test_a_corrected_mounting_brings_the_floor_nearer_to_level(seed):
-    """By its gain: the floor points are flatter and nearer to height 0 in the corrected world."""
+    """The floor points are flatter and nearer to height 0 in the corrected world, by the factor of the
+    gain.
+    """
     points, usable, (a, b, c) = seen_floor(seed)
     before = world_from_level_camera(1.2)
     updated = correct_mounting(before, points, usable, GAIN)

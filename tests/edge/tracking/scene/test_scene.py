@@ -1,4 +1,4 @@
-"""Tests of floor, image reduction and normals."""
+"""Tests of the floor, of image reduction and of normals."""
 
 import numpy as np
 import pytest
@@ -82,7 +82,9 @@ def test_normals_of_a_slanted_plane():
 
 
 def normal_slowly(points, z, v, u, eye):
-    """Returns the (3,) normal at a pixel by numpy; towards the eye at borders, edges and unknown pixels."""
+    """Returns the (3,) normal at a pixel by NumPy, or the direction to the eye at borders, edges and unknown
+    pixels.
+    """
     toward, (height, width) = eye - points[v, u], z.shape
     if 0 < v < height - 1 and 0 < u < width - 1:
         around = z[[v, v, v - 1, v + 1], [u - 1, u + 1, u, u]]

@@ -13,7 +13,9 @@ MOUNT = world_from_level_camera(1.2)
 
 
 def standing(*places, wall=3.4):
-    """Returns a view of upright half cylinders (x, z, radius) in front of a wall, and their owners."""
+    """Returns a view of upright half cylinders (x, z, radius) in front of a wall, and each pixel's
+    cylinder.
+    """
     z = np.full((120, 160), wall)
     x, y = CAMERA.ray[..., 0], 1.2 - CAMERA.ray[..., 1] * wall
     for at, depth, radius in places:
@@ -37,7 +39,7 @@ def test_two_who_stand_apart_are_no_wall():
 
 
 def obvious_rest(view, mask):
-    """Computes the result of :func:`without_walls` with arrays of all pixels."""
+    """Returns the result of :func:`without_walls`, computed with arrays of all pixels."""
     rest, pixel, random = mask.copy(), 1 / 130**2, np.random.default_rng(0)
     for _ in range(4):
         flat, z = view.points[rest][:, [0, 2]], view.z[rest]

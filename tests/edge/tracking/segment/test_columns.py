@@ -1,4 +1,4 @@
-"""Tests of finding people side by side in a pixel group: the compiled search against a plain one."""
+"""Tests of finding people side by side in a pixel group: the compiled search against a plain version."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from enliven_edge.tracking.segment.pieces import find_columns, split_people
 
 
 def obvious_columns(points):
-    """Returns (N, 2) x and z of the people in (M, 3) points, with arrays."""
+    """Returns (N, 2) x and z of the people in (M, 3) points, computed with arrays."""
     flat = points[:, [0, 2]]
     origin = flat.min(0)
     cells = np.floor((flat - origin) / 0.06).astype(int)
@@ -30,7 +30,7 @@ def obvious_columns(points):
 
 
 def filled(points, centre, top):
-    """Returns True if a person is under a peak."""
+    """Returns True if the points below a peak fill the shape of a person."""
     away = np.linalg.norm(points[:, [0, 2]] - centre, axis=1)
     if points[away < 0.3, 1].max() > top + 0.2:
         return False
@@ -75,6 +75,6 @@ def test_a_pixel_belongs_to_the_nearest_of_them(seed):
 
 
 def test_the_examples_have_several_people():
-    """The tests above see cases with none, one and several people."""
+    """The tests above include cases with no, one and several people."""
     counts = {len(obvious_columns(standing_people(seed))) for seed in range(60)}
     assert {0, 1, 2} <= counts

@@ -1,4 +1,4 @@
-"""Tests of outlines that may be people, and of separating people side by side."""
+"""Tests of outlines that may be people, and of separating people who stand side by side."""
 
 import numpy as np
 import pytest
@@ -56,7 +56,7 @@ def test_a_flat_panel_and_a_post_are_not_upright_people():
 def test_a_piece_of_a_wall_is_not_free():
     view = drawn(*PERSON)
     mask = np.zeros((120, 160), bool)
-    mask[10:100, 20:50] = True  # of the wall
+    mask[10:100, 20:50] = True  # a part of the wall
     assert not shape(view, mask).may_be_person
 
 
@@ -77,10 +77,11 @@ def test_shape_surrounded_by_unknown_depth_is_free():
 
 
 def beside_a_wall(measured):
-    """Returns a square in a wall of the same depth, with farther points on the right and above.
+    """Returns a square region of a wall at the same depth. The points to the right and above are farther
+    away.
 
     Args:
-        measured: fraction of the surrounding rows (or columns) with depth.
+        measured: fraction of the surrounding rows (or columns) that have depth.
     """
     z, mask = np.full((120, 160), 4.0), np.zeros((120, 160), bool)
     z[:, :80] = 2.5
@@ -98,13 +99,13 @@ def test_measured_surroundings_are_free_where_farther_away():
 
 @pytest.mark.parametrize(("measured", "free"), [(0.1, 1.0), (0.25, 1.0), (0.35, 2 / 3), (0.8, 2 / 3)])
 def test_shape_with_few_measured_surroundings_is_free(measured, free):
-    """The surroundings count if at least three tenths are measured."""
+    """The surroundings count if at least three tenths of them are measured."""
     z, mask = beside_a_wall(measured)
     assert outline(z, mask)[0] == pytest.approx(free)
 
 
 def test_the_images_border_counts_as_measured():
-    """A piece of a wall in the image's corner: its border is sufficient evidence."""
+    """For a part of a wall in the image's corner, the border is sufficient evidence."""
     z, mask = np.zeros((120, 160)), np.zeros((120, 160), bool)
     z[:20, :20], mask[:20, :20] = 2.5, True
     free, _, border, _ = outline(z, mask)
@@ -116,7 +117,7 @@ def outline(z, mask):
 
 
 def obvious_outline(z, mask):
-    """Computes the result of :func:`outline` by a loop over every pixel."""
+    """Computes the result of :func:`outline` by a loop over all pixels."""
     width = z.shape[1]
     step, counts = 0.05 + 0.012 * z**2, np.zeros(4, int)
     for v, u in ((0, -1), (0, 1), (-1, 0)):
@@ -193,7 +194,7 @@ def test_people_side_by_side_are_parted_and_raised_hands_are_not():
 
 
 def test_person_partly_occluded_by_others_counts_as_free():
-    """An occluder in front of a person is no evidence against a free outline."""
+    """An occluder in front of a person is no evidence that the outline is connected to a wall."""
     view = drawn(*PERSON, (0.02, 0.6, 0.1, 1.3, 1.8))
     mask = (view.z < 3.0) & (view.z > 2.0)
     measured = shape(view, mask)

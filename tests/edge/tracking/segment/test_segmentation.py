@@ -1,4 +1,4 @@
-"""Tests of assigning pixels to people: compiled kernels against slow ones, and outstretched arms."""
+"""Tests of assigning pixels to people: compiled kernels against slow versions, and outstretched arms."""
 
 from dataclasses import replace
 
@@ -35,7 +35,7 @@ def person(x, z=-2.5, **pose):
 
 
 def surface_distance(points, posture):
-    """Returns the (h, w) distance to the nearest capsule in metres (slow)."""
+    """Returns (h, w) distances to the nearest capsule in metres. Slow reference."""
     ends, radii = posture.capsules()
     best = np.full(points.shape[:2], np.inf)
     for (a, b), (ra, rb) in zip(ends, radii, strict=True):
@@ -86,7 +86,9 @@ def test_claims_match_the_slow_reference(seed, handicap):
 
 
 def boxes_slowly(view, ends, radii, reach):
-    """Returns (K, 4) boxes around the balls at the capsules' ends, by angles; NaN is handled separately."""
+    """Returns (K, 4) boxes around the balls at the capsules' ends, computed by angles. NaN is handled
+    separately.
+    """
     mount, (fx, fy, cx, cy), (height, width) = view.world_from_camera, view.camera.camera, view.z.shape
     local = (ends - mount[:3, 3]) @ mount[:3, :3]
     boxes = []
@@ -108,7 +110,7 @@ def boxes_slowly(view, ends, radii, reach):
 
 
 def random_capsules(random, people=3, count=6):
-    """Returns (ends, radii): some behind the sensor, some close in front of it."""
+    """Returns (ends, radii) of capsules. Some are behind the sensor, some close in front of it."""
     near = MOUNT[:3, 3] + random.normal(0, 0.1, (people, count, 2, 3))
     anywhere = random.normal([0, 1, -1.5], [2, 1, 2], (people, count, 2, 3))
     ends = np.where(random.random((people, count, 1, 1)) < 0.1, near, anywhere)
@@ -160,7 +162,7 @@ def test_a_step_in_depth_parts_two_groups():
 
 
 def contacts_slowly(view, owner, group, people):
-    """Returns (K,) pixel sides of a group at which each person's pixel continues the surface."""
+    """Returns (K,) the number of pixel sides at which a group continues the surface of each person."""
     counts = np.zeros(people, int)
     for v, u in np.argwhere(group):
         for q, p in ((v - 1, u), (v + 1, u), (v, u - 1), (v, u + 1)):
@@ -200,7 +202,7 @@ def test_loose_group_measures_match_the_slow_reference(seed, people):
 
 
 def drawn(boxes):
-    """Returns a view of flat boxes (left, right, bottom, top, z in world metres) in front of nothing."""
+    """Returns a view of flat boxes (left, right, bottom, top, z in world metres) without a background."""
     z = np.zeros((60, 80))
     for left, right, bottom, top, depth in boxes:
         u, v = CAMERA.ray[..., 0] * depth, 1.2 - CAMERA.ray[..., 1] * depth

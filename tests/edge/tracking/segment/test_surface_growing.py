@@ -17,7 +17,9 @@ SCENES = st.integers(0, 100_000)
 
 
 def scene(seed: int, people: int = PEOPLE) -> tuple[np.ndarray, np.ndarray]:
-    """Returns (owner, z) of patches of people, some occluding or almost touching others, and stray pixels."""
+    """Returns (owner, z) of patches of people that partly occlude or almost touch each other, and stray
+    pixels.
+    """
     random = np.random.default_rng(seed)
     owner, z = np.full(SHAPE, -1), 2.0 + 0.01 * random.standard_normal(SHAPE)
     for _ in range(random.integers(2, 9)):
@@ -31,7 +33,7 @@ def scene(seed: int, people: int = PEOPLE) -> tuple[np.ndarray, np.ndarray]:
 
 
 def after(owner: np.ndarray, z: np.ndarray, people: int = PEOPLE) -> tuple[np.ndarray, np.ndarray]:
-    """Returns (owner, counts) after returning detached pixels."""
+    """Returns (owner, counts) after detached pixels were returned."""
     returned = owner.copy()
     counts = reassign_detached_pieces(returned, z, np.bincount(owner[owner >= 0], minlength=people))
     return returned, counts
@@ -49,7 +51,7 @@ def neighbours(owner: np.ndarray, z: np.ndarray) -> dict[tuple[int, int], list[t
 
 
 def pieces(owner: np.ndarray, beside) -> list[set[tuple[int, int]]]:
-    """Returns connected pieces of one owner each, in reading order of their first pixel."""
+    """Returns connected regions of one owner each, in reading order of their first pixel."""
     components, done = [], set()
     for start in beside:
         if start in done:
@@ -66,14 +68,14 @@ def pieces(owner: np.ndarray, beside) -> list[set[tuple[int, int]]]:
 
 
 def largest(owner: np.ndarray, z: np.ndarray, people: int = PEOPLE) -> list[set[tuple[int, int]]]:
-    """Returns each person's largest piece; empty for a person without pixels."""
+    """Returns each person's largest region, empty for a person without pixels."""
     parts = pieces(owner, neighbours(owner, z))
     theirs = [[part for part in parts if owner[min(part)] == k] for k in range(people)]
     return [max(each, key=len, default=set()) for each in theirs]
 
 
 def slowly(owner: np.ndarray, z: np.ndarray, people: int = PEOPLE) -> np.ndarray:
-    """Computes the owners piece by piece."""
+    """Computes the owners region by region."""
     beside, main = neighbours(owner, z), largest(owner, z, people)
     returned = owner.copy()
     for piece in pieces(owner, beside):
@@ -95,7 +97,7 @@ def test_result_matches_flood_fill(seed):
     np.testing.assert_array_equal(after(owner, z)[0], slowly(owner, z))
 
 
-def test_the_scenes_have_something_to_give_back():
+def test_scenes_contain_detached_pixels():
     changed = [not np.array_equal(after(*scene(seed))[0], scene(seed)[0]) for seed in range(100)]
     assert 10 < sum(changed) < 90
 
@@ -136,10 +138,10 @@ def test_person_without_surface_contact_keeps_all_pixels(seed):
 
 
 def two_with_an_arm(touch: int, away: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Returns (owner, z, arm): two blocks, and a detached arm of the first one.
+    """Returns (owner, z, arm): two blocks, and the detached arm of the first block.
 
     Args:
-        touch: pixels at which the arm touches the second block.
+        touch: number of pixels at which the arm touches the second block.
         away: distance of the arm behind that block, metres.
     """
     owner, z = np.full((20, 40), -1), np.full((20, 40), 2.0)
@@ -179,7 +181,7 @@ def test_an_arm_that_hangs_together_with_its_owner_stays():
 
 
 def test_large_piece_is_not_given_to_the_other_person():
-    """A piece that large may be a person, even if another person's fit has captured a part of it."""
+    """A region of this size may be a person, even if another person's fit has captured a part of it."""
     owner, z, arm = two_with_an_arm(18)
     assert 0.4 * (owner == 1).sum() <= arm.sum()
     np.testing.assert_array_equal(after(owner, z, 2)[0], owner)
@@ -192,7 +194,7 @@ def test_person_without_pixels_gets_none():
 
 
 PLAIN = 0.1
-"""Maximum distance from a surface, metres, at which a pixel clearly belongs to a person."""
+"""Maximum distance from a person's surface at which a pixel clearly belongs to that person, metres."""
 
 
 def contested(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -254,7 +256,9 @@ def test_clear_and_unowned_pixels_keep_their_owner(seed):
 
 
 def test_held_hands_are_parted_in_the_middle():
-    """One arm each, clear at the shoulders only; both arms are claimed by the person with the nearer fit."""
+    """Each has one arm, which is clear only at the shoulder. The person with the nearer fit claims both
+    arms.
+    """
     owner, distance = np.full((1, 20), 0), np.full((1, 20), 0.15)
     owner[0, 17:], distance[0, :3], distance[0, 17:] = 1, 0.0, 0.0
     grow_surfaces(owner, distance, np.full((1, 20), 2.0))

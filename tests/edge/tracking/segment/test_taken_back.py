@@ -1,4 +1,4 @@
-"""Tests that pixels near a body are assigned by distance alone, and recovered from the background."""
+"""Tests that pixels near a body are assigned by distance alone, and are recovered from the background."""
 
 import dataclasses
 
@@ -31,7 +31,7 @@ def person(x, z=-2.5, **pose):
 
 
 def surface_distance(points, postures):
-    """Returns the (h, w) distance to the nearest of all capsules in metres (slow)."""
+    """Returns (h, w) distances to the nearest of all capsules in metres. Slow reference."""
     ends, radii = (np.concatenate(x) for x in zip(*(p.capsules() for p in postures), strict=True))
     a, along = ends[:, 0], ends[:, 1] - ends[:, 0]
     away = points[..., None, :] - a
@@ -41,7 +41,7 @@ def surface_distance(points, postures):
 
 
 @given(st.integers(0, 1000), st.floats(0.03, 0.3), st.floats(-0.1, 1.0), st.integers(1, 3))
-@example(3, 0.28515625, 0.0, 3)  # a limb at the image's border has a larger reach there
+@example(3, 0.28515625, 0.0, 3)  # a limb at the image's border has a larger maximum distance
 @settings(max_examples=20, deadline=None)
 def test_points_near_a_body_and_above_the_floor_belong_to_it(seed, reach, above, people):
     random = np.random.default_rng(seed)
@@ -65,7 +65,8 @@ def test_unmeasured_pixels_belong_to_no_body():
 
 
 def with_hole_across_the_shins(choreography, frames, holed, high):
-    """Returns [(frame, truth)] of a person present from the start; a hole separates the shins at first.
+    """Returns [(frame, truth)] of a person who is present from the start. At first, a hole separates the
+    shins.
 
     Args:
         holed: the number of frames with the hole.
@@ -93,7 +94,7 @@ def with_hole_across_the_shins(choreography, frames, holed, high):
     [("idle", 3, (0.3, 0.45)), ("idle", 12, (0.35, 0.5)), ("wave", 6, (0.38, 0.55))],
 )
 def test_person_present_at_the_start_gets_their_legs_back(choreography, holed, high):
-    """The legs below the hole are connected with no person, so the background model learns them at once."""
+    """The legs below the hole are not connected to a person, so the background model learns them at once."""
     tracker, recording = Tracker(), with_hole_across_the_shins(choreography, 34, holed, high)
     for n, (frame, _) in enumerate(recording):
         bodies = tracker.track(frame)

@@ -1,4 +1,4 @@
-"""Cuts, unions and refinements: faces keep their materials, corners their places in the textures."""
+"""Tests that cuts, unions and refinements keep the faces' materials and the corners' texture coordinates."""
 
 import json
 
@@ -24,14 +24,16 @@ from enliven.modeling.rigged.merging import merge
 from enliven.modeling.skinning.heat_diffusion import bone_heat
 
 PNG = b"\x89PNG\r\n\x1a\n"
-"""The first bytes of every PNG file; nothing decodes what follows."""
+"""The first bytes of every PNG file. No test decodes the rest."""
 CLOSE = 1e-6
-"""Of a texture's width: what single precision and an interpolation may be off."""
+"""Tolerance of a texture coordinate, as a fraction of the width: single precision and one interpolation."""
 
 
 def clothed(mesh, seed, names=("a", "b")):
-    """The mesh with two materials, left and right, each with a texture of its own, and an affine map from
-    places to texture coordinates and tints for each; and the maps by the materials' names."""
+    """Returns the mesh with two textured materials, left and right, and the maps by the materials' names.
+
+    Each material has an affine map from positions to texture coordinates, and one to vertex tints.
+    """
     random = np.random.default_rng(seed)
     maps = {name: random.uniform(-1, 1, (4, 2 * 2 + 4)) for name in names}
     of = (mesh.vertices[mesh.faces].mean(1)[:, 0] > 0).astype(np.int32)
@@ -45,7 +47,9 @@ def clothed(mesh, seed, names=("a", "b")):
 
 
 def check(mesh, maps):
-    """Every face of a material is where that material's map says; returns (F,) its name or empty."""
+    """Checks that every corner has the texture coordinates of its material's map. Returns (F,) material
+    names, or "".
+    """
     own = mesh.materials
     names = [json.loads(definition)["name"] for definition in own.definitions]
     for name, definition in zip(names, own.definitions, strict=True):

@@ -1,4 +1,6 @@
-"""Cuts: both sides closed, their volumes the whole, and everything away from the cut the same to the bit."""
+"""Tests of cuts: both sides are closed, their volumes add up, and everything away from the cut is unchanged
+bit for bit.
+"""
 
 import warnings
 
@@ -30,11 +32,11 @@ from enliven.modeling.mesh.mesh_union import unite_meshes
 from enliven.modeling.skinning.heat_diffusion import bone_heat
 
 FROM_Z = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
-"""A picture of the x and y axes."""
+"""Projection of a view onto the x and y axes."""
 
 
 def unchanged(piece, mesh, skin):
-    """Kept vertices, weights and whole faces are those of before, in their order."""
+    """Checks that kept vertices, weights and whole faces are unchanged and in the same order."""
     old = piece.kept >= 0
     kept = piece.kept[old]
     assert (np.diff(kept) > 0).all()
@@ -72,7 +74,7 @@ def test_two_closed_parts_make_the_whole(u, tilt, flat, fine):
 def test_cut_lies_on_the_requested_surface():
     mesh, skeleton = tube(step=0.05), line([[0, 0, 0], [0, 0, 2.0]])
     cut = cut_across_bone(mesh, on_bone(mesh, 1), skeleton, 1, 0.37)
-    # It may slide a little so as not to pass through vertices.
+    # The cut may be shifted slightly to avoid vertices.
     assert cut.near.mesh.bounds[1, 2] == pytest.approx(0.74, abs=0.15 * 0.1)
     assert cut.far.mesh.bounds[0, 2] == pytest.approx(cut.near.mesh.bounds[1, 2], abs=1e-12)
     caps = cut.near.mesh.faces[-cut.near.caps :]
@@ -95,7 +97,7 @@ def test_only_the_limb_around_the_bone_is_cut():
     indices[half:, 0] = 0
     skin = type(skin)(indices, skin.weights)
     cut = cut_across_bone(mesh, skin, line([[0, 0, 0], [0, 0, 1.0]]), 1, 0.5)
-    # The other leg follows the root, and stays with it whole.
+    # The other leg follows the root, so it stays with the root as a whole.
     assert set(range(half, 2 * half)) <= set(cut.near.kept)
     assert watertight(cut.near.mesh) and watertight(cut.far.mesh)
     assert volume(cut.far.mesh) == pytest.approx(volume(mesh) / 4, rel=0.1)
@@ -110,7 +112,7 @@ def test_a_shell_that_is_not_cut_goes_with_its_bones():
     skeleton = line([[0, 0, 0], [0, 0, 0.5], [0, 0, 1.0]])
     skin = on_bone(mesh, 2)
     cut = cut_across_bone(mesh, skin, skeleton, 1, 0.5)
-    # It lies on the near side of the plane, but follows a bone beyond the cut.
+    # The shell is on the near side of the plane, but follows a bone beyond the cut.
     assert set(range(len(limb.vertices), len(mesh.vertices))) <= set(cut.far.kept)
 
 
@@ -232,7 +234,7 @@ def test_a_bone_within_a_body_takes_its_limb_and_does_not_halve_the_body():
         np.array([[0, 0, 0], [0, 0, 1.0], [0, 0, 2], [0.3, 0.01, 1.0], [1.2, 0.01, 1]]),
     )
     skin = bone_heat(union.mesh, skeleton)
-    # The plane in the middle of bone d runs through the trunk from end to end.
+    # The plane through the middle of bone d cuts the trunk lengthwise.
     cut = cut_across_bone(union.mesh, skin, skeleton, 3, 0.5)
     assert any("skin" in note for note in cut.notes)
     assert volume(cut.far.mesh) == pytest.approx(np.pi * 0.12**2 * 0.95, rel=0.2)
@@ -288,7 +290,7 @@ def test_loops_chains_and_windings():
     assert signed_area(square) == 1 and signed_area(square[::-1]) == -1
     assert winding_number(square, np.array([0.5, 0.5])) == pytest.approx(1)
     assert winding_number(square, np.array([1.5, 0.5])) == pytest.approx(0, abs=1e-9)
-    # One pair is the wrong way about, as in a soup with a turned face.
+    # One pair is reversed, as in a triangle soup with a flipped face.
     (loop, shut), *rest = order_chains(np.array([[0, 1], [1, 2], [3, 2], [3, 0]]))
     assert shut and not rest
     assert list(np.roll(loop, -list(loop).index(0))) == [0, 1, 2, 3]

@@ -1,4 +1,6 @@
-"""After a flip, neighbours are what counting edges says, and a second flip brings the first edge back."""
+"""Tests of edge flips: neighbours equal those found by comparing edges, and a second flip restores the first
+edge.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ from enliven.meshes.flips import flip, slot
 
 
 def neighbours(triangles: np.ndarray) -> np.ndarray:
-    """A slow reference for ``beside``: triangles by their edges."""
+    """Returns the neighbours of triangles, found by comparing edges. It is a slow reference for
+    ``beside``.
+    """
     edges = {(t[(k + 1) % 3], t[(k + 2) % 3]): i for i, t in enumerate(triangles.tolist()) for k in range(3)}
     return np.array(
         [[edges.get((t[(k + 2) % 3], t[(k + 1) % 3]), -1) for k in range(3)] for t in triangles.tolist()]

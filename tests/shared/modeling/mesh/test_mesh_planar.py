@@ -1,4 +1,4 @@
-"""Triangulations in the plane: they cover the outline, are Delaunay, and refine to even triangles."""
+"""Tests of planar triangulations: they cover the outline, are Delaunay, and are refined to even triangles."""
 
 import numpy as np
 import pytest
@@ -23,8 +23,9 @@ def areas(points, triangles):
 
 
 def not_delaunay(points, triangles):
-    """Returns the inner edges whose two opposite angles sum to more than 180 degrees, by a slow direct
-    method."""
+    """Returns the inner edges whose two opposite angles sum to more than 180 degrees, found one edge at a
+    time.
+    """
     opposite = {}
     for a, b, c in triangles.tolist():
         for tip, i, j in ((a, b, c), (b, c, a), (c, a, b)):

@@ -1,4 +1,6 @@
-"""Healing is local: creases round off, what is smooth or far stays to the bit, weights stay weights."""
+"""Tests that seam smoothing is local: creases are rounded, smooth or distant parts are unchanged, weights
+stay valid.
+"""
 
 import numpy as np
 import pytest
@@ -25,7 +27,7 @@ from enliven.modeling.mesh.seam import SeamSettings, fair_surface, heal_seam, re
 
 
 def tee(flat=False):
-    """Two tubes that meet at right angles, and their skeleton."""
+    """Returns two tubes that meet at right angles, and their skeleton."""
     trunk, branch = tube(0.3, 2.0, 20, 0.09), tube(0.2, 1.2, 16, 0.08)
     turned = branch.vertices @ np.array([[0, 0, 1.0], [0, 1, 0], [-1, 0, 0]]).T
     branch = Mesh(turned + np.array([0.05, 0.01, 1.0]), branch.faces, "branch")
@@ -41,7 +43,7 @@ def tee(flat=False):
 
 
 def sharpest(mesh, near):
-    """The sharpest bend, in degrees, across an edge of two ``near`` vertices."""
+    """Returns the largest angle in degrees between faces at an edge whose vertices are both ``near``."""
     normals, seen, worst = mesh.face_normals(), {}, 0.0
     for f, face in enumerate(mesh.faces.tolist()):
         for a, b in zip(face, [*face[1:], face[0]], strict=True):
@@ -54,12 +56,12 @@ def sharpest(mesh, near):
 
 
 @pytest.mark.parametrize("flat", [False, True])
-def test_a_seam_is_healed_and_nothing_else_is_touched(flat):
+def test_only_the_seam_is_smoothed(flat):
     union, skeleton, *parts = tee(flat)
     mesh, skin = heal_seam(union.mesh, union.skin, skeleton, union.seam)
     assert watertight(mesh) and partition_of_unity(skin)
     assert max(parts) < volume(mesh) < sum(parts)
-    # A fillet fills the crease: it takes nothing away, and adds little.
+    # A fillet fills the crease. It removes no volume and adds little.
     assert volume(union.mesh) <= volume(mesh) < 1.05 * volume(union.mesh)
     away, _ = cKDTree(union.mesh.vertices[union.seam]).query(union.mesh.vertices)
     far = away > 0.5
@@ -101,7 +103,7 @@ def test_cut_and_merge_restore_the_mesh(u, around):
 
 
 def test_fairing_continues_surrounding_surface():
-    """A tube stays a tube and a plane a plane, whatever was dented between."""
+    """A dented tube becomes a tube again, and a dented plane a plane."""
     for mesh, most in ((tube(0.3, 2.0, 24, 0.08), 0.01), (ball(0.3, detail=4), 0.01)):
         free = np.abs(mesh.vertices[:, 2] - mesh.vertices[:, 2].mean()) < 0.17
         dented = mesh.vertices.copy()

@@ -1,4 +1,6 @@
-"""Unions: closed, between the larger and the sum in volume, traced, and nothing is lost where it fails."""
+"""Tests of unions: closed, with a volume between the larger part and the sum, traceable, and no loss on
+failure.
+"""
 
 import numpy as np
 import pytest
@@ -27,25 +29,25 @@ LEAF = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
 
 
 def wall_points():
-    """(4, 3) a square that stands on the edge of the box at x = 0.125 and y = 0.025."""
+    """Returns (4, 3) a square that touches the edge of the box at x = 0.125 and y = 0.025."""
     return np.array([[0.125, 0.025, z] for z in (-0.025, 0.025)] + [[0.2, 0.1, z] for z in (0.025, -0.025)])
 
 
 def box_points(beside=0.0):
-    """(8, 3) a box of 5 cm about (0.1, 0, 0), moved by as much along x and y."""
+    """Returns (8, 3) the corners of a box of 5 cm about (0.1, 0, 0), moved by ``beside`` along x and y."""
     return np.array([[0.1 + beside, beside, 0]]) + 0.025 * np.array(
         [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
     )
 
 
 def box_faces():
-    """(12, 3) of :func:`box_points`, outward."""
+    """Returns (12, 3) the outward faces of :func:`box_points`."""
     squares = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
     return np.array([f for a, b, c, d in squares for f in ((a, b, c), (a, c, d))], np.int32)
 
 
 def traced(union, first, first_skin, second, second_skin, offset=0):
-    """Old vertices away from the seam are the same to the bit."""
+    """Checks that old vertices away from the seam are unchanged bit for bit."""
     for old, mesh, skin, plus in (
         (union.first, first, first_skin, 0),
         (union.second, second, second_skin, offset),
@@ -96,7 +98,9 @@ def test_faces_away_from_the_seam_stay_in_their_order():
 
 
 def needles(mesh, near):
-    """How many faces at ``near`` vertices are less than a tenth as well shaped as an even triangle."""
+    """Returns the number of faces at ``near`` vertices whose shape quality is below a tenth of an even
+    triangle's.
+    """
     corners = mesh.vertices[mesh.faces[near[mesh.faces].any(1)]]
     sides = np.linalg.norm(corners - np.roll(corners, -1, 1), axis=2)
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
@@ -135,7 +139,7 @@ def test_union_restores_cut_mesh():
     union = unite_meshes(cut.near.mesh, cut.near.skin, cut.far.mesh, cut.far.skin)
     assert union.fused and watertight(union.mesh)
     assert volume(union.mesh) == pytest.approx(volume(mesh), rel=1e-9)
-    # The caps are gone: except at the rim, all vertices existed before.
+    # The caps are gone. Except at the rim, all vertices existed before.
     assert len(union.mesh.vertices) - len(mesh.vertices) == union.seam.sum()
     from_near = cut.near.kept[union.first[union.first >= 0]]
     assert set(range(len(mesh.vertices))) - set(from_near) <= set(cut.far.kept)

@@ -1,4 +1,4 @@
-"""Planes of symmetry: found however the mesh lies, left from right, and none where there is none."""
+"""Tests of symmetry planes: found for any orientation of the mesh, and none if the mesh is asymmetric."""
 
 import numpy as np
 import pytest

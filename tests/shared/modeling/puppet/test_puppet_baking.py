@@ -1,4 +1,6 @@
-"""A baked puppet is where the puppet is, and is cut, merged and written as any possessed mesh."""
+"""Tests that a baked puppet moves like the puppet, and is cut, merged and exported like any possessed
+mesh.
+"""
 
 import made_puppets
 import numpy as np

@@ -47,7 +47,7 @@ TIMES = (0.0, 0.37, 1.2, 2.9)
 
 
 def busy_project(seed=0):
-    """With constraints, a subset of points, and a second layer."""
+    """Returns a project whose puppet has constraints, a subset of points, and a second layer."""
     project = puppet_project(seed, positions=(Position("top", 9, (0.0, 1.1, 0.0)),))
     return play_take(
         project,
@@ -62,7 +62,7 @@ def busy_project(seed=0):
 
 
 def world(project, time, puppet="stool"):
-    """(P, 3) metres: where the control points are."""
+    """Returns (P, 3) world positions of the control points, metres."""
     character = project.puppets[puppet]
     state = evaluate_state(project, character, time)
     return to_world_frame(character, state, state.places)
@@ -259,7 +259,7 @@ def test_constraints_that_contradict_are_all_named_and_nothing_changes():
 
 
 def test_the_feet_that_a_user_puts_somewhere_are_not_levelled():
-    """Where equal heights contradict what was asked for, what was asked for goes first."""
+    """If equal heights contradict the user's positions, the user's positions win."""
     free = puppet_project()
     solved = solve_layer_motion(free, free.puppets["stool"], 0)
     frames = [f for f in range(1, solved.frames) if solved.anchors[f] != solved.anchors[f - 1]]
@@ -360,7 +360,7 @@ def test_equal_examples_are_refused_by_number_and_the_last_good_motion_stays():
 
 
 def test_a_key_pose_of_a_pose_that_there_is_is_refused():
-    """The walk is periodic: a second on, the performer is as before."""
+    """The walk is periodic, so one second later the performer has the same pose."""
     project = puppet_project(poses=2)
     rest = project.puppets["stool"].rest
     with pytest.raises(InputError, match="examples 0 and 2 have the same pose of the performer"):

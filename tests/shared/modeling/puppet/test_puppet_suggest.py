@@ -1,4 +1,6 @@
-"""A puppet to begin with: symmetric, paired by side and height, and ready but for its poses."""
+"""Tests of the suggested puppet: symmetric, paired by side and height, and complete except for its key
+poses.
+"""
 
 import numpy as np
 import pytest
@@ -25,7 +27,9 @@ def suggested(mesh, **how):
 
 
 def test_the_studio_and_the_command_suggest_the_same():
-    """Points, then pairs, as the panel asks for them, are the puppet that the command makes."""
+    """The studio's panel suggests points and then pairs. The result equals the puppet that the command
+    makes.
+    """
     cactus = suggested(make_cactus(), points=6, poses=2).puppets["it"]
     project = make_puppet(Project().with_takes(walker()), make_cactus(), "it")
     for vertex in suggested_vertices(cactus.mesh, 6):
@@ -53,7 +57,7 @@ def test_suggested_puppet_only_needs_poses():
     puppet = project.puppets["it"]
     assert missing(project, puppet) == () and describe_unposed(puppet)
     assert len(puppet.poses) == 4 and len(puppet.points) >= 4
-    # It stands on one pot, and no leg is paired with that.
+    # It stands on a single pot, and no leg is paired with the pot.
     assert not any(point.foot for point in puppet.points if point.joint == "Hips")
     assert {point.joint for point in puppet.points} <= set(JOINTS)
     tall = puppet.mesh.bounds[1, 1]
@@ -78,7 +82,7 @@ def test_too_few_are_refused(how):
         suggested(stool(), **how)
 
 
-def test_nobody_moves():
+def test_motionless_take_is_refused():
     clip = walker()
     still = type(clip)("still", clip.skeleton, clip.turns[[0, 0]], clip.root[[0, 0]], clip.step)
     with pytest.raises(InputError, match="the performer never moves"):

@@ -1,4 +1,4 @@
-"""Tests of puppets that are cut and merged: world pose and key poses are kept, and they still move."""
+"""Tests of cutting and merging puppets: world pose and key poses are kept, and the results still move."""
 
 import made_puppets
 import numpy as np
@@ -30,7 +30,7 @@ def bean():
 
 
 def seen(project, name, time):
-    """(V, 3) metres in the world."""
+    """Returns (V, 3) world positions, metres."""
     puppet = project.puppet(name)
     state = evaluate_state(project, puppet, time)
     return to_world_frame(puppet, state, surface_of_puppet(puppet).solve_from_rest(state.places))
@@ -41,7 +41,9 @@ def size_of(project, name="bean"):
 
 
 def whence(part, whole):
-    """(N, 2) vertices of a part and the ones that they were in the whole, by where they are at rest."""
+    """Returns (N, 2) vertices of a part and the corresponding vertices of the whole, matched by rest
+    positions.
+    """
     away, old = cKDTree(whole.vertices).query(part.vertices)
     new = np.flatnonzero(away < 1e-9)
     return new, old[new]
@@ -154,7 +156,7 @@ def test_a_puppet_that_is_not_ready_is_cut_at_rest():
 
 @pytest.fixture(scope="module")
 def pair():
-    """A bean, and another that lies across it, where the first is at 0.7 s; it dances to its own take."""
+    """Returns a bean, and a second bean that crosses it at 0.7 s and dances to its own take."""
     project = made_puppets.project()
     project = project.with_takes(
         made_puppets.take(seed=5).__class__(

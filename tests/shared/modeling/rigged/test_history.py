@@ -1,4 +1,4 @@
-"""Undo and redo: whatever was done, the project comes back bit for bit."""
+"""Tests of undo and redo: after any edits, the project is restored bit for bit."""
 
 import copy
 
@@ -23,7 +23,7 @@ from enliven.modeling.rigged.stroke_cut import cut_shape_along_stroke
 
 
 def random_edit(project, random):
-    """One random edit; it may be refused."""
+    """Applies a random edit, which may be refused."""
     shape_id = str(random.choice(list(project.shapes)))
     count = len(project.shape(shape_id).skeleton)
     j = int(random.integers(0, count))
@@ -156,7 +156,7 @@ def test_the_oldest_steps_are_forgotten_and_never_the_project():
             step()
 
 
-def test_a_bit_makes_a_difference():
+def test_single_changed_bit_is_detected():
     project, _ = random_project(4)
     moved = move_character(project, "shape 0", [0.0, 0.0, 0.0])
     assert are_identical(project, moved)

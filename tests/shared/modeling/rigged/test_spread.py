@@ -1,4 +1,6 @@
-"""One limb's motion on all that are equal: exact copies, turned or mirrored, each later than the last."""
+"""Tests of copying one limb's motion to all equal limbs: exact, rotated or mirrored, and each later than the
+last.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,7 @@ LIMB = np.array([[0.3, 0.0, 0.0], [0.6, 0.1, 0.2], [0.9, -0.2, 0.5]])
 
 
 def star(linears):
-    """A body with limbs, each LIMB under one of (3, 3) matrices."""
+    """Returns a body with limbs. Each is LIMB transformed by one of the (3, 3) matrices."""
     points, parents = [np.zeros(3)], [-1]
     for linear in linears:
         for i, point in enumerate(LIMB @ linear.T):
@@ -33,7 +35,7 @@ def star(linears):
 
 
 def waving(seed):
-    """A take of an arm of four joints."""
+    """Returns a take of an arm of four joints."""
     rng = np.random.default_rng(seed)
     skeleton = Skeleton(tuple("abcd"), np.array([-1, 0, 1, 2]), np.cumsum(rng.normal(size=(4, 3)), 0))
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (40, 4, 1))
@@ -45,7 +47,7 @@ def waving(seed):
 
 
 def animated(skeleton, seed, mirrored=False):
-    """A project in which the first limb waves."""
+    """Returns a project in which the first limb waves."""
     project = Project().with_characters(still_shape("star", skeleton)).with_takes(waving(seed))
     return bind_chain(project, "star", (0, 1, 2, 3), "wave", (0, 1, 2, 3), loop=True, mirrored=mirrored)
 

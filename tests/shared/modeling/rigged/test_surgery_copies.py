@@ -1,4 +1,4 @@
-"""Copies, mirrors, scales and poses: what they change, and that they change nothing else."""
+"""Tests of copies, mirrors, scales and poses: their effect, and that they change nothing else."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Figure 6 of AniMesh, (a) to (i), with its angles written down: all in a plane, degrees about +z from +x."""
+"""Tests of Figure 6 of AniMesh, (a) to (i), in a plane. Angles are degrees about +z from +x."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def about_z(degrees):
 
 
 def one_bone():
-    """(a): a bone of one metre along +x that a take turns by 90 degrees in a second."""
+    """Returns (a): a bone of one metre along +x that a take rotates by 90 degrees in a second."""
     skeleton = Skeleton(("shoulder", "hand"), [-1, 0], [[0, 0, 0], [2.0, 0, 0]])
     turns = np.array([[about_z(0), about_z(90 * time)] for time in TIMES])
     swing = Clip("swing", skeleton, turns, np.zeros((4, 3)), 1 / 3)
@@ -35,7 +35,7 @@ def one_bone():
 
 
 def degrees(project, shape_id, time):
-    """Where each bone points, by the name of its joint."""
+    """Returns the direction of each bone in degrees, by the name of its joint."""
     shape, pose = project.shape(shape_id), evaluate_pose(project, shape_id, time)
     by_name = {}
     for j, parent in enumerate(shape.skeleton.parents):
@@ -53,11 +53,11 @@ def assert_degrees(found, expected):
         assert apart == pytest.approx(0, abs=1e-7), name
 
 
-def test_figure_six():
+def test_figure_6_of_the_paper_is_reproduced():
     a = one_bone()
     assert_degrees(degrees(a, "a", 1.0), {"a 1": 90})
 
-    # (b) two nodes: the bone snaps to three, and the total turn is the same.
+    # (b) Two nodes: the bone snaps to three bones, and the total rotation is the same.
     b, q = insert_node(a, "a", "a 1", 2 / 3, name="q")
     b, p = insert_node(b, "a", "q", 1 / 2, name="p")
     for time in TIMES:
@@ -66,7 +66,7 @@ def test_figure_six():
     end = evaluate_pose(b, "a", 1.0).joints[-1]
     np.testing.assert_allclose(end, [sum(thirds).real, sum(thirds).imag, 0], atol=1e-12)
 
-    # (c) a copy, turned by half a turn.
+    # (c) A copy, rotated by 180 degrees.
     c, copy = copy_character(b, "a")
     c = turn_bone(c, copy, 0, about_z(180), 1.0)
     for time in TIMES:
@@ -74,7 +74,7 @@ def test_figure_six():
         turned = {p: 180 + 30 * time, q: 180 + 60 * time, "a 1": 180 + 90 * time}
         assert_degrees(degrees(c, copy, time), turned)
 
-    # (d) merged at the roots: both move as they did.
+    # (d) Merged at the roots: both keep moving as before.
     d, names = merge(c, "a", "a 0", copy, 1.0)
     assert names == {"p": "p 2", "q": "q 2", "a 1": "a 1 2"}
     for time in TIMES:
@@ -82,25 +82,25 @@ def test_figure_six():
         second = {"p 2": 180 + 30 * time, "q 2": 180 + 60 * time, "a 1 2": 180 + 90 * time}
         assert_degrees(degrees(d, "a", time), first | second)
 
-    # (e), (f) cut at t = 1 in the middle of the second bone: no bone turns.
+    # (e), (f) Cut at t = 1 in the middle of the second bone: no bone rotates.
     f, (near, off) = cut_bone(d, "a", "q", 1 / 2, 1.0, name="cut")
     at_one = degrees(d, "a", 1.0)
     assert_degrees(degrees(f, near, 1.0), {p: 30, "cut": 60, "p 2": 210, "q 2": 240, "a 1 2": 270})
     assert_degrees(degrees(f, off, 1.0), {q: 60, "a 1": 90})
     assert at_one["q"] == pytest.approx(60)
-    # The halves have half of the motion each: 15 of 30 degrees, which the cut put back at t = 1.
+    # Each half has half of the motion: 15 of 30 degrees, which the cut undid at t = 1.
     for time in TIMES:
         assert degrees(f, near, time)["cut"] == pytest.approx(30 * time + 15 + 15 * time, abs=1e-7)
         assert degrees(f, off, time)[q] == pytest.approx(45 + 15 * time, abs=1e-7)
         assert degrees(f, off, time)["a 1"] == pytest.approx(45 + 45 * time, abs=1e-7)
 
-    # (g), (h) the part that was cut off goes to the end of the other arm: no bone turns at t = 1.
+    # (g), (h) The part that was cut off is moved to the end of the other arm. No bone rotates at t = 1.
     h, names = merge(f, near, "a 1 2", off, 1.0)
     assert list(h.shapes) == ["a"]
     at_the_merge = {p: 30, "cut": 60, "p 2": 210, "q 2": 240, "a 1 2": 270, names[q]: 60, names["a 1"]: 90}
     assert_degrees(degrees(h, near, 1.0), at_the_merge)
 
-    # (i) and all motions go on: the part rides on the arm (180 + 90 t) and turns by itself (15 t, and 30 t).
+    # (i) All motions continue: the part follows the arm (180 + 90 t) and rotates by itself (15 t, and 30 t).
     for time in TIMES:
         angles = degrees(h, near, time)
         rides = 90 * time - 90
@@ -111,13 +111,15 @@ def test_figure_six():
     assert len(h.takes) == 1
     assert list(h.layer_names) == ["swing", "swing 2"]
 
-    # Taking the nodes of (b) out again restores (a).
+    # Removing the nodes of (b) restores (a).
     back = remove_node(remove_node(b, "a", "p"), "a", "q")
     assert back.shape("a").spans == a.shape("a").spans
 
 
-def test_figure_thirteen():
-    """The grafting node has 0.6 of one motion and 0.3 of another; taken out, the one bone has both."""
+def test_figure_13_of_the_paper_is_reproduced():
+    """The grafting node has 0.6 of one motion and 0.3 of another. After its removal, the single bone has
+    both.
+    """
     project = one_bone()
     other = Layer("other", "swing", (0, 1), from_rotation_vector(np.array([np.pi, 0, 0])))
     a = straight_shape(
@@ -129,7 +131,7 @@ def test_figure_thirteen():
     project = project.with_characters(a, b)
     merged, _ = merge(project, "a", "a 1", "b", 0.0)
     for time in TIMES:
-        # The other take is seen from behind: it turns the other way.
+        # The other take is seen from behind, so it rotates in the opposite direction.
         assert_degrees(degrees(merged, "a", time), {"a 1": 36 * time, "b 1": 36 * time - 54 * time})
     removed = remove_node(merged, "a", "a 1")
     for time in TIMES:
@@ -138,7 +140,7 @@ def test_figure_thirteen():
     (first, second) = removed.shape("a").spans[1]
     assert (first.share, first.refs) == (0.25, (Ref("swing", 0.2, 0.6),))
     assert (second.share, second.refs) == (0.75, (Ref("other", 0.3, 0.9),))
-    # A node put in elsewhere splits what falls on it, and no more.
+    # A node at another position splits the motion of its own bone only.
     inserted, _ = insert_node(removed, "a", "b 1", 0.5)
     upper, lower = inserted.shape("a").spans[1:]
     assert upper[0].refs == (Ref("swing", 0.2, 0.6),)

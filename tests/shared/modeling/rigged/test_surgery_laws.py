@@ -1,4 +1,4 @@
-"""Laws of surgery on skeletons: what nodes, cuts and merges keep, on random trees, takes and times."""
+"""Tests of what adding nodes, cuts and merges preserve, on random skeletons, takes and times."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ laws = settings(deadline=None, max_examples=25)
 
 
 def at(project, shape_id, time):
-    """World turns and joints by name; time None is the rest pose."""
+    """Returns world rotations and joint positions by name, at rest if ``time`` is None."""
     turns, joints = posed(project, project.shape(shape_id), time)
     names = project.shape(shape_id).skeleton.names
     return dict(zip(names, turns, strict=True)), dict(zip(names, joints, strict=True))
@@ -201,7 +201,7 @@ def both_node(project, edited, j, place):
 
 
 def direction_error(project, edited, time, old, new):
-    """How far a grafted bone points from where it pointed, as a part of its length."""
+    """Returns the change of a grafted bone's direction, as a fraction of its length."""
     a, b = project.shape("shape 1"), edited.shape("shape 0")
     i, k = a.skeleton.index(old), b.skeleton.index(new)
     before = rotate(posed(project, a, time)[0][i], a.skeleton.vectors[i])

@@ -1,4 +1,4 @@
-"""Edits of a shape with its mesh: skeleton, surface, weights and layers together."""
+"""Tests of edits of a shape with a mesh: skeleton, surface, weights and layers change together."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ from enliven.motion.layers.evaluate import evaluate_pose
 
 @pytest.fixture(scope="module")
 def arm():
-    """A tube of two bones that a take bends by 60 degrees in a second."""
+    """Returns a tube of two bones that a take bends by 60 degrees in a second."""
     return bending_arm()
 
 
@@ -39,7 +39,7 @@ def volume(vertices, faces):
 
 
 def closed(mesh):
-    """Every edge is used once each way."""
+    """Checks that every edge is used exactly once in each direction."""
     edges = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])
     ways = {tuple(edge) for edge in edges.tolist()}
     return len(ways) == len(edges) and all((b, a) in ways for a, b in ways)
@@ -75,7 +75,7 @@ def test_a_cut_makes_two_closed_meshes_that_lie_where_they_lay(arm, place, time)
     if time is None:
         arm, _ = insert_node(arm, "arm", "arm 2", place)
     before = surface(arm, "arm", time)
-    # A vertex that followed a bone of the other side follows the one at the cut; the others stay.
+    # A vertex that followed a bone beyond the cut now follows the bone at the cut. Others keep their weights.
     bones = [np.where(arm.shape("arm").skin.indices == j, arm.shape("arm").skin.weights, 0) for j in (1, 2)]
     number = {tuple(v): i for i, v in enumerate(whole.vertices)}
     for part, other in ((upper, 0.0), (lower, bones[0].sum(1))):
@@ -119,7 +119,7 @@ def test_graft_keeps_world_pose_and_follows_host(arm, time):
     shape = merged.shape("arm")
     assert closed(shape.mesh)
     assert len(shape.skeleton) == 5
-    # The graft's far half is where it was seen: every old vertex there is met by a new one.
+    # The graft's far half has not moved: each old vertex coincides with a new one.
     now = surface(merged, "arm", time)
     tip = seen[project.shape(copy).mesh.vertices[:, 0] > 1.5]
     apart = np.linalg.norm(tip[:, None] - now[None], axis=2).min(1)
@@ -201,7 +201,7 @@ def test_a_moving_root_with_skin_stays_as_a_bone_without_length(arm):
 
 @pytest.fixture(scope="module")
 def fork(arm):
-    """The arm with two more arms at its end, to both sides."""
+    """Returns the arm with two more arms at its end, one on each side."""
     project = arm
     for degrees in (50, -50):
         project, copy = copy_character(project, "arm" if degrees > 0 else "copied")

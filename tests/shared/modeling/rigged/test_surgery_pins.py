@@ -25,7 +25,7 @@ WALKER = Skeleton(NAMES, [-1, 0, 1, 2, 0, 4, 5], np.concatenate([[[0, 0.95, 0]],
 
 @pytest.fixture(scope="module")
 def walker():
-    """Two legs that swing on the spot, the left foot pinned where it stands."""
+    """Returns two legs that swing on the spot. The left foot is pinned while it stands."""
     t = np.arange(61) / 30
     turns = np.tile(IDENTITY, (61, 7, 1))
     for hip, phase in ((1, 0.0), (4, np.pi)):
@@ -40,7 +40,7 @@ def walker():
     return pin_feet(project, "walker", ["ankle L"])
 
 
-def test_the_pin_does_something(walker):
+def test_pin_changes_the_pose(walker):
     free = walker.with_characters(walker.shape("walker").with_changes(pins=()))
     apart = [
         angle(evaluate_pose(walker, "walker", t).turns, evaluate_pose(free, "walker", t).turns)
