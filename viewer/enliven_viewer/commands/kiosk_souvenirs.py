@@ -36,7 +36,7 @@ def kiosk_souvenirs(
         try:
             serve_souvenirs(kiosk, str(profile), parent_is_gone)
         except KeyboardInterrupt:
-            # The server raises SIGINT again after its shutdown. That is a normal end.
+            # The server has shut down properly. It raises the signal again that stopped it.
             return
 
 

@@ -151,7 +151,7 @@ def _read(spec: str, drive: str, up: Axis | None) -> tuple[Project, str, bool]:
 
 def _read_project_character(path: Path, character_id: str) -> tuple[Project, str, bool]:
     """Returns (project, character id, scaling flag) for a named character in a file. An empty id selects the
-    only character.
+    only character of a project, or the puppet of a session.
     """
     from enliven.example_sessions.session import read_session
     from enliven.formats.project.file import read_project

@@ -61,7 +61,9 @@ _MAX_STORED_FRAMES = 4000
 _MAX_STORED_BYTES = 64 * 1024 * 1024
 """Maximum size of a topic's unfetched values in bytes: two minutes of poses of a graph with 1,000 nodes."""
 _MAX_UNREAD_BYTES = 16 * 1024 * 1024
-"""Maximum size in bytes of messages that wait for their character, or for the hello of their edge."""
+"""Maximum size in bytes of messages that are queued until their character has arrived, or until the sending
+process is known.
+"""
 _MAX_KEYS = 4096
 """Maximum number of keys of a topic whose newest values are stored, such as the blocks of a scan. An edge
 sends no more keys than this.
@@ -325,9 +327,8 @@ class EdgeConnection:
         return "connected", f"{self.name}: {self.status.phase}"
 
     def _begin(self, instance: int | None) -> None:
-        """Resets counters and requests for an edge that was started or restarted.
-
-        Its characters stay on the screen until the new process has sent its list.
+        """Resets counters and requests after the edge was started or restarted. The known characters stay on
+        the screen until the new process has sent its list.
         """
         self.instance = instance
         self._known_revision = -1
@@ -344,7 +345,7 @@ class EdgeConnection:
         self.stage.restart()
 
     def _reject(self, error: MalformedMessageError) -> None:
-        """Counts a message that cannot be read. Notifies the user if it is of another version."""
+        """Counts a message that cannot be read. Notifies the user if it uses another protocol version."""
         if isinstance(error, OtherVersionError) and self._other_version != error.version:
             self._other_version = error.version
             self._notify(Notice("error", self._state(0.0, TopicHealth())[1]))
@@ -386,19 +387,20 @@ class EdgeConnection:
             self._rejects.add(error)
 
     def _record_arrival(self, topic: Topic) -> None:
-        """Records that the edge is alive.
-
-        After a silence, only a status or a pose message shows whether the edge has restarted.
+        """Records that the edge is alive. After a silence, only a status or pose message can show whether the
+        edge has restarted, because only these identify the process.
         """
         now = time.monotonic()
         self._after_silence |= now - self.last_heard > SILENCE_TIMEOUT_S
         self.last_heard, self._other_version, self._access_problem = now, None, ""
 
     def _process_held_back(self) -> None:
-        """Processes the messages held back after a silence until the sending process was known."""
+        """Processes the queued messages that arrived after a silence, before the sending
+        process was known.
+        """
         self._after_silence = False
-        # If this thread is suspended in between, messages are held back again. So the queue may not be
-        # empty at the end.
+        # If this thread is suspended meanwhile, messages are queued again. So the queue may not be empty at
+        # the end.
         for data in self._unsure.take():
             self._receive(data, latched=False)
 
@@ -418,9 +420,12 @@ class EdgeConnection:
         return True
 
     def _keep(self, topic: Topic, key: str, value: Any, size: int) -> None:
-        """Stores a value with its size in bytes for the caller, and as the newest of its key."""
+        """Stores a value of ``size`` bytes in the inbox for the caller, and as the newest value
+        of its key.
+        """
         if topic.name not in self.inbox:
-            # A caller that fetches no camera images, such as a kiosk, would store thousands of them.
+            # Keep only the newest camera image. A caller that never fetches them, such as a kiosk, would
+            # otherwise store thousands.
             self.inbox[topic.name] = (
                 BoundedQueue(_MAX_STORED_FRAMES, _MAX_STORED_BYTES)
                 if topic.keep == "every"
@@ -435,7 +440,7 @@ class EdgeConnection:
             inbox.append(value, size)
 
     def _watch(self, topic: Topic) -> TopicWatch:
-        """Returns the message counts of a topic."""
+        """Returns the message counter of a topic."""
         return self._watches.setdefault(topic.name, TopicWatch(topic))
 
     def _handle_status(self, message: StatusMessage) -> None:
@@ -549,9 +554,8 @@ class EdgeConnection:
                     newest.forget(gone)
 
     def _handle_character(self, answer: Answer | None) -> None:
-        """Stores a character and decodes the poses that waited for it.
-
-        If it is unusable, the old one stays.
+        """Stores a character and decodes its queued poses. If the new revision is unusable, the old one
+        stays.
         """
         if not isinstance(answer, CharacterMessage) or answer.id not in self._wanted:
             return

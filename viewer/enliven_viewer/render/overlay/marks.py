@@ -21,7 +21,7 @@ NODE_TINT = (0.30, 0.62, 1.0)
 EDGE_TINT = (0.30, 0.62, 1.0, 0.34)
 """Linear RGB and opacity of a graph's edges: fainter than its nodes."""
 CUE_RADIUS = 0.030
-"""Radius in metres of an attachment point at full strength: as thick as a wrist."""
+"""Radius in metres of an attachment point at full strength: about half the width of a wrist."""
 NODE_RADIUS = 0.012
 """Radius of a node in metres. It is small, since a graph has hundreds of nodes."""
 POINT_RADIUS = 0.020
