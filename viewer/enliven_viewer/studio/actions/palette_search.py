@@ -14,8 +14,8 @@ class PaletteSearch:
 
     Attributes:
         typed: the search text.
-        highlighted: number of the highlighted result, which Enter runs.
-        refused: whether Enter was pressed on an unavailable action, so that the text field needs the focus
+        highlighted: index of the highlighted result, which Enter runs.
+        refused: True if Enter was pressed on an unavailable action. Then the text field needs the focus
             again.
     """
 

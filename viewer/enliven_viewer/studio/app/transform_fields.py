@@ -18,7 +18,7 @@ _AXES = ("x", "y", "z")
 _LABEL_WIDTH = 46.0
 """Width in pixels of the labels at the left of the fields."""
 _FIELD_WIDTH = 67.0
-"""Width of a field in pixels: "-12.345 m", three of them side by side."""
+"""Width of a field in pixels. It fits "-12.345 m", and three fields fit side by side."""
 
 
 def draw_transform_fields(app: App) -> None:
@@ -82,7 +82,7 @@ def draw_number_field(
     ``change`` gets the value on Enter, Tab, or a click elsewhere.
 
     Args:
-        more: further units that may be typed.
+        more: further accepted units, with their factors.
     """
     shown, typing = quantity.write(value), app.typing
     imgui.set_next_item_width(_FIELD_WIDTH)

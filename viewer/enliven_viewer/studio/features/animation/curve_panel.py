@@ -32,7 +32,7 @@ _GROUP_LABELS = {
     "weight": later("Weight"),
     "speed": later("Speed"),
 }
-"""Labels of the groups."""
+"""Labels of the groups of channels."""
 _EASE_LABELS = {"smooth": later("Smooth"), "linear": later("Straight"), "step": later("At once")}
 """Labels of the interpolation modes."""
 _EMPTY_TEXT = later("Choose a shape, or a node, a control point or a clip of it: its curves are shown here.")
@@ -231,7 +231,7 @@ def _draw_diamond(draw_list: imgui.ImDrawList, centre: ImVec2, tint: Colour, *, 
 
 
 def _find_channel_colour(group: CurveGroup, number: int) -> Colour:
-    """Returns the colour of a channel: that of its axis, or the accent colour for a single channel."""
+    """Returns the colour of a channel: the colour of its axis, or the accent colour for a single channel."""
     if len(group.channels) == 1:
         return ACCENT
     red, green, blue = AXIS_COLOURS[number]

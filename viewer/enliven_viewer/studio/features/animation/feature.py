@@ -1,4 +1,6 @@
-"""Registers curves with their panel, and the layer of ghosts and trails, with their states and actions."""
+"""Registers the curve editor with its panel, and the view layer of ghosts and trails, with their states and
+actions.
+"""
 
 from __future__ import annotations
 

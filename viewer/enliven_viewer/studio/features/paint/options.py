@@ -16,7 +16,7 @@ from enliven_viewer.studio.features.paint.paint_tool import BRUSHES, MAX_RADIUS_
 _BUTTON_WIDTH = 252.0
 """Width in pixels of the button that clears the paint: the panel's width."""
 _SWING_TITLE = later("of soft spots")
-"""Name of the slider's value in the history."""
+"""Name of the slider's value in the undo history."""
 
 
 def draw_brush_options(app: App, tool: PaintTool) -> None:

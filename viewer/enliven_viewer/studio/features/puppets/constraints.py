@@ -1,4 +1,4 @@
-"""The hard constraints of a puppet's layer at single frames."""
+"""Draws the list of a puppet layer's hard constraints, each of which applies to one frame."""
 
 from __future__ import annotations
 
