@@ -31,13 +31,13 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, QUIET, UNTINTED
 
 _HEIGHT_FRACTION = 0.56
-"""Fraction of the side panel's height for the source view, so that the list of shapes still fits above."""
+"""Fraction of the side panel's height for the source view. The list of shapes takes the rest."""
 _BUTTONS_HEIGHT = 34.0
 """Height in pixels of the row of buttons below the view."""
 _QUALITY_HEIGHT = 4 * 20.0
 """Height in pixels of the lines about the quality of a motion."""
 _MIN_SPLIT_HEIGHT = 340.0
-"""Panel height in pixels below which the source view takes all of it."""
+"""In a panel lower than this, in pixels, the source view takes the whole height."""
 _THUMBNAIL_SIZE = ImVec2(92, 92)
 
 
@@ -238,7 +238,7 @@ def _draw_matches(workspace: Workspace, tool: MapTool, viewport: Area) -> None:
 def _draw_thumbnail(
     workspace: Workspace, offer: MotionMatch, corner_position: ImVec2, is_highlighted: bool
 ) -> None:
-    """Draws the shape's bones as currently seen, with the driven ones in colour."""
+    """Draws the shape's bones from the current viewing direction, with the driven bones in colour."""
     draw_list = imgui.get_window_draw_list()
     corner = ImVec2(corner_position.x + _THUMBNAIL_SIZE.x, corner_position.y + _THUMBNAIL_SIZE.y)
     draw_list.add_rect_filled(corner_position, corner, pack_colour(DARK), 6.0)

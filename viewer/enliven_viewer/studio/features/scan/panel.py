@@ -50,7 +50,7 @@ _KEPT_PART_LABELS: dict[KeptPart, str] = {
     "all": later("Everything that was scanned"),
 }
 _REQUIREMENTS_HEIGHT = 54.0
-"""Height in pixels of the text about requirements of a scan: three lines."""
+"""Height in pixels of the text about the requirements of a scan: three lines."""
 _BUTTONS_HEIGHT_BEFORE = 58.0
 """Height in pixels of the two buttons at the bottom before a scan."""
 _BUTTONS_HEIGHT_DURING = 102.0
@@ -58,16 +58,16 @@ _BUTTONS_HEIGHT_DURING = 102.0
 _PROGRESS_HEIGHT = 76.0
 """Height in pixels of the box with a scan's progress: a line, the bar, and a sentence. More text scrolls."""
 _TALL_PROGRESS_HEIGHT = 140.0
-"""The same height if the panel has space for the notes of the scan, too."""
+"""Height in pixels of the same box in a tall panel, which also has space for the notes of the scan."""
 _MIN_TALL_PANEL_HEIGHT = 520.0
-"""Minimum height in pixels of a panel with that space."""
+"""Minimum height in pixels of a tall panel."""
 
 
 def draw_scan(app: App, scan: ScanSession, area: Area) -> None:
     """Draws the panel at the right. The buttons that end a scan stay at its bottom, and the rest scrolls.
 
-    The button that starts a scan is at the top. During a scan nothing can be clicked there, so that a double
-    click only starts it.
+    The button that starts a scan is at the top. During a scan there is no button at this position, so that a
+    double click cannot stop the scan.
     """
     with open_panel("scan", area):
         imgui.begin_child(

@@ -18,7 +18,7 @@ from enliven_viewer.studio.editor.editor import Editor
 SOUND_SUFFIXES = (".wav", ".mp3", ".ogg", ".flac", ".m4a")
 """File extensions of sound files."""
 _MAX_DURATION_S = 1200.0
-"""Maximum duration in seconds, which is 77 MB in a project."""
+"""Maximum duration in seconds. A sound of this length takes 77 MB in a project."""
 
 
 def read_sound(path: Path) -> Sound:

@@ -1,4 +1,6 @@
-"""Drags of timeline clips: move, slip, trim, stretch, or blend with the next clip."""
+"""Drags of timeline clips. A drag moves, slips, trims or stretches a clip, or blends it with
+the next clip.
+"""
 
 from __future__ import annotations
 

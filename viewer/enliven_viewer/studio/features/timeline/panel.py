@@ -26,18 +26,18 @@ from enliven_viewer.studio.perform.session import PerformSession
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, LINE, QUIET
 
 _START_ICON, _PLAY_ICON, _PAUSE_ICON, _LOOP_ICON = "\uf048", "\uf04b", "\uf04c", "\uf01e"
-"""Icons of Font Awesome 4 on the buttons of the transport."""
+"""Font Awesome 4 icons of the transport buttons."""
 _SPLIT_ICON, _FLAG_ICON, _MAGNET_ICON, _ALL_ICON = "\uf0c4", "\uf024", "\uf076", "\uf07e"
-"""Icons of Font Awesome 4: split, marker, snapping, and the whole project."""
+"""Font Awesome 4 icons: split, marker, snapping, and show the whole project."""
 _CLICKABLE_PARTS = (
     *("bar", "mute", "lock", "fold", "solo", "name", "marker", "marked", "takes"),
     *("pose", "suggested", "held", "found"),
 )
-"""Parts over which the pointer becomes a hand."""
+"""Kinds of timeline parts over which the mouse cursor is a hand."""
 _GRIP_HEIGHT = 7.0
-"""Height in pixels of the upper edge, which can be dragged to resize the timeline."""
+"""Height in pixels of the timeline's upper border, which can be dragged to resize the timeline."""
 _MIN_WIDTH_WITH_MARKS = 760.0
-"""Minimum window width in pixels for the in and out buttons."""
+"""Minimum window width in pixels at which the in and out buttons are shown."""
 _PAN_PER_NOTCH = 40.0
 """Pixels that the timeline pans per notch of the wheel with Shift."""
 _PAINTER = LanePainter()
@@ -131,7 +131,7 @@ def _draw_transport(app: App, timeline: TimelineInput) -> None:
 
 
 def _draw_loop_points(app: App) -> None:
-    """Draws the buttons of the loop's in and out points; a narrow window has them only in the menu."""
+    """Draws the buttons of the loop's in and out points. A narrow window has them only in the menu."""
     if imgui.get_window_width() < _MIN_WIDTH_WITH_MARKS:
         return
     chosen = app.editor.marked_range is not None

@@ -30,7 +30,7 @@ from enliven_viewer.theme import (
 
 _ROW_LABELS = {"poses": later("key poses"), "band": later("on the floor"), "held": later("fixed frames")}
 _MAX_COVERAGE_DISTANCE = 1.15
-"""Maximum of the coverage curve's scale; 1 is the largest distance without any example."""
+"""Maximum of the coverage curve's vertical scale. 1 is the largest distance if there are no examples."""
 
 
 def draw_details(
@@ -53,7 +53,7 @@ def draw_details(
 def _draw_poses(timeline: TimelineInput, layout: TimelineLayout, lane: Lane, origin: ImVec2) -> None:
     """Draws the coverage curve, the missing key poses, and a diamond for each key pose.
 
-    The curve is the distance of every time from the examples.
+    The curve shows the distance of the performer's pose from the nearest example.
     """
     draw_list, top = imgui.get_window_draw_list(), origin.y + lane.top
     details, puppets = timeline.rows.details, timeline.editor.puppets
@@ -119,7 +119,7 @@ def _draw_bands(timeline: TimelineInput, layout: TimelineLayout, lane: Lane, ori
 def _draw_constraints(timeline: TimelineInput, layout: TimelineLayout, lane: Lane, origin: ImVec2) -> None:
     """Draws a mark for every hard constraint.
 
-    A dot is a position, a bar is standing still, and two dots are level.
+    A dot means a fixed position, a bar means no movement, and two dots mean equal height.
     """
     draw_list, middle = imgui.get_window_draw_list(), origin.y + lane.top + lane.height / 2
     for _, held, x in timeline.rows.details.constraint_marks(layout, lane):

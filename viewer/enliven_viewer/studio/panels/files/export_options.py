@@ -1,4 +1,4 @@
-"""The options of an export or film, above the file list: characters, range, rate, size, look, format."""
+"""Draws the options of an export or film above the file list: characters, range, rate, size, look, format."""
 
 from __future__ import annotations
 
@@ -56,7 +56,9 @@ def draw_export_options(workspace: Workspace, *, film: bool) -> None:
 
 
 def _draw_range(workspace: Workspace) -> None:
-    """Draws the time range, with buttons for everything and for the range between the in and out points."""
+    """Draws the time range, with a button for the whole project and a button for the range between the in and
+    out points.
+    """
     options, editor = workspace.exporting, workspace.editor
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr("Seconds"))
@@ -130,7 +132,9 @@ def _draw_format_options(workspace: Workspace) -> None:
 
 
 def _draw_placement_options(workspace: Workspace, supported: frozenset[str]) -> None:
-    """Draws scale, vertical axis, and motion in place. Options that the format lacks are grey."""
+    """Draws the scale, the vertical axis, and the option to remove root motion. Options that the format lacks
+    are grey.
+    """
     options = workspace.exporting
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr("Scale"))

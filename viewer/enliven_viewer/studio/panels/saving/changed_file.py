@@ -1,4 +1,4 @@
-"""Asks what to do if another window has saved the project's file: save elsewhere, compare, or overwrite."""
+"""The dialogue for a project file that another window has saved: save elsewhere, compare, or overwrite."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def draw_changed_file(workspace: Workspace) -> None:
 
 
 def _draw_differences(workspace: Workspace, differences: tuple[Difference, ...]) -> None:
-    """Draws the differences by kind, and a button that adds the items that only the file has."""
+    """Draws the differences by kind, and a button that adds the items that only the file contains."""
     imgui.begin_child("##differences", ImVec2(0, _LIST_HEIGHT), imgui.ChildFlags_.frame_style)
     if not differences:
         draw_note("Both are the same.")

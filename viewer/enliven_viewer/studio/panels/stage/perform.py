@@ -35,11 +35,11 @@ _FULL_WIDTH = ImVec2(-1, 0)
 _PRIMARY_HEIGHT = 40.0
 """Height in pixels of the two main buttons: easy to hit."""
 _STATUS_HEIGHT = 66.0
-"""Height in pixels of the stage's status box: three lines; more scroll."""
+"""Height in pixels of the stage's status box. It fits three lines, more lines scroll."""
 _TALL_STATUS_HEIGHT = 90.0
-"""Its height if the panel has space for a whole message with advice."""
+"""Height in pixels of the status box in a tall panel. It fits a message with advice."""
 _MIN_TALL_PANEL_HEIGHT = 520.0
-"""Minimum panel height in pixels for that."""
+"""Minimum height in pixels of a tall panel."""
 _DEFAULT_STILLNESS_S = 2.0
 """Default duration of stillness that ends a recording, in seconds. A dramatic pause is shorter."""
 _LOCAL_ADDRESS = "127.0.0.1"
@@ -62,7 +62,7 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
         _draw_main_buttons(workspace, perform)
         imgui.begin_child("##rest")
         _draw_stage_state(workspace, perform, live, area)
-        # Draw these also in the frame in which the user leaves the stage.
+        # Also draw these in the frame in which the user leaves the stage.
         _draw_performers(workspace, perform, live)
         _draw_characters(workspace, perform)
         for draw_section in workspace.perform_sections:
@@ -76,7 +76,7 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
 
 
 def _draw_main_buttons(workspace: Workspace, perform: PerformSession) -> None:
-    """Draws the two main buttons of a performance, always in the same place."""
+    """Draws the two main buttons of a performance. They are always at the same position."""
     size = ImVec2(
         (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2, _PRIMARY_HEIGHT
     )
@@ -94,9 +94,8 @@ def _draw_main_buttons(workspace: Workspace, perform: PerformSession) -> None:
 
 
 def _draw_record_button(workspace: Workspace, recording: StageRecording, size: ImVec2) -> None:
-    """Draws the button that starts or ends a recording.
-
-    A click triggers the action that the label named when the mouse button went down.
+    """Draws the button that starts or ends a recording. A click runs the action that was on the label when
+    the mouse button was pressed.
     """
     if recording.phase == "recording":
         label, drawn = tr("Stop   {0}", format_time(recording.seconds)), push_fill(BAD)
@@ -115,7 +114,7 @@ def _draw_record_button(workspace: Workspace, recording: StageRecording, size: I
 
 
 def describe_stage(perform: PerformSession) -> tuple[str, Colour]:
-    """Returns the state of the link as text, and its colour."""
+    """Returns the state of the connection as text, and the text's colour."""
     live = perform.live
     if live is None:
         return tr("No stage is connected"), QUIET
@@ -148,7 +147,7 @@ def _shorten_address(address: str) -> str:
 
 
 def _draw_stage_options(workspace: Workspace, perform: PerformSession, area: Area) -> None:
-    """Draws the options without a stage. No widget moves when cameras are found."""
+    """Draws the options for connecting to a stage. No widget moves when cameras are found."""
     draw_heading("Stage")
     state_text, colour = describe_stage(perform)
     position = imgui.get_cursor_screen_pos()
