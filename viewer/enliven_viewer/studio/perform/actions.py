@@ -23,7 +23,7 @@ class PerformAction:
     The shortcut of an action without workspaces is active in all of them.
 
     Attributes:
-        live: whether it applies to the followed stage or take, so that it is unavailable if none is followed.
+        live: True if the action applies to the followed stage or take. It is unavailable if none is followed.
     """
 
     label: str
@@ -45,7 +45,7 @@ class PerformAction:
         return "perform." + re.sub(r"[^a-z]+", "_", self.label.lower()).strip("_")
 
     def lacks(self, session: PerformSession) -> str:
-        """Returns why it is unavailable now, with advice; empty if it is available."""
+        """Returns the reason why the action is unavailable now, with advice; empty if it is available."""
         return (NO_STAGE if self.live and session.live is None else "") or self.why_not(session)
 
 
@@ -85,7 +85,9 @@ def _make_possess_function(mode: Mode) -> Callable[[PerformSession], object]:
 def _make_group(
     group: str, rooms: tuple[str, ...], *rows: tuple[str, str, Callable[[LiveStage], object]]
 ) -> Iterator[PerformAction]:
-    """Yields actions on the followed stage for one submenu: label, shortcut and function of each."""
+    """Yields actions on the followed stage for one submenu. Each row contains label, shortcut
+    and function.
+    """
     for label, key, act in rows:
         yield PerformAction(label, key, _require_live_stage(act), rooms, group=group)
 
@@ -253,4 +255,4 @@ PERFORM_ACTIONS = (
         ("Slower", "down", lambda live: live.playhead.faster(-1)),
     ),
 )
-"""Every action; those of all workspaces come first."""
+"""All actions. Actions without a specific workspace come first."""

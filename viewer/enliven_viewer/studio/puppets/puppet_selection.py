@@ -81,7 +81,9 @@ class PuppetSelection:
         return True
 
     def set_symmetric(self, on: bool) -> None:
-        """Turns symmetric control points on or off. Reports if the mesh has no plane of symmetry."""
+        """Turns symmetric editing of control points on or off. Shows a message if the mesh has no plane of
+        symmetry.
+        """
         puppet = self.puppet
         self.symmetric = on
         if on and puppet is not None and find_plane(puppet) is None:

@@ -27,7 +27,7 @@ class StagePuppet(StageCharacter):
     """A puppet on the stage at one time.
 
     Attributes:
-        surface: (V, 3) metres, its vertices in the mesh's own frame.
+        surface: (V, 3) vertices in metres of the mesh's frame.
     """
 
     character: Puppet
@@ -135,7 +135,9 @@ class PuppetStage:
         return next(candidate for candidate in self.puppets if candidate.id == puppet.id)
 
     def improve(self) -> None:
-        """Settles dragged surfaces further, and fetches solved ones. Call once per frame."""
+        """Continues to settle dragged surfaces, and fetches surfaces solved in the background. Call once per
+        frame.
+        """
         self.surfaces.improve()
         if any(self.editor.motion_solver.busy(name) for name in self.editor.project.puppets):
             self._version += 1
@@ -170,9 +172,8 @@ def _is_unchanged(before: tuple[object, ...], after: tuple[object, ...]) -> bool
 
 
 def create_puppet_meshes() -> DrawnMeshes:
-    """Returns the render meshes of puppets, each as one rigid piece.
-
-    The vertices are solved on the CPU.
+    """Returns the cache of the puppets' render meshes. Each mesh has one rigid transform, because its
+    vertices are solved on the CPU.
     """
     return DrawnMeshes(_make_rigid_mesh)
 

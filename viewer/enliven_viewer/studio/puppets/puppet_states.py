@@ -38,7 +38,7 @@ def find_start_places(project: Project, puppet: Puppet, take: str, time: float) 
     """Returns the initial positions of a new key pose at a time of a take, (P, 3) in metres of the mesh's
     frame.
 
-    They come from the existing examples if the motion can be solved, or else from the last key pose.
+    They come from the existing examples if the motion can be solved, otherwise from the last key pose.
     """
     start = np.array(puppet.poses[-1].places if puppet.poses else puppet.rest)
     for number, layer in enumerate(puppet.layers):

@@ -266,7 +266,7 @@ def _draw_other_cameras(workspace: Workspace, perform: PerformSession) -> None:
 
 
 def _draw_recording_options(workspace: Workspace, recording: StageRecording) -> None:
-    """Draws the recording options; the record button is at the top."""
+    """Draws the recording options. The record button is at the top of the panel."""
     draw_heading("Record")
     last = recording.last_recording
     imgui.begin_disabled(recording.phase != "idle" or not last)
@@ -322,9 +322,8 @@ def _draw_end_conditions(workspace: Workspace, recording: StageRecording) -> Non
 
 
 def _draw_characters(workspace: Workspace, perform: PerformSession) -> None:
-    """Draws all characters, those of the project first, in a scrolling list of fixed height.
-
-    A character keeps its line when it enters or leaves the stage, and when other edges add their characters.
+    """Draws all characters in a scrolling list of fixed height, the project's characters first. A character's
+    line stays in place when the character enters or leaves the stage, and when other edges add characters.
     """
     draw_heading("Characters")
     editor = workspace.editor
@@ -354,9 +353,8 @@ def _draw_characters(workspace: Workspace, perform: PerformSession) -> None:
 
 
 def _scroll_to_list(workspace: Workspace) -> None:
-    """Scrolls the panel to the list of characters if one of its lines is requested.
-
-    The list alone would scroll only its own lines.
+    """Scrolls the panel to the list of characters if the tour or a script requests one of its lines.
+    Otherwise only the list itself would scroll.
     """
     drawn = workspace.drawn
     if drawn.is_user_scrolling or not any(name.startswith(_WIDGET_PREFIXES) for name in drawn.targets):
@@ -370,7 +368,7 @@ def _scroll_to_list(workspace: Workspace) -> None:
 def _draw_character(workspace: Workspace, perform: PerformSession, name: str, available_width: float) -> None:
     """Draws one character's line: its name, its state, and the button that removes it from the stage.
 
-    The state is held, free, or the reason why the character is not on the stage.
+    The state is the performer in control, "free", or the reason why the character is not on the stage.
     """
     standing = name in perform.stage_ids
     is_in_project, flags = name in workspace.editor.project.characters, imgui.SelectableFlags_.allow_overlap
