@@ -29,13 +29,15 @@ _SINGLE_SHAPE_ACTIONS = (
     "shape.solve",
     "view.best",
 )
-"""Actions that work on a single shape. If several shapes are selected, these actions are disabled and report
-why.
+"""Actions that work on a single shape. If several shapes are selected, these actions are disabled and show
+the reason.
 """
 _TIME_SHIFT_S = 0.1
-"""Time shift in seconds per key press: clearly visible, yet fine enough to stagger copies."""
+"""Time shift in seconds per key press: clearly visible, but small enough to stagger copies."""
 OpenDialog = Callable[[str], None]
-"""Opens the dialogue of that name in the window, or runs the command directly if it needs no dialogue."""
+"""A function that opens the dialogue of a given name, or runs the command directly if it needs
+no dialogue.
+"""
 
 
 def make_studio_actions(

@@ -1,6 +1,6 @@
 """The commands behind the studio's actions.
 
-Some methods run actions; others return why a command is unavailable.
+Some methods run commands. The methods ``lacks_...`` return the reason why a command is unavailable.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Commands:
         self.editor.show_bones = not self.editor.show_bones
 
     def delete(self) -> None:
-        """Removes the selected joint, or else the selected characters."""
+        """Removes the selected joint if there is one, otherwise the selected characters."""
         names, joint = self._selected_names, self.editor.selection.handle
         if len(names) == 1 and joint and self.editor.find_selected(Shape) is not None:
             remove_joint(self.editor, names[0], joint)
@@ -109,18 +109,18 @@ class Commands:
         )
 
     def toggle_mute(self) -> None:
-        """Mutes all motion of the selection, or unmutes it if all of it is muted."""
+        """Mutes all motion of the selection, or unmutes it if everything is muted."""
         on = not self.is_muted()
         edit_name = later("mute {0}") if on else later("unmute {0}")
         self._edit_selection(edit_name, lambda project, names: mute_characters(project, names, on))
 
     def is_muted(self) -> bool:
-        """Returns True if the selection has motion and all of it is muted."""
+        """Returns True if the selection has motion, and all its motion is muted."""
         layers = [layer for character in self.editor.selected_characters for layer in character.playing]
         return bool(layers) and all(layer.muted for layer in layers)
 
     def spread(self) -> None:
-        """Copies the motion of the selected limb to all limbs that are equal to it."""
+        """Copies the motion of the selected limb to all limbs of equal shape."""
         limb = self._find_limb()
         if limb is None:
             return
@@ -135,7 +135,9 @@ class Commands:
             )
 
     def pin(self) -> None:
-        """Pins the selected foot, so that it does not slide while it touches the floor; or unpins it."""
+        """Pins the selected foot, so that it does not slide while it touches the floor. Unpins
+        a pinned foot.
+        """
         shape, joint = self.editor.find_selected(Shape), self.editor.selection.handle
         if shape is None or joint is None:
             return
@@ -154,8 +156,8 @@ class Commands:
         starts, ends = np.array(posed.bones).T
         bones = posed.handles[ends] - posed.handles[starts]
         direction = best_view(bones, make_match_view(self.editor.lens)).direction
-        # The view from behind shows the same amount of the bones. Choose the one of the two that does not
-        # look from below the floor.
+        # The opposite view shows the bones equally well. Choose the view that does not look from below the
+        # floor.
         direction = -direction if direction[1] > 0 else direction
         azimuth, elevation = (
             np.arctan2(-direction[0], -direction[2]),
@@ -255,7 +257,7 @@ class Commands:
         return names[0] if len(names) == 1 else later("{0} shapes", len(names))
 
     def _find_limb(self) -> tuple[Shape, int, EqualLimbs | None] | None:
-        """Returns the selected shape, a joint of its selected limb, and the limbs that are equal to it."""
+        """Returns the selected shape, a joint of its selected limb, and the limbs of equal shape."""
         chosen, shape = self.editor.selection, self.editor.find_selected(Shape)
         joint = chosen.handle if chosen.handle is not None else (chosen.chain[-1] if chosen.chain else None)
         if shape is None or joint is None:

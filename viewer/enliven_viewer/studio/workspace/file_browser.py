@@ -19,11 +19,11 @@ ORDER_LABELS: dict[Order, str] = {
 }
 """Every sort order, with its label in the dialogue."""
 _HOME_FOLDERS = ("Desktop", "Documents", "Downloads", "Pictures", "Videos", "Movies")
-"""Folders that desktops create in the home folder. Those that exist are offered."""
+"""Folders that desktop environments create in the home folder. The dialogue offers those that exist."""
 _MOUNT_FOLDERS = ("/media", "/run/media", "/Volumes", "/mnt")
 """Folders in which operating systems mount USB sticks and memory cards."""
 _MAX_PLACES = 14
-"""Maximum number of offered places: more do not fit next to the file list."""
+"""Maximum number of offered folders. More do not fit next to the file list."""
 
 
 def list_places(recent: list[str], working: Path | None = None) -> list[tuple[str, Path]]:
@@ -88,9 +88,9 @@ class FileBrowser:
         name: the typed or clicked file name.
         saving: if True, the file need not exist.
         project_path: the project's own file, which may be replaced without a confirmation.
-        problem: why the folder cannot be listed, or empty.
-        refusal: why the chosen name is refused, or empty.
-        awaits_retry: True if the dialogue waits for another name, or for Enter as a confirmation.
+        problem: the reason why the folder cannot be listed, or empty.
+        refusal: the reason why the chosen name is rejected, or empty.
+        awaits_retry: True if the dialogue waits for another name, or for a confirmation with Enter.
         order: sort order of the files.
         new_folder_name: name of the new folder while it is being typed; None otherwise.
     """
@@ -165,7 +165,7 @@ class FileBrowser:
             raise InputError(tr("no file is chosen"), where="file", remedy=tr("Click one, or type a name."))
         try:
             return self._find_path(name)
-        # The name is too long, or it begins with the home folder of an unknown user.
+        # The name is too long, or it begins with "~" and an unknown user.
         except (OSError, RuntimeError, ValueError):
             raise InputError(
                 tr("no file can have that name"), where="file", remedy=tr("Give a shorter name.")

@@ -14,7 +14,7 @@ from enliven_viewer.theme import is_light
 
 
 def make_reading_actions(preferences: Preferences) -> Iterator[Action]:
-    """Yields the actions of text size, theme and animation."""
+    """Yields the actions for text size, theme and animation."""
 
     def at_end(size: float, size_name: str) -> str:
         return tr("The text is as {0} as it gets.", size_name) if preferences.text_size == size else ""
@@ -68,7 +68,7 @@ def make_reading_actions(preferences: Preferences) -> Iterator[Action]:
 
 
 def make_camera_actions(c: Commands) -> Iterator[Action]:
-    """Yields the actions of the bones and of the camera."""
+    """Yields the actions for the visibility of bones and for the camera."""
     editor, right = c.editor, np.pi / 2
     yield Action(
         "view.bones", "View", "Bones", ("b",), c.toggle_bones, is_on=lambda: editor.show_bones, apart=True
