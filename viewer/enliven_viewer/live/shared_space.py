@@ -74,8 +74,8 @@ class SharedSpace:
             if name not in self.space.sensors:
                 names = ", ".join(self.space.sensors)
                 self._report(
-                    tr("The space has no place for the edge {0}", name),
-                    tr("It has places for {0}. Start the edge with such a --name.", names),
+                    tr("The space does not contain the edge {0}", name),
+                    tr("It contains {0}. Start the edge with one of these as --name.", names),
                 )
                 return None
         places = self.space.sensors

@@ -47,7 +47,7 @@ class ActionTable:
             InputError: if an id already exists, a shortcut is taken, or the action ``after`` does not exist.
         """
         if after and after not in self:
-            remedy = tr("Give the id of an action that is there.")
+            remedy = tr("Give the id of an existing action.")
             raise InputError(
                 tr("the action {0} is unknown", after), where=f"action {actions[0].id}", remedy=remedy
             )
@@ -55,7 +55,7 @@ class ActionTable:
             rivals = [other for other in self if other.conflicts_with(action)]
             taken = [(key, other) for key in action.keys for other in rivals if key in other.keys]
             if action.id in self._actions or taken:
-                problem = f"{taken[0][0]} is {taken[0][1].id}'s" if taken else "it is there already"
+                problem = f"{taken[0][0]} is {taken[0][1].id}'s" if taken else "it exists already"
                 raise InputError(problem, where=f"action {action.id}", remedy="Give it another id or key.")
             self._actions[action.id] = action
         if after:

@@ -93,7 +93,7 @@ class App:
         """
         name = type(state).__name__
         if type(state) in self._states:
-            problem, remedy = tr("it is there already"), tr("Register the feature once.")
+            problem, remedy = tr("it exists already"), tr("Register the feature once.")
             raise InputError(problem, where=f"state {name}", remedy=remedy)
         self._states[type(state)] = state
         return state

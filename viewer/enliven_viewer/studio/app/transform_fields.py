@@ -27,7 +27,7 @@ def draw_transform_fields(app: App) -> None:
     place, height = figures.place, figures.height
     if place is None or height is None:
         return
-    _draw_label(tr("Place"), tr("Position of its middle; height of its lowest point above the floor"))
+    _draw_label(tr("Place"), tr("Position of its centre; height of its lowest point above the floor"))
     for axis, name in enumerate(_AXES):
         imgui.same_line(_LABEL_WIDTH + 12 + axis * (_FIELD_WIDTH + 4))
         coordinate = float(place[axis])

@@ -100,7 +100,7 @@ def _draw_clips(workspace: Workspace, shape: Shape) -> None:
             workspace.remember(f"play {name or 'none'}")
         imgui.end_combo()
     workspace.remember("clip")
-    draw_tooltip("The model's clip that plays instead of its other motion; keys stay")
+    draw_tooltip("The model's clip to play instead of its other motion. Keys still apply")
 
 
 def _play_clip(workspace: Workspace, name: str, clip: str | None) -> None:

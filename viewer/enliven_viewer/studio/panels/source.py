@@ -87,8 +87,8 @@ _WHOLE_BODY_OPTIONS = (
         later("Steps"),
         later("Let legs of other proportions step where the performer's feet step"),
     ),
-    ("travel", later("Travels"), later("Let it go where the performer goes")),
-    ("pin", later("Feet hold"), later("Hold feet in their place while they stand")),
+    ("travel", later("Travels"), later("Let it travel with the performer")),
+    ("pin", later("Feet hold"), later("Keep feet in place while they are on the floor")),
     (
         "stretch",
         later("Bones stretch"),
@@ -133,9 +133,9 @@ def _list_quality_lines(plan: Plan, quality: MotionQuality) -> list[str]:
     """Returns the quality of a retargeted motion, line by line."""
     worst = ", ".join(limb.limb for limb in quality.worst_limbs[:2])
     if not quality.worst_limbs:
-        pose_line = tr("Limbs point as the performer's do")
+        pose_line = tr("Limb directions match the performer's")
     else:
-        pose_line = tr("Limbs point elsewhere than the performer's: see {0}", worst)
+        pose_line = tr("Limb directions differ from the performer's: see {0}", worst)
     lines = [pose_line] if quality.limbs else []
     if quality.stretch > MAX_STRETCH:
         lines.append(tr("The surface stretches too much, at {0}", ", ".join(quality.joints[:2])))

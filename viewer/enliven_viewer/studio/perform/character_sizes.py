@@ -94,7 +94,7 @@ class CharacterSizes:
             and max(abs(self.find_size(name) - 1.0), abs(self.wanted_size(name) - 1.0)) > _SIZE_TOLERANCE
         ):
             return ""
-        return "It has its own size. Scale it with both hands first"
+        return "It already has its original size. Scale it with both hands first"
 
     def _update_text(self, before: dict[str, SizeMessage]) -> None:
         """Updates the displayed text."""

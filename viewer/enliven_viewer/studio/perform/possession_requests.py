@@ -137,7 +137,7 @@ class PossessionRequests:
         press.is_accepted = True
         self.words = self._describe_missing(press)
         if self.words and time.monotonic() > press.until:
-            self._refuse(tr("Possess has waited too long") + ". " + self.words)
+            self._refuse(tr("Possess has timed out") + ". " + self.words)
         elif not self.words:
             self._send_request(press)
 
@@ -168,7 +168,7 @@ class PossessionRequests:
             )
         is_known = stage.client is not None and stage.client.edges[0].complete
         is_coming = bool(stage.sender.states) or press.of_scan or phase == "finishing" or not is_known
-        nothing = tr("Nothing stands on the stage. Choose a character, and put it there")
+        nothing = tr("There is no character on the stage. Choose one, and put it there")
         return "" if stage.stage_ids or is_coming else nothing
 
     def _describe_missing(self, press: _PendingPress) -> str:

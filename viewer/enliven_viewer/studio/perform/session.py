@@ -134,7 +134,7 @@ class PerformSession:
         ]
         if parse_endpoint(wanted) in endpoints:
             remedy = tr("Give the address of another camera's computer.")
-            raise InputError(tr("that stage is here already"), where=wanted, remedy=remedy)
+            raise InputError(tr("that stage is already followed"), where=wanted, remedy=remedy)
         # Use the smallest free number, so that no two edges have the same number.
         taken = {guest.number for guest in self.secondary_edges}
         number = next(n for n in range(1, len(taken) + 2) if n not in taken)
@@ -410,7 +410,7 @@ class PerformSession:
         """Puts a character on the stage, or on the next connected stage if there is none now."""
         self._awaiting_stage = (*(other for other in self._awaiting_stage if other != name), name)
         if not self.connected:
-            message = tr("{0} goes onto the stage as soon as there is one", name)
+            message = tr("{0} will be put on the stage once one is connected", name)
             self.editor.toasts.say(message, tr("Connect to a camera at the right, or to a recorded person."))
 
     @property

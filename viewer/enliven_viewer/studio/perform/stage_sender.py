@@ -93,7 +93,8 @@ class StageSender:
         if texture_bytes(self._sent[name]) > MAX_TEXTURE_BYTES:
             most = MAX_TEXTURE_BYTES >> 20
             return tr(
-                "Its textures stay here: they have more than {0} MB. Make their pictures smaller.", most
+                "Its textures are not sent, because they have more than {0} MB. Make their images smaller.",
+                most,
             )
         return tr("It follows every edit.")
 
@@ -101,7 +102,7 @@ class StageSender:
         if isinstance(answer, Refused):
             self._show_message(tr("{0} was not removed from the stage", name), answer.reason)
         else:
-            self._show_message(tr("{0} is gone from the stage", name), "")
+            self._show_message(tr("{0} was removed from the stage", name), "")
 
 
 def _differs_in_motion_only(character: RigBase, sent: RigBase) -> bool:

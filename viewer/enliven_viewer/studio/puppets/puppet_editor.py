@@ -149,7 +149,10 @@ class PuppetEditor(KeyPoses):
         if used:
             self.editor.toasts.say(
                 tr_n(
-                    "{1} is gone, also from {0} key pose", "{1} is gone, also from {0} key poses", used, name
+                    "{1} was removed, also from {0} key pose",
+                    "{1} was removed, also from {0} key poses",
+                    used,
+                    name,
                 ),
                 tr("Ctrl+Z brings it back."),
             )
@@ -178,7 +181,7 @@ class PuppetEditor(KeyPoses):
         moment = self._find_moment(puppet)
         if moment is None:
             self.editor.toasts.say(
-                tr("No take is shown, so this pose means nothing yet"),
+                tr("No take is shown, so this pose belongs to no moment"),
                 tr("Choose a take in the performer's view, go to a moment of it, and drag again."),
             )
             return False

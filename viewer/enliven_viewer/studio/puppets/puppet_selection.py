@@ -53,7 +53,7 @@ class PuppetSelection:
         taken = [point.vertex for point in puppet.points]
         if vertex in taken:
             self.editor.choose(puppet.id, taken.index(vertex))
-            self.editor.toasts.say(tr("{0} is there already", puppet.points[taken.index(vertex)].name))
+            self.editor.toasts.say(tr("{0} exists already", puppet.points[taken.index(vertex)].name))
             return False
         other = find_partner_vertex(puppet, vertex) if self.symmetric else None
         wanted = [vertex] if other is None or other in (vertex, *taken) else [vertex, other]

@@ -53,7 +53,7 @@ class Solver:
         if self._vertex_count > MIN_ANNOUNCED_VERTICES:
             toasts.say(
                 tr("{0} is a very fine mesh: it takes a moment until it can be dragged", puppet.id),
-                tr("Everything else goes on meanwhile."),
+                tr("You can continue to work in the meantime."),
             )
 
     def solve(self, puppet: Puppet, places: Float, *, warm: bool) -> Float:

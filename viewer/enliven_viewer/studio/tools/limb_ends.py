@@ -48,7 +48,7 @@ class LimbEndsTool(Tool):
     def hint(self) -> str:
         shape = self.editor.find_selected(GraphShape)
         if shape is None:
-            return "Click a character that performers hold, to name its head, hands and feet."
+            return "Click a possessed character to mark its head, hands and feet."
         if self._held_mark is not None:
             return tr(
                 "Let go where the performer's {0} should be; Esc drops it.", _END_WORDS[self._held_mark[0]]

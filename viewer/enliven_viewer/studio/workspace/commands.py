@@ -131,7 +131,8 @@ class Commands:
             )
         elif self.editor.edit("same on equal limbs", lambda p: spread_motion(p, shape.id, group, joint)):
             self.editor.toasts.say(
-                tr("{0} limbs move alike", len(group.limbs)), tr("Move their bars for a delay.")
+                tr("{0} limbs move alike", len(group.limbs)),
+                tr("Move their clips on the timeline to delay them."),
             )
 
     def pin(self) -> None:
@@ -143,9 +144,9 @@ class Commands:
             return
         name = shape.handles[joint]
         if any(pin.joint == name for pin in shape.pins):
-            self.editor.edit(later("let {0} go", name), lambda project: unpin(project, shape.id, [joint]))
+            self.editor.edit(later("unpin {0}", name), lambda project: unpin(project, shape.id, [joint]))
         elif self.editor.edit(later("pin {0}", name), lambda project: pin_feet(project, shape.id, [joint])):
-            self.editor.toasts.say(tr("{0} stays where it stands", name), tr("P lets it go again."))
+            self.editor.toasts.say(tr("{0} is pinned", name), tr("P unpins it."))
 
     def show_best_view(self) -> None:
         """Turns the camera to the direction that shows most of the selected shape's bones."""

@@ -141,10 +141,10 @@ class FileBrowser:
             new_folder.mkdir()
         except FileExistsError:
             raise InputError(
-                tr("{0} is there already", name), where="file", remedy=tr("Give another name.")
+                tr("{0} exists already", name), where="file", remedy=tr("Give another name.")
             ) from None
         except OSError as error:
-            problem = tr("the folder cannot be made ({0})", error.strerror)
+            problem = tr("the folder cannot be created ({0})", error.strerror)
             raise ResourceError(problem, where=str(new_folder), remedy=tr("Choose another place.")) from None
         self.new_folder_name = None
         self.enter(new_folder)
@@ -183,7 +183,7 @@ class FileBrowser:
         if self.saving and path.exists() and path not in (self.project_path, self._warned):
             self._warned = path
             raise InputError(
-                tr("{0} is there already", path.name),
+                tr("{0} exists already", path.name),
                 where="file",
                 remedy=tr("Press Save again to replace it."),
             )

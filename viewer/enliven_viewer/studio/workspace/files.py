@@ -71,7 +71,7 @@ def read_addable_file(
         if ending in file_type.suffixes:
             return file_type.add, file_type.read(path)
     known_endings = ", ".join(list_suffixes(types))
-    problem = tr("{0} is an unknown file type", ending) if ending else tr("its name has no ending")
+    problem = tr("{0} is an unknown file type", ending) if ending else tr("its name has no file extension")
     raise InputError(problem, where=str(path), remedy=tr("Known: {0}.", known_endings))
 
 
@@ -104,7 +104,7 @@ def list_exportable(project: Project) -> list[RigBase]:
     movable = [character for character, lacks in zip(solid, lacking, strict=True) if not lacks]
     if not movable:
         remedy = " ".join(lacking[0]) if lacking else tr("Sketch one, or open a model.")
-        raise InputError(tr("nothing has a surface that moves"), where="export", remedy=remedy)
+        raise InputError(tr("no shape has a surface and motion"), where="export", remedy=remedy)
     return movable
 
 

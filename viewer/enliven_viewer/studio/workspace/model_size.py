@@ -67,4 +67,4 @@ def choose_size(points: AnyArray | Sequence[Sequence[float]]) -> ModelSize:
             note = tr("it was {0:.3g} m tall: read as {1}, {2:.2g} m", tall, tr(unit_name), tall * metres)
             return ModelSize(tall * metres, note)
     height = min(_PERSON_HEIGHT_M, _MAX_FALLBACK_LENGTH_M * tall / longest)
-    return ModelSize(height, tr("it was {0:.3g} m tall, and was made {1:.2g} m tall", tall, height))
+    return ModelSize(height, tr("it was {0:.3g} m tall, and was scaled to {1:.2g} m", tall, height))

@@ -53,7 +53,7 @@ class SizeMatching:
         if heights is None:
             return "No other shape to compare with. Choose one that stands next to others."
         same = abs(heights[0] / heights[1] - 1.0) < _HEIGHT_TOLERANCE
-        return "It is as tall as the others. Choose a shape that is not." if same else ""
+        return "It is already as tall as the others. Choose another shape." if same else ""
 
     def fit(self) -> None:
         """Scales the selected character to the median height of the others, in place."""
@@ -87,7 +87,7 @@ class SizeMatching:
 
 def make_fitting_actions(fitting: SizeMatching) -> Iterator[Action]:
     """Yields the action that scales the selected character to the others' height."""
-    about = "As tall as the shapes next to it."
+    about = "Scales it to the height of the other shapes."
     yield Action(
         "shape.fit", "Shape", "Fit to the others' size", ("alt+f",), fitting.fit, fitting.lacks, about=about
     )

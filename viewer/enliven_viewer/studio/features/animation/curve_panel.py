@@ -80,9 +80,7 @@ def _draw_names(app: App, curves: CurveInput, groups: dict[str, CurveGroup], sho
             if imgui.small_button(labelled(tr("Fit"), "Fit")):
                 curves.fit()
             app.remember("fit curves")
-            draw_tooltip(
-                "Show all values. The wheel shows more or less of them, the middle button moves them."
-            )
+            draw_tooltip("Show all values. The wheel zooms, the middle button pans.")
             _draw_values(curves, shown)
     imgui.end_child()
 
@@ -132,7 +130,9 @@ def _draw_plot(curves: CurveInput, group: CurveGroup, scale: Scale, origin: ImVe
         advice = tr("Double-click: adds a key, so that it changes over time.")
         draw_list.add_text(ImVec2(left + 60, origin.y + size.y - 22), pack_colour(QUIET), advice)
     if group.name in KEY_ATTRIBUTES and not group.dots:
-        advice = tr("Double-click: a key. Or: Keys while posing (Shift+K), then pose (R) or move (G) it.")
+        advice = tr(
+            "Double-click: add a key. Or switch on Keys while posing (Shift+K), then pose (R) or move (G) it."
+        )
         draw_list.add_text(ImVec2(left + 60, origin.y + size.y - 22), pack_colour(QUIET), advice)
     draw_list.pop_clip_rect()
 
@@ -214,7 +214,7 @@ def _make_hover_text(dot: CurveDot, group: CurveGroup) -> str:
     value_text = tr(
         "{0}   {1}   at {2:.2f} s", group.channels[dot.axis], _format_value(dot.value, group.unit), dot.time
     )
-    advice = tr("Drag: change its value or time. Right button: how it goes on, or remove it.")
+    advice = tr("Drag: change its value or time. Right button: change its interpolation, or remove it.")
     return f"{value_text}\n{advice}"
 
 

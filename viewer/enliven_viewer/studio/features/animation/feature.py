@@ -51,5 +51,6 @@ def _make_curve_action(curves: CurveInput) -> Action:
         ("shift+c",),
         curves.toggle,
         is_on=lambda: curves.is_shown,
-        about="Turn, place, keys, weight and speed of the selection over time, above the timeline.",
+        about="Shows rotation, position, keys, weight and speed of the selection over "
+        "time, above the timeline.",
     )

@@ -79,15 +79,15 @@ class PaintTool(Tool):
         if character is None or character.mesh is None:
             return "Click a mesh to paint where it is stiff and where it is soft."
         if character.kind == "bones":
-            return "Its bones move it, so paint has no effect before it becomes a mesh that performers hold."
+            return "Bones move it, so paint has no effect until it becomes a possessed character."
         if self.both_sides and self.mirror(character.mesh) is None:
-            return "Its sides are not alike, so only the side you paint is painted."
+            return "The mesh is not symmetric, so only one side is painted."
         brush_hints = {
-            "softer": "Orange gives way, and swings past what the performer does.",
-            "stiffer": "Blue keeps its shape.",
-            "erase": "Brings back what the mesh was before.",
+            "softer": "Orange areas are softer: they swing further than the performer moves.",
+            "stiffer": "Blue areas are stiffer.",
+            "erase": "Removes the paint.",
         }
-        return tr("{0} Ctrl does the opposite; the keys [ and ] size the brush.", brush_hints[self.brush])
+        return tr("{0} Ctrl inverts the brush. The keys [ and ] change its size.", brush_hints[self.brush])
 
     def mirror(self, mesh: Mesh) -> Plane | None:
         """Returns the symmetry plane of a mesh; None if it is not symmetric.

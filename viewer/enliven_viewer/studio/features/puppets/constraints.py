@@ -27,7 +27,7 @@ def draw_constraints(app: App, puppet: Puppet) -> None:
     constraints = list_constraints(app.editor.project, puppet.id, number) if number is not None else ()
     if number is None or not constraints:
         return
-    draw_heading("Fixed at single frames")
+    draw_heading("Constraints at single frames")
     for row, constraint in enumerate(constraints):
         _draw_constraint_row(app, puppet, number, row, constraint)
 

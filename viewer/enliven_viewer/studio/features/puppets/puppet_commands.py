@@ -62,9 +62,9 @@ class PuppetCommands:
         puppets = self.editor.puppets
         puppets.warn = not puppets.warn
         self.editor.toasts.say(
-            tr("Faces that pass through one another are red")
+            tr("Self-intersecting faces are red")
             if puppets.warn
-            else tr("Faces that pass through one another are not shown")
+            else tr("Self-intersecting faces are not shown")
         )
 
     def bake_puppet(self) -> bool:
@@ -151,7 +151,7 @@ def make_puppet_actions(commands: PuppetCommands) -> Iterator[Action]:
         ("ctrl+p",),
         commands.make_puppet,
         commands.lacks_mesh,
-        about="A copy that acts by examples: control points and key poses.",
+        about="Makes a copy that is animated by control points and key poses.",
     )
     bake = Action(
         "shape.bake",
@@ -175,14 +175,14 @@ def make_pose_display_actions(commands: PuppetCommands) -> Iterator[Action]:
         ("o",),
         commands.toggle_silhouette,
         is_on=lambda: puppets.silhouette,
-        about="While a key pose is edited.",
+        about="Shown while a key pose is edited.",
     )
     yield Action(
         "view.crossing",
         "View",
-        "Faces that cross",
+        "Self-intersecting faces",
         ("w",),
         commands.toggle_warning,
         is_on=lambda: puppets.warn,
-        about="Faces that pass through one another are red while a key pose is edited.",
+        about="Shows self-intersecting faces in red while a key pose is edited.",
     )

@@ -102,7 +102,7 @@ def _moved_object_advice(status: ScanMessage) -> str:
         return tr("Object not found: turn it back a little, and more slowly")
     if status.thing == "settling":
         return tr("Looking for the object, {0:.0f} s: walk round it slowly", status.seconds)
-    return tr("Not found yet: walk on, show what was seen before")
+    return tr("Not found yet: walk on, and show a side that was seen before")
 
 
 def _describe_direction(status: ScanMessage) -> str:

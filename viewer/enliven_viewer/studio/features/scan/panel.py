@@ -198,7 +198,7 @@ def _draw_end(app: App, scan: ScanSession) -> None:
         ):
             app.actions.do("scan.done")
     app.remember("scan done")
-    draw_tooltip("It is cut out, stands on the stage, and can be possessed")
+    draw_tooltip("The object is cut out, put on the stage, and can be possessed")
     if imgui.button(labelled(tr("Cancel"), "Cancel"), _FULL_WIDTH):
         app.actions.do("scan.cancel")
     app.remember("scan cancel")
@@ -215,8 +215,8 @@ def _draw_progress(status: ScanMessage) -> None:
     with push_colours((*GOOD[:3], 0.9), imgui.Col_.plot_histogram):
         imgui.progress_bar(fraction, ImVec2(-1, 10), "")
     draw_tooltip(tr("{0:.0f} of 100 parts of the surface in the middle were seen", 100 * fraction))
-    arrow = "" if status.thing == "person" else tr(" The arrow leads to where most is missing.")
-    draw_note(tr("Yellow lines: seen too little yet.{0}", arrow))
+    arrow = "" if status.thing == "person" else tr(" The arrow points to the largest gap.")
+    draw_note(tr("Yellow lines: not seen enough yet.{0}", arrow))
     if status.note:
         draw_note(status.note)
     if status.remedy:

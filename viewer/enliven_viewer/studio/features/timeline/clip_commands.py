@@ -137,9 +137,19 @@ def make_clip_actions(c: ClipCommands) -> Iterator[Action]:
     They apply to the selected lane, or to all lanes if none is selected.
     """
     deeds = (
-        ("split", "Split at the playhead", ("shift+s",), "It plays as before, in two clips."),
+        (
+            "split",
+            "Split at the playhead",
+            ("shift+s",),
+            "Splits the clip into two. The motion does not change.",
+        ),
         ("blend", "Blend with the next", ("shift+b",), "The clip blends into the next one."),
-        ("reverse", "Play backwards", ("shift+r",), "The clip plays backwards, in its place."),
+        (
+            "reverse",
+            "Play backwards",
+            ("shift+r",),
+            "The clip plays backwards. Its position does not change.",
+        ),
         ("mirror", "Swap left and right", ("shift+x",), "Plays the take's mirror image."),
         ("remove", "Remove", ("shift+delete",), "The take stays in the project."),
     )

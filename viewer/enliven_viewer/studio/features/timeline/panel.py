@@ -124,7 +124,7 @@ def _draw_transport(app: App, timeline: TimelineInput) -> None:
     changed, speed = imgui.drag_float("##speed", editor.speed, 0.01, 0.1, 4.0, "%.2f x")
     if changed:
         editor.speed = speed
-    draw_tooltip("Drag: how fast it plays here; the project does not change")
+    draw_tooltip("Drag: playback speed in this window; the project does not change")
     for draw_section in app.transport_sections:
         draw_section()
     _draw_buttons(app, timeline)

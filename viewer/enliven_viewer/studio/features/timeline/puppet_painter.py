@@ -142,11 +142,11 @@ def draw_details_tooltip(timeline: TimelineInput, layout: TimelineLayout, origin
     pointer, project = imgui.get_mouse_pos(), layout.project
     handle = layout.handle_at(pointer.x - origin.x, pointer.y - origin.y)
     tooltip = {
-        "pose": tr("Click: edit this key pose. Drag: another moment for it."),
+        "pose": tr("Click: edit this key pose. Drag: move it to another time."),
         "suggested": tr("No example is like this moment. Click: pose the puppet for it."),
-        "switch": tr("Drag: when the puppet leaves or touches the floor. Delete removes it."),
-        "band": tr("Double click: a switch here. Green: on the floor, blue: in flight."),
-        "found": tr("Contacts and flights; click to find them again after editing."),
+        "switch": tr("Drag: change when the puppet leaves or touches the floor. Delete removes this switch."),
+        "band": tr("Double-click: add a switch here. Green: on the floor, blue: in flight."),
+        "found": tr("Foot contacts and flight phases. Click to detect them again after editing."),
     }.get(handle.kind, "")
     if handle.kind == "held":
         constraint = list_constraints(project, handle.character, handle.number)[handle.item]

@@ -105,7 +105,7 @@ def make_take_actions(takes: TakeCommands) -> Iterator[Action]:
     yield Action(
         "takes.next",
         "Clip",
-        "Hear the next take",
+        "Play the next take",
         ("alt+right",),
         lambda: takes.step(1),
         takes.lacks,
@@ -113,7 +113,7 @@ def make_take_actions(takes: TakeCommands) -> Iterator[Action]:
         apart=True,
     )
     yield Action(
-        "takes.before", "Clip", "Hear the previous take", ("alt+left",), lambda: takes.step(-1), takes.lacks
+        "takes.before", "Clip", "Play the previous take", ("alt+left",), lambda: takes.step(-1), takes.lacks
     )
     yield Action(
         "takes.keep",
@@ -128,7 +128,7 @@ def make_take_actions(takes: TakeCommands) -> Iterator[Action]:
     yield Action(
         "takes.tidy",
         "Clip",
-        "Delete the takes that nothing plays",
+        "Delete unused takes",
         (),
         lambda: delete_takes(takes.editor, *list_unused_takes(takes.editor)),
         lacks_unused,

@@ -117,7 +117,8 @@ def _draw_format_options(workspace: Workspace) -> None:
         )[1]
         workspace.remember("export morphs")
         draw_tooltip(
-            "As morph targets, in a larger file; if off, the surface follows bones, which every program plays"
+            "On: exact, as morph targets, in a larger file. Off: the surface follows "
+            "bones, which every program can play"
         )
         imgui.same_line(0.0, 18.0)
     supported = list_supported_options(workspace.export_suffix)
@@ -128,7 +129,7 @@ def _draw_format_options(workspace: Workspace) -> None:
     workspace.remember("export centimetres")
     draw_tooltip("Many programs that read .bvh expect centimetres; a .glb is always in metres")
     _draw_placement_options(workspace, supported)
-    draw_note(tr("The ending of the name chooses the kind of file: {0}.", ", ".join(EXPORT_SUFFIXES)))
+    draw_note(tr("The file extension determines the format: {0}.", ", ".join(EXPORT_SUFFIXES)))
 
 
 def _draw_placement_options(workspace: Workspace, supported: frozenset[str]) -> None:
@@ -145,7 +146,7 @@ def _draw_placement_options(workspace: Workspace, supported: frozenset[str]) -> 
     options.scale = scale if 1 / MAX_SCALE <= scale <= MAX_SCALE else SCALE.default
     imgui.end_disabled()
     workspace.remember("export scale")
-    draw_tooltip("Factor of all lengths")
+    draw_tooltip("Scale factor for all lengths")
     imgui.same_line(0.0, 18.0)
     imgui.begin_disabled(UP.name not in supported)
     imgui.text_unformatted(tr("Vertical axis"))

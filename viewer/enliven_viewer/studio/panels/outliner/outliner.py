@@ -143,7 +143,7 @@ def _draw_row(workspace: Workspace, outliner: Outliner, row: Row) -> None:
         imgui.same_line(left + width - _SWITCH_WIDTH)
         if _draw_switch(workspace, f"delete {row.id}", _TRASH_ICON, False):
             delete_take_row(workspace.editor, row.id)
-        draw_tooltip("Delete it: one of several takes of a lane, or one that nothing plays")
+        draw_tooltip("Delete this take, which is unused or one of several takes of a lane")
     elif switches:
         imgui.same_line(left + width - _SWITCH_WIDTH)
         if _draw_switch(

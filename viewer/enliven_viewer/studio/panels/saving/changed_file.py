@@ -67,11 +67,11 @@ def _draw_differences(workspace: Workspace, differences: tuple[Difference, ...])
     if any(difference.side == "only in the file" for difference in differences):
         if imgui.button(
             labelled(
-                tr("Add to this window what is only in the file"),
-                "Add to this window what is only in the file",
+                tr("Add the items that are only in the file"),
+                "Add the items that are only in the file",
             ),
             ImVec2(-1, 0),
         ):
             workspace.add_saved_items()
-        workspace.remember("dialog Add what is only in the file")
+        workspace.remember("dialog Add the items that are only in the file")
     imgui.dummy(ImVec2(0, 6))

@@ -164,7 +164,7 @@ def _draw_stage_options(workspace: Workspace, perform: PerformSession, area: Are
     )[1]
     workspace.remember("voice wanted")
     draw_tooltip("Spoken commands; your voice stays on this computer. The panel then lists the phrases")
-    draw_heading("A camera elsewhere")
+    draw_heading("A camera on another computer")
     draw_edge_list(workspace)
     draw_note("Address of the computer with the camera. Or let a recorded person perform here.")
     imgui.set_next_item_width(-1)
@@ -193,10 +193,10 @@ def _draw_stage_options(workspace: Workspace, perform: PerformSession, area: Are
         workspace.attempt(lambda: perform.connect_local("--sensor", "webcam"))
     workspace.remember("webcam")
     draw_tooltip("A normal camera instead of a depth camera; experimental (MediaPipe finds the bodies)")
-    if imgui.button(labelled(tr("A made-up person"), "A made-up person"), _FULL_WIDTH):
+    if imgui.button(labelled(tr("A simulated person"), "A simulated person"), _FULL_WIDTH):
         workspace.attempt(lambda: perform.connect_local("--sensor", "synthetic"))
     workspace.remember("made-up person")
-    draw_tooltip("A figure that waves and walks, for trying things out")
+    draw_tooltip("A simulated figure that waves and walks, for testing")
 
 
 def _draw_stage_state(workspace: Workspace, perform: PerformSession, live: LiveStage, area: Area) -> None:
@@ -271,7 +271,7 @@ def _draw_recording_options(workspace: Workspace, recording: StageRecording) -> 
     last = recording.last_recording
     imgui.begin_disabled(recording.phase != "idle" or not last)
     if imgui.button(
-        labelled(tr("Again, and keep {0}", last or tr("the last one")), "again beside"), _FULL_WIDTH
+        labelled(tr("Record again, and keep {0}", last or tr("the last one")), "again beside"), _FULL_WIDTH
     ):
         recording.record_again(keeps_last=True)
     workspace.remember("again beside")
@@ -296,7 +296,7 @@ def _draw_end_conditions(workspace: Workspace, recording: StageRecording) -> Non
         labelled(tr("Stop when all hold still"), "Stop when all hold still"), still
     )
     workspace.remember("hold still")
-    draw_tooltip("The still end is cut off")
+    draw_tooltip("The end, in which all hold still, is cut off")
     if changed:
         recording.hold_still = _DEFAULT_STILLNESS_S if still else 0.0
     if still:
@@ -317,7 +317,7 @@ def _draw_end_conditions(workspace: Workspace, recording: StageRecording) -> Non
     recording.loops = imgui.checkbox(labelled(tr("Record in a loop"), "Record in a loop"), recording.loops)[1]
     workspace.remember("loops")
     draw_tooltip(
-        "The marked time is recorded again and again until you stop; all are kept, the last one plays"
+        "Records the marked time repeatedly until you stop. All takes are kept, and the last one plays"
     )
 
 
@@ -431,7 +431,7 @@ def _draw_performers(workspace: Workspace, perform: PerformSession, live: LiveSt
     workspace.remember("release")
     draw_tooltip("Let go  (R)")
     if imgui.checkbox(
-        labelled(tr("Only who is here now performs"), "Only who is here now performs"), choice.locked
+        labelled(tr("Only people here now may perform"), "Only people here now may perform"), choice.locked
     )[0]:
         live.toggle_lock()
     workspace.remember("lock")
