@@ -29,7 +29,7 @@ class _ActiveCatalogue:
 
 
 def set_language(language: str) -> None:
-    """Switches to a language; to English if the catalogue is missing."""
+    """Switches to a language, or to English if the catalogue is missing."""
     path = CATALOGUES / f"{language}.po"
     if language not in LANGUAGES or not path.exists():
         _ActiveCatalogue.language, _ActiveCatalogue.catalogue = "en", gettext.NullTranslations()

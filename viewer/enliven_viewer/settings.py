@@ -176,7 +176,8 @@ class WindowStart:
 
 
 def with_size(settings: ViewerSettings, size: str | None) -> ViewerSettings:
-    """Returns the settings with the width and height of a size such as "1280x720"; unchanged for None.
+    """Returns the settings with the width and height of a size such as "1280x720". None leaves them
+    unchanged.
 
     Raises:
         InputError: if the size is invalid.

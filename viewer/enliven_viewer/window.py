@@ -21,8 +21,8 @@ def is_minimised(window: Any) -> bool:
 
 
 def toggle_full_screen(window: Any, before: WindowRectangle | None) -> WindowRectangle | None:
-    """Switches to full screen, or restores the rectangle ``before``. Returns the rectangle to restore later;
-    None after restoring.
+    """Switches to full screen, or restores the rectangle ``before``. Returns the rectangle to restore later,
+    or None after restoring.
     """
     if before is not None:
         glfw.set_window_monitor(window, cast(Any, None), *before, glfw.DONT_CARE)

@@ -67,7 +67,7 @@ def view(
     ] = None,
     settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
 ) -> None:
-    """Watch characters move: live from an edge, or from a take; in a window, or as a film.
+    """Watch characters move, live from an edge or from a take, in a window or as a film.
 
     \b
       enliven view                                 the edge on this machine, or a list of those on the network

@@ -126,7 +126,9 @@ class _Studio:
         return FilmWriter(path, self.size, film.rate, film.bit_rate, film.encoder, sound)
 
     def draw(self, moment: TimelineMoment, second: float) -> UInt8:
-        """Returns (H, W, 4): the image of a moment, ``second`` seconds into the film; bottom row first."""
+        """Returns the image (H, W, 4) of a moment, ``second`` seconds into the film. The bottom
+        row is first.
+        """
         started_at = time.perf_counter()
         style = self._showing.style(SceneStyle(), moment, second)
         scene = make_scene(self.document, moment, style, self._surfaces)

@@ -89,7 +89,7 @@ def write_rows(
 def make_performer_row(
     clip: Clip, facing: float, travels: bool, seconds: Sequence[float] | Float
 ) -> MotionRow:
-    """Returns the row of a take's own skeleton at given times; ``facing`` is its azimuth in radians."""
+    """Returns the row of a take's own skeleton at given times. ``facing`` is its azimuth in radians."""
     project, shape = play_clip(Project(), make_stick_shape("performer", clip.skeleton), clip)
     if not travels:
         project = project.with_characters(shape.with_changes(travel=None))

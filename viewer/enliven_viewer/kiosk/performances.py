@@ -134,7 +134,7 @@ class VisitPerformance:
             self._actor.release()
 
     def _body_at(self, second: float) -> Body | None:
-        """Returns the body at a time in seconds, moved to the spot; None after the last frame."""
+        """Returns the body at a time in seconds, moved to the spot, or None after the last frame."""
         if second > self._times[-1]:
             return None
         after = int(np.searchsorted(self._times, second, side="right"))
@@ -266,7 +266,7 @@ class Programme:
         self._background.shutdown(wait=False, cancel_futures=True)
 
     def _start(self) -> RecordedPerformance | None:
-        """Returns the next performance; None if none can begin yet."""
+        """Returns the next performance, or None if none can begin yet."""
         for step in range(len(self._makers)):
             performance = self._makers[(self._turn + step) % len(self._makers)]()
             if performance is not None:
@@ -311,7 +311,7 @@ class Programme:
             return None
 
     def _start_visit(self, frames: Sequence[BodyFrame]) -> RecordedPerformance | None:
-        """Returns a visit to the next character; None while that character is being prepared."""
+        """Returns a visit to the next character, or None while that character is being prepared."""
         prepared = self._prepared.get(self.character)
         if prepared is None or not prepared[1].done():
             return None

@@ -250,7 +250,7 @@ class EdgeOfShow(FollowedEdge):
 
     @property
     def problem(self) -> str:
-        """Returns a sentence about the edge for operators; empty if all is well."""
+        """Returns a sentence about the edge for operators, or an empty text if all is well."""
         edge = self.live.document.edge
         if not edge.connected:
             return f"the edge at {edge.address} does not answer"

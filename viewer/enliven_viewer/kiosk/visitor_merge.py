@@ -64,9 +64,9 @@ class VisitorMerge:
         edges: Mapping[int, int],
         hidden: Mapping[int, int],
     ) -> int | None:
-        """Returns the id of the nearest kept body of another edge at the same place; None if there is none. A
-        kept body has at most one duplicate on each edge. A duplicate of the previous frame has priority if it
-        is still close.
+        """Returns the id of the nearest kept body of another edge at the same place, or None if there is
+        none. A kept body has at most one duplicate on each edge. A duplicate of the previous frame has
+        priority if it is still close.
         """
         before = {
             other: kept_number
@@ -89,7 +89,9 @@ class VisitorMerge:
 
 
 def _distance(first: Body, second: Body) -> float:
-    """Returns the horizontal distance between the hips of two bodies in metres; infinite if it is unknown."""
+    """Returns the horizontal distance between the hips of two bodies in metres, or infinity if
+    it is unknown.
+    """
     a, b = _place(first), _place(second)
     return math.inf if a is None or b is None else math.dist(a, b)
 

@@ -183,7 +183,7 @@ class KioskWindow:
             self._store.sweep()
 
     def _fit_painter(self) -> Painter | None:
-        """Returns a painter for the window's size; None while the window has no pixels."""
+        """Returns a painter for the window's size, or None while the window has no pixels."""
         width, height = self.size
         if not width or not height:
             return None

@@ -101,7 +101,7 @@ class EdgeClient:
         ]
 
     def poll(self) -> None:
-        """Processes all received messages and requests missing data; does not block."""
+        """Processes all received messages and requests missing data. Does not block."""
         for edge in self.edges:
             edge.poll()
         self._find_clashes()

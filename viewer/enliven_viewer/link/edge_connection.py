@@ -1,4 +1,4 @@
-"""The link to one edge; handles late starts, silence, restarts and version mismatches."""
+"""The connection to one edge. It handles late starts, silence, restarts and version mismatches."""
 
 from __future__ import annotations
 
@@ -169,7 +169,7 @@ class EdgeConnection:
         self._begin(None)
 
     def poll(self) -> None:
-        """Processes received messages and requests missing data; does not block."""
+        """Processes received messages and requests missing data. Does not block."""
         self._watch_handshake()
         self._requests.poll(self._reject)
         deadline = time.monotonic() + _POLL_BUDGET_S
@@ -226,7 +226,7 @@ class EdgeConnection:
         return self._requests.send(body, "stage", seconds, on_reply)
 
     def revision(self, character: str) -> int:
-        """Returns the revision of a character by its id on the edge; 0 if the edge does not have the
+        """Returns the revision of a character by its id on the edge, or 0 if the edge does not have the
         character.
         """
         return self._wanted.get(character, 0)

@@ -78,7 +78,9 @@ class EdgeFeed:
         return len(arrived_values)
 
     def newest_local_ns(self, document: Document) -> int | None:
-        """Returns the time of the newest frame on this machine's monotonic clock; None if it is not known."""
+        """Returns the time of the newest frame on this machine's monotonic clock, or None if it
+        is not known.
+        """
         probe = self.link.edges[0].probe
         if probe is None or not probe.is_known or not self.frame_clock.is_known or not len(document.timeline):
             return None

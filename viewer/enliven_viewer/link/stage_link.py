@@ -69,7 +69,7 @@ class StagedEdge(Protocol):
         """
 
     def revision(self, character: str) -> int:
-        """Returns the revision of a character on the edge; 0 for none."""
+        """Returns the revision of a character on the edge, or 0 for none."""
 
 
 @dataclass
@@ -150,7 +150,7 @@ class StageLink:
         self._ask(RemoveCharacter(character), on_answer)
 
     def poll(self) -> None:
-        """Continues the uploads; does not block."""
+        """Continues the uploads. Does not block."""
         now = time.monotonic()
         for sending in list(self._sending.values()):
             if sending.order is None and sending.packed.done():

@@ -65,7 +65,7 @@ class TakeFeed:
         self._state = EdgeState(connected=True, address=str(path), phase="playing")
 
     def poll(self, document: Document) -> int:
-        """Applies the next messages in order of time. Returns their number; 0 at the end of the take."""
+        """Applies the next messages in order of time. Returns their number, or 0 at the end of the take."""
         count = 0
         for _, topic, data in self._next():
             count += 1

@@ -21,7 +21,7 @@ PERFORMER_ID_OFFSET = 1_000_000
 
 
 def get_camera(client: EdgeClient) -> CameraMessage | None:
-    """Returns the last camera message of an edge; None if there is none."""
+    """Returns the last camera message of an edge, or None if there is none."""
     client.take(CAMERA)  # Empty the queue. Only the newest camera message is used.
     return next(iter(client.latest(CAMERA).values()), None)
 
@@ -62,7 +62,7 @@ class FollowedEdge:
 
     @property
     def camera(self) -> CameraMessage | None:
-        """Returns the pose and the image of the edge's camera; None if the edge does not send them."""
+        """Returns the pose and the image of the edge's camera, or None if the edge does not send them."""
         camera = get_camera(self.client)
         transform = self.feed.transform
         return camera if camera is None or transform is None else place_camera(camera, transform)

@@ -58,7 +58,7 @@ class IdleLoop:
 
     @property
     def words(self) -> str:
-        """Returns the text for the audience; empty while the stage is live."""
+        """Returns the text for the audience, or an empty text while the stage is live."""
         return LOSS_TEXTS[self.loss]
 
     def advance(self, live: LiveStage | None, camera: OrbitCamera, seconds: float, *, orbits: bool) -> None:

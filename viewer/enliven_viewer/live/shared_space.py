@@ -65,7 +65,7 @@ class SharedSpace:
             guest.feed.transform = self.transform_between(primary, guest.name)
 
     def transform_between(self, primary: str, guest: str) -> Float | None:
-        """Returns the (4, 4) transform from an edge's world to the primary edge's world; None if it is
+        """Returns the (4, 4) transform from an edge's world to the primary edge's world, or None if it is
         unknown.
         """
         if self.space is None:

@@ -33,7 +33,7 @@ class ViewReporter:
         self._report_time = -math.inf
 
     def find_change(self, view: CameraView, seconds: float) -> Look | None:
-        """Returns the view to report at a wall-clock time in seconds; None if it has not changed."""
+        """Returns the view to report at a wall-clock time in seconds, or None if it has not changed."""
         if seconds - self._report_time < _REPORT_INTERVAL_S:
             return None
         if self._reported is not None:

@@ -44,7 +44,7 @@ class Playhead:
         return (self.time_ns - self.timeline.start_ns) / length if length else 1.0
 
     def moment(self) -> TimelineMoment | None:
-        """Returns the moment to draw now; None if nothing was received."""
+        """Returns the moment to draw now, or None if nothing was received."""
         return self.timeline.at(self.time_ns)
 
     def advance(self, seconds: float) -> None:

@@ -85,8 +85,8 @@ class _SolvedSurface:
         self._transform: Float = np.zeros((3, 4))
 
     def vertices(self, pose: Pose, *, wait: bool) -> Float32 | None:
-        """Returns the vertices (V, 3) in metres of the world; None before the surface is prepared, or if that
-        failed.
+        """Returns the vertices (V, 3) in metres of the world, or None before the surface is prepared, or if
+        that failed.
         """
         surface = self._surface(wait)
         frame, pivot = _puppet_frame(pose), self.character.pivots[0].astype(np.float64)
@@ -118,7 +118,7 @@ class _SolvedSurface:
         return self._world
 
     def _surface(self, wait: bool) -> PuppetSurface | None:
-        """Returns the prepared surface; None before it is ready. An error is logged once."""
+        """Returns the prepared surface, or None before it is ready. An error is logged once."""
         if not wait and not self._prepare_surface.done():
             return None
         try:

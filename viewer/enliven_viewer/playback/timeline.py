@@ -101,16 +101,18 @@ class Timeline:
 
     @property
     def start_ns(self) -> int:
-        """Returns the time of the first moment; 0 if there is none."""
+        """Returns the time of the first moment, or 0 if there is none."""
         return self._times[0] if self._times else 0
 
     @property
     def end_ns(self) -> int:
-        """Returns the time of the last moment; 0 if there is none."""
+        """Returns the time of the last moment, or 0 if there is none."""
         return self._times[-1] if self._times else 0
 
     def add_pose(self, pose: Pose, character: Character | None = None) -> None:
-        """Adds one pose, for a revision of its character, at its time; replaces an earlier one."""
+        """Adds one pose, for a revision of its character, at its time. Replaces an earlier pose
+        at this time.
+        """
         old_moment = self._moment_near(pose.time_ns)
         self.posed.add(pose.character)
         characters = (
@@ -123,11 +125,11 @@ class Timeline:
         )
 
     def add_bodies(self, time_ns: int, bodies: Sequence[Body]) -> None:
-        """Adds the bodies of one time; they replace earlier ones at the same time."""
+        """Adds the bodies of one time, which replace earlier bodies of the same time."""
         self._insert(replace(self._moment_near(time_ns), bodies=tuple(bodies), bodies_ns=time_ns))
 
     def add_props(self, props: Props) -> None:
-        """Adds the props of one time; they replace earlier ones at the same time."""
+        """Adds the props of one time, which replace earlier props of the same time."""
         self._insert(replace(self._moment_near(props.time_ns), props=props))
 
     def add_board(self, board: MatchList) -> None:

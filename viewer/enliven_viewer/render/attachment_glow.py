@@ -26,7 +26,7 @@ TRANSFORMS_PER_ROW = 256
 
 
 def compute_node_glow(actor: SceneCharacter, strength: float, bodies: Sequence[int] = ()) -> Float32 | None:
-    """Returns (J, 3) linear RGB of the glow on each transform of an actor; None if nothing is attached.
+    """Returns (J, 3) linear RGB of the glow on each transform of an actor, or None if nothing is attached.
 
     Args:
         bodies: ids of the visible performers, in the order of their colours.

@@ -70,7 +70,7 @@ def look_at(eye: Float, target: Float) -> Float:
 
 
 def make_perspective(field_of_view: float, aspect: float, near: float, far: float) -> Float:
-    """Returns the (4, 4) OpenGL perspective projection; ``field_of_view`` is vertical, in radians."""
+    """Returns the (4, 4) OpenGL perspective projection. ``field_of_view`` is vertical, in radians."""
     focal = 1 / math.tan(field_of_view / 2)
     depth = near - far
     return np.array(

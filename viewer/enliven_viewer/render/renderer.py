@@ -239,7 +239,7 @@ class Renderer:
         return find_shadow_bounds(casters, self._to_key, margin / float(self._to_key[1]))
 
     def _draw_props(self) -> None:
-        """Draws the props; the depth test handles occlusion."""
+        """Draws the props. The depth test handles occlusion."""
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         set_uniform(self._prop, "casting", False)
         self._props.render()

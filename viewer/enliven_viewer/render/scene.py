@@ -80,7 +80,7 @@ class Scene:
 
     @property
     def box(self) -> Box | None:
-        """Returns the box that a camera should show; None if the scene is empty."""
+        """Returns the box that a camera should show, or None if the scene is empty."""
         boxes = None if self.props is None else self.props.positions[self.props.shapes == BOX]
         # Exclude balls, because they appear and disappear too fast for a camera to follow.
         return self._find_box(boxes, _LOOSE_VIEW_DISTANCE)

@@ -170,7 +170,7 @@ class SkinnedMesh:
             self._ctx.disable(moderngl.CULL_FACE)
 
     def set_glow(self, light: Float32 | None) -> None:
-        """Sets the glow (J, 3) on each transform for the following images; None for no glow."""
+        """Sets the glow (J, 3) on each transform for the following images, or None for no glow."""
         self.held = light is not None
         if light is not None:
             self._held = self._held or AttachmentGlow(self._ctx, len(self.character.pivots))

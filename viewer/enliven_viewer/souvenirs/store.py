@@ -98,7 +98,7 @@ class SouvenirStore:
         return token, self._folder / f"{token}-{round(self._clock() + self._keep_s)}{SUFFIXES[kind]}"
 
     def find(self, token: str) -> Path | None:
-        """Returns the file of a souvenir; None if the token is unknown or the souvenir has expired."""
+        """Returns the file of a souvenir, or None if the token is unknown or the souvenir has expired."""
         if not is_token(token):
             return None
         souvenir = next((each for each in self._list() if tokens_match(token, each.token)), None)

@@ -16,7 +16,7 @@ class Cancelled(EnlivenError):
 
 
 class WorkProgress:
-    """The progress of a computation; shared by its thread and the window.
+    """The progress of a computation, shared by its thread and the window.
 
     Attributes:
         share: finished fraction, 0 to 1; None if unknown.

@@ -29,7 +29,7 @@ _HIDDEN_PANELS: dict[str, tuple[str, ...]] = {
 
 
 def make_panel_layout(workspace: Workspace, *, bare: bool) -> PanelLayout:
-    """Returns the layout of the panels at the window's size; for a bare window, only the view."""
+    """Returns the layout of the panels at the window's size. A bare window has only the view."""
     size, active_workspace = imgui.get_io().display_size, workspace.perform.active_workspace
     without = ("menu", "tools", "side", "timeline") if bare else _HIDDEN_PANELS[active_workspace]
     if active_workspace == "Play" and workspace.perform.live is not None:

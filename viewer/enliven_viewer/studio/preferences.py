@@ -116,7 +116,7 @@ class Preferences:
         self.save()
 
     def set_colours(self, theme: str = "", colours: str = "") -> None:
-        """Changes the theme or the palette immediately; an empty argument keeps the current one."""
+        """Changes the theme or the palette immediately. An empty argument keeps the current value."""
         use_theme(theme or self.theme, colours or self.colours)
         self.theme, self.colours = get_theme()
         self.save()

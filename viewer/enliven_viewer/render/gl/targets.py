@@ -116,7 +116,7 @@ def flip_rows(raw: UInt8) -> UInt8:
 
 
 def _limit_samples(ctx: moderngl.Context, wanted: int) -> int:
-    """Returns the largest supported number of samples up to ``wanted``; 0 for none."""
+    """Returns the largest supported number of samples up to ``wanted``, or 0 for none."""
     limit = min(wanted, int(ctx.info.get("GL_MAX_SAMPLES", 0) or ctx.max_samples))
     return 0 if limit < 2 else 1 << (limit.bit_length() - 1)
 

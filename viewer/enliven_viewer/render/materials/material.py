@@ -123,7 +123,7 @@ def _read_map(value: dict[str, Any], name: str) -> Map | None:
 
 
 def _read_table(value: dict[str, Any], name: str) -> dict[str, Any]:
-    """Returns a nested JSON object; empty if the value is something else."""
+    """Returns a nested JSON object, or an empty result if the value is something else."""
     inner = value.get(name)
     return inner if isinstance(inner, dict) else {}
 

@@ -149,7 +149,7 @@ def _unfold_mirrored(pixels: UInt8, sampler: dict[str, object]) -> UInt8:
 
 
 def _decode_pixels(source: Texture, max_side: int) -> UInt8:
-    """Returns (H, W, 4): a decoded texture with limited sides; white if it cannot be read."""
+    """Returns (H, W, 4): a decoded texture with limited sides, or white if it cannot be read."""
     try:
         with open_picture(np.asarray(source.image, np.uint8).tobytes()) as picture:
             if picture.width * picture.height > _MAX_IMAGE_PIXELS:

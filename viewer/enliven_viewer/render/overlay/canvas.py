@@ -14,7 +14,7 @@ from enliven_viewer.theme import FONT, Colour
 
 
 class Pen:
-    """A pen for an ImGui draw list; positions are pixels from an origin.
+    """A pen for an ImGui draw list. Positions are pixels from an origin.
 
     Args:
         draw: the draw list.
@@ -74,7 +74,7 @@ class Pen:
 
 
 class Canvas(Pen):
-    """An ImGui context for one OpenGL context; positions are pixels from the image's top left.
+    """An ImGui context for one OpenGL context. Positions are pixels from the image's top left.
 
     Shapes and text are added inside :meth:`over`, which draws them when it ends.
     """

@@ -38,7 +38,7 @@ class PaletteSearch:
             self.typed, self.highlighted, self._matches = typed, 0, None
 
     def move_highlight(self, count: int) -> None:
-        """Moves the highlight down by `count`, or up if negative; wraps around."""
+        """Moves the highlight down by `count`, or up if negative. It wraps around."""
         self.highlighted = (self.highlighted + count) % max(len(self.matches), 1)
 
     def highlighted_action(self) -> Action | None:

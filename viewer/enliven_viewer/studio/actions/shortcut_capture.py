@@ -21,7 +21,7 @@ class ShortcutCapture:
     key: str = ""
 
     def begin(self, action: str) -> None:
-        """Starts waiting for the shortcut of an action; an empty id cancels."""
+        """Starts waiting for the shortcut of an action. An empty id cancels."""
         self.action, self.key = action, ""
 
     def press(self, table: ActionTable, key: str) -> None:

@@ -76,7 +76,7 @@ class ActionTable:
 
     @property
     def menus(self) -> dict[str, list[Action]]:
-        """Returns the actions of each menu, in the order of the menu bar; Help is last."""
+        """Returns the actions of each menu, in the order of the menu bar. Help is last."""
         names = dict.fromkeys(action.menu for action in self)
         order = [name for name in names if name != _LAST_MENU] + [_LAST_MENU] * (_LAST_MENU in names)
         return {name: [action for action in self if action.menu == name] for name in order}
@@ -115,7 +115,9 @@ class ActionTable:
         return self._preferences.keys.get(action.id, action.keys)
 
     def format_shortcut(self, action: Action) -> str:
-        """Returns the first shortcut of an action as displayed; empty for an action without a shortcut."""
+        """Returns the first shortcut of an action as displayed, or an empty text for an action without a
+        shortcut.
+        """
         return format_key(self.find_shortcuts(action)[0]) if self.find_shortcuts(action) else ""
 
     def find_by_shortcut(self, key: str, workspace: str = "") -> Action | None:

@@ -126,7 +126,7 @@ class App:
         return tool
 
     def find_panel(self, workspace: str, place: PanelPlace = "right") -> Panel | None:
-        """Returns the open panel of a workspace in a place; None if there is none."""
+        """Returns the open panel of a workspace in a place, or None if there is none."""
         panels = (panel for panel in self.panels if panel.place == place)
         panels = (panel for panel in panels if not panel.workspaces or workspace in panel.workspaces)
         return next((panel for panel in panels if panel.is_shown()), None)

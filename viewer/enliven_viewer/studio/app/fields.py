@@ -45,7 +45,7 @@ def draw_slider(
 
 
 def draw_switch(app: App, label: str, on: bool, change: Change, tip: str = "") -> None:
-    """Draws a checkbox; a click is one edit."""
+    """Draws a checkbox. A click makes one edit."""
     toggled, wanted = imgui.checkbox(f"{tr(label)}###{label}", on)
     app.remember(label)
     draw_tooltip(tip)
@@ -54,7 +54,7 @@ def draw_switch(app: App, label: str, on: bool, change: Change, tip: str = "") -
 
 
 def draw_name_field(app: App, key: str, name: str, rename: Callable[[str], object]) -> None:
-    """Draws an editable name; ``rename`` is called with a changed name."""
+    """Draws an editable name. ``rename`` is called with a changed name."""
     imgui.set_next_item_width(-1)
     flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
     typed, wanted = imgui.input_text(f"##{key}", name, flags)

@@ -197,6 +197,6 @@ def draw_note(text: str) -> None:
 
 
 def to_screen_pixels(width: float, height: float) -> tuple[int, int]:
-    """Returns the size in screen pixels for a size in logical pixels; at least 1."""
+    """Returns the size in screen pixels for a size in logical pixels. It is at least 1."""
     scale = imgui.get_io().display_framebuffer_scale.y
     return max(round(width * scale), 1), max(round(height * scale), 1)

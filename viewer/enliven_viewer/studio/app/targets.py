@@ -54,8 +54,8 @@ class DrawnWidgets:
             self.targets, self.is_user_scrolling = names, False
 
     def find(self, names: tuple[str, ...]) -> tuple[str, Rectangle] | None:
-        """Returns the name and rectangle of the first of several widgets that is on screen;
-        None if none is.
+        """Returns the name and rectangle of the first of several widgets that is on screen, or None if none
+        is.
         """
         for name in names:
             picture, rectangle = self._rectangles.get(name, (-_STALE_FRAMES - 1, (0.0, 0.0, 0.0, 0.0)))

@@ -55,7 +55,7 @@ class TimeScale:
         return LABEL_WIDTH + self.track_width * (time - self.start) / self.visible_s
 
     def time(self, x: float) -> float:
-        """Returns the time of an x coordinate, in seconds; extrapolates outside the track."""
+        """Returns the time of an x coordinate, in seconds. It is extrapolated outside the track."""
         return self.start + (x - LABEL_WIDTH) / self.track_width * self.visible_s
 
     def ticks(self) -> tuple[tuple[float, bool], ...]:

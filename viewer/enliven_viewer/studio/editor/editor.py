@@ -201,7 +201,7 @@ class Editor:
         )
 
     def go_to(self, step: int) -> None:
-        """Shows the project after a step of the history; step 0 is the state when it was opened."""
+        """Shows the project after a step of the history. Step 0 is its state when it was opened."""
         self.draft = None
         self.history.go(step)
         self._clean_selection()
@@ -215,7 +215,7 @@ class Editor:
         self.selection = Selection(character, handle)
 
     def choose_all(self, *characters: str) -> None:
-        """Selects these characters; the last one is the active one."""
+        """Selects these characters. The last one is active."""
         self.selection = Selection.from_ids(*characters)
 
     def toggle(self, character: str) -> None:
@@ -322,7 +322,7 @@ class Editor:
         return find_bounds([character.extent for character in chosen or visible])
 
     def measure_bounds(self) -> Box | None:
-        """Returns the bounding box of all visible and live characters; None if there are none."""
+        """Returns the bounding box of all visible and live characters, or None if there are none."""
         points = [
             find_visible_points(character.handles, character.vertices)
             for character in self.visible_characters

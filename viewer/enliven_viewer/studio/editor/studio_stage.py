@@ -23,7 +23,7 @@ class ShownState(Protocol):
 
 
 class StudioStage:
-    """All characters of an editor's project; cached while nothing changes.
+    """All characters of an editor's project. They are cached while nothing changes.
 
     Args:
         editor: the editor with the project and the time.

@@ -54,7 +54,7 @@ class CoverageCache:
         self._suggestions: dict[tuple[object, ...], tuple[Clip, SuggestedPoses | None, Float]] = {}
 
     def find_coverage(self, project: Project, puppet: Puppet, take: str) -> TakeCoverage | None:
-        """Returns the coverage of a take by the puppet's examples; None if the performer never moves."""
+        """Returns the coverage of a take by the puppet's examples, or None if the performer never moves."""
         clip = project.takes[take]
         shown = tuple(project.takes[pose.take] for pose in puppet.poses)
         marks = tuple((pose.take, pose.time) for pose in puppet.poses)
@@ -118,7 +118,7 @@ class CoverageCache:
 
 
 def _choose_joints(puppet: Puppet, clip: Clip) -> tuple[str, ...]:
-    """Returns the paired joints that the clip has; all of the clip's joints if there are none."""
+    """Returns the paired joints that the clip has, or all of the clip's joints if there are none."""
     names = set(clip.skeleton.names)
     paired = tuple(dict.fromkeys(point.joint for point in puppet.points if point.joint in names))
     return paired or clip.skeleton.names

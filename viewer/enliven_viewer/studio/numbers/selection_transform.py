@@ -71,7 +71,7 @@ class SelectionTransform:
 
     @property
     def height(self) -> float | None:
-        """Returns the height of the selection in metres; None without a selection."""
+        """Returns the height of the selection in metres, or None without a selection."""
         box = self.box
         return None if box is None else float(box[1][1] - box[0][1])
 

@@ -1,4 +1,4 @@
-"""The list of all history steps; a click goes to a step."""
+"""Draws the list of all history steps. A click goes to a step."""
 
 from __future__ import annotations
 

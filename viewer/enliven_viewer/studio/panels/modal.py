@@ -19,7 +19,7 @@ _MARGIN = 24.0
 
 @contextmanager
 def open_modal(title: str, width: float, height: float = 0.0, flags: int = 0) -> Iterator[bool]:
-    """Opens a centred dialogue with a size in pixels; 0 fits the contents. Yields True if it is drawn."""
+    """Opens a centred dialogue with a size in pixels. 0 fits the contents. Yields True if it is drawn."""
     title = f"{tr(title)}###{title}"
     imgui.open_popup(title)
     view = imgui.get_main_viewport()

@@ -49,7 +49,7 @@ def split_side(side: Area) -> tuple[Area, Area]:
 
 
 def draw_source(workspace: Workspace, tool: MapTool, area: Area, viewport: Area, texture: int | None) -> None:
-    """Draws the source view; ``texture`` is the rendered take."""
+    """Draws the source view. ``texture`` is the OpenGL name of the rendered take."""
     with open_panel("source", area, imgui.WindowFlags_.no_scrollbar):
         draw_heading("Source")
         _draw_takes(workspace, tool)

@@ -45,7 +45,9 @@ class PerformAction:
         return "perform." + re.sub(r"[^a-z]+", "_", self.label.lower()).strip("_")
 
     def lacks(self, session: PerformSession) -> str:
-        """Returns the reason why the action is unavailable now, with advice; empty if it is available."""
+        """Returns the reason why the action is unavailable now, with advice, or an empty text if it is
+        available.
+        """
         return (NO_STAGE if self.live and session.live is None else "") or self.why_not(session)
 
 

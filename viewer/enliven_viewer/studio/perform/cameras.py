@@ -88,7 +88,7 @@ class CameraSearch:
 
     @property
     def tested_camera(self) -> Camera | None:
-        """Returns the camera that is being tested; None if no test is running."""
+        """Returns the camera that is being tested, or None if no test is running."""
         return None if self._search_process is None else self._search_process[2]
 
     def begin(self) -> None:

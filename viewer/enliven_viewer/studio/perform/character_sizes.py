@@ -42,7 +42,7 @@ class CharacterSizes:
 
     @property
     def scaled_character(self) -> str | None:
-        """Returns the character that a performer is scaling with the hands; None if there is none."""
+        """Returns the character that a performer is scaling with the hands, or None if there is none."""
         return next((name for name, message in self._edge_sizes.items() if message.body >= 0), None)
 
     def find_size(self, name: str) -> float:
@@ -88,7 +88,9 @@ class CharacterSizes:
             ask(Resize("set", name))
 
     def lacks_size(self, name: str | None) -> str:
-        """Returns the reason why the size cannot be reset, with advice; empty if it can be reset."""
+        """Returns the reason why the size cannot be reset, with advice, or an empty text if it
+        can be reset.
+        """
         if (
             name is not None
             and max(abs(self.find_size(name) - 1.0), abs(self.wanted_size(name) - 1.0)) > _SIZE_TOLERANCE

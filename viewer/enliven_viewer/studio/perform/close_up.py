@@ -73,7 +73,7 @@ class CloseUp:
             self._go_to(box)
 
     def lens(self, width: float, height: float) -> Lens | None:
-        """Returns the side view of the limb for an image of ``width`` x ``height`` pixels; None without a
+        """Returns the side view of the limb for an image of ``width`` x ``height`` pixels, or None without a
         limb.
         """
         if self.box is None:
@@ -132,7 +132,7 @@ def find_pending_limb_box(scene: Scene, character_id: str | None = None) -> Box 
 
 
 def _find_limb(scene: Scene, actor: SceneCharacter) -> Float | None:
-    """Returns the bones of the shown match, or the previewed nodes, (N, 3) in metres; None without a match
+    """Returns the bones of the shown match, or the previewed nodes, (N, 3) in metres, or None without a match
     and a preview.
     """
     board, cues = scene.boards.get(actor.character.id), actor.cues

@@ -42,7 +42,7 @@ class LocalEdge:
 
     @property
     def ended(self) -> str | None:
-        """Returns the last line of the edge's output if the edge has ended, as the reason; None while it
+        """Returns the last line of the edge's output if the edge has ended, as the reason, or None while it
         runs.
         """
         if self._process.poll() is None:
@@ -64,5 +64,5 @@ class LocalEdge:
 
 
 def start_replay(recording: Path | None) -> LocalEdge:
-    """Returns an edge that plays a recording in a loop; by default the bundled one."""
+    """Returns an edge that plays a recording in a loop, by default the bundled recording."""
     return LocalEdge("--loop", *(("--recording", str(recording)) if recording else ()))

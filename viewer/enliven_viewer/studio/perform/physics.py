@@ -39,7 +39,7 @@ class StagePhysics:
 
     @property
     def state(self) -> PhysicsMessage | None:
-        """Returns the state of the physics; None before the edge has sent it."""
+        """Returns the state of the physics, or None before the edge has sent it."""
         return self._state.message
 
     @property

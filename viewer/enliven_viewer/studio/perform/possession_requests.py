@@ -45,7 +45,7 @@ class FollowedStage(Protocol):
 
     @property
     def client(self) -> EdgeClient | None:
-        """Returns the client of the edge; None if there is none."""
+        """Returns the client of the edge, or None if there is none."""
 
     @property
     def stage_ids(self) -> tuple[str, ...]:
@@ -56,7 +56,7 @@ class FollowedStage(Protocol):
         """Returns the ids of the performers in view."""
 
     def lacks_edge(self) -> str:
-        """Returns the reason why no edge can be used; empty if one can be used."""
+        """Returns the reason why no edge can be used, or an empty text if one can be used."""
 
 
 @dataclass
@@ -142,7 +142,9 @@ class PossessionRequests:
             self._send_request(press)
 
     def _find_refusal(self, press: _PendingPress) -> str:
-        """Returns the reason why the press can never be executed; empty if it may still be executed."""
+        """Returns the reason why the press can never be executed, or an empty text if it may still be
+        executed.
+        """
         stage, live = self._stage, self._stage.live
         if live is None:
             return stage.lacks_edge()
@@ -172,7 +174,7 @@ class PossessionRequests:
         return "" if stage.stage_ids or is_coming else nothing
 
     def _describe_missing(self, press: _PendingPress) -> str:
-        """Returns a text about the missing condition; empty if all are met."""
+        """Returns a text about the missing condition, or an empty text if all are met."""
         stage, live = self._stage, self._stage.live
         if live is None or stage.client is None:
             return ""

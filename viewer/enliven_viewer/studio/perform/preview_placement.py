@@ -164,7 +164,7 @@ class PreviewPlacement:
 
 
 def find_rectangle(pixels: Float) -> Rectangle | None:
-    """Returns the bounding rectangle of pixels (N, 2); None if one is behind the camera."""
+    """Returns the bounding rectangle of pixels (N, 2), or None if one is behind the camera."""
     if not len(pixels) or not np.isfinite(pixels).all():
         return None
     low, high = pixels.min(0), pixels.max(0)

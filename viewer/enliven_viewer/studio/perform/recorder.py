@@ -89,7 +89,7 @@ class LiveRecorder:
         return kept
 
     def copy_unfinished(self) -> PerformedMotion | None:
-        """Returns a copy of the unfinished recording, which continues; None without a recording."""
+        """Returns a copy of the unfinished recording, which continues, or None without a recording."""
         if self._recording is None:
             return None
         kept = self._recording

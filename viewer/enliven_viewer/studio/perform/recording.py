@@ -113,7 +113,7 @@ class StageRecording:
 
     @property
     def beat(self) -> int:
-        """Returns the current beat of the count-in: 3, 2, 1; 0 if no count-in is running."""
+        """Returns the current beat of the count-in: 3, 2, 1, or 0 if no count-in is running."""
         return int(self._count_in_left_s) + 1 if self.phase == "counting" else 0
 
     @property
@@ -144,7 +144,7 @@ class StageRecording:
             self.phase, self._count_in_left_s = "counting", _COUNT_IN_S if self.count_in else 0.0
 
     def record_again(self, *, keeps_last: bool = False) -> None:
-        """Starts again where the recording began. A running recording is dropped; a finished one is undone.
+        """Starts again where the recording began. Drops a running recording, and undoes a finished recording.
 
         Args:
             keeps_last: True to keep the finished recording, muted, as an alternative take of the new
@@ -169,7 +169,7 @@ class StageRecording:
 
     @property
     def last_recording(self) -> str:
-        """Returns the name of the recording if it was the last edit; otherwise empty."""
+        """Returns the name of the recording if it was the last edit, otherwise an empty text."""
         name = self.editor.history.undo_name or ""
         return name.removeprefix(_RECORD_PREFIX) if name.startswith(_RECORD_PREFIX) else ""
 
@@ -224,7 +224,8 @@ class StageRecording:
             editor.playing, self._new_take = True, shown_names[-1]
 
     def make_unfinished_edit(self) -> Callable[[Project], Project] | None:
-        """Returns the edit that stores the unfinished recording, which continues; None without a recording.
+        """Returns the edit that stores the unfinished recording, which continues, or None without a
+        recording.
 
         The edit has its own copy of the recording, so it may run in another thread.
         """

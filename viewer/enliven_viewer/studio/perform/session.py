@@ -161,7 +161,7 @@ class PerformSession:
         self.secondary_edges.remove(guest)
 
     def connect_local(self, *words: str) -> None:
-        """Starts an edge on this machine and follows it; ``words`` are its command line arguments.
+        """Starts an edge on this machine and follows it. ``words`` are its command line arguments.
 
         Raises:
             ResourceError: if the edge's program is not installed.
@@ -225,17 +225,17 @@ class PerformSession:
 
     @property
     def client(self) -> EdgeClient | None:
-        """Returns the client of the edge; None without an edge, and while a take is played."""
+        """Returns the client of the edge, or None without an edge, and while a take is played."""
         return self._client
 
     @property
     def camera(self) -> CameraMessage | None:
-        """Returns the pose and the image of the edge's camera; None if the edge does not send them."""
+        """Returns the pose and the image of the edge's camera, or None if the edge does not send them."""
         return None if self._client is None else get_camera(self._client)
 
     @property
     def stage(self) -> StageLink | None:
-        """Returns the stage of the edge; None without an edge."""
+        """Returns the stage of the edge, or None without an edge."""
         return None if self._client is None else self._client.stage
 
     @property
@@ -281,7 +281,7 @@ class PerformSession:
 
     @property
     def target(self) -> str | None:
-        """Returns the selected character, to which orders apply; None if it is not on the stage."""
+        """Returns the selected character, to which orders apply, or None if it is not on the stage."""
         chosen = self.editor.selection.character or self.stage_selection
         return chosen if chosen in self.stage_ids else None
 
@@ -366,7 +366,9 @@ class PerformSession:
     # Characters on the stage ------------------------------------------------------------------------------
 
     def lacks_edge(self) -> str:
-        """Returns why no edge can be used, with advice; empty if an edge can be used."""
+        """Returns the reason why no edge can be used, with advice, or an empty text if an edge
+        can be used.
+        """
         if self.connected:
             return ""
         if self.live is not None and self.live.is_local and not len(self.live.document.timeline):
@@ -374,22 +376,28 @@ class PerformSession:
         return "The stage is silent. Check that its camera's program runs"
 
     def lacks_voice(self) -> str:
-        """Returns why the microphone cannot be switched, with advice; empty if it can."""
+        """Returns the reason why the microphone cannot be switched, with advice, or an empty
+        text if it can.
+        """
         return self.lacks_edge() or (self.voice.status if self.voice.state is None else "")
 
     def lacks_physics(self) -> str:
-        """Returns why the physics cannot be switched, with advice; empty if they can."""
+        """Returns the reason why the physics cannot be switched, with advice, or an empty text
+        if they can.
+        """
         return self.lacks_edge() or (self.physics.words if self.physics.state is None else "")
 
     def lacks_recording(self) -> str:
-        """Returns why no alternative of the last recording can be recorded, with advice; empty if this is
-        possible.
+        """Returns the reason why no alternative of the last recording can be recorded, with advice, or an empty text if
+        this is possible.
         """
         last = self.recording.last_recording or self.recording.phase == "recording"
         return self.lacks_edge() or ("" if last else "Nothing was recorded yet. Record first")
 
     def lacks_to_put(self) -> str:
-        """Returns why the selected character cannot be put on the stage, with advice; empty if it can."""
+        """Returns the reason why the selected character cannot be put on the stage, with advice, or an empty text if it
+        can.
+        """
         character = self.editor.find_selected()
         if character is None:
             return self.lacks_edge() or "Nothing is chosen. Click the character that you want to perform"
@@ -397,7 +405,9 @@ class PerformSession:
         return self.lacks_edge() or no_surface_text
 
     def lacks_to_take_off(self) -> str:
-        """Returns why the selected character cannot leave the stage, with advice; empty if it can."""
+        """Returns the reason why the selected character cannot leave the stage, with advice, or an empty
+        text if it can.
+        """
         is_on_stage = self.editor.selection.character in self.stage_ids
         return self.lacks_edge() or ("" if is_on_stage else "It is not on the stage. Choose one that is")
 
@@ -433,7 +443,7 @@ class PerformSession:
             self.sender.remove(self.stage, name or self.editor.selection.character or "")
 
     def _check_availability(self, lacking: str) -> bool:
-        """Returns True if ``lacking`` is empty; otherwise shows it as a message."""
+        """Returns True if ``lacking`` is empty. Otherwise shows it as a message."""
         if lacking:
             self.editor.toasts.say(*tr(lacking).split(". "))
         return not lacking

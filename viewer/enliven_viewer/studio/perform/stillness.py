@@ -48,8 +48,8 @@ class Stillness:
             self.since_ns = frame.time_ns
 
     def seconds(self, now_ns: int) -> float:
-        """Returns the seconds for which all performers have held still since the last movement; 0 before the
-        first movement.
+        """Returns the seconds for which all performers have held still since the last movement, or 0 before
+        the first movement.
         """
         if self.since_ns is None or not self._has_moved:
             return 0.0

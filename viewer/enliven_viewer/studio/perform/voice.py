@@ -57,7 +57,7 @@ class StageVoice:
 
     @property
     def state(self) -> VoiceMessage | None:
-        """Returns the state of the microphone; None before the edge has sent it."""
+        """Returns the state of the microphone, or None before the edge has sent it."""
         return self._state.message
 
     @property
@@ -72,7 +72,7 @@ class StageVoice:
 
     @property
     def words(self) -> str:
-        """Returns the words recognised in the last seconds; empty if there are none."""
+        """Returns the words recognised in the last seconds, or an empty text if there are none."""
         heard = self._heard
         if heard is None or time.monotonic() > self._heard_until:
             return ""

@@ -41,7 +41,7 @@ class KeyPoses(PuppetSelection):
 
     @property
     def number(self) -> int | None:
-        """Returns the number of the edited key pose; None while the puppet plays."""
+        """Returns the number of the edited key pose, or None while the puppet plays."""
         puppet = self.puppet
         if self._edited_pose is None or puppet is None or self._edited_pose[0] != puppet.id:
             return None

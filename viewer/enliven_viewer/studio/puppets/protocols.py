@@ -54,7 +54,7 @@ class PoseEditState(Protocol):
 
     @property
     def number(self) -> int | None:
-        """Returns the number of the key pose; None while the puppet plays."""
+        """Returns the number of the key pose, or None while the puppet plays."""
 
     @property
     def previous(self) -> KeyPose | None:
@@ -62,7 +62,7 @@ class PoseEditState(Protocol):
 
     @property
     def places(self) -> Float | None:
-        """Returns the control points (P, 3) in metres of the mesh's frame; None while the puppet plays."""
+        """Returns the control points (P, 3) in metres of the mesh's frame, or None while the puppet plays."""
 
     @property
     def is_dragging(self) -> bool:

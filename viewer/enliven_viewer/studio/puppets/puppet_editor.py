@@ -192,7 +192,7 @@ class PuppetEditor(KeyPoses):
         return self.editor.edit("pose", lambda p: change_key_pose(p, puppet.id, pose_number, places=places))
 
     def _find_moment(self, puppet: Puppet) -> tuple[str, float] | None:
-        """Returns the shown take and the time in it; None if no take is shown."""
+        """Returns the shown take and the time in it, or None if no take is shown."""
         takes, moment = self.editor.project.takes, self.moment
         if moment is None and puppet.layers:
             layer = puppet.layers[0]

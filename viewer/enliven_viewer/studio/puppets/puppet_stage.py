@@ -75,7 +75,7 @@ class StagePuppet(StageCharacter):
 
 
 class PuppetStage:
-    """All puppets of an editor's project in their current poses; cached while nothing changes."""
+    """All puppets of an editor's project in their current poses. They are cached while nothing changes."""
 
     def __init__(self, editor: EditorProtocol, posing: PoseEditState) -> None:
         self.editor, self.posing = editor, posing
@@ -87,8 +87,8 @@ class PuppetStage:
 
     @property
     def ghost(self) -> StagePuppet | None:
-        """Returns the puppet in the previous key pose; None without a previous key pose, or while it is being
-        solved.
+        """Returns the puppet in the previous key pose, or None without a previous key pose, or while it is
+        being solved.
         """
         posing, puppet = self.posing, self.posing.puppet
         pose, now = posing.previous, self.find(puppet.id) if puppet is not None else None
@@ -127,7 +127,7 @@ class PuppetStage:
         return self._cache[1]
 
     def find(self, puppet_id: str) -> StagePuppet | None:
-        """Returns one of the puppets; None for an unknown id."""
+        """Returns one of the puppets, or None for an unknown id."""
         return next((s for s in self.puppets if s.id == puppet_id), None)
 
     def stage_puppet(self, puppet: RigBase) -> StagePuppet:

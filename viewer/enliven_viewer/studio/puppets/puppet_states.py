@@ -18,7 +18,7 @@ def make_rest_state(puppet: Puppet) -> State:
 
 
 def find_playback_state(editor: EditorProtocol, puppet: Puppet) -> tuple[Puppet, State]:
-    """Returns the puppet and its state at the editor's time; the rest state if it cannot move yet.
+    """Returns the puppet and its state at the editor's time, or its rest state if it cannot move yet.
 
     While the newest motion is being solved, the previously solved version of the puppet is returned.
     """

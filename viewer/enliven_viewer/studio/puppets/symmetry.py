@@ -14,7 +14,7 @@ _MIRROR_TOLERANCE = 0.05
 
 
 def find_plane(puppet: Puppet) -> Plane | None:
-    """Returns the plane of symmetry of the puppet, otherwise that of its mesh; None if there is none."""
+    """Returns the plane of symmetry of the puppet, otherwise that of its mesh, or None if there is none."""
     return puppet.symmetry if puppet.symmetry is not None else find_mesh_plane(puppet.mesh)
 
 

@@ -141,7 +141,7 @@ def _find_other_triangles(mesh: Mesh, leg: Int, pixels: Float) -> Float:
 
 
 def _make_stroke(heights: Float | Float32, pixels: Float, fraction: float) -> Stroke | None:
-    """Returns the ends of a stroke perpendicular to a leg; None if the leg is seen end-on.
+    """Returns the ends of a stroke perpendicular to a leg, or None if the leg is seen end-on.
 
     Args:
         heights: (N,) rest heights of the leg's vertices in metres.

@@ -89,7 +89,7 @@ class Demonstration:
         self._end()
 
     def _find_path_start(self, target: Target) -> Point | None:
-        """Returns the start of the path, in the window's pixels; None without a path."""
+        """Returns the start of the path, in the window's pixels, or None without a path."""
         if not target.path:
             return None
         return target.path[0][0] + self._origin[0], target.path[0][1] + self._origin[1]

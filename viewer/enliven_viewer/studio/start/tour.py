@@ -60,12 +60,12 @@ class Tour:
 
     @property
     def step(self) -> TourStep | None:
-        """Returns the current step; None once all are done."""
+        """Returns the current step, or None once all are done."""
         return TOUR_STEPS[self.number] if self.number < len(TOUR_STEPS) else None
 
     @property
     def part(self) -> TourPart | None:
-        """Returns the current part of the step; None once the step or the tour is done."""
+        """Returns the current part of the step, or None once the step or the tour is done."""
         step = self.step
         return (
             None if step is None or self.done_display_s > 0.0 else step.part(self._state, self._counts_before)
@@ -78,7 +78,7 @@ class Tour:
 
     @property
     def text(self) -> str:
-        """Returns the current instruction; empty while a tick is shown."""
+        """Returns the current instruction, or an empty text while a tick is shown."""
         if self.step is None:
             return ENDING[1]
         part = self.part
@@ -95,7 +95,7 @@ class Tour:
         return self.is_demonstrating or self.done_display_s > 0.0
 
     def outline(self, origin: Point) -> Rectangle | None:
-        """Returns the bounding box of the target, in the window's pixels; None if it is not visible.
+        """Returns the bounding box of the target, in the window's pixels, or None if it is not visible.
 
         Args:
             origin: the top left corner of the image, in the window's pixels.

@@ -139,7 +139,7 @@ class TourState:
 
     @property
     def chair(self) -> GraphShape | None:
-        """Returns the chair of the tour: the possessed chair, otherwise the largest chair; None without a
+        """Returns the chair of the tour: the possessed chair, otherwise the largest chair, or None without a
         chair.
         """
         held = self._held_characters()
@@ -148,7 +148,7 @@ class TourState:
 
     @property
     def piece(self) -> GraphShape | None:
-        """Returns the smallest part that was cut off the chair; None if there is none."""
+        """Returns the smallest part that was cut off the chair, or None if there is none."""
         pieces = [chair for chair in self.chairs if chair is not self.chair]
         return min(pieces, key=_measure_size) if pieces else None
 
@@ -187,7 +187,7 @@ class TourState:
 
     @property
     def recorded_s(self) -> float:
-        """Returns the length of the running recording in seconds; 0 if no recording is running."""
+        """Returns the length of the running recording in seconds, or 0 if no recording is running."""
         recording = self.workspace.perform.recording
         return recording.seconds if recording.phase == "recording" else 0.0
 
@@ -198,7 +198,7 @@ class TourState:
 
     @property
     def extent(self) -> Float | Float32 | None:
-        """Returns points (N, 3) in metres on the shown chair, which is live or played back; None without a
+        """Returns points (N, 3) in metres on the shown chair, which is live or played back, or None without a
         chair.
         """
         chair, perform = self.chair, self.workspace.perform

@@ -68,7 +68,7 @@ class TourStep:
     begin: Callable[[TourState], object] = _do_nothing
 
     def part(self, toured: TourState, before: TourCounts) -> TourPart | None:
-        """Returns the first part that is not done; None once the step is done."""
+        """Returns the first part that is not done, or None once the step is done."""
         if self.parts[-1].is_done(toured, before):
             return None
         return next(part for part in self.parts if not part.is_done(toured, before))

@@ -80,7 +80,7 @@ class Tool:
 
     @property
     def warning(self) -> str:
-        """Returns a one-line warning about the current work; empty if there is none."""
+        """Returns a one-line warning about the current work, or an empty text if there is none."""
         return ""
 
     def hover(self, pointer: Pointer) -> None:

@@ -151,7 +151,7 @@ class LimbEndsTool(Tool):
         return self.editor.lens.project(self.editor.stage_character(character).vertices[vertices])[0]
 
     def _suggest_ends(self, mesh: Mesh) -> Int:
-        """Returns the detected vertices (5,) at the limb ends; empty while the search runs."""
+        """Returns the detected vertices (5,) at the limb ends, or an empty result while the search runs."""
         if self._mesh is not mesh:
             self._mesh = mesh
             self._threads = self._threads or ThreadPoolExecutor(1, "suggested ends")

@@ -11,7 +11,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Line:
-    """A polyline; ``closed`` joins its last point to its first."""
+    """A polyline. ``closed`` joins its last point to its first."""
 
     points: tuple[Point, ...]
     colour: Colour

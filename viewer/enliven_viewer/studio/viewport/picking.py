@@ -183,7 +183,7 @@ def _correct_perspective(fraction: float, near: float, far: float) -> float:
 
 
 def _find_crossing(a: Float, b: Float, c: Float, d: Float) -> float | None:
-    """Returns the parameter on the segment a-b at which it crosses the segment c-d; None if they do not
+    """Returns the parameter on the segment a-b at which it crosses the segment c-d, or None if they do not
     cross. All points are (2,).
     """
     first, second = b - a, d - c

@@ -46,7 +46,7 @@ class StageCharacter:
 
     @cached_property
     def vertices(self) -> Float:
-        """Returns the vertices (V, 3) in metres of the world; empty without a surface."""
+        """Returns the vertices (V, 3) in metres of the world, or an empty result without a surface."""
         return np.zeros((0, 3)) if self.drawn is None else skin_vertices(self.drawn, self.pose).astype(float)
 
     @property
@@ -60,8 +60,8 @@ class StageCharacter:
 
     @cached_property
     def bones(self) -> tuple[tuple[int, int], ...]:
-        """Returns the numbers of the handles at both ends of each bone, the parent first; empty without
-        bones.
+        """Returns the numbers of the handles at both ends of each bone, the parent first, or an empty result
+        without bones.
         """
         parents = () if self.has_own_tool else enumerate(self.character.parents)
         return tuple((int(parent), handle) for handle, parent in parents if parent >= 0)

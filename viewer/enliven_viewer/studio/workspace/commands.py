@@ -215,37 +215,43 @@ class Commands:
             self.editor.choose_all(*copy_ids)
 
     def lacks_character(self) -> str:
-        """Returns why a command on a character is unavailable; empty if it is available."""
+        """Returns the reason why a command on a character is unavailable, or an empty text if it is
+        available.
+        """
         return "" if self._selected_names else "Nothing is chosen. Click a shape first."
 
     def lacks_playing(self) -> str:
-        """Returns why a command on the motion of the selection is unavailable; empty if it is available."""
+        """Returns the reason why a command on the motion of the selection is unavailable, or an empty text if it is
+        available.
+        """
         moves = any(character.playing for character in self.editor.selected_characters)
         return self.lacks_character() or ("" if moves else "It has no motion. Map a take onto it first.")
 
     def lacks_shape(self) -> str:
-        """Returns why a command on a shape with bones is unavailable; empty if it is available."""
+        """Returns the reason why a command on a shape with bones is unavailable, or an empty text if it is
+        available.
+        """
         return "" if self.editor.find_selected(Shape) else "No shape with bones is chosen. Click one first."
 
     def lacks_copied(self) -> str:
-        """Returns why pasting a character is unavailable; empty if it is available."""
+        """Returns the reason why pasting a character is unavailable, or an empty text if it is available."""
         return "" if self._copied else "Nothing was copied. Choose something and press Ctrl+C first."
 
     def lacks_limb(self) -> str:
-        """Returns why a command on a limb is unavailable; empty if it is available."""
+        """Returns the reason why a command on a limb is unavailable, or an empty text if it is available."""
         return "" if self._find_limb() else "No limb is chosen. Click a node of the limb that moves."
 
     def lacks_foot(self) -> str:
-        """Returns why pinning a foot is unavailable; empty if it is available."""
+        """Returns the reason why pinning a foot is unavailable, or an empty text if it is available."""
         chosen = self.editor.find_selected(Shape) and self.editor.selection.handle is not None
         return "" if chosen else "No foot is chosen. Click the node of an ankle first."
 
     def lacks_undo(self) -> str:
-        """Returns why undo is unavailable; empty if it is available."""
+        """Returns the reason why undo is unavailable, or an empty text if it is available."""
         return "" if self.editor.history.undo_name else "Nothing is left to undo."
 
     def lacks_redo(self) -> str:
-        """Returns why redo is unavailable; empty if it is available."""
+        """Returns the reason why redo is unavailable, or an empty text if it is available."""
         return "" if self.editor.history.redo_name else "Nothing is left to redo."
 
     @property

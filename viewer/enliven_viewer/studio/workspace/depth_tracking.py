@@ -105,7 +105,7 @@ class DepthTracking:
                 self._editor.toasts.complain(InputError(error.what, where=name, remedy=remedy))
 
     def cancel(self) -> None:
-        """Stops the tracker; nothing is added to the project."""
+        """Stops the tracker without a change of the project."""
         child, folder = self._process, self._folder
         if child is None or folder is None:
             return

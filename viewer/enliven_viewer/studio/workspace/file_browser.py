@@ -64,7 +64,7 @@ def _list_removable_drives() -> list[tuple[str, Path]]:
 
 
 def _list_entries(folder: Path) -> list[Path]:
-    """Returns the entries of a folder; none if it cannot be read."""
+    """Returns the entries of a folder, or an empty list if it cannot be read."""
     try:
         return sorted(folder.iterdir())
     except OSError:
@@ -190,7 +190,9 @@ class FileBrowser:
         return path
 
     def _list_folder(self) -> list[Path]:
-        """Returns the entries of the folder, sorted by name; none if the folder cannot be read."""
+        """Returns the entries of the folder, sorted by name, or an empty list if the folder
+        cannot be read.
+        """
         self.problem = ""
         try:
             entries = [path for path in self.folder.iterdir() if not path.name.startswith(".")]
@@ -201,7 +203,9 @@ class FileBrowser:
 
 
 def _read_status(path: Path) -> tuple[int, float]:
-    """Returns the size in bytes and the time of the last change; zeros for a file that has been removed."""
+    """Returns the size in bytes and the time of the last change. Both are 0 for a file that has
+    been removed.
+    """
     try:
         status = os.stat(path)
     except OSError:

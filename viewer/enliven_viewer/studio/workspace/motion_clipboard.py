@@ -68,7 +68,7 @@ class MotionClipboard:
         self._begin(tr("Possessing {0} again", name), work, later("solve again {0}", name), shape)
 
     def lacks_copy(self) -> str:
-        """Returns the reason why copying motion is unavailable; empty if it is available."""
+        """Returns the reason why copying motion is unavailable, or an empty text if it is available."""
         if self._find_performed_mesh() is not None or find_selected_chain(self.editor):
             return ""
         return (
@@ -77,7 +77,7 @@ class MotionClipboard:
         )
 
     def lacks_paste(self) -> str:
-        """Returns why pasting motion is unavailable; empty if it is available."""
+        """Returns the reason why pasting motion is unavailable, or an empty text if it is available."""
         if self._performed is not None:
             return (
                 ""
@@ -90,7 +90,9 @@ class MotionClipboard:
         return "" if find_selected_chain(self.editor) else advice
 
     def lacks_possessed(self) -> str:
-        """Returns why solving a possession again is unavailable; empty if it is available."""
+        """Returns the reason why solving a possession again is unavailable, or an empty text if it is
+        available.
+        """
         chosen = self.editor.find_selected(GraphShape)
         return "" if chosen else "No possessed character is chosen. Click one first."
 

@@ -175,7 +175,7 @@ class ProjectStore:
         return solve_lost(read_project(self.path))
 
     def _copy_recording(self) -> Callable[[Project], Project] | None:
-        """Returns the edit that stores the unfinished recording; None without a recording."""
+        """Returns the edit that stores the unfinished recording, or None without a recording."""
         return None if self.recording is None else self.recording.make_unfinished_edit()
 
     def _refuse_changed(self, target: Path, data: bytes) -> None:

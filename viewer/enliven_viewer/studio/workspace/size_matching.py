@@ -46,8 +46,8 @@ class SizeMatching:
         return (selected_height, float(np.median(others))) if selected_height > 0.0 and others else None
 
     def lacks(self) -> str:
-        """Returns the reason why the selected character cannot be scaled to the others, with advice; empty if
-        it can.
+        """Returns the reason why the selected character cannot be scaled to the others, with advice, or an
+        empty text if it can.
         """
         heights = self.heights()
         if heights is None:

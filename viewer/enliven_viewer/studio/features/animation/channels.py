@@ -184,7 +184,7 @@ def find_layer(project: Project, subject: CurveSubject) -> LayerBase | None:
 
 
 def find_layer_number(project: Project, subject: CurveSubject) -> int | None:
-    """Returns the number of the layer of :func:`find_layer`; None if all layers are muted."""
+    """Returns the number of the layer of :func:`find_layer`, or None if all layers are muted."""
     character = project.characters.get(subject.character)
     playing = () if character is None else character.playing
     if subject.layer is not None and subject.layer < len(playing):

@@ -1,4 +1,4 @@
-"""The curve editor's panel above the timeline, on the same time axis; drawn with a draw list."""
+"""Draws the curve editor's panel above the timeline, on the same time axis."""
 
 from __future__ import annotations
 

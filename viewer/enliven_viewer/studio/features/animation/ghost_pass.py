@@ -55,7 +55,7 @@ class OnionSkin:
             array.render(moderngl.TRIANGLES)
 
     def _get_array(self, ghost: GhostBody) -> moderngl.VertexArray:
-        """Returns the ghost on the GPU; the same ghost is not uploaded again."""
+        """Returns the ghost on the GPU. The same ghost is not uploaded again."""
         if ghost.body not in self._arrays:
             rows = self.ctx.buffer(np.ascontiguousarray(ghost.body.rows).tobytes())
             faces = self.ctx.buffer(np.ascontiguousarray(ghost.body.faces, np.int32).tobytes())

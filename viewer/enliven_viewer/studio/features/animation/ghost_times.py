@@ -16,7 +16,8 @@ the character.
 def find_key_times(
     project: Project, character: RigBase, handle: int | None = None, layer: int | None = None
 ) -> tuple[float, ...]:
-    """Returns the times in the project at which a character plays its keys, in order; empty without keys.
+    """Returns the times in the project at which a character plays its keys, in order, or an empty result
+    without keys.
 
     The keys belong to the selected layer if there is one, otherwise to the selected bone or node, otherwise
     to the whole character. A puppet's keys are its examples.
@@ -44,7 +45,7 @@ def find_key_times(
 def _find_selected_keys(
     project: Project, character: RigBase, handle: int | None, layer: int | None
 ) -> LayerBase | None:
-    """Returns the layer of keys that belongs to the selection; None if it is muted."""
+    """Returns the layer of keys that belongs to the selection, or None if it is muted."""
     playing, number = character.playing, layer
     keyed = [
         k

@@ -49,7 +49,7 @@ class Ghosts:
             self._failed_requests.clear()
 
     def picture(self) -> GhostPicture | None:
-        """Returns the ghosts and trails that have already been computed; None while they are off.
+        """Returns the ghosts and trails that have already been computed, or None while they are off.
 
         Does not block.
         """

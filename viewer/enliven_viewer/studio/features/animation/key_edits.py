@@ -100,7 +100,7 @@ def clamp_value(project: Project, subject: CurveSubject, group: str, time: float
 
 
 def describe_clamping(project: Project, subject: CurveSubject, group: str, time: float, value: float) -> str:
-    """Returns a sentence for the user if a value was clamped to the playable range; otherwise
+    """Returns a sentence for the user if a value was clamped to the playable range, otherwise
     an empty text.
     """
     if group not in LAYER_KEY_ATTRIBUTES or not np.isfinite(value):

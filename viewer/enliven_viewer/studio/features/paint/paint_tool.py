@@ -90,7 +90,7 @@ class PaintTool(Tool):
         return tr("{0} Ctrl inverts the brush. The keys [ and ] change its size.", brush_hints[self.brush])
 
     def mirror(self, mesh: Mesh) -> Plane | None:
-        """Returns the symmetry plane of a mesh; None if it is not symmetric.
+        """Returns the symmetry plane of a mesh, or None if it is not symmetric.
 
         Cached by the identity of the vertex array.
         """
@@ -108,7 +108,7 @@ class PaintTool(Tool):
         self.editor.edit("clear the paint", lambda project: unpaint_character(project, name))
 
     def lacks_paint(self) -> str:
-        """Returns the reason why no paint can be cleared, with advice; empty if there is paint."""
+        """Returns the reason why no paint can be cleared, with advice, or an empty text if there is paint."""
         character = self.editor.find_selected()
         if character is None or character.mesh is None or character.mesh.stiffness is None:
             return "Nothing is painted on it. Paint with the brush of the tool Stiff or soft"
@@ -217,7 +217,7 @@ class PaintTool(Tool):
         return self.mirror(mesh) if self.both_sides else None
 
     def _choose_brush(self, pointer: Pointer) -> Brush:
-        """Returns the mode of a stroke; with Ctrl the opposite mode."""
+        """Returns the mode of a stroke. With Ctrl, it is the opposite mode."""
         opposite: dict[Brush, Brush] = {"softer": "stiffer", "stiffer": "softer", "erase": "erase"}
         return opposite[self.brush] if pointer.ctrl else self.brush
 

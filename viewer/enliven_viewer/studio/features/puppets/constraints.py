@@ -71,7 +71,7 @@ def draw_constraint_buttons(app: App, puppet: Puppet) -> None:
 
 
 def _draw_constraint_row(app: App, puppet: Puppet, number: int, row: int, held: HardConstraint) -> None:
-    """Draws one constraint. A click goes to its frame; the cross removes it."""
+    """Draws one constraint. A click goes to its frame, and the cross removes it."""
     editor = app.editor
     take = editor.project.takes[puppet.layers[number].take]
     width = imgui.get_content_region_avail().x

@@ -102,7 +102,7 @@ class Gizmo:
         return float(power * _SNAP_STEP_FACTORS[np.abs(_SNAP_STEP_FACTORS * power - wanted).argmin()])
 
     def rows(self, highlighted_part: str, alone: str = "") -> Float32:
-        """Returns the arrows as rows of :func:`make_tube_rows`; ``alone`` names the dragged part."""
+        """Returns the arrows as rows of :func:`make_tube_rows`. ``alone`` names the dragged part."""
         arrows = []
         for axis in range(3):
             part = GIZMO_PARTS[axis]

@@ -38,7 +38,9 @@ class PointSuggestions:
         self._search: Future[tuple[int, ...]] | None = None
 
     def suggest_vertices(self, puppet: Puppet) -> tuple[int, ...]:
-        """Returns suggested vertices that are not near a control point; empty while the search runs."""
+        """Returns suggested vertices that are not near a control point, or an empty result while the search
+        runs.
+        """
         if self._mesh is not puppet.mesh:
             self._mesh = puppet.mesh
             self._threads = self._threads or ThreadPoolExecutor(1, "suggested points")

@@ -188,7 +188,7 @@ def _draw_add_button(app: App, puppet: Puppet) -> None:
 
 
 def _draw_tile(app: App, puppet: Puppet, number: int, place: int, thumbnails: Thumbnails) -> None:
-    """Draws one key pose; a click edits it."""
+    """Draws one key pose. A click edits it."""
     pose, chosen = puppet.poses[number], app.editor.puppets.number == number
     origin = imgui.get_cursor_screen_pos()
     imgui.begin_group()
@@ -235,7 +235,7 @@ def _draw_menu(app: App, puppet: Puppet, number: int) -> None:
 
 
 def _draw_suggestions(app: App, puppet: Puppet, coverage: TakeCoverage | None) -> None:
-    """Draws the performer at the suggested times; a click begins a key pose."""
+    """Draws the performer at the suggested times. A click begins a key pose."""
     if coverage is None or not puppet.points:
         return
     wanted = coverage.frames[: max(coverage.needed, 1)]

@@ -103,11 +103,11 @@ class PuppetCommands:
         return put
 
     def lacks_mesh(self) -> str:
-        """Returns the reason why no puppet can be made; empty if one can be made."""
+        """Returns the reason why no puppet can be made, or an empty text if one can be made."""
         return "" if self._find_solid_character() else "No shape with a surface is chosen. Click one first."
 
     def lacks_examples(self) -> str:
-        """Returns the reason why no puppet can be baked; empty if one can be baked."""
+        """Returns the reason why no puppet can be baked, or an empty text if one can be baked."""
         puppet = self.editor.puppets.puppet
         if puppet is None:
             return "No puppet is chosen. Click one first."

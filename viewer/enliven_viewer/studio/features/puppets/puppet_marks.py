@@ -75,7 +75,7 @@ class Pointing(Protocol):
 
     @property
     def held(self) -> PointDrag | None:
-        """Returns the current drag of a control point; None if there is none."""
+        """Returns the current drag of a control point, or None if there is none."""
 
     def manipulator(self) -> Gizmo | None:
         """Returns the gizmo of the selected control point."""

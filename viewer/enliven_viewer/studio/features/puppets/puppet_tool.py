@@ -1,4 +1,4 @@
-"""The puppet tool: a click on a mesh adds a control point; dragging control points makes key poses."""
+"""The puppet tool. A click on a mesh adds a control point, and dragging control points makes key poses."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class PuppetTool(Tool):
 
     @property
     def held(self) -> PointDrag | None:
-        """Returns the current drag of a control point; None if there is none."""
+        """Returns the current drag of a control point, or None if there is none."""
         return self._drag
 
     def hover(self, pointer: Pointer) -> None:

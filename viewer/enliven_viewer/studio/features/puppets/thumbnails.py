@@ -55,7 +55,7 @@ class Thumbnails:
         self._shown_keys: dict[tuple[str, int], _Key] = {}
 
     def texture(self, puppet: Puppet, places: Float, slot: int = 0) -> int | None:
-        """Returns the OpenGL name of the thumbnail's texture, top row first; None until it is drawn.
+        """Returns the OpenGL name of the thumbnail's texture, top row first, or None until it is drawn.
 
         Args:
             slot: number of the widget that shows the thumbnail. Until the thumbnail is drawn, the slot's

@@ -97,7 +97,7 @@ def _make_arrow_marks(start: Float, end: Float, target: Float, lens: Lens) -> li
 
 
 def _find_pixels(points: Float, lens: Lens) -> tuple[Point, ...]:
-    """Returns the pixels of points (N, 3); empty if one of them is behind the camera."""
+    """Returns the pixels of points (N, 3), or an empty result if one of them is behind the camera."""
     pixels = lens.project_visible(points)
     return tuple(pixels) if len(pixels) == len(points) else ()
 

@@ -64,8 +64,8 @@ class ScanPreviewMesh:
 
     @property
     def bounds(self) -> Float | None:
-        """Returns the bounding box without outliers, (2, 3) in metres of the scan's world; None if there is
-        no surface.
+        """Returns the bounding box without outliers, (2, 3) in metres of the scan's world, or None if there
+        is no surface.
         """
         if self.picture is None:
             return None
@@ -127,7 +127,7 @@ class ScanPreviewPass(RenderPass):
         self._array: moderngl.VertexArray | None = None
 
     def draw(self, picture: RenderTarget) -> None:
-        """Draws the surface and resolves the image; without a surface, frees its GPU memory."""
+        """Draws the surface and resolves the image. Without a surface, frees its GPU memory."""
         surface = self._find_surface()
         if surface is None:
             self.release()
@@ -155,7 +155,7 @@ class ScanPreviewPass(RenderPass):
         self._array, self._buffers, self._shown = None, [], None
 
     def _load(self, shown: ScanPreview, program: moderngl.Program) -> None:
-        """Uploads a surface to the GPU; the same surface is not uploaded again."""
+        """Uploads a surface to the GPU. The same surface is not uploaded again."""
         if shown is self._shown:
             return
         self.release()

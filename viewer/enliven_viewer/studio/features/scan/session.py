@@ -86,7 +86,9 @@ class ScanSession:
 
     @property
     def surface(self) -> tuple[ScanPreview, Float] | None:
-        """Returns the preview surface and its (4, 4) transform to the stage; None if there is no surface."""
+        """Returns the preview surface and its (4, 4) transform to the stage, or None if there
+        is no surface.
+        """
         if not self.active or self._preview_mesh.picture is None:
             return None
         return self._preview_mesh.picture, self.stage_from_scan
@@ -101,13 +103,15 @@ class ScanSession:
     # Requests ---------------------------------------------------------------------------------------------
 
     def lacks_stage(self) -> str:
-        """Returns the reason why scanning is unavailable, with advice; empty if it is available."""
+        """Returns the reason why scanning is unavailable, with advice, or an empty text if it
+        is available.
+        """
         if self.perform.client is None:
             return NO_STAGE
         return self.perform.lacks_edge()
 
     def lacks_scan(self) -> str:
-        """Returns the reason why the scan accepts no requests; empty if it accepts them."""
+        """Returns the reason why the scan accepts no requests, or an empty text if it accepts them."""
         none = "" if self.active else "Nothing is scanned. Start a scan first"
         making = (
             "The character is being made. Wait until it stands on the stage"
@@ -117,11 +121,11 @@ class ScanSession:
         return self.lacks_stage() or none or making
 
     def lacks_undo(self) -> str:
-        """Returns the reason why nothing can be undone; empty if undo is available."""
+        """Returns the reason why nothing can be undone, or an empty text if undo is available."""
         return self.lacks_scan() or ("" if self.message.undoable > 0 else "There is nothing to undo. Scan on")
 
     def lacks_again(self) -> str:
-        """Returns the reason why no scan can be continued; empty if one can be continued."""
+        """Returns the reason why no scan can be continued, or an empty text if one can be continued."""
         there = self.message.phase == "done"
         return self.lacks_stage() or ("" if there else "No scan is done. Finish one, then add to it")
 

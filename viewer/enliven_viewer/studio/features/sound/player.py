@@ -103,6 +103,6 @@ class SoundPlayer:
             return None
 
     def _fill_samples(self, out: Int16, count: int, times: Any, fault: Any) -> None:
-        """Writes the next samples; called in the device's thread."""
+        """Writes the next samples. The audio device's thread calls this method."""
         first, self._next = self._next, self._next + count
         out[:, 0] = mix_sounds(self._sounds, first, count)

@@ -77,7 +77,7 @@ class ClipCommands:
         self.editor.edit(_CLIP_EDITS[edit_id][0], self._make_edit(edit_id))
 
     def lacks(self, edit_id: str) -> str:
-        """Returns the reason why an edit is unavailable, with advice; empty if it is available."""
+        """Returns the reason why an edit is unavailable, with advice, or an empty text if it is available."""
         if not self._find_lanes():
             return "No clip is under the playhead. Put the playhead over one."
         try:

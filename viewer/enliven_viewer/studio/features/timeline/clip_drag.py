@@ -54,7 +54,7 @@ class ClipDrag:
     def from_handle(
         layout: TimelineLayout, handle: LaneHandle, playhead: float, frame: float, *, alt: bool, ctrl: bool
     ) -> ClipDrag | None:
-        """Returns the drag that starts at a handle; None if the handle is not part of a clip."""
+        """Returns the drag that starts at a handle, or None if the handle is not part of a clip."""
         changed = {"bar": "slip"} if alt else {}
         changed |= {"edge": "stretch", "begin": "stretch begin"} if ctrl else {}
         kind = changed.get(handle.kind, handle.kind)

@@ -42,7 +42,9 @@ def describe_limb(role: str) -> str:
 
 
 def _find_driven_joint(shape: Shape, layer_id: str) -> str:
-    """Returns the end joint of the bones that a layer drives; empty if it drives all bones or none."""
+    """Returns the end joint of the bones that a layer drives, or an empty text if it drives all bones or
+    none.
+    """
     driven = [
         joint
         for joint, spans in enumerate(shape.spans)

@@ -1,4 +1,4 @@
-"""The timeline: transport, ruler, one lane per layer, and the playhead; drawn with a draw list."""
+"""Draws the timeline: play buttons, ruler, one row (lane) per layer, and the playhead."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def draw_timeline(app: App, timeline: TimelineInput, area: Area) -> None:
 
 
 def _handle_resizing(app: App, area: Area) -> None:
-    """Draws the upper edge. A drag changes the timeline's height; a double click resets it."""
+    """Draws the upper border. A drag changes the timeline's height, and a double click resets it."""
     preferences, place = app.preferences, imgui.get_cursor_pos()
     imgui.set_cursor_pos(ImVec2(0, 0))
     imgui.invisible_button("##height", ImVec2(area.width, _GRIP_HEIGHT))

@@ -125,6 +125,6 @@ def _is_time_played(layout: TimelineLayout, lane: Lane, second: float) -> bool:
 
 
 def _find_nearest_mark(marks: Iterable[tuple[int, float]], x: float, reach: float) -> int | None:
-    """Returns the number of the mark nearest to a pixel; None if it is farther than ``reach`` pixels."""
+    """Returns the number of the mark nearest to a pixel, or None if it is farther than ``reach`` pixels."""
     near = [(abs(at - x), number) for number, at in marks if abs(at - x) <= reach]
     return min(near)[1] if near else None

@@ -41,13 +41,13 @@ class TakeCommands:
 
     @property
     def audible_take(self) -> str:
-        """Returns the active take of the group :meth:`alternatives`; empty if there is none."""
+        """Returns the active take of the group :meth:`alternatives`, or an empty text if there is none."""
         takes = alternative_takes(self.editor.project, self.alternatives)
         return next((name for name, audible_take in takes.items() if audible_take), "")
 
     def lacks(self) -> str:
-        """Returns the reason why no alternative take can be chosen, with advice; empty if one
-        can be chosen.
+        """Returns the reason why no alternative take can be chosen, with advice, or an empty text if one can
+        be chosen.
         """
         return "" if len(alternative_takes(self.editor.project, self.alternatives)) > 1 else _NO_ALTERNATIVES
 

@@ -103,7 +103,7 @@ class TimelineInput:
         return self._held_handle
 
     def press(self, x: float, y: float, *, alt: bool = False, ctrl: bool = False) -> None:
-        """Handles a press of the left button. Alt slips a clip; Ctrl changes its speed."""
+        """Handles a press of the left button. Alt slips a clip, and Ctrl changes its speed."""
         layout = self.layout
         handle = layout.handle_at(x, y)
         self.rows.marked = None
@@ -179,7 +179,7 @@ class TimelineInput:
             self.editor.preview_edit(self._make_drag_edit(x))
 
     def release(self, x: float) -> None:
-        """Handles the release of the button. A drag becomes one edit; a click on a key pose opens it."""
+        """Handles the release of the button. A drag becomes one edit, and a click on a key pose opens it."""
         edit_name, handle = self._drag_title, self._held_handle
         if edit_name is not None and self.editor.draft is not None:
             self.editor.edit(edit_name, self._make_drag_edit(x))
@@ -200,7 +200,9 @@ class TimelineInput:
 
     @property
     def _drag_title(self) -> str | None:
-        """Returns the name of the edit for the current drag; None if the pressed part cannot be dragged."""
+        """Returns the name of the edit for the current drag, or None if the pressed part cannot
+        be dragged.
+        """
         if self._drag is not None:
             return self._drag.edit_title
         return {"marker": later("move marker"), **DRAG_TITLES}.get(self._held_handle.kind)

@@ -21,7 +21,9 @@ _BOTTOM_MARGIN = 72.0
 
 
 def draw_audience(workspace: Workspace, area: Area, notice: str) -> None:
-    """Draws over the whole view. ``notice`` is the text about a lost stage; empty while the stage is live."""
+    """Draws over the whole view. ``notice`` is the text about a lost stage, or an empty result while the
+    stage is live.
+    """
     live = workspace.perform.live
     draw_list = imgui.get_background_draw_list()
     if not workspace.asking:

@@ -84,7 +84,7 @@ class PreviewContent:
 
 
 def list_views(perform: PerformSession) -> list[PreviewContent]:
-    """Returns the camera views of all edges, or of the take; empty without a connection."""
+    """Returns the camera views of all edges, or of the take, or an empty result without a connection."""
     live = perform.live
     if live is None or not (live.take or perform.connected):
         return []

@@ -36,7 +36,7 @@ class _Pictures:
 
     @classmethod
     def get_texture(cls, edge: DiscoveredEdge, camera: CameraMessage | None) -> int | None:
-        """Returns the OpenGL number of the texture with an edge's image; None without an image."""
+        """Returns the OpenGL number of the texture with an edge's image, or None without an image."""
         context = get_window_context()
         if cls.cached is None or cls.cached[0] is not context:
             cls.cached = context, PreviewTextures(context)

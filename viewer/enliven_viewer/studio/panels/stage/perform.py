@@ -52,7 +52,7 @@ _REMOVE_WIDTH = 58.0
 
 
 def draw_perform(workspace: Workspace, area: Area) -> None:
-    """Draws the panel at the right. The two main buttons stay at its top; the rest scrolls."""
+    """Draws the right panel. The two main buttons stay at its top, and the rest scrolls."""
     perform = workspace.perform
     with open_panel("perform", area):
         live = perform.live
