@@ -388,15 +388,15 @@ class PerformSession:
         return self.lacks_edge() or (self.physics.words if self.physics.state is None else "")
 
     def lacks_recording(self) -> str:
-        """Returns the reason why no alternative of the last recording can be recorded, with advice, or an empty text if
-        this is possible.
+        """Returns the reason why no alternative of the last recording can be recorded, with advice. The text
+        is empty if this is possible.
         """
         last = self.recording.last_recording or self.recording.phase == "recording"
         return self.lacks_edge() or ("" if last else "Nothing was recorded yet. Record first")
 
     def lacks_to_put(self) -> str:
-        """Returns the reason why the selected character cannot be put on the stage, with advice, or an empty text if it
-        can.
+        """Returns the reason why the selected character cannot be put on the stage, with advice. The text is
+        empty if it can.
         """
         character = self.editor.find_selected()
         if character is None:

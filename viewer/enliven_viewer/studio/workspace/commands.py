@@ -221,8 +221,8 @@ class Commands:
         return "" if self._selected_names else "Nothing is chosen. Click a shape first."
 
     def lacks_playing(self) -> str:
-        """Returns the reason why a command on the motion of the selection is unavailable, or an empty text if it is
-        available.
+        """Returns the reason why commands on the motion of the selection are unavailable, or an empty text if
+        they are available.
         """
         moves = any(character.playing for character in self.editor.selected_characters)
         return self.lacks_character() or ("" if moves else "It has no motion. Map a take onto it first.")

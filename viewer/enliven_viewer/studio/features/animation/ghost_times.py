@@ -16,7 +16,7 @@ the character.
 def find_key_times(
     project: Project, character: RigBase, handle: int | None = None, layer: int | None = None
 ) -> tuple[float, ...]:
-    """Returns the times in the project at which a character plays its keys, in order, or an empty result
+    """Returns the times in the project at which a character plays its keys, in order. The result is empty
     without keys.
 
     The keys belong to the selected layer if there is one, otherwise to the selected bone or node, otherwise
