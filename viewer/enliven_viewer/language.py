@@ -86,7 +86,7 @@ def tr_n(singular: str, plural: str, count: int, *values: object) -> str:
 
 
 def labelled(text: str, name: str) -> str:
-    """Returns an ImGui label whose id is ``name``, so that the id is the same in every language."""
+    """Returns an ImGui label with the id ``name``, so that the id is the same in every language."""
     return f"{text}###{name}"
 
 

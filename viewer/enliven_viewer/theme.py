@@ -267,9 +267,9 @@ COLOUR_SETS: dict[ColourSetName, ColourSet] = {
         flight=_ColourBlindPalette.sky,
     ),
 }
-"""The usual palette, and the palette of M. Okabe and K. Ito, "Color Universal Design" (2008), whose colours
-people with any kind of colour vision can distinguish. The order maximises the difference between adjacent
-colours (a test checks this).
+"""The usual palette, and the palette of M. Okabe and K. Ito, "Color Universal Design" (2008). People with any
+kind of colour vision can distinguish the colours of the latter. The order maximises the difference between
+adjacent colours (a test checks this).
 """
 
 

@@ -183,7 +183,7 @@ def test_empty_and_missing_stage_are_reported(sitting) -> None:
     session.connect()
     session.until(lambda: session.perform.connected)
     session.perform.possession_requests.press()
-    assert session.toasts == [("There is no character on the stage", "Choose one, and put it there")]
+    assert session.toasts == [("The stage has no character", "Choose one, and put it there")]
     session.perform.disconnect()
     session.perform.possession_requests.press()
     assert not session.perform.possession_requests.waits

@@ -47,7 +47,7 @@ def write_puppet_sheet(
 
 
 def _make_performer_row(project: Project, puppet: Puppet, times: Float) -> MotionRow:
-    """Returns the row of the performer whose take the lowest unmuted layer plays, at the frames that it
+    """Returns the row of the performer in the take that the lowest unmuted layer plays, at the frames that it
     plays.
     """
     number = next(n for n, layer in enumerate(puppet.layers) if not layer.muted)

@@ -17,7 +17,7 @@ _MOVE_TIME_S = 0.15
 _GAP_M = 1.05
 """Distance in metres between two adjacent characters."""
 _BACK_M = 0.7
-"""Distance in metres by which the neighbours stand behind the offered character."""
+"""Distance in metres from the offered character back to its neighbours."""
 _SMALL = 0.55
 """Size of a neighbour relative to the offered character."""
 _MIN_OPENING = 0.03

@@ -204,9 +204,7 @@ class KioskShow:
         return [name for name in self._profile.characters if name in report.characters]
 
     def _find_acts(self, report: EdgeReport, seconds: float) -> list[Act]:
-        """Returns the content of each spot: recorded performances if there are no visitors, otherwise the
-        story.
-        """
+        """Returns the content of each spot: recorded performances without visitors, otherwise the story."""
         if all(spot.phase is Phase.ATTRACT for spot in self._view.spots):
             first = self._programme.advance(seconds)
             rest = [Act(spot.character) for spot in self._view.spots[1:]]
@@ -313,7 +311,7 @@ class KioskShow:
         self._skeletons += (goal - self._skeletons) * -math.expm1(-seconds / _REVEAL_TIME_S)
         shown = waits
         if not waits and self._skeletons > 0.02:
-            # Fade out the skeleton of the visitor who has just taken the character, inside the character.
+            # Fade out the skeleton of the visitor that has just taken the character, inside the character.
             shown = [act.body for act in acts if act.body is not None]
         unique = {body.id: body for body in shown if np.isfinite(body.joints).all()}
         return tuple(unique[key] for key in sorted(unique))

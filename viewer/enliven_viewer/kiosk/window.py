@@ -80,7 +80,7 @@ class KioskWindow:
         report: reports to operators; None for one that notifies this program's supervisor.
 
     Raises:
-        ResourceError: if there is no screen, the profile's monitor does not exist, or OpenGL is missing.
+        ResourceError: if no screen exists, the profile's monitor does not exist, or OpenGL is missing.
     """
 
     def __init__(
@@ -214,7 +214,7 @@ def run_kiosk_window(profile: KioskProfile, folder: Path, seconds: float | None 
         seconds: close the window after this time; None to keep it open.
 
     Raises:
-        ResourceError: if there is no screen, the monitor does not exist, OpenGL is missing, or another kiosk
+        ResourceError: if no screen exists, the monitor does not exist, OpenGL is missing, or another kiosk
             uses this screen.
         InputError: if the file of the viewer's settings is wrong, or no phone can open souvenirs.
     """

@@ -65,8 +65,8 @@ _MAX_UNREAD_BYTES = 16 * 1024 * 1024
 process is known.
 """
 _MAX_KEYS = 4096
-"""Maximum number of keys of a topic whose newest values are stored, such as the blocks of a scan. An edge
-sends no more keys than this.
+"""Maximum number of keys of a topic, such as the blocks of a scan. The newest value of each key is stored. An
+edge sends no more keys than this.
 """
 _MAX_NEWEST_BYTES = 128 * 1024 * 1024
 """Maximum size of a topic's newest values in bytes. The blocks of a scanned room take about 40 MB."""

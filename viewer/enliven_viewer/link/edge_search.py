@@ -31,7 +31,7 @@ class EdgeSearch:
 
     @property
     def edges(self) -> tuple[DiscoveredEdge, ...]:
-        """Returns the edges found so far."""
+        """Returns the edges that have been found."""
         return () if self._browser is None else self._browser.edges
 
     def poll(self) -> None:

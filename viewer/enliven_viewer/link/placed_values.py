@@ -62,7 +62,7 @@ def place_body(body: Body, transform: Float) -> Body:
 
 
 def place_camera(camera: CameraMessage, transform: Float) -> CameraMessage:
-    """Returns a camera message whose camera pose is transformed by a (4, 4) rigid transform."""
+    """Returns a camera message with its camera pose transformed by a (4, 4) rigid transform."""
     world_from_camera = np.vstack([np.reshape(camera.place, (3, 4)), [0.0, 0.0, 0.0, 1.0]])
     rows = (transform @ world_from_camera)[:3].reshape(-1)
     return msgspec.structs.replace(camera, place=[float(number) for number in rows])

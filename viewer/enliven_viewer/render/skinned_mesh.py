@@ -183,7 +183,7 @@ class SkinnedMesh:
 
     @cached_property
     def _glow_buffers(self) -> list[moderngl.Buffer]:
-        """Returns buffers with the indices of the transforms whose glow each drawn vertex shows, and with
+        """Returns buffers for the glow of each drawn vertex: the indices of the transforms that it shows, and
         their weights.
         """
         if self.character.kind != "points":

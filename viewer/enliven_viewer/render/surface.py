@@ -50,8 +50,8 @@ def split_creases(
 ) -> DrawnSurface:
     """Computes smooth normals with breaks where two faces meet at more than ``crease`` radians.
 
-    Two faces share a normal at a vertex if a fan of faces connects them whose edges are below the crease
-    angle. Coincident vertices count as one vertex here, so that a file with unshared vertices is smooth too.
+    Two faces share a normal at a vertex if a fan of faces connects them across edges below the crease angle.
+    Coincident vertices count as one vertex here, so that a file with unshared vertices is smooth too.
 
     Args:
         vertices: (V, 3) metres.

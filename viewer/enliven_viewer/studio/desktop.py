@@ -1,7 +1,7 @@
 """The window's connection to the desktop: its title, dropped files, and display scaling.
 
 High-density screens and a larger text size are handled in the same way. The whole window is laid out in
-logical pixels, each of which covers several screen pixels. ImGui supports this for the screens of Macs. So
+logical pixels. Each of them covers several screen pixels. ImGui supports this for the screens of Macs. So
 panels, views and pointer use logical pixels everywhere, and no other code depends on the scale.
 """
 

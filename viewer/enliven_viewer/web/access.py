@@ -1,4 +1,6 @@
-"""Determines who may open the page: users of this machine, users who know the address, or everyone."""
+"""Determines which people may open the page: users of this machine, users that know the
+address, or everyone.
+"""
 
 from __future__ import annotations
 

@@ -177,7 +177,7 @@ class Bridge:
         return entries, removed_ids
 
     def _solve_surfaces(self) -> list[Entry]:
-        """Returns the messages of the surfaces whose control points have moved."""
+        """Returns the messages of the surfaces with control points that have moved."""
         self._link.take(POSE)  # Only the newest pose of each character is needed.
         entries = list[Entry]()
         for name, received in self._link.latest(POSE).items():

@@ -45,7 +45,7 @@ class Pen:
     def text(
         self, x: float, y: float, text: str, size: int, colour: Colour, align: float = 0.0, wrap: float = 0.0
     ) -> float:
-        """Draws text whose top is at ``y``. It starts at ``x`` (``align`` 0), is centred at ``x`` (0.5) or
+        """Draws text with its top at ``y``. It starts at ``x`` (``align`` 0), is centred at ``x`` (0.5) or
         ends at ``x`` (1).
 
         Args:

@@ -18,7 +18,7 @@ _KEY_LABELS = {
     "left_bracket": "[",
     "right_bracket": "]",
 }
-"""Displayed names of keys whose saved name differs."""
+"""Displayed names of the keys that are saved under other names."""
 
 
 def format_key(key: str) -> str:

@@ -9,7 +9,7 @@ from enliven_viewer.studio.actions.table import ActionTable
 
 @dataclass
 class ShortcutCapture:
-    """The action whose shortcut the artist is changing, and the pressed key.
+    """The action of the shortcut that the artist is changing, and the pressed key.
 
     Attributes:
         action: its id; empty if no change is in progress.

@@ -92,7 +92,7 @@ class Editor:
 
     @property
     def editable_characters(self) -> tuple[StageCharacter, ...]:
-        """Returns the characters whose handles every tool can edit."""
+        """Returns the characters with handles that every tool can edit."""
         return tuple(
             character
             for character in self.pickable_characters

@@ -101,7 +101,7 @@ class CoverageCache:
         )
 
     def _suggest_poses(self, clip: Clip, joints: tuple[str, ...]) -> tuple[SuggestedPoses | None, Float]:
-        """Returns the suggested key poses of a clip if there are no examples, and the poses of the clip's
+        """Returns the suggested key poses of a clip if it has no examples, and the poses of the clip's
         frames.
         """
         key = (clip.id, joints)

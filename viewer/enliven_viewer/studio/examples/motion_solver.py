@@ -89,7 +89,7 @@ class MotionSolver:
         return solved.solved.project, solved.solved.puppet
 
     def problem(self, puppet_id: str) -> EnlivenError | None:
-        """Returns the error of solving a puppet's newest motions, or None if there is no error."""
+        """Returns the error of solving a puppet's newest motions, or None if no error occurred."""
         solved = self._states.get(puppet_id)
         return solved.problem if solved else None
 

@@ -19,7 +19,7 @@ _PART_LABELS = {
 
 @dataclass(frozen=True)
 class Holder:
-    """A performer who controls a character.
+    """A performer that controls a character.
 
     Attributes:
         body: the performer's id.
@@ -56,7 +56,7 @@ class Holders:
 
     @property
     def now(self) -> tuple[Holder, ...]:
-        """Returns all performers who control a character, sorted by id."""
+        """Returns all performers that control a character, sorted by id."""
         holders = [
             Holder(body, name, own) for name, held in self._parts.items() for body, own in held.items()
         ]

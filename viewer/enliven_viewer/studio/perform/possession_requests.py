@@ -18,7 +18,7 @@ from enliven_viewer.studio.perform.stage_sender import StageSender
 
 MAX_WAIT_S = 120.0
 """Maximum seconds that a press waits for a stage, a character or a performer. The first start compiles
-kernels, and an artist who works alone walks from the keyboard to the camera.
+kernels, and an artist that works alone walks from the keyboard to the camera.
 """
 MIN_TIME_IN_VIEW_S = 0.8
 """Seconds for which a new performer must be in view before the possession. By then, the performer is
@@ -170,7 +170,7 @@ class PossessionRequests:
             )
         is_known = stage.client is not None and stage.client.edges[0].complete
         is_coming = bool(stage.sender.states) or press.of_scan or phase == "finishing" or not is_known
-        nothing = tr("There is no character on the stage. Choose one, and put it there")
+        nothing = tr("The stage has no character. Choose one, and put it there")
         return "" if stage.stage_ids or is_coming else nothing
 
     def _describe_missing(self, press: _PendingPress) -> str:

@@ -1,4 +1,4 @@
-"""Secondary edges, whose performers are shown and recorded in addition to those of the primary edge."""
+"""Secondary edges. Their performers are shown and recorded in addition to those of the primary edge."""
 
 from __future__ import annotations
 

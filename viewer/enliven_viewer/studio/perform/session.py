@@ -94,8 +94,8 @@ class PerformSession:
 
     @property
     def shortcut_workspace(self) -> str:
-        """Returns the name of the workspace whose shortcuts are active. Returns an empty string in *Play*
-        without a stage, because there the general shortcuts play the project.
+        """Returns the name of the workspace that determines the active shortcuts. Returns an empty string in
+        *Play* without a stage, because there the general shortcuts play the project.
         """
         return "" if self.active_workspace == "Play" and self.live is None else self.active_workspace
 
@@ -240,7 +240,7 @@ class PerformSession:
 
     @property
     def holders(self) -> tuple[Holder, ...]:
-        """Returns the performers who control a character, with the character and the body parts."""
+        """Returns the performers that control a character, with the character and the body parts."""
         primary_holders = (
             _number_holders(self.live, self.recording.recorder) if self.connected and self.live else ()
         )
@@ -276,7 +276,7 @@ class PerformSession:
 
     @property
     def hidden(self) -> frozenset[str]:
-        """Returns the characters of the project whose live versions are shown instead."""
+        """Returns the hidden characters of the project: their live versions are shown instead."""
         return self._live_overlay.hidden if self.scene is not None else frozenset()
 
     @property
@@ -450,7 +450,7 @@ class PerformSession:
 
 
 def _number_holders(live: LiveStage, recorder: LiveRecorder) -> tuple[Holder, ...]:
-    """Returns the performers who control a character on one edge, with their displayed numbers."""
+    """Returns the performers that control a character on one edge, with their displayed numbers."""
     return tuple(
         replace(holder, number=live.numbers.number_of(holder.body)) for holder in recorder.holders.now
     )

@@ -9,7 +9,7 @@ from enliven.frames import BodyFrame
 from enliven_viewer.playback.timeline import NS_PER_S
 
 _MAX_MOVEMENT_M = 0.06
-"""Maximum movement of a joint in metres of a performer who holds still. It allows for breathing and sensor
+"""Maximum movement of a joint in metres of a performer that holds still. It allows for breathing and sensor
 noise.
 """
 _MIN_CONFIDENCE = 0.3

@@ -90,7 +90,7 @@ class StageVoice:
 
     @property
     def advice(self) -> str:
-        """Returns advice on how to fix the microphone, or on what to say."""
+        """Returns advice on fixing the microphone, or about what to say."""
         if self.state is None:
             return ""
         if self.state.state == "missing":

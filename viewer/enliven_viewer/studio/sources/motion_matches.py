@@ -36,7 +36,7 @@ class MotionMatch:
 def rank_matches(
     clip: Clip, time: float, shape: Shape, joints: Float, lens: Lens, source_lens: Lens, max_matches: int
 ) -> list[MotionMatch]:
-    """Returns the best matches of a take's pose at a time with a shape whose joints are ``joints`` (N, 3).
+    """Returns the best matches of a take's pose at a time with a shape that has the joints ``joints`` (N, 3).
     Both are compared as projected in their views.
 
     Raises:

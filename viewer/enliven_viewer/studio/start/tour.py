@@ -16,9 +16,7 @@ from enliven_viewer.studio.viewport.overlay import Point
 _DONE_DISPLAY_S = 1.2
 """Seconds for which a finished step stays on the screen with a tick, before the next step."""
 _REPEAT_DELAY_S = 6.0
-"""A part whose demonstration had no effect is demonstrated again after this number of seconds. The stage may
-have been busy.
-"""
+"""After this number of seconds, a demonstration without effect is repeated. The stage may have been busy."""
 _PAUSE_DISTANCE_PX = 30.0
 """Distance in pixels from the target within which the pointer pauses a dancing chair."""
 _MISSING_TIMEOUT_S = 2.0

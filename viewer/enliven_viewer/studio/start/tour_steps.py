@@ -145,7 +145,7 @@ def _has_name(toured: TourState) -> bool:
 
 
 def _drag_along_path(toured: TourState) -> None:
-    """Does nothing. Used for a part whose demonstration drags along the target's path."""
+    """Does nothing. Used for a part with a demonstration that drags along the target's path."""
 
 
 _ANIMATE_PART = TourPart(

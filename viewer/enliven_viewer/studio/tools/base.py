@@ -12,7 +12,7 @@ from enliven_viewer.studio.viewport.overlay import Overlay, Point
 from enliven_viewer.studio.viewport.picking import Hit, find_bone_at, find_joint_at, find_surface_at
 
 _DISTANCE_TOLERANCE_PX = 3.0
-"""Joints whose distances differ by less than this in pixels count as equally near. After a cut, two joints
+"""Joints count as equally near if their distances differ by less than this in pixels. After a cut, two joints
 coincide.
 """
 
@@ -115,7 +115,7 @@ class Tool:
         return EMPTY_PICTURE
 
     def handle_at(self, pointer: Pointer) -> Hit | None:
-        """Returns the handle under the pointer, or the bone if there is no handle. If two hits are equally
+        """Returns the handle under the pointer, or the bone if no handle is there. If two hits are equally
         near, the selected character's is returned.
         """
         reach, lens, stage = self.editor.settings.reach, self.editor.lens, self.editor.editable_characters

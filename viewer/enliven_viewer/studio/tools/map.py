@@ -164,7 +164,7 @@ class MapTool(Tool):
             return
 
         def fitted(project: Project) -> RetargetedShape:
-            """Returns the shape whose previous motion is replaced by the take."""
+            """Returns the shape with the take in place of its previous motion."""
             still = mute_takes(project, shape.id)
             still_shape = still.shape(shape.id)
             if itself:

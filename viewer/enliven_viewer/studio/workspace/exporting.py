@@ -83,7 +83,7 @@ class ExportOptions:
             return 0.0, None
         last = min(self.last or length, length)
         if last - self.first < 1.0 / self.rate:
-            problem = tr("there is no frame between {0:.2f} and {1:.2f} s", self.first, last)
+            problem = tr("no frame is between {0:.2f} and {1:.2f} s", self.first, last)
             raise InputError(problem, where="export", remedy=tr("Choose a later end, or an earlier start."))
         return self.first, last
 

@@ -159,7 +159,8 @@ class ProjectStore:
             self._refuse_changed(target, data)
         write_file(target, data, tr("Save it in another folder."))
         self.settle()  # Wait for the recovery file to be written before it is removed.
-        # The saved file contains only the recording so far, so the project stays unsaved until the next save.
+        # The saved file contains only the first part of the recording, so the project stays unsaved until the
+        # next save.
         self._saved = self._autosaved = written
         self.path, self._content = target, _compute_checksum(data)
         self._find_recovery_path().unlink(missing_ok=True)

@@ -109,7 +109,7 @@ class Workspace(App):
 
     @classmethod
     def new(cls, editor: Editor, folder: Path | None = None) -> Workspace:
-        """Returns a workspace whose project contains only the library of motions."""
+        """Returns a workspace with a project that contains only the library of motions."""
         workspace = cls(editor, folder)
         workspace.store.new(Project().with_takes(*read_library()))
         return workspace

@@ -66,7 +66,7 @@ class CurveGroup:
 
 @dataclass(frozen=True)
 class CurveSubject:
-    """The object whose curves are shown: a character, and optionally one of its handles or layers."""
+    """The object of the shown curves: a character, and optionally one of its handles or layers."""
 
     character: str
     handle: int | None

@@ -1,4 +1,4 @@
-"""Chooses the times of ghosts: the times of keys, or regular steps if there are no keys."""
+"""Chooses the times of ghosts: the times of keys, or regular steps without keys."""
 
 from __future__ import annotations
 

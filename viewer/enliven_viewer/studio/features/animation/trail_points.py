@@ -1,4 +1,4 @@
-"""Chooses the points of a character whose motion trails are drawn: the selected points, or the ends of its
+"""Chooses the points of a character that motion trails are drawn for: the selected points, or the ends of its
 limbs.
 """
 

@@ -1,4 +1,4 @@
-"""Draws the list of a puppet layer's hard constraints, each of which applies to one frame."""
+"""Draws the list of a puppet layer's hard constraints. Each of them applies to one frame."""
 
 from __future__ import annotations
 

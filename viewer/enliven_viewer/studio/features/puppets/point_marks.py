@@ -21,7 +21,7 @@ POINT_RADIUS = 5.2
 def find_suggestion_at(
     standing: StagePuppet, suggested: tuple[int, ...], lens: Lens, pixel: Point
 ) -> int | None:
-    """Returns the suggested vertex whose ring is under a pixel, or None."""
+    """Returns the suggested vertex with its ring under a pixel, or None."""
     if not suggested:
         return None
     distances = np.linalg.norm(lens.project(standing.vertices[list(suggested)])[0] - pixel, axis=1)

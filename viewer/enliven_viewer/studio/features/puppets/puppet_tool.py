@@ -21,8 +21,8 @@ from enliven_viewer.studio.viewport.ray import find_hit_vertex
 _MAX_CLICK_MOVEMENT_PX = 4.0
 """Maximum pointer movement of a click, in pixels."""
 _MAX_HOVER_FACES = 1_000_000
-"""Maximum number of faces of a mesh whose hovered vertex is searched. The search would be slow for larger
-meshes.
+"""Maximum number of faces of a mesh in which the hovered vertex is searched. The search would be slow for
+larger meshes.
 """
 _NUDGE_STEPS: dict[str, tuple[float, float]] = {
     "left": (-1.0, 0.0),

@@ -49,7 +49,7 @@ def make_scan_marks(message: ScanMessage, lens: Lens) -> tuple[Mark, ...]:
 
 
 def _make_camera_marks(axes: Float, eye: Float, lens: Lens, colour: Colour) -> list[Mark]:
-    """Returns a camera as a pyramid of lines, whose base is the image. ``axes`` (3, 3) contains the
+    """Returns a camera as a pyramid of lines with the image as its base. ``axes`` (3, 3) contains the
     directions right, down and ahead as columns.
     """
     right, down, ahead = axes.T

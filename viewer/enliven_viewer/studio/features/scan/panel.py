@@ -66,7 +66,7 @@ _MIN_TALL_PANEL_HEIGHT = 520.0
 def draw_scan(app: App, scan: ScanSession, area: Area) -> None:
     """Draws the panel at the right. The buttons that end a scan stay at its bottom, and the rest scrolls.
 
-    The button that starts a scan is at the top. During a scan there is no button at this position, so that a
+    The button that starts a scan is at the top. During a scan this position contains no button, so that a
     double click cannot stop the scan.
     """
     with open_panel("scan", area):

@@ -64,8 +64,8 @@ class ScanPreviewMesh:
 
     @property
     def bounds(self) -> Float | None:
-        """Returns the bounding box without outliers, (2, 3) in metres of the scan's world, or None if there
-        is no surface.
+        """Returns the bounding box without outliers, (2, 3) in metres of the scan's world, or None without a
+        surface.
         """
         if self.picture is None:
             return None
@@ -114,7 +114,7 @@ class ScanPreviewPass(RenderPass):
 
     Args:
         ctx: the renderer's context.
-        find_surface: returns the surface and its (4, 4) transform to the stage; None if there is no surface.
+        find_surface: returns the surface and its (4, 4) transform to the stage; None without a surface.
     """
 
     def __init__(

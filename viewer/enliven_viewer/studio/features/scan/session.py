@@ -86,9 +86,7 @@ class ScanSession:
 
     @property
     def surface(self) -> tuple[ScanPreview, Float] | None:
-        """Returns the preview surface and its (4, 4) transform to the stage, or None if there
-        is no surface.
-        """
+        """Returns the preview surface and its (4, 4) transform to the stage, or None without a surface."""
         if not self.active or self._preview_mesh.picture is None:
             return None
         return self._preview_mesh.picture, self.stage_from_scan

@@ -30,7 +30,7 @@ from enliven_viewer.theme import (
 
 _ROW_LABELS = {"poses": later("key poses"), "band": later("on the floor"), "held": later("fixed frames")}
 _MAX_COVERAGE_DISTANCE = 1.15
-"""Maximum of the coverage curve's vertical scale. 1 is the largest distance if there are no examples."""
+"""Maximum of the coverage curve's vertical scale. 1 is the largest distance without examples."""
 
 
 def draw_details(

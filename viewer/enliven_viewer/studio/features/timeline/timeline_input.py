@@ -39,7 +39,8 @@ class TimelineInput:
         clip: number of the selected clip in the selected layer.
         marker: the marker being renamed, or empty.
         pictures: thumbnails of the takes.
-        shown_layer: the layer whose options were drawn last, as (character, layer number, frame number).
+        shown_layer: the layer of the options that were drawn last, as (character, layer number, frame
+            number).
     """
 
     def __init__(self, editor: Editor, axis: TimeAxis, coverages: CoverageCache) -> None:
