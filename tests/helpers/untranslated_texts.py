@@ -39,7 +39,7 @@ SAME_EVERYWHERE = {"Shift", "enliven", "Ctrl"}
 
 
 FOR_DEVELOPERS = {
-    *("no widget ", " is on the screen", "Known: ", " is ", "it is there already"),
+    *("no widget ", " is on the screen", "Known: ", " is ", "it exists already"),
     *("Give it another id or key.",),
     "Use --film out.mp4 to render without a window, or start where there is a display.",
 }

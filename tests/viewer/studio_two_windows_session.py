@@ -62,7 +62,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, path: Path) -
     click("Compare")
     report["asked"], report["compared"] = asked, [difference.item for difference in workspace.compared]
     shot("compared")
-    click("Add what is only in the file")
+    click("Add the items that are only in the file")
     click("Save over it")
     report["done"] = not workspace.store.dirty
     window.close()

@@ -1,1 +1,3 @@
-"""The program on the screen: receives, skins and draws characters, plays takes, and contains the studio."""
+"""The viewer program: receives, skins and draws characters, plays takes, and contains the studio (the
+editor).
+"""

@@ -10,7 +10,7 @@ from enliven.errors import EnlivenError
 
 
 def run_checks() -> list[Check]:
-    """Returns the checks of off-screen OpenGL, the window and the film encoder."""
+    """Runs the checks of off-screen OpenGL, the window and the film encoder. Returns their results."""
     return [_check_offscreen(), _check_window(), _check_encoder()]
 
 
@@ -37,7 +37,7 @@ def _check_offscreen() -> Check:
 
 
 def _check_window() -> Check:
-    """Checks if glfw can open the display. A machine without a display can still make films."""
+    """Checks if glfw can connect to the display. A machine without a display can still render films."""
     name = "window"
     if not has_display():
         return Check(name, True, "no display was found, so 'enliven view' needs --film")
@@ -58,7 +58,7 @@ def _check_window() -> Check:
         )
     version = decode_error(glfw.get_version_string())
     glfw.terminate()
-    return Check(name, True, f"a display is there, glfw {version}")
+    return Check(name, True, f"display found, glfw {version}")
 
 
 def _check_encoder() -> Check:

@@ -18,7 +18,7 @@ import polib
 CATALOGUES = Path(__file__).parent / "locale"
 """The folder with a file for each language, named by its ISO 639 code."""
 LANGUAGES: dict[str, str] = {"en": "English", "de": "Deutsch"}
-"""The name of each language in that language, by its code."""
+"""The name of each language, written in that language, by its code."""
 
 
 class _ActiveCatalogue:
@@ -29,7 +29,7 @@ class _ActiveCatalogue:
 
 
 def set_language(language: str) -> None:
-    """Switches to a language; to English if the catalogue is missing."""
+    """Switches to a language, or to English if the catalogue is missing."""
     path = CATALOGUES / f"{language}.po"
     if language not in LANGUAGES or not path.exists():
         _ActiveCatalogue.language, _ActiveCatalogue.catalogue = "en", gettext.NullTranslations()
@@ -39,7 +39,9 @@ def set_language(language: str) -> None:
 
 
 def find_language(requested: str) -> str:
-    """Returns the code of a requested language. If it is empty, the computer's language, or else English."""
+    """Returns the code of a requested language. If it is empty, returns the computer's language if there is a
+    catalogue for it, otherwise English.
+    """
     if requested:
         return requested
     name = (locale.getlocale()[0] or "en").lower()
@@ -59,7 +61,9 @@ class LazyText(str):
 
 
 def later(text: str, *values: object) -> LazyText:
-    """Returns an English text that keeps its pattern and values, for example a history step or a state."""
+    """Returns an English text that keeps its pattern and values for a later translation, for example the name
+    of an undo step.
+    """
     message = LazyText(text.format(*values) if values else text)
     message.pattern, message.values = text, values
     return message
@@ -75,15 +79,14 @@ def tr(text: str, *values: object) -> str:
 
 
 def tr_n(singular: str, plural: str, count: int, *values: object) -> str:
-    """Returns the singular or plural form of a text for a count, which is ``{0}`` in it.
-
-    The values are ``{1}`` and on.
+    """Returns the singular or plural form of a text for a count. ``{0}`` in the text is the count, ``{1}``,
+    ``{2}``, ... are the values.
     """
     return _ActiveCatalogue.catalogue.ngettext(singular, plural, count).format(count, *values)
 
 
 def labelled(text: str, name: str) -> str:
-    """Returns a widget label with a name as its id, which is the same in every language."""
+    """Returns an ImGui label with the id ``name``, so that the id is the same in every language."""
     return f"{text}###{name}"
 
 

@@ -1,4 +1,4 @@
-"""Every number of the viewer that a user may want to change."""
+"""The settings of the viewer that a user may change."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from enliven.settings import parameter, setting
 
 Encoder = Literal[
     "auto", "libx264", "libopenh264", "h264_videotoolbox", "h264_mf", "libvpx-vp9", "mpeg4"
-]  # These are the encoders of enliven.film.encoders.
+]  # Keep this list equal to the encoders in enliven.film.encoders.
 SkeletonShown = Literal["choosing", "always", "never"]
 LookName = Literal["studio", "bright", "night", "white", "dawn", "garden"]
 
@@ -162,10 +162,10 @@ class WindowStart:
 
     Attributes:
         title: title of the window.
-        bare: whether there is no text over the image and no panel.
+        bare: True to show no text over the image and no panel.
         full_screen: whether it fills the monitor.
-        escape_ends: whether Escape closes the window if it has nothing else to cancel.
-        audience: whether menus, numbers and shortcuts are hidden while it fills the monitor.
+        escape_ends: True if Escape closes the window when there is nothing else to cancel.
+        audience: True to hide menus, numbers and shortcuts while the window fills the monitor.
     """
 
     title: str = "enliven"
@@ -176,7 +176,8 @@ class WindowStart:
 
 
 def with_size(settings: ViewerSettings, size: str | None) -> ViewerSettings:
-    """Returns the settings with a size such as "1280x720".
+    """Returns the settings with the width and height of a size such as "1280x720". None leaves them
+    unchanged.
 
     Raises:
         InputError: if the size is invalid.

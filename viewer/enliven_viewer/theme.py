@@ -1,6 +1,6 @@
 """The typeface and all colours of the window and the studio: two themes, and two palettes.
 
-A colour is a name such as ``INK``, which evaluates to the numbers of the theme in use. So :func:`use_theme`
+A colour is a name such as ``INK``. It evaluates to the numbers of the current theme, so :func:`use_theme`
 changes every colour at once.
 """
 
@@ -14,9 +14,9 @@ FONT = "fonts/Roboto/Roboto-Regular.ttf"
 """The typeface, from ImGui's bundle."""
 
 Colour = Sequence[float]
-"""sRGB and opacity, 0..1 each."""
+"""sRGB and opacity, four numbers from 0 to 1."""
 Paint = Sequence[int]
-"""sRGB, 0..255 each, of an object in the 3D view."""
+"""sRGB of an object in the 3D view, three numbers from 0 to 255."""
 Rgba = tuple[float, float, float, float]
 Rgb = tuple[int, int, int]
 ThemeName = Literal["dark", "light"]
@@ -29,7 +29,7 @@ class Theme:
     """The colours of a theme. The constants below describe the use of each.
 
     Attributes:
-        look: the look that the window uses for the stage's look "studio".
+        look: the preset of light and backdrop that replaces the stage's preset "studio" in this theme.
     """
 
     look: Literal["studio", "bright"]
@@ -148,7 +148,9 @@ THEMES: dict[ThemeName, Theme] = {
         glance_near=(104, 122, 146),
     ),
 }
-"""Dark: glass and amber on the renderer's dusk. Light: paper and umber in a bright room."""
+"""Dark theme: translucent panels with amber accents over a dark stage. Light theme: light panels with umber
+accents in a bright room.
+"""
 
 
 @dataclass(frozen=True)
@@ -159,8 +161,8 @@ class ColourSet:
         limbs: the performer's limbs by number: head, arms, legs, trunk; left before right.
         performers: the performers by number.
         lanes: bars of the timeline, one colour per take.
-        points: control points in turn: on the stage, in lists, and on the paired joints.
-        characters: meshes without their own colours; a character's name determines its colour.
+        points: control points by number, on the stage, in lists, and on the paired joints.
+        characters: meshes without colours. A character's name determines its colour.
         contact: a foot on the floor, on the timeline; ``flight``: both feet in the air.
     """
 
@@ -174,7 +176,7 @@ class ColourSet:
 
 
 class _ColourBlindPalette:
-    """The colours of Okabe and Ito, and a grey."""
+    """The colours of Okabe and Ito, in addition to a grey."""
 
     orange, sky, green, yellow = (230, 159, 0), (86, 180, 233), (0, 158, 115), (240, 228, 66)
     blue, vermilion, purple, grey = (0, 114, 178), (213, 94, 0), (204, 121, 167), (220, 220, 220)
@@ -265,8 +267,9 @@ COLOUR_SETS: dict[ColourSetName, ColourSet] = {
         flight=_ColourBlindPalette.sky,
     ),
 }
-"""The usual palette, and that of M. Okabe and K. Ito, "Color Universal Design" (2008), which people with any
-kind of colour vision can distinguish. The order maximises the difference between neighbours (see the test).
+"""The usual palette, and the palette of M. Okabe and K. Ito, "Color Universal Design" (2008). People with any
+kind of colour vision can distinguish the colours of the latter. The order maximises the difference between
+adjacent colours (a test checks this).
 """
 
 
@@ -282,8 +285,8 @@ class _ThemeColour(Sequence[Any]):
 
     Args:
         name: name of an attribute of :class:`Theme` or :class:`ColourSet`.
-        as_light: number of channels for colours converted from sRGB 0..255 to 0..1, with opacity 1 as the
-            fourth; 0 for no conversion.
+        as_light: number of channels after the conversion from 0..255 to 0..1: 3, or 4 to add an opacity of 1.
+            0 for no conversion.
     """
 
     def __init__(self, name: str, *, as_light: int = 0) -> None:
@@ -313,11 +316,11 @@ INK: Colour = _ThemeColour("ink")
 QUIET: Colour = _ThemeColour("quiet")
 """Secondary text."""
 FAINT: Colour = _ThemeColour("faint")
-"""Text of unavailable actions, and bones that no limb of the performer drives."""
+"""Text of unavailable actions, and bones that the performer does not drive."""
 ACCENT: Colour = _ThemeColour("accent")
 """Active or live objects: amber, or umber on light panels."""
 GOOD: Colour = _ThemeColour("good")
-"""Bluish green: all is well. With red-green colour blindness it is still distinct from the next two."""
+"""Bluish green: no problem. People with red-green colour blindness can distinguish it from WAIT and BAD."""
 WAIT: Colour = _ThemeColour("wait")
 """Yellow: a warning, or waiting."""
 BAD: Colour = _ThemeColour("bad")
@@ -332,7 +335,7 @@ RAISED: Colour = _ThemeColour("raised")
 PRESSED: Colour = _ThemeColour("pressed")
 """A button or field under the pointer or pressed."""
 DARK: Colour = _ThemeColour("dark")
-"""Views and lanes within a panel: darker than the panel."""
+"""Views and timeline rows within a panel. They are darker than the panel."""
 POPUP: Colour = _ThemeColour("popup")
 """Menus, dialogues and tooltips."""
 DIMMED: Colour = _ThemeColour("dimmed")
@@ -350,11 +353,11 @@ CHAIN: Colour = _ThemeColour("chain")
 MARK: Colour = _ThemeColour("mark")
 """Rings and outlines over the view: maximum contrast to the stage."""
 SHADOW: Colour = _ThemeColour("shadow")
-"""Behind marks and labels directly on the view: the opposite of MARK."""
+"""Background of marks and labels that are drawn directly on the view: the opposite of MARK."""
 ON_COLOUR: Colour = (0.055, 0.062, 0.078, 1.0)
 """Text on bars and buttons in palette colours, which are bright in both themes."""
 ON_FILL: Colour = _ThemeColour("dark")
-"""Text on buttons and bars filled with ACCENT, GOOD, WAIT or BAD: dark on bright, light on dark."""
+"""Text on buttons and bars that are filled with ACCENT, GOOD, WAIT or BAD."""
 UNTINTED: Colour = (1.0, 1.0, 1.0, 1.0)
 """Tint that leaves images unchanged."""
 CLEAR: Colour = (0.0, 0.0, 0.0, 0.0)
@@ -367,7 +370,7 @@ UNSELECTED_BONE: Paint = _ThemeColour("faded")
 SELECTED_JOINT: Paint = _ThemeColour("chosen")
 """The selected joint: the colour of active objects."""
 HOVERED_JOINT: Paint = _ThemeColour("hovered")
-"""The joint under the pointer: between plain and selected."""
+"""The joint under the pointer: between the colours of other joints and of the selected joint."""
 CHAINED_BONE: Paint = _ThemeColour("chained")
 """A chain of joints, as in overlays."""
 ROOT_JOINT: Paint = _ThemeColour("root")
@@ -381,16 +384,16 @@ WARNING: Paint = _ThemeColour("warning")
 GHOST: Paint = _ThemeColour("ghost")
 """The outline of the previous key pose."""
 PAST_POSE: Paint = _ThemeColour("before")
-"""Past poses of a character: blue, distinct from AFTER even with red-green colour blindness."""
+"""Past poses of a character: blue, distinct from FUTURE_POSE even with red-green colour blindness."""
 FUTURE_POSE: Paint = _ThemeColour("after")
 """Future poses of a character: orange."""
 DEPTH_FAR: Paint = _ThemeColour("glance_far")
-"""The far or unknown part of a depth image: like the background of panels."""
+"""Far or unknown pixels of a depth image: similar to the background of panels."""
 DEPTH_NEAR: Paint = _ThemeColour("glance_near")
-"""The nearest part of a depth image: distinct from the colour of a performer's skeleton."""
+"""The nearest pixels of a depth image: distinct from the colour of a performer's skeleton."""
 PLAIN_SURFACE: Paint = (205, 208, 214)
-"""A mesh without colours while it is painted or scanned: so light that every paint colour is visible on
-it.
+"""A mesh without colours while it is painted or scanned. It is light, so that every paint
+colour is visible.
 """
 
 LIMB_COLOURS: Sequence[Sequence[float]] = _ThemeColour("limbs", as_light=3)
@@ -400,9 +403,9 @@ PERFORMER_COLOURS: Sequence[Paint] = _ThemeColour("performers")
 LANE_COLOURS: Sequence[Colour] = _ThemeColour("lanes", as_light=4)
 """Bars of the timeline, one colour per take."""
 POINT_COLOURS: Sequence[Paint] = _ThemeColour("points")
-"""sRGB of control points, in turn."""
+"""sRGB of control points by number."""
 DEFAULT_COLOURS: Sequence[Paint] = _ThemeColour("characters")
-"""sRGB of meshes without their own colours."""
+"""sRGB of meshes without colours."""
 CONTACT: Colour = _ThemeColour("contact", as_light=4)
 """Bars of the timeline: a foot on the floor."""
 FLIGHT: Colour = _ThemeColour("flight", as_light=4)
@@ -410,7 +413,7 @@ FLIGHT: Colour = _ThemeColour("flight", as_light=4)
 
 
 def use_theme(name: str, colours: str) -> None:
-    """Switches to a theme and a palette; an unknown name selects the first of its kind."""
+    """Switches to a theme and a palette. An unknown name selects the first theme or palette."""
     _ActiveTheme.theme = next((theme for theme in THEMES if theme == name), "dark")
     _ActiveTheme.colours = next((palette for palette in COLOUR_SETS if palette == colours), "usual")
 
@@ -421,20 +424,19 @@ def get_theme() -> tuple[ThemeName, ColourSetName]:
 
 
 def is_light() -> bool:
-    """Returns whether the theme in use has dark text on light panels."""
+    """Returns True if the current theme has dark text on light panels."""
     return THEMES[_ActiveTheme.theme].look == "bright"
 
 
 def look_in_theme(look: Look) -> Look:
-    """Returns the look in which the window shows a stage.
-
-    In the light theme the look "studio" becomes bright.
+    """Returns the preset of light and backdrop with which the window shows a stage. In the light theme,
+    "studio" becomes "bright".
     """
     return THEMES[_ActiveTheme.theme].look if look == "studio" else look
 
 
 def get_performer_colour(number: int) -> Colour:
-    """Returns the colour of a performer, by its position among those present."""
+    """Returns the colour of a performer, by the performer's position among those present."""
     red, green, blue = PERFORMER_COLOURS[number % len(PERFORMER_COLOURS)]
     return red / 255, green / 255, blue / 255, 1.0
 

@@ -1,4 +1,4 @@
-"""The glfw window behind the studio: full screen, minimised state, and error messages."""
+"""Functions for the studio's glfw window: full screen, minimised state, and error messages."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any, cast
 import glfw
 
 WindowRectangle = tuple[int, int, int, int]
-"""x, y, width and height of a window."""
+"""x, y, width and height of a window in screen coordinates."""
 
 
 def decode_error(text: str | bytes) -> str:
@@ -21,7 +21,9 @@ def is_minimised(window: Any) -> bool:
 
 
 def toggle_full_screen(window: Any, before: WindowRectangle | None) -> WindowRectangle | None:
-    """Fills the monitor, or restores ``before``. Returns the window's place to restore later, or None."""
+    """Switches to full screen, or restores the rectangle ``before``. Returns the rectangle to restore later,
+    or None after restoring.
+    """
     if before is not None:
         glfw.set_window_monitor(window, cast(Any, None), *before, glfw.DONT_CARE)
         return None

@@ -34,7 +34,7 @@ def test_edge_lists_its_cameras_in_the_background() -> None:
 
 
 def test_preview_shows_the_cameras_image() -> None:
-    search, made_up = CameraSearch(), Camera("A made-up person", "synthetic", {"width": "160"})
+    search, made_up = CameraSearch(), Camera("A simulated person", "synthetic", {"width": "160"})
     search.take_test_image(made_up)
     assert search.tested_camera == made_up
     until(lambda: (search.poll(), search.tested_camera is None)[1])

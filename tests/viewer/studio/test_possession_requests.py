@@ -72,9 +72,7 @@ def test_press_without_a_performer_ends_with_a_reason(sitting, monkeypatch) -> N
     session.connect()
     session.perform.possession_requests.press()
     session.until(lambda: not session.perform.possession_requests.waits)
-    assert session.toasts == [
-        ("Possess has waited too long", "No one is in view: step in front of the camera")
-    ]
+    assert session.toasts == [("Possess has timed out", "No one is in view: step in front of the camera")]
 
 
 def test_refusal_by_the_edge_is_shown_with_advice(sitting) -> None:
@@ -185,7 +183,7 @@ def test_empty_and_missing_stage_are_reported(sitting) -> None:
     session.connect()
     session.until(lambda: session.perform.connected)
     session.perform.possession_requests.press()
-    assert session.toasts == [("Nothing stands on the stage", "Choose a character, and put it there")]
+    assert session.toasts == [("The stage has no character", "Choose one, and put it there")]
     session.perform.disconnect()
     session.perform.possession_requests.press()
     assert not session.perform.possession_requests.waits

@@ -83,7 +83,7 @@ def view(angle: float, up: float = 0.8) -> list[float]:
         ({"phase": "done"}, ""),
         ({"thing": "carried", "tracking": "lost"}, "Object lifted or lost: put it down, and go round it"),
         ({"thing": "settling", "seconds": 1.2}, "Looking for the object, 1 s: walk round it slowly"),
-        ({"thing": "sought", "seconds": 4.0}, "Not found yet: walk on, show what was seen before"),
+        ({"thing": "sought", "seconds": 4.0}, "Not found yet: walk on, and show a side that was seen before"),
         ({"thing": "found", "seconds": 1.5, "view": view(1.0)}, "Found again in 1.5 s: go round it"),
         (
             {"thing": "person", "tracking": "empty"},

@@ -70,7 +70,7 @@ def test_an_export_holds_the_characters_seconds_and_rate_that_were_chosen(worksp
 
 def test_a_range_without_a_picture_and_no_character_are_refused_before_any_work(workspace, tmp_path) -> None:
     for options, words in (
-        ({"first": 1.0, "last": 1.0}, "nothing lies between"),
+        ({"first": 1.0, "last": 1.0}, "no frame is between"),
         ({"left_out": {"limb", "limb 2"}}, "no character"),
     ):
         with pytest.raises(InputError, match=words):

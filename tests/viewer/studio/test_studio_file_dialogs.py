@@ -60,7 +60,7 @@ def test_a_new_folder_is_made_and_listed(tmp_path: Path) -> None:
         ("", "no folder"),
         ("..", "no folder"),
         ("a/b", "no folder"),
-        ("x" * 300, "cannot be made"),
+        ("x" * 300, "cannot be created"),
     ):
         browser.new_folder_name = name
         with pytest.raises(Exception, match=words):

@@ -101,7 +101,7 @@ class _Plan:
 def test_motion_quality_is_worded_with_the_place() -> None:
     arm = LimbError(**{**dict.fromkeys(LimbError.__dataclass_fields__, 0.0), "limb": "left arm"})
     good = motion_words(_Plan(), quality(limbs=(arm,)))
-    assert good == ["Limbs point as the performer's do", "The surface stretches little"]
+    assert good == ["Limb directions match the performer's", "The surface stretches little"]
     bad = motion_words(
         _Plan(),
         quality(
@@ -113,7 +113,7 @@ def test_motion_quality_is_worded_with_the_place() -> None:
         ),
     )
     assert bad == [
-        "Limbs point elsewhere than the performer's: see left arm",
+        "Limb directions differ from the performer's: see left arm",
         "The surface stretches too much, at knee",
         "it sinks into the floor or floats above it, feet slide, it goes through itself: arm, belly",
     ]

@@ -13,8 +13,8 @@ from enliven.files import require_folder
 
 CHAIR = "chair"
 _MAX_EDGE_M = 0.04
-"""Maximum edge length in metres after refinement. It is the same value as in the edge, so that both programs
-build the same graph.
+"""Maximum length of a mesh edge in metres after refinement. The edge program uses the same value, so that
+both programs build the same graph.
 """
 _IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp")
 
@@ -26,21 +26,21 @@ def graph(
     radius: Annotated[
         float | None, typer.Option(help="Distance between nodes in metres; replaces --nodes.")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Each seed gives another choice of nodes.")] = 0,
-    up: Annotated[Literal["x", "y", "z"], typer.Option(help="The mesh's own axis that points up.")] = "y",
+    seed: Annotated[int, typer.Option(min=0, help="Random seed for the choice of nodes.")] = 0,
+    up: Annotated[Literal["x", "y", "z"], typer.Option(help="Axis of the mesh that points up.")] = "y",
     height: Annotated[
-        float, typer.Option(help="Scale the mesh to this height in metres; 0 keeps its own size.")
+        float, typer.Option(help="Scale the mesh to this height in metres; 0 keeps its size.")
     ] = 1.75,
     size: Annotated[int, typer.Option(min=160, max=4096, help="Width of each of the three views.")] = 640,
 ) -> None:
-    """Draw the deformation graph that would move a mesh, from three sides.
+    """Draw the deformation graph of a mesh, seen from three sides.
 
     \b
       enliven graph HORSE.obj -o horse.png
       enliven graph chair -o chair.png --nodes 256
       enliven graph SCAN.ply -o scan.png --up z --radius 0.1
 
-    Cut vertices and bridges of the graph are marked, since KinEtre's energy E_rig acts there.
+    Marks the cut vertices and bridges of the graph, because KinEtre's rigidity energy E_rig acts there.
     """
     if output.suffix.lower() not in _IMAGE_SUFFIXES:
         endings = ", ".join(ending[1:] for ending in _IMAGE_SUFFIXES)

@@ -22,9 +22,9 @@ def kiosk_souvenirs(
     \b
       enliven kiosk-souvenirs FOYER.toml
 
-    `enliven kiosk` starts it if the profile makes souvenirs. It only sends a souvenir to a phone that knows
-    its secret address, and deletes each one after souvenir.keep minutes. With souvenir.certificate it uses
-    TLS.
+    `enliven kiosk` starts this server if the profile makes souvenirs. The server sends a souvenir only to a
+    phone that knows its secret address, and deletes it after souvenir.keep minutes. With souvenir.certificate
+    it uses TLS.
     """
     from enliven.kiosk.profile import load_profile
     from enliven_viewer.language import find_language, set_language
@@ -36,12 +36,12 @@ def kiosk_souvenirs(
         try:
             serve_souvenirs(kiosk, str(profile), parent_is_gone)
         except KeyboardInterrupt:
-            # The server has shut down properly. It raises the signal that ended it again.
+            # The server has shut down properly. It raises the signal again that stopped it.
             return
 
 
 def _resolve_certificate(kiosk: KioskProfile, folder: Path) -> KioskProfile:
-    """Returns a profile with absolute paths of its certificate and key, which are relative to a folder."""
+    """Returns the profile with the paths of its certificate and key resolved against a folder."""
     souvenir = kiosk.souvenir
     certificate, key = (
         str(folder / name) if name else "" for name in (souvenir.certificate, souvenir.certificate_key)

@@ -16,12 +16,12 @@ def kiosk_window(
     profile: Annotated[Path, typer.Argument(help="The kiosk's profile, a TOML file.")],
     seconds: Annotated[float | None, typer.Option(min=0.0, help="Stop after this number of seconds.")] = None,
 ) -> None:
-    """Shows a kiosk to visitors, next to an edge that runs already.
+    """Opens the window of a kiosk for visitors. Its edge must already run.
 
     \b
       enliven kiosk-window FOYER.toml
 
-    `enliven kiosk` starts it together with the edges, and starts it again if it fails. Ctrl+Alt+Q closes it.
+    `enliven kiosk` starts this window and the edges, and restarts them if they fail. Ctrl+Alt+Q closes it.
     """
     from enliven.kiosk.profile import load_profile
 

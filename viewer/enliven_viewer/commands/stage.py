@@ -21,11 +21,12 @@ if TYPE_CHECKING:
     from enliven_viewer.link.received_data import ReceivedCues
 
 _ANSWER_TIMEOUT_S = 5.0
-"""Timeout in seconds for an edge to answer and to send its characters, on any network."""
+"""Timeout in seconds for an edge to answer and to send its characters. It is long enough for slow networks.
+"""
 _PREPARATION_TIMEOUT_S = 600.0
 """Timeout in seconds for an edge to prepare a character, including a first compilation of its kernels."""
 _POLL_INTERVAL_S = 0.005
-"""Seconds between two polls of the sockets: far less than a frame."""
+"""Seconds between two polls of the sockets. A frame takes 33 ms."""
 
 stage = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
 Edge = Annotated[str, typer.Option(help="Address of the edge: HOST, or HOST:PORT.")]
@@ -33,7 +34,7 @@ Edge = Annotated[str, typer.Option(help="Address of the edge: HOST, or HOST:PORT
 
 @stage.callback()
 def _stage() -> None:
-    """Put characters on the stage of a running edge, replace them and take them away.
+    """Put characters on the stage of a running edge, replace or remove them.
 
     \b
       enliven stage list
@@ -47,20 +48,23 @@ def _stage() -> None:
 def put(
     character: Annotated[
         str,
-        typer.Argument(help="A mesh file, 'chair', 'lamp', a project or session, or FILE#NAME in one."),
+        typer.Argument(
+            help="A mesh file, 'chair', 'lamp', a project or session, or FILE#NAME in such a file."
+        ),
     ],
     edge: Edge = "127.0.0.1",
     name: Annotated[str, typer.Option(help="Name on the stage. Default: the name of the file.")] = "",
     drive: Annotated[
         Literal["graph", "skeleton"],
-        typer.Option(help="Method that moves it: a deformation graph, or the skeleton of a glTF file."),
+        typer.Option(help="Method of deformation: a deformation graph, or the skeleton of a glTF file."),
     ] = "graph",
     up: Annotated[
         Literal["x", "y", "z"] | None,
         typer.Option(help="Axis of the mesh that points up. Default: detected automatically."),
     ] = None,
 ) -> None:
-    """Put a character on the stage, or replace the one with its name; its performers stay in control.
+    """Put a character on the stage. It replaces a character of the same name, and that one's performers keep
+    control.
 
     \b
       enliven stage put HORSE.obj
@@ -116,7 +120,9 @@ def _describe_holders(cues: ReceivedCues | None) -> str:
 
 
 def _read(spec: str, drive: str, up: Axis | None) -> tuple[Project, str, bool]:
-    """Returns a project, the id of the character in it, and whether to scale it to a person."""
+    """Returns (project, id of the character in it, True if the character is to be scaled to a person's
+    height).
+    """
     from enliven.document import Project
     from enliven.formats.project.one_character import project_of_mesh
 
@@ -144,7 +150,9 @@ def _read(spec: str, drive: str, up: Axis | None) -> tuple[Project, str, bool]:
 
 
 def _read_project_character(path: Path, character_id: str) -> tuple[Project, str, bool]:
-    """Returns the named character in a project or session. Without a name, returns the only one."""
+    """Returns (project, character id, scaling flag) for a named character in a file. An empty id selects the
+    only character of a project, or the puppet of a session.
+    """
     from enliven.example_sessions.session import read_session
     from enliven.formats.project.file import read_project
 

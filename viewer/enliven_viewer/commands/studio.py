@@ -25,7 +25,7 @@ def studio(
     ] = None,
     space: Annotated[
         Path | None,
-        typer.Option(help="Show several edges in one space: a file of enliven calibrate, by their names."),
+        typer.Option(help="Show several edges in one space: a file from enliven calibrate."),
     ] = None,
     out: Annotated[
         list[str] | None,
@@ -37,23 +37,22 @@ def studio(
     settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
     fullscreen: Annotated[bool, typer.Option("--fullscreen", help="Fill the screen (F11).")] = False,
 ) -> None:
-    """Sketch, cut and merge shapes, give them motion, and step into them, in a window.
+    """Sketch, cut and merge shapes, animate them, and control them with your body, in a window.
 
     \b
       enliven studio                     an empty stage: sketch a part with S
-      enliven studio SPIDER.glb WALK.bvh a model, and a take to give it
-      enliven studio CACTUS.ply WALK.bvh a mesh without a skeleton, to act by examples
-      enliven studio SQUID.enliven       go on with a project
-      enliven studio DANCE.enliven --out vmc:127.0.0.1  stream it into Unreal, VSeeFace or Blender
-      enliven                            the same as enliven studio
+      enliven studio SPIDER.glb WALK.bvh a model, and a take that moves it enliven studio CACTUS.ply WALK.bvh
+      a mesh without a skeleton: animate it by example poses enliven studio SQUID.enliven       continue a
+      project enliven studio DANCE.enliven --out vmc:127.0.0.1  stream it into Unreal, VSeeFace or Blender
+      enliven the same as enliven studio
 
     Press F1 in the window for the keys.
     """
     if not has_display():
         raise ResourceError(
-            "no display was found to open a window on",
+            "no display was found for the window",
             where="enliven studio",
-            remedy="Start it where there is a screen, or under xvfb-run.",
+            remedy="Start it on a computer with a screen, or under xvfb-run.",
         )
     # Heavy modules are imported only here, so that `--help` appears quickly.
     from enliven.outputs.opening import open_outputs

@@ -47,16 +47,16 @@ def view(
     seconds: Annotated[float | None, typer.Option(min=0.0, help="Stop after this number of seconds.")] = None,
     wait: Annotated[
         float | None,
-        typer.Option(min=0.0, help="Seconds that a film waits for an edge; default: the settings."),
+        typer.Option(min=0.0, help="Seconds to wait for an edge in a film. Default: from the settings."),
     ] = None,
     hud: Annotated[bool, typer.Option(help="Show text over the picture.")] = True,
     fullscreen: Annotated[
         bool,
-        typer.Option("--fullscreen", help="Fill the screen, for an audience; F11 shows the menus again."),
+        typer.Option("--fullscreen", help="Fill the screen, without menus, for an audience; F11 shows them."),
     ] = False,
     space: Annotated[
         Path | None,
-        typer.Option(help="Show several edges in one space: a file of enliven calibrate, by their names."),
+        typer.Option(help="Show several edges in one space: a file from enliven calibrate."),
     ] = None,
     out: Annotated[
         list[str] | None,
@@ -67,7 +67,7 @@ def view(
     ] = None,
     settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
 ) -> None:
-    """Watch characters move: live from an edge, or from a take; in a window, or as a film.
+    """Watch characters move, live from an edge or from a take, in a window or as a film.
 
     \b
       enliven view                                 the edge on this machine, or a list of those on the network
@@ -81,7 +81,7 @@ def view(
       enliven view --film out.mp4 --sheet out.png  no display needed; ends with the edge's stream
       enliven view TAKE.mcap --film out.mp4 --size 1920x1080 --no-hud
 
-    It is the window of `enliven studio` in its Play workspace; H shows the keys.
+    This opens the window of `enliven studio` in its Play workspace. Press H for the keys.
     """
     chosen_settings = with_size(
         load_settings(ViewerSettings, settings) if settings else ViewerSettings(), size
@@ -101,7 +101,7 @@ def view(
         space = settings.parent / chosen_settings.space
     if not filming and not has_display():
         raise ResourceError(
-            "no display was found to open a window on",
+            "no display was found for the window",
             where="enliven view",
             remedy="Render without one: enliven view --film out.mp4 --sheet out.png",
         )
@@ -119,13 +119,13 @@ def view(
 
 
 _SEARCH_S = 1.5
-"""Duration of the search for edges in seconds, before the window opens. It continues in the window."""
+"""Seconds to search the network for edges before the window opens. The window continues the search."""
 
 
 def list_network_edges(local: str) -> bool:
-    """Prints the edges on the network if no edge runs on this machine. Returns True if there are any.
+    """Prints the edges on the network if no edge runs on this machine. Returns True if it printed any.
 
-    The window then lists them with their camera images, and a click connects.
+    The caller then opens the window, which lists the same edges with their camera images. A click connects.
     """
     from enliven.peers.announcement import missing_discovery_reason
     from enliven.peers.edge_browser import answers_locally, describe_edge, find_edges
@@ -155,7 +155,7 @@ _OTHER_COMMANDS |= dict.fromkeys((".gltf", ".vrm", ".bvh"), _OTHER_COMMANDS[".gl
 
 
 def _require_take(take: Path | None) -> None:
-    """Raises an InputError with advice if the file is of a type that another command plays."""
+    """Raises an InputError with advice if the file type shows that another command must open the file."""
     if take is not None and take.suffix.lower() in _OTHER_COMMANDS and take.exists():
         remedy = _OTHER_COMMANDS[take.suffix.lower()].format(take) + "."
         raise InputError("this is not a take", where=str(take), remedy=remedy)
@@ -228,7 +228,7 @@ def _make_title(take: Path | None) -> str:
 
 
 def _open_feed(take: Path | None, addresses: list[str]) -> TakeFeed | EdgeFeed:
-    """Returns a feed of the take, or of the edges."""
+    """Returns a feed that reads the take if one is given, otherwise a feed that follows the edges."""
     if take is not None:
         from enliven_viewer.link.take_feed import TakeFeed
 

@@ -13,7 +13,7 @@ from enliven.commands.terminal import print_line
 from enliven.errors import ResourceError
 
 DEFAULT_PORT = 5588
-"""Default port of the page: close to those of the edge."""
+"""Default TCP port of the web page. It follows the ports of the edge."""
 
 _LIBRARIES = ("starlette", "uvicorn", "websockets", "segno", "cryptography")
 """The libraries of the optional extra "web"."""
@@ -26,11 +26,15 @@ def web(
     host: Annotated[
         str, typer.Option(help="Network address to listen on; 0.0.0.0 for phones in the network.")
     ] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page; 0: any.")] = DEFAULT_PORT,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port of the page; 0 for a free port.")
+    ] = DEFAULT_PORT,
     certificate: Annotated[
-        Path | None, typer.Option(help="TLS certificate (PEM), to listen beyond this machine.")
+        Path | None, typer.Option(help="TLS certificate (PEM). Needed to serve other machines.")
     ] = None,
-    certificate_key: Annotated[Path | None, typer.Option(help="Key of the certificate (PEM).")] = None,
+    certificate_key: Annotated[
+        Path | None, typer.Option(help="Private key of the certificate (PEM).")
+    ] = None,
     insecure: Annotated[
         bool,
         typer.Option("--insecure", help="Let everyone on the network watch, without encryption."),

@@ -1,1 +1,1 @@
-"""Films and contact sheets of the viewer's images; a thread encodes while the next image is drawn."""
+"""Films and contact sheets of the viewer's images. A background thread encodes them."""

@@ -1,6 +1,4 @@
-"""Films without a window: every pose, in the sensor's time, rendered off-screen into an MP4 and a contact
-sheet.
-"""
+"""Renders films off-screen, without a window: an MP4 and a contact sheet, timed by the sensor's clock."""
 
 from __future__ import annotations
 
@@ -33,7 +31,7 @@ from enliven_viewer.render.scene import SceneStyle, make_scene
 from enliven_viewer.settings import ViewerSettings
 
 _IDLE_SLEEP_S = 0.005
-"""Sleep in seconds while no message arrives. It is short compared with the 33 ms between two poses."""
+"""Seconds to sleep if no message has arrived. It is short compared with the 33 ms between two poses."""
 _SILENCE_TIMEOUT_S = 3.0
 """Seconds without a pose or a heartbeat after which the edge counts as gone: six missed heartbeats."""
 END_MARK = "ended"
@@ -72,7 +70,7 @@ def make_film(
     console: Console | None = None,
     sound: tuple[Int16, int] | None = None,
 ) -> FilmReport:
-    """Films the feed until it ends, or for ``seconds`` of sensor time.
+    """Renders the feed until it ends, or for ``seconds`` of sensor time.
 
     Args:
         document: a document with an unbounded timeline. Filmed moments are removed from it.
@@ -128,7 +126,9 @@ class _Studio:
         return FilmWriter(path, self.size, film.rate, film.bit_rate, film.encoder, sound)
 
     def draw(self, moment: TimelineMoment, second: float) -> UInt8:
-        """Returns (H, W, 4): the image of a moment, ``second`` seconds into the film; bottom row first."""
+        """Returns the image (H, W, 4) of a moment, ``second`` seconds into the film. The bottom
+        row is first.
+        """
         started_at = time.perf_counter()
         style = self._showing.style(SceneStyle(), moment, second)
         scene = make_scene(self.document, moment, style, self._surfaces)
@@ -178,8 +178,8 @@ def _iterate_moments(
         is_edge_gone = (
             not document.edge.connected and time.monotonic() - last_arrival_time > _SILENCE_TIMEOUT_S
         )
-        # A moment is complete once a later moment exists. At the end, accept a last moment that is slightly
-        # too early.
+        # A moment is complete once the document contains a later one. At the end of the feed, use the last
+        # moment although it is slightly earlier than the image's time.
         if timeline.end_ns > due or (
             (is_stream_over or is_edge_gone) and timeline.end_ns > due - 0.5 * NS_PER_S / rate
         ):
@@ -195,7 +195,7 @@ def _iterate_moments(
 
 
 def _await_first(feed: FilmSource, document: Document, patience: float) -> None:
-    """Waits for the first moment and for its characters."""
+    """Waits until the document contains a first moment and its characters."""
     deadline = time.monotonic() + patience
     while True:
         arrived_count = feed.poll(document)

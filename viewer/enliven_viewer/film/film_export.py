@@ -16,7 +16,7 @@ from enliven_viewer.settings import ViewerSettings, with_size
 
 
 class _SampledSource:
-    """A film source that delivers all poses of some performances at once."""
+    """A film source that adds all poses of the given performances to the document in its first poll."""
 
     def __init__(
         self, performances: Sequence[Performance], rate: float, progress: Callable[[float], object] | None
@@ -30,7 +30,7 @@ class _SampledSource:
         self._pictures = max(longest * rate, 1.0)
 
     def poll(self, document: Document) -> int:
-        self._polled += 1  # The film calls this once before the first image, and once for each image.
+        self._polled += 1  # make_film calls this once before the first image, then once for each image.
         if self._progress is not None:
             self._progress(min(self._polled / self._pictures, 1.0))
         arrived_poses, self._left = self._left, []
@@ -52,13 +52,13 @@ def write_film(
     look: str = "",
     progress: Callable[[float], object] | None = None,
 ) -> None:
-    """Films characters in motion, without a window.
+    """Renders characters in motion as an MP4 file, without a window.
 
     Args:
         name: the title.
         size: image size, such as "1920x1080"; empty for the default of the settings.
         rate: frames per second; 0 for the default of the settings.
-        look: one of the stage's looks; empty for the default of the settings.
+        look: name of a preset of light, backdrop and floor; empty for the default of the settings.
         progress: called with the finished fraction of the film. An exception that it raises ends the film.
         sound: (N,) samples from the first pose on, at :data:`enliven.sounds.SOUND_RATE`.
 

@@ -11,19 +11,19 @@ from enliven.film.writer import FilmWriter
 from enliven_viewer.film.sheet import Tiles
 
 MAX_QUEUED_IMAGES = 4
-"""Maximum number of images that wait for encoding. An image of 1280 x 720 has 3.7 MB."""
+"""Maximum number of images that wait for the encoder. An image of 1280 x 720 pixels takes 3.7 MB."""
 
 
 class FilmStrip:
-    """A queue that passes images in order to the film and the sheet.
+    """A queue of images. A background thread passes them in order to the film and the sheet.
 
-    The end of the ``with`` block waits for the last image.
+    The end of the ``with`` block waits until the last image is written.
 
     An encoder error is raised by a later :meth:`add`, or at the end of ``with``.
 
     Args:
         writer: writer of the film file; None for a sheet without a film.
-        tiles: the images of the sheet.
+        tiles: collects the images of the contact sheet.
     """
 
     def __init__(self, writer: FilmWriter | None, tiles: Tiles) -> None:

@@ -27,15 +27,18 @@ MESH_COLOUR = (112, 116, 126)
 NODE_COLOUR = (236, 244, 255)
 """sRGB of nodes: nearly white, so that they are brighter than the grey mesh."""
 EDGE_COLOUR = (92, 178, 255)
-"""sRGB of ordinary edges: a cold colour, since no energy term acts only on them."""
+"""sRGB of edges without an E_rig term: a cold colour, because they need no attention."""
 BRIDGE_COLOUR = (255, 74, 52)
-"""sRGB of bridges, which separate the graph: red, since a limb depends on a single edge."""
+"""sRGB of bridges. Removing a bridge splits the graph, so a limb depends on this single edge. Red warns of
+that.
+"""
 RIGID_EDGE_COLOUR = (255, 190, 64)
-"""sRGB of the other edges with an E_rig term: amber, a weaker warning colour than that of a bridge."""
+"""sRGB of edges with an E_rig term that are not bridges: amber, a weaker warning colour than red."""
 CUT_VERTEX_COLOUR = (255, 96, 214)
-"""sRGB of cut vertices, which also separate the graph: distinct from the red of bridges."""
+"""sRGB of cut vertices. Removing one splits the graph too. The colour differs from the red of bridges."""
 VIEW_AZIMUTHS = (math.radians(-24), math.radians(96), math.radians(216))
-"""Azimuth of each view in radians from the front right: a third of a turn apart."""
+"""Azimuth of each view's camera in radians, measured from the front right. The views are 120 degrees apart.
+"""
 HEADER_HEIGHT_PX = 88
 """Height in pixels of the title above the panels: one line of 30 pixels with margins."""
 _FOOTER_HEIGHT_PX = 72
@@ -45,7 +48,7 @@ _MAX_EXTENT_M = 1.75
 
 
 class GraphCounts(NamedTuple):
-    """The numbers of a graph shown in its image; ``radius`` is R in metres."""
+    """The numbers in the legend of a graph's image. ``radius`` is the distance R between nodes in metres."""
 
     nodes: int
     edges: int
@@ -56,7 +59,7 @@ class GraphCounts(NamedTuple):
 
 
 def count_graph_parts(graph: DeformationGraph) -> GraphCounts:
-    """Returns the numbers of a graph."""
+    """Returns the numbers of nodes, edges, bridges and cut vertices of a graph."""
     return GraphCounts(
         len(graph.positions),
         len(graph.edges),
@@ -116,9 +119,8 @@ def make_view(box: Box, aspect: float, turn: float) -> CameraView:
 
 
 def make_graph_rows(graph: DeformationGraph, nodes: Float, spacing: float, pixel: float) -> Float32:
-    """Returns (E + N, 12) rows: the tubes of the edges, and the balls of the nodes.
-
-    All have a minimum visible thickness.
+    """Returns (E + N, 12) instance rows for :class:`Tubes`: a tube for each edge, then a ball for each node.
+    Tubes and balls are never thinner than about a pixel.
 
     Args:
         nodes: (N, 3) metres, the drawn positions of the nodes.
@@ -143,8 +145,8 @@ def make_graph_rows(graph: DeformationGraph, nodes: Float, spacing: float, pixel
 
 
 def fit_graph(character: Character, graph: DeformationGraph) -> tuple[Character, Float, float]:
-    """Returns the character and its nodes scaled for drawing and placed on the floor, and the scale
-    factor.
+    """Returns the character and its (N, 3) nodes, both scaled for drawing and placed on the floor, and the
+    scale factor.
     """
     low, high = character.vertices.min(0), character.vertices.max(0)
     scale = _MAX_EXTENT_M / max(float((high - low).max()), 1e-12)

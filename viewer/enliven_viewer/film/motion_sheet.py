@@ -25,13 +25,13 @@ from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
 PERFORMER_COLOUR = (120, 190, 255)
 """sRGB of the performer."""
 CAMERA_AZIMUTH = math.radians(38)
-"""Azimuth of the camera from the front towards the left, in radians."""
+"""Azimuth of the camera in radians, from the character's front towards its left."""
 _ELEVATIONS = (math.radians(12), math.radians(38))
-"""Elevation of the camera, in radians, for a tall subject and for one that lies flat."""
+"""Elevation of the camera in radians: first for a tall subject, then for a flat one."""
 _FLAT_RATIO = 0.5
 """Ratio of height to largest extent below which a subject begins to count as flat."""
 _MAX_EXTENT_M = 1.75
-"""Largest extent of the drawing in metres, since light and floor are designed for people."""
+"""Subjects are scaled to this largest extent in metres, because light and floor are designed for people."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def write_motion_sheet(
 def write_rows(
     path: Path, rows: Sequence[MotionRow], times: Float, title: str, subtitle: str, size: tuple[int, int]
 ) -> None:
-    """Draws rows of images of ``size`` pixels, one below the other, all at the same times."""
+    """Writes a sheet of rows of images. Each column shows the same time. Each image has ``size`` pixels."""
     renderer = Renderer(create_offscreen_context(), size)
     tiles = [
         Tile(second, picture)
@@ -89,7 +89,7 @@ def write_rows(
 def make_performer_row(
     clip: Clip, facing: float, travels: bool, seconds: Sequence[float] | Float
 ) -> MotionRow:
-    """Returns the row of a take's own skeleton at given times; ``facing`` is its azimuth in radians."""
+    """Returns the row of a take's own skeleton at given times. ``facing`` is its azimuth in radians."""
     project, shape = play_clip(Project(), make_stick_shape("performer", clip.skeleton), clip)
     if not travels:
         project = project.with_characters(shape.with_changes(travel=None))

@@ -1,4 +1,4 @@
-"""A short film of a project from one fixed camera, for pages and messages."""
+"""Renders a short film of a project from one fixed camera, for documentation pages and messages."""
 
 from __future__ import annotations
 
@@ -24,17 +24,19 @@ from enliven_viewer.render.scene import Scene
 from enliven_viewer.settings import LookName, RenderSettings
 
 _FIELD_OF_VIEW = math.radians(28)
-"""Vertical field of view in radians: a long lens, as for a portrait."""
+"""Vertical field of view in radians. It is narrow, like that of a portrait lens."""
 _FRAMED_FRACTION = 0.9
 """Maximum fraction of the image's width and height that the subject occupies at any time of the film."""
 _HEAD_M = 0.16
-"""Distance in metres from the head's joint to the top of the drawn head, with some room."""
+"""Distance in metres from the head joint to the top of the drawn head, plus a margin."""
 _BIT_RATE = 2.0
 """Mbit/s of an MP4 file, for encoders without a quality option."""
 _SHADOW_SIZE = 768
-"""Side length of the shadow map in pixels: twice the usual, because a film is watched many times."""
+"""Side length of the shadow map in pixels: twice the default, because a film is rendered once and watched
+often.
+"""
 _WEBP_QUALITY = 75
-"""Quality of a WebP file from 0 to 100. The floor shows no bands at this quality."""
+"""Quality of a WebP file from 0 to 100. At this quality the floor shows no banding."""
 _WEBP_METHOD = 4
 """Effort of the WebP encoder from 0 to 6. 6 takes ten times as long and saves less than 1 %."""
 
@@ -53,17 +55,17 @@ def write_project_film(
     look: LookName = "studio",
     reveal: float = 1.0,
 ) -> None:
-    """Draws the characters of a project as a film that shows the whole motion from one place.
+    """Renders the characters of a project as a film. The fixed camera frames the whole motion.
 
-    Pages show a .webp file like a picture, and it loops. It repeats without a jump if the last image leads to
-    the first.
+    Web pages show a .webp file like an image and loop it. The loop has no jump if the last image leads to the
+    first.
 
     Args:
         path: the suffix determines the format: .webp, or .mp4.
-        project: a project, or one for each image, if it is edited during the film.
+        project: a project, or one project per image if the film shows an edit.
         times: time in the project for each image, in seconds.
-        bodies: the performers of each image, drawn with the characters; or none.
-        props: the loose boxes and balls of each image; or none.
+        bodies: the performers for each image, drawn with the characters. Empty for none.
+        props: the loose boxes and balls for each image. Empty for none.
         rate: images per second.
         size: size of the film in pixels (width, height).
         azimuth: direction of the camera in degrees: 0 is the front (+Z), 90 is the characters' left (+X).
@@ -113,8 +115,8 @@ def _value_per_time(times: Sequence[float], values: Sequence[Any], name: str) ->
 
 
 def _framed_points(scene: Scene) -> Float:
-    """Returns the points (N, 3) in metres that the camera must show. Balls are left out, because they fly
-    through the image.
+    """Returns the points (N, 3) in metres that the camera must show. Loose balls are excluded, because they
+    may leave the image.
     """
     points: list[Float] = [np.asarray(actor.extent, np.float64) for actor in scene.actors]
     for body in scene.bodies:

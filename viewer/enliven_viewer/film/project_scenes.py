@@ -16,14 +16,14 @@ from enliven.person import Body
 from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
 
 _STYLE = SceneStyle(body=1.0, reveal=1.0, cues=0.0, graph=0.0, held=0.0)
-"""Meshes with performers in them, without attachment points and graphs."""
+"""Draws meshes and the performers inside them, without attachment points and graphs."""
 
 
 class ProjectScenes:
-    """The scenes of a project, or of its versions while it is edited.
+    """Makes the scenes of a project, or of several versions of a project while it is edited.
 
-    A mesh that only moves keeps its :class:`Character` from scene to scene, so the renderer uploads it once.
-    The solver of a character is prepared once for each version.
+    The :class:`Character` of a mesh is reused in all scenes unless its faces change, so the renderer uploads
+    it once. The solver of a character is prepared once per version of the project.
 
     Args:
         reveal: transparency of a mesh around the performers inside it, from 0 to 1.
@@ -46,7 +46,7 @@ class ProjectScenes:
         return Scene(actors, tuple(bodies), self._style, props)
 
     def _scene_character(self, project: Project, name: str, time: float) -> SceneCharacter:
-        """Returns a character of a project at a time. Its surface is solved."""
+        """Returns a character of a project at a time in seconds, with solved vertex positions."""
         if name not in self._surfaces or self._surfaces[name][0] is not project:
             character = project.character(name)
             self._surfaces[name] = project, get_rig_edits(character).surface(project, character)
@@ -57,7 +57,7 @@ class ProjectScenes:
         )
 
     def _drawn_character(self, project: Project, name: str, vertices: Float) -> Character:
-        """Returns a character in the form for drawing. It is a new object only if the faces of its mesh have
+        """Returns the :class:`Character` to draw. It is a new object only if the faces of its mesh have
         changed.
         """
         mesh = project.character(name).mesh

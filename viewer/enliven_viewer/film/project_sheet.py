@@ -18,7 +18,7 @@ from enliven_viewer.render.gl.context import create_offscreen_context
 from enliven_viewer.render.renderer import Renderer
 
 _AZIMUTH, _ELEVATION = math.radians(38), math.radians(14)
-"""Azimuth of the camera from the front towards the left, and elevation."""
+"""Azimuth of the camera from the front towards the left, and its elevation, in radians."""
 _MAX_COLUMNS = 6
 """Maximum number of images in one row."""
 
@@ -37,7 +37,7 @@ def write_project_sheet(
     Args:
         times: times in the project in seconds.
         title: text above the images.
-        bodies: a performer for each time, drawn with the characters; or none.
+        bodies: a performer for each time, drawn with the characters. Empty for none.
         size: size of each image in pixels (width, height).
 
     Raises:

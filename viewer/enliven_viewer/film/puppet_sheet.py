@@ -37,7 +37,7 @@ def write_puppet_sheet(
         size: size of each image in pixels.
 
     Raises:
-        InputError: if the puppet lacks something that it needs to move.
+        InputError: if the puppet lacks an input that it needs to move, such as key poses.
         ResourceError: if OpenGL is missing, or the file cannot be written.
     """
     times = np.linspace(*span, frames)
@@ -47,7 +47,9 @@ def write_puppet_sheet(
 
 
 def _make_performer_row(project: Project, puppet: Puppet, times: Float) -> MotionRow:
-    """Returns the row of the performer of the lowest unmuted layer, at the frames that the layer plays."""
+    """Returns the row of the performer in the take that the lowest unmuted layer plays, at the frames that it
+    plays.
+    """
     number = next(n for n, layer in enumerate(puppet.layers) if not layer.muted)
     layer, motion = puppet.layers[number], solve_layer_motion(project, puppet, number)
     clip = project.takes[layer.take]

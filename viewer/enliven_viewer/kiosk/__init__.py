@@ -1,1 +1,1 @@
-"""The kiosk's window: shows the story to visitors, and reports to operators."""
+"""The kiosk's window: shows the interactive story to visitors, and reports its state to operators."""

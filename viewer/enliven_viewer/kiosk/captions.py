@@ -1,4 +1,6 @@
-"""The words on the kiosk's picture: large, centred, fading, and never at rest, so that nothing burns in."""
+"""The captions on the kiosk's picture: large and centred. They fade and drift slowly to prevent screen
+burn-in.
+"""
 
 from __future__ import annotations
 
@@ -34,36 +36,41 @@ TEXTS = Texts(
         "souvenir.minutes": "Ready for {0} minutes",
     }
 )
-"""All words that visitors see, by the keys of the story. ``{0}`` is the character or the seconds."""
+"""All texts that visitors see, by the keys of the story. ``{0}`` is the character's name or a number of
+seconds or minutes.
+"""
 HINT_SIZE = 0.057
-"""Size of the hint as a fraction of the picture's height. Its small letters have less than half of it, 2.6 %,
-which is readable from 4 m on a screen of 50 inches."""
+"""Font size of the hint as a fraction of the picture's height. Its lowercase letters are 2.6 % of the height,
+which is readable from 4 m on a screen of 50 inches.
+"""
 TITLE_SIZE = 0.088
-"""Size of the title as a fraction of the picture's height."""
+"""Font size of the title as a fraction of the picture's height."""
 TITLE_WIDTH = 0.105
-"""Largest size of the title as a fraction of the picture's width, so that an upright screen has room for a
-few words in a line. A title is never smaller than a hint."""
+"""Maximum font size of the title as a fraction of the picture's width. It leaves room for a few words per
+line on an upright screen. A title is never smaller than a hint.
+"""
 _WIDTH = 0.88
-"""Width of a line as a fraction of the picture's width."""
+"""Maximum width of a line as a fraction of the picture's width."""
 _MARGIN = 0.055
 """Distance of the words from the upper and lower edge, as a fraction of the picture's height."""
 _FADE_S = 0.45
 """Duration of a fade of the words in seconds."""
 _TITLE_TIME_S = 4.0
-"""Time for which a performing visitor sees the title in seconds. Then the picture belongs to the movement."""
+"""Seconds for which a performing visitor sees the title. After that, the picture shows only the character."""
 _DRIFT = 0.012
-"""Amplitude of the words' drift as a fraction of the picture's height: more than the width of a stroke."""
+"""Amplitude of the captions' drift as a fraction of the picture's height. It exceeds the width of a letter's
+stroke.
+"""
 _DRIFT_PERIODS_S = (19.0, 27.0)
-"""Periods of the drift across and along the picture in seconds."""
+"""Periods in seconds of the horizontal and the vertical drift."""
 _EXCHANGE_S = 40.0
-"""Time after which title and hint exchange their places during attract, in seconds: burn-in begins after
-minutes."""
+"""Seconds after which title and hint swap places in the attract state. Burn-in begins after minutes."""
 _INK = (0.97, 0.975, 0.985)
 """sRGB of the words."""
 _SHADOW = (0.0, 0.0, 0.0)
 """sRGB of the words' shadow, which keeps them readable on a bright picture."""
 _LINE_HEIGHT = 1.12
-"""Distance of two lines as a factor on the size of the letters."""
+"""Line spacing as a multiple of the font size."""
 
 
 @dataclass
@@ -75,7 +82,7 @@ class _Line:
     at_top: bool = True
 
     def advance(self, wanted: str, at_top: bool, seconds: float) -> None:
-        """Fades towards a text and a place. They change when the present text is gone."""
+        """Fades towards a text and a place. Both change once the old text has faded out."""
         if (self.text, self.at_top) == (wanted, at_top) and wanted:
             self.opacity = min(self.opacity + seconds / _FADE_S, 1.0)
             return
@@ -85,10 +92,10 @@ class _Line:
 
 
 class Captions:
-    """The title and the hint.
+    """The title and the hint on the picture.
 
     Args:
-        profile: the kiosk.
+        profile: the kiosk's profile.
     """
 
     def __init__(self, profile: KioskProfile) -> None:
@@ -100,7 +107,7 @@ class Captions:
 
     @property
     def words(self) -> tuple[str, str]:
-        """Returns the title and the hint that are visible now."""
+        """Returns the currently visible title and hint."""
         return self._title.text, self._hint.text
 
     def advance(self, frame: ShowFrame, seconds: float) -> None:
@@ -112,7 +119,7 @@ class Captions:
         self._hint.advance(hint, exchanged, seconds)
 
     def draw(self, pen: Pen, size: tuple[int, int]) -> None:
-        """Draws the words into an area with a width and height in pixels. The upper ones are the largest."""
+        """Draws the title and the hint into an area of ``size`` pixels (width, height)."""
         hint_size = round(HINT_SIZE * size[1])
         title_size = max(round(min(TITLE_SIZE * size[1], TITLE_WIDTH * size[0])), hint_size)
         for line in (self._title, self._hint):
@@ -133,7 +140,7 @@ class Captions:
             pen.text(x, top, row, letters, (*_INK, line.opacity), align=0.5)
 
     def _drift(self, axis: int, size: tuple[int, int]) -> float:
-        """Returns the present offset of the words in pixels."""
+        """Returns the current offset of the captions along an axis in pixels."""
         return _DRIFT * size[1] * math.sin(2 * math.pi * self._now / _DRIFT_PERIODS_S[axis])
 
     def _find_texts(self, frame: ShowFrame) -> tuple[str, str]:
@@ -151,7 +158,7 @@ class Captions:
 
 
 def wrap_words(pen: Pen, text: str, size: int, width: float) -> list[str]:
-    """Returns the lines of a text that is broken between words, each at most ``width`` pixels wide."""
+    """Breaks a text between words into lines of at most ``width`` pixels, and returns the lines."""
     rows: list[str] = []
     for word in text.split():
         if rows and pen.extent(f"{rows[-1]} {word}", size)[0] <= width:

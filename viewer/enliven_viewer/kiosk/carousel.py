@@ -1,4 +1,6 @@
-"""The carousel of characters: the offered one stands on the spot, its smaller neighbours stand next to it."""
+"""The carousel of characters. The offered character stands on the spot, and smaller neighbours stand next to
+it.
+"""
 
 from __future__ import annotations
 
@@ -13,19 +15,19 @@ from enliven_viewer.render.scene import SceneCharacter
 _MOVE_TIME_S = 0.15
 """Time constant of the carousel's motion, in seconds."""
 _GAP_M = 1.05
-"""Distance of two neighbours in metres."""
+"""Distance in metres between two adjacent characters."""
 _BACK_M = 0.7
-"""Distance in metres of neighbours behind the offered character."""
+"""Distance in metres from the offered character back to its neighbours."""
 _SMALL = 0.55
 """Size of a neighbour relative to the offered character."""
 _MIN_OPENING = 0.03
-"""Opening of the carousel below which nothing is visible."""
+"""Fraction of the carousel's opening animation, 0..1, below which no neighbour is visible."""
 
 _MAX_OFFSET = 1.6
-"""Distance from the offered character, in places, beyond which no character is visible."""
+"""Maximum distance of a visible neighbour from the offered character, counted in places of the carousel."""
 
 _HIDDEN_SIZE = 1e-4
-"""Size of a character that is not visible: a tenth of a millimetre."""
+"""Scale factor of a character that is not visible. A character of 1 m becomes 0.1 mm high."""
 
 
 class Carousel:
@@ -48,8 +50,8 @@ class Carousel:
         """Returns the neighbours in this frame.
 
         Args:
-            names: the characters in their order.
-            offered: the one on the spot, which is not drawn here.
+            names: the characters in the order of the carousel.
+            offered: the character on the spot, which is not drawn here.
             open: True while the neighbours are shown.
         """
         count = len(names)
@@ -60,7 +62,7 @@ class Carousel:
         goal = names.index(offered)
         self._position += gain * _wrap(goal - self._position, count)
         if self._opening < _MIN_OPENING:
-            # Nothing is visible, but the graphics card keeps the meshes. So no picture waits for them when a
+            # Nothing is visible, but the meshes stay in GPU memory. So no frame waits for an upload when a
             # visitor appears.
             hidden = WaitingPlace(place, size=_HIDDEN_SIZE)
             return [stand_character(characters[name], hidden) for name in names if name != offered]
@@ -68,8 +70,10 @@ class Carousel:
         return [self._stand(characters[name], offset, place) for name, offset in offsets.items()]
 
     def _stand(self, character: Character, offset: float, place: Place) -> SceneCharacter:
-        """Returns a neighbour at its place. The next one stands on the right of the mirrored picture."""
-        # Beyond the neighbours' places, characters shrink to nothing on their way around the back.
+        """Returns a neighbour at its place, ``offset`` places from the offered one. Positive offsets are on
+        the right of the mirrored picture.
+        """
+        # Beyond the neighbours' places, characters shrink to nothing as they move around the back.
         fade = min(max((_MAX_OFFSET - abs(offset)) / (_MAX_OFFSET - 1.0), 0.0), 1.0)
         size = max(_SMALL * self._opening * fade, _HIDDEN_SIZE)
         x = place[0] - offset * _GAP_M
@@ -78,5 +82,5 @@ class Carousel:
 
 
 def _wrap(steps: float, count: int) -> float:
-    """Returns the shortest way around a carousel of ``count`` places."""
+    """Returns the signed shortest distance, in places, around a carousel of ``count`` places."""
     return (steps + count / 2) % count - count / 2

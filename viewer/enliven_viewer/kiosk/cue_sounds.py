@@ -21,11 +21,11 @@ CHORDS: Mapping[str, Sequence[float]] = {
 }
 """Frequencies in hertz of the notes of each sound, one after another."""
 _NOTE_S = 0.13
-"""Seconds from one note to the next."""
+"""Seconds between the starts of two notes."""
 _RING_S = 0.9
 """Seconds for which a note rings."""
 _DECAY_S = 0.18
-"""Time constant of a note in seconds: struck like a chime."""
+"""Time constant in seconds of a note's exponential decay, like that of a chime."""
 _VOLUME = 0.22
 """Amplitude of a note relative to the maximum, so that four of them do not clip."""
 
@@ -59,7 +59,7 @@ class CueSounds:
         self._sounds = {name: make_sound(name) for name in CHORDS} if self._stream is not None else {}
 
     def play(self, name: str) -> None:
-        """Plays a sound from its start; nothing for an unknown or empty name."""
+        """Plays a sound from its start. Ignores an unknown or empty name."""
         if name in self._sounds:
             self._playing = self._sounds[name]
 
@@ -70,7 +70,9 @@ class CueSounds:
             self._stream = None
 
     def fill(self, out: Int16, count: int, times: Any = None, fault: Any = None) -> None:
-        """Writes the next samples into an array (count, 1). The device's thread calls it."""
+        """Writes the next samples into the array ``out`` (count, 1). The audio device's thread calls this
+        method.
+        """
         playing = self._playing
         ready = playing[:count]
         out[: len(ready), 0], out[len(ready) :, 0] = ready, 0

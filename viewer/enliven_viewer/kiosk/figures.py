@@ -1,4 +1,6 @@
-"""The figure of a character in the picture: it stands, turns to visitors, and passes over smoothly."""
+"""The figure of a character in the picture. It waits, turns to visitors, and blends smoothly into driven
+poses.
+"""
 
 from __future__ import annotations
 
@@ -17,30 +19,35 @@ from enliven_viewer.render.scene import SceneCharacter
 STANDING_HEIGHT_M = 1.7
 """Height of a waiting mesh in metres, before a visitor's height is known."""
 MAX_OWN_HEIGHT_M = 2.1
-"""Largest height in metres at which puppets and rigged models wait in their own size."""
+"""Puppets and rigged models up to this height in metres wait in their own size."""
 _TURN_TIME_S = 0.12
 """Time constant of a character's turn to a visitor, in seconds. After 0.3 s, 92 % of the turn is
 done."""
 _SIZE_TIME_S = 0.5
 """Time constant of the size as it follows the visitor's height, in seconds."""
 _NEAR_M = 0.25
-"""Distance in metres between a driven character and its performer below which the figure may pass over. The
-edge moves a character to its performer within half a second; until then the figure waits on the spot."""
+"""The figure blends to the driven pose once the character is closer than this to its performer, in metres.
+The edge moves a character to its performer within half a second. Until then the figure waits on the spot.
+"""
 _MAX_DELAY_S = 1.0
-"""Longest time for which the figure waits for that, in seconds. Some characters stand next to performers."""
+"""Maximum seconds to wait until the character is at its performer. Some characters stay next to their
+performers.
+"""
 _PASSAGE_S = 0.5
-"""Duration of the passage from one source of the pose to another in seconds, such as the start of a hold."""
+"""Duration in seconds of the blend from one source of the pose to another, for example when a performer takes
+control.
+"""
 
 
 @dataclass(frozen=True)
 class WaitingPlace:
-    """Where and how a waiting character stands.
+    """The position, direction and size of a waiting character.
 
     Attributes:
         place: point of the floor (x, z) in metres.
-        yaw: radians about +Y from +Z to the character's front.
-        height: metres. Puppets and rigged models keep their own height.
-        size: factor on the size.
+        yaw: angle about +Y in radians from +Z to the character's front.
+        height: height of the character in metres. Puppets and rigged models keep their own height.
+        size: scale factor, applied in addition to the height.
     """
 
     place: Place
@@ -50,7 +57,7 @@ class WaitingPlace:
 
 
 def stand_character(character: Character, standing: WaitingPlace) -> SceneCharacter:
-    """Returns a character that stands at a place in its modelled shape."""
+    """Returns a character in its rest pose at a place."""
     rest = character.rest_pose()
     height = float(np.ptp(character.vertices[:, 1])) or 1.0
     scale = standing.height / height
@@ -71,7 +78,7 @@ class CharacterFigure:
     """One character of the picture, from frame to frame.
 
     Args:
-        place: where it waits.
+        place: point of the floor (x, z) in metres where it waits.
     """
 
     def __init__(self, place: Place) -> None:
@@ -84,11 +91,11 @@ class CharacterFigure:
 
     @property
     def standing(self) -> WaitingPlace:
-        """Returns how it stands while it waits."""
+        """Returns the position, direction and size of the character while it waits."""
         return self._standing
 
     def turn_to(self, place: Place, yaw: float, height: float, seconds: float) -> None:
-        """Turns the waiting character and moves it, gently."""
+        """Turns and moves the waiting character towards a target, by one time step of ``seconds``."""
         now = self._standing
         difference = math.remainder(yaw - now.yaw, 2 * math.pi)
         turned = now.yaw + difference * -math.expm1(-seconds / _TURN_TIME_S)
@@ -106,9 +113,10 @@ class CharacterFigure:
         """Returns the character in this frame.
 
         Args:
-            driven: its pose while a performer or a recording moves it; None while it waits.
-            source: name of the performer or recording. After a change, the figure passes over to it.
-            performer: where its performer stands. The figure passes over once the character is there.
+            driven: the pose that a performer or a recording gives it; None while it waits.
+            source: name of the performer or recording. After a change, the figure blends to the new source.
+            performer: point of the floor where its performer stands. The blend starts once the character is
+                there.
         """
         standing = stand_character(character, self._standing)
         if driven is not None and source != self._source and performer is not None:
@@ -130,19 +138,21 @@ class CharacterFigure:
         return target
 
     def _is_near(self, standing: SceneCharacter, driven: SceneCharacter, performer: Place) -> bool:
-        """Returns True if a driven character is where it would stand around its performer."""
+        """Returns True if a driven character is close to the position that it would have around its
+        performer.
+        """
         moved = driven.pose.positions.mean(0) - standing.pose.positions.mean(0)
         away = np.array(performer) - np.array(self._standing.place)
         return bool(np.linalg.norm(moved[[0, 2]] - away) < _NEAR_M)
 
 
 def is_same_mesh(first: Character, second: Character) -> bool:
-    """Returns True if the poses of two characters can be blended."""
+    """Returns True if two characters have the same mesh, so that their poses can be blended."""
     return first.id == second.id and first.pivots.shape == second.pivots.shape
 
 
 def blend_figures(start: SceneCharacter, end: SceneCharacter, fraction: float) -> SceneCharacter:
-    """Returns the figure at ``fraction`` in 0..1 between two poses of a character."""
+    """Returns the interpolation between two poses of a character at ``fraction`` in 0..1."""
     pose = blend_poses(start.pose, end.pose, fraction, end.pose.time_ns)
     vertices: Float32 | None = end.vertices
     if start.vertices is not None and end.vertices is not None:

@@ -1,6 +1,5 @@
-"""Marks on the floor of the kiosk's picture: the spot, the ring that fills, and the mark of the next visitor.
-
-They are meshes, so that feet and characters hide them and they lie in perspective.
+"""Marks on the floor of the kiosk's picture: the spot, its progress ring, and the mark of the next visitor.
+They are meshes, so that feet and characters occlude them and perspective applies to them.
 """
 
 from __future__ import annotations
@@ -18,17 +17,17 @@ from enliven_viewer.render.materials.paint import linear_from_srgb
 from enliven_viewer.render.scene import SceneCharacter
 
 _SECTIONS = 96
-"""Number of quadrilaterals around a ring: round at any size of the screen."""
+"""Number of quadrilaterals around a ring. With 96, it looks round on any screen."""
 _HEIGHT_M = 0.004
-"""Height above the floor in metres, so that marks do not flicker in it."""
+"""Height of a mark above the floor in metres, which prevents z-fighting with the floor."""
 _FILL_HEIGHT_M = 0.009
-"""Height of the filling above the floor in metres, so that it covers its track."""
+"""Height of the progress ring's filled part above the floor in metres, so that it covers the border."""
 
 Rgb = tuple[int, int, int]
 
 
 class FloorMark:
-    """A ring or disc on the floor, drawn from ``begin`` to ``end`` of a turn.
+    """A ring or disc on the floor, or a sector of it.
 
     Args:
         name: its name, unique in a scene.
@@ -45,12 +44,12 @@ class FloorMark:
         self._character = _make_character(name, self._ring_vertices((0.0, 0.0), 0.4, 0.5, 1.0), faces, colour)
 
     def at(self, place: Place, inner: float, outer: float, fraction: float = 1.0) -> SceneCharacter:
-        """Returns the mark around a point of the floor.
+        """Returns the mark around a point (x, z) of the floor in metres.
 
         Args:
             inner, outer: radii in metres.
-            fraction: part of the ring that is drawn, 0..1. It begins at the far side, and grows to the right
-                as a mirror shows it.
+            fraction: fraction of the ring that is drawn, 0..1. It begins at the far side, and grows to the
+                right in the mirrored picture.
         """
         vertices = self._ring_vertices(place, inner, outer, min(max(fraction, 1e-3), 1.0))
         return SceneCharacter(self._character, self._character.rest_pose(), None, vertices)
@@ -63,11 +62,11 @@ class FloorMark:
 
 
 class SpotMark:
-    """The spot of one performer: its border, and the ring that fills.
+    """The spot of one performer: its border and its progress ring.
 
     Args:
-        number: its number, for names.
-        border, filling: sRGB.
+        number: number of the spot, part of the marks' names.
+        border, filling: sRGB of the border and of the progress ring.
     """
 
     def __init__(self, number: int, border: Rgb, filling: Rgb) -> None:
@@ -80,8 +79,8 @@ class SpotMark:
 
         Args:
             radius: metres.
-            ring: filling, 0..1.
-            pulse: -1..1, moves the border in and out.
+            ring: filled fraction of the progress ring, 0..1.
+            pulse: phase of the pulsation, -1..1, which moves the border in and out.
         """
         outer = radius * (1.0 + 0.05 * pulse)
         marks = [self._border.at(place, 0.93 * outer, outer)]
@@ -92,7 +91,7 @@ class SpotMark:
 
 
 def _make_character(name: str, vertices: Float32, faces: Int32, colour: Rgb) -> Character:
-    """Returns a mesh without lighting in one colour."""
+    """Returns an unlit mesh of one colour as a character."""
     linear = linear_from_srgb(np.array(colour, float)).tolist()
     definition = {
         "pbrMetallicRoughness": {"baseColorFactor": [*linear, 1.0]},

@@ -1,4 +1,6 @@
-"""Reports of the kiosk's window to operators: its state, a picture of the screen, and visible progress."""
+"""Reports of the kiosk's window to operators: its state, a picture of the screen, and proof that the picture
+changes.
+"""
 
 from __future__ import annotations
 
@@ -19,25 +21,25 @@ from enliven.supervision.records import SCREEN_PICTURE, ServiceRecord, runtime_f
 log = logging.getLogger(__name__)
 
 SERVICE = "window"
-"""Name of the window among the services."""
+"""Name of the window in the supervisor's list of services."""
 _RECORD_INTERVAL_S = 2.0
 """Seconds between two records of the state."""
 _PICTURE_INTERVAL_S = 10.0
 """Seconds between two pictures of the screen."""
 _PROBE_INTERVAL_S = 0.5
-"""Seconds between two comparisons of the picture with the one before."""
+"""Seconds between two checks that the picture has changed."""
 _PICTURE_WIDTH = 480
-"""Width of the picture of the screen in pixels: it shows what is on, and does not identify people."""
+"""Width in pixels of the picture for operators. It is too small to identify people."""
 _PROBLEM_DELAY_S = 5.0
-"""Time for which a problem must last before it is logged, in seconds. Short gaps are normal."""
+"""Seconds for which a problem must last before it is logged. Short interruptions are normal."""
 
 
 class OperatorReport:
     """Reports about one window.
 
     Args:
-        notifier: the supervisor's notifier; None: that of the environment.
-        folder: the runtime folder; None: the default.
+        notifier: notifies the supervisor; None for the one that the environment names.
+        folder: the runtime folder; None for the default.
     """
 
     def __init__(self, notifier: Notifier | None = None, folder: Path | None = None) -> None:
@@ -51,15 +53,16 @@ class OperatorReport:
         self._logged = ""
 
     def drawn(self, now: float, status: str, problem: str, probe: Callable[[], bytes]) -> None:
-        """Reports a picture that is on the screen.
+        """Reports that a new picture is on the screen.
 
-        Progress is reported only if the picture differs from the one before: a frozen picture does not count.
+        Reports progress only if the picture differs from the previous one, so that a frozen picture is
+        noticed.
 
         Args:
             now: monotonic time in seconds.
             status: the state of the story.
             problem: one sentence for operators; empty if all is well.
-            probe: returns pixels that differ if the picture differs.
+            probe: returns the pixels of a small copy of the picture, for comparison.
         """
         self._count += 1
         self._log_problem(now, problem)
@@ -76,7 +79,7 @@ class OperatorReport:
             self._write_record(text)
 
     def picture(self, now: float, pixels: Callable[[], UInt8]) -> None:
-        """Writes a small picture of the screen if that is due. A full disk does not stop the show.
+        """Writes a small picture of the screen if one is due. Continues if the disk is full.
 
         Args:
             pixels: returns (H, W, 3) sRGB, top row first.
@@ -96,7 +99,7 @@ class OperatorReport:
         self._notifier.ready("the window is open")
 
     def close(self) -> None:
-        """Reports that the window ends on purpose."""
+        """Reports that the window closes as intended."""
         self._notifier.stopping()
         self._notifier.close()
 
@@ -109,7 +112,7 @@ class OperatorReport:
             log.warning("%s", error)
 
     def _log_problem(self, now: float, problem: str) -> None:
-        """Logs a problem that lasts, and its end, once each."""
+        """Logs the start of a lasting problem once, and its end once."""
         if problem != self._problem:
             self._problem, self._problem_since = problem, now
         if self._problem != self._logged and now - self._problem_since >= _PROBLEM_DELAY_S:

@@ -1,4 +1,4 @@
-"""Draws the kiosk's picture: the mirrored scene with words over it, off-screen or in a window."""
+"""Draws the kiosk's picture off-screen or in a window: the mirrored scene with captions over it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Painter:
 
     Args:
         ctx: an OpenGL context that is current in this thread.
-        size: width and height of the picture in pixels, before it is turned.
+        size: width and height of the picture in pixels, before its rotation for an upright monitor.
     """
 
     def __init__(
@@ -45,10 +45,11 @@ class Painter:
     def draw(
         self, show: KioskShow, frame: ShowFrame, seconds: float, souvenirs: SouvenirMaker | None = None
     ) -> None:
-        """Draws a picture, ``seconds`` after the last one.
+        """Draws a picture, ``seconds`` after the previous one.
 
         Args:
-            souvenirs: takes pictures before the words are drawn, and has a QR code to show; None for none.
+            souvenirs: takes its pictures before the captions are drawn, and provides QR codes to show; None
+                for none.
         """
         self._renderer.draw(frame.scene, show.look(self.size[0] / self.size[1]))
         self._copy.draw(self._renderer.picture.texture, self._picture, self.size, mirrored=True)
@@ -61,7 +62,7 @@ class Painter:
                 souvenirs.draw(self._canvas, self.size)
 
     def present(self, screen: moderngl.Framebuffer, size: Size, turn: int) -> None:
-        """Copies the picture to a window of a size in pixels, turned by degrees."""
+        """Copies the picture to a window of ``size`` pixels, rotated by ``turn`` degrees."""
         self._copy.draw(self._texture, screen, size, turn=turn)
 
     def pixels(self) -> UInt8:
@@ -69,7 +70,7 @@ class Painter:
         return _read_pixels(self._picture, self.size)
 
     def grab(self, longest: int) -> UInt8:
-        """Returns (H, W, 3) sRGB of a copy of the picture, top row first.
+        """Returns (H, W, 3) sRGB of a reduced copy of the picture, top row first.
 
         Args:
             longest: maximum length of its longer side in pixels.
@@ -82,12 +83,12 @@ class Painter:
         return _read_pixels(self._copies[size], size)
 
     def probe(self) -> bytes:
-        """Returns the pixels of a small copy of the picture, which differ if the picture differs."""
+        """Returns the pixels of a small copy of the picture. They show if two pictures differ."""
         self._copy.draw(self._texture, self._probe, _PROBE_SIZE)
         return self._probe.read(components=3)
 
     def release(self) -> None:
-        """Frees the memory of the picture on the graphics card."""
+        """Frees the GPU memory of the picture."""
         self._canvas.release()
         for copy in self._copies.values():
             copy.release()

@@ -1,4 +1,6 @@
-"""Performances of a kiosk without visitors: recorded visits that possess its own characters, and takes."""
+"""Performances that a kiosk plays while it has no visitors: recorded bodies that control its characters, and
+takes.
+"""
 
 from __future__ import annotations
 
@@ -33,24 +35,26 @@ from enliven_viewer.render.scene import SceneCharacter
 log = logging.getLogger(__name__)
 
 _PAUSE_S = 2.5
-"""Time between two performances in seconds: the character eases to rest and looks around."""
+"""Seconds between two performances. Meanwhile the character returns to its rest pose and looks around."""
 _RELEASE_S = 1.2
-"""Time for which a visit's character eases to rest after the body has left, in seconds."""
+"""Seconds in which the character returns to its rest pose after the recorded body has left."""
 _MAX_STEP_S = 0.1
-"""Longest time step of a visit in seconds. A slow picture slows it down instead of tearing the mesh."""
+"""Maximum time step of a visit in seconds. At a low frame rate the visit slows down instead of distorting the
+mesh.
+"""
 
 
 @dataclass(frozen=True)
 class Act:
-    """The content of one spot of the picture.
+    """The content of one spot of the picture in one frame.
 
     Attributes:
         character: name of its character; empty for none.
         body: the body that the character turns to, or that drives it; None for no body.
-        ring: filling of the ring, 0..1.
+        ring: filled fraction of the progress ring, 0..1.
         driven: the character in the pose that a body or a take gives it; None while it waits.
         source: what moves the character, see :meth:`CharacterFigure.show`.
-        others: more characters of a take.
+        others: further characters of a take.
     """
 
     character: str
@@ -72,15 +76,16 @@ class RecordedPerformance(Protocol):
 
 
 class VisitPerformance:
-    """A recorded body that walks to the spot, waits for the ring, and possesses a character.
+    """A recorded body that walks to the spot, waits until the progress ring is full, and controls a
+    character.
 
     Args:
         frames: the bodies, with the spot at the origin of the floor.
-        actor: the character with its solver. It must be free.
-        parts: the body parts that hold it.
-        place: the spot in the picture.
+        actor: the character with its solver. No body may control it yet.
+        parts: the body parts that control the character.
+        place: point (x, z) in metres of the spot in the picture.
         radius: its radius in metres.
-        dwell: seconds until the ring is full.
+        dwell: seconds until the progress ring is full.
     """
 
     def __init__(
@@ -99,10 +104,10 @@ class VisitPerformance:
         self._offset = np.array([place[0], 0.0, place[1]])
         self._place, self._radius, self._dwell = place, radius, dwell
         self._now = self._ring = 0.0
-        self._number = random.randrange(1 << 16)  # Distinguishes this visit from the one before it.
+        self._number = random.randrange(1 << 16)  # Distinguishes this visit from the previous one.
 
     def advance(self, seconds: float) -> Act | None:
-        """Advances the visit. Returns what to show, or None at its end."""
+        """Advances the visit. Returns the content of the spot, or None at the end of the visit."""
         step = min(seconds, _MAX_STEP_S)
         self._now += step
         if self._now > self._times[-1] + _RELEASE_S:
@@ -129,7 +134,7 @@ class VisitPerformance:
             self._actor.release()
 
     def _body_at(self, second: float) -> Body | None:
-        """Returns the body at a time, at its place in the picture; None after the last frame."""
+        """Returns the body at a time in seconds, moved to the spot, or None after the last frame."""
         if second > self._times[-1]:
             return None
         after = int(np.searchsorted(self._times, second, side="right"))
@@ -145,7 +150,7 @@ class TakePerformance:
 
     Args:
         path: the take.
-        place: the spot in the picture, where the middle of the take's characters is put.
+        place: point (x, z) in metres of the spot. The centre of the take's characters is moved there.
 
     Raises:
         InputError: if the take cannot be played.
@@ -160,7 +165,7 @@ class TakePerformance:
         self._shown = 0.0
 
     def advance(self, seconds: float) -> Act | None:
-        """Advances the take. Returns what to show, or None at its end."""
+        """Advances the take. Returns the content of the spot, or None at the end of the take."""
         self._live.advance(seconds)
         self._shown += seconds
         timeline, actors = self._live.document.timeline, self._live.scene.actors
@@ -188,16 +193,16 @@ def _move(actor: SceneCharacter, offset: Float32) -> SceneCharacter:
 
 
 class Programme:
-    """The performances of a kiosk in turn, without an end.
+    """Plays the performances of a kiosk in turn, endlessly.
 
-    Characters are prepared in the background, since the search for a person in a mesh takes seconds.
+    Characters are prepared in the background, because fitting a person into a mesh takes seconds.
 
     Args:
-        paths: recordings of bodies, or takes. Empty: the visits that ship.
-        parts: by character, the body parts that hold it.
-        place: the spot.
+        paths: recordings of bodies, or takes. If empty, the recordings in the package are used.
+        parts: the body parts that control each character, by its name.
+        place: point (x, z) of the spot in metres.
         radius: its radius in metres.
-        dwell: seconds until the ring is full.
+        dwell: seconds until the progress ring is full.
         order: the characters, in the order in which they appear.
     """
 
@@ -223,13 +228,13 @@ class Programme:
 
     @property
     def character(self) -> str:
-        """Returns the character that performs now or waits for its performance."""
+        """Returns the name of the character that performs now or next."""
         playing = self._current.character if self._current is not None else ""
         names = [name for name in self._order if name in self._characters]
         return playing or (names[self._turn % len(names)] if names else "")
 
     def meet(self, characters: Mapping[str, Character]) -> None:
-        """Takes in the characters of the stage. New ones are prepared in the background."""
+        """Updates the characters of the stage. Starts to prepare new ones in the background."""
         self._characters = characters
         for name, character in characters.items():
             before = self._prepared.get(name)
@@ -238,7 +243,7 @@ class Programme:
                 self._prepared[name] = character, future
 
     def advance(self, seconds: float) -> Act:
-        """Advances the programme. Returns what to show."""
+        """Advances the current performance, or starts the next. Returns the content of the spot."""
         if self._current is not None:
             act = self._current.advance(seconds)
             if act is not None:
@@ -261,7 +266,7 @@ class Programme:
         self._background.shutdown(wait=False, cancel_futures=True)
 
     def _start(self) -> RecordedPerformance | None:
-        """Returns the next performance; None if none can begin yet."""
+        """Returns the next performance, or None if none can begin yet."""
         for step in range(len(self._makers)):
             performance = self._makers[(self._turn + step) % len(self._makers)]()
             if performance is not None:
@@ -269,7 +274,7 @@ class Programme:
         return None
 
     def _read(self, paths: Sequence[Path]) -> list[Callable[[], RecordedPerformance | None]]:
-        """Returns a function for each readable recording that starts its performance."""
+        """Returns a function for each readable recording. Each function starts the performance."""
         makers: list[Callable[[], RecordedPerformance | None]] = []
         for path in paths:
             try:
@@ -306,7 +311,7 @@ class Programme:
             return None
 
     def _start_visit(self, frames: Sequence[BodyFrame]) -> RecordedPerformance | None:
-        """Returns a visit to the next character; None while that is being prepared."""
+        """Returns a visit to the next character, or None while that character is being prepared."""
         prepared = self._prepared.get(self.character)
         if prepared is None or not prepared[1].done():
             return None
@@ -323,13 +328,13 @@ class Programme:
 
 
 def list_shipped_visits() -> list[Path]:
-    """Returns the paths of the visits that ship with the package."""
+    """Returns the paths of the recorded visits in the package."""
     folder = Path(str(resources.files("enliven_viewer.kiosk") / "visits"))
     return sorted(folder.glob("*.mcap"))
 
 
 def _prepare(character: Character) -> EmbeddedActor:
-    """Returns an actor of a character, with the person in its mesh found and its solver compiled."""
+    """Fits a person into the mesh of a character and compiles its solver. Returns both as an actor."""
     actor = EmbeddedActor(character, graph_from_character(character))
     actor.warm_up()
     return actor

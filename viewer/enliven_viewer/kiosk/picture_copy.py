@@ -1,4 +1,4 @@
-"""Copies pictures on the graphics card: mirrored, turned for an upright monitor, or in another size."""
+"""Copies textures on the GPU: mirrored, rotated for an upright monitor, or scaled."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class PictureCopy:
     """A render pass that copies a texture.
 
     Args:
-        ctx: the context of source and target.
+        ctx: the OpenGL context of source and target.
     """
 
     def __init__(self, ctx: moderngl.Context) -> None:
@@ -28,11 +28,11 @@ class PictureCopy:
         mirrored: bool = False,
         turn: int = 0,
     ) -> None:
-        """Fills the target with the source.
+        """Draws the source over the whole target.
 
         Args:
             size: width and height of the target in pixels.
-            turn: degrees to the right: 0, 90, 180 or 270.
+            turn: clockwise rotation in degrees: 0, 90, 180 or 270.
         """
         target.viewport = (0, 0, *size)
         target.use()

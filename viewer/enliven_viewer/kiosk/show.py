@@ -33,55 +33,63 @@ from enliven_viewer.render.camera import CameraView, OrbitCamera
 from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
 
 _SPOT_COLOURS = ((255, 196, 92), (96, 226, 222), (196, 160, 255), (150, 235, 130))
-"""sRGB of the spots in turn: the colours of performers, with amber first."""
+"""sRGB of the first, second, ... spot: the colours of performers, beginning with amber."""
 _RING_COLOUR = (255, 255, 255)
-"""sRGB of the filling ring: the brightest in the picture, so that it is seen from across the room."""
+"""sRGB of the progress ring. It is the brightest colour in the picture, so that it is visible across a room.
+"""
 _PULSE_PERIOD_S = 2.4
-"""Period of the spot's breathing in seconds: calm, and never still."""
+"""Period in seconds of the slow pulsation of the spot."""
 GLOW_S = 3.0
-"""Time for which the held parts glow after a visitor has taken a character, in seconds."""
+"""Seconds for which the controlled parts of a character glow after a visitor has taken it."""
 _REVEAL_TIME_S = 0.25
-"""Time constant of the fading of skeletons, in seconds."""
+"""Time constant in seconds with which skeletons fade in and out."""
 _DRIFT_YAW = math.radians(4.0)
-"""Amplitude of the camera's drift in radians. It moves every edge of the picture by many pixels, against
-burn-in."""
+"""Amplitude of the camera's drift in radians. It moves every edge in the picture by many pixels to prevent
+burn-in.
+"""
 _DRIFT_PERIOD_S = 47.0
 """Period of the camera's drift in seconds: too slow to distract."""
 _CAMERA_ELEVATION = math.radians(9.0)
-"""Elevation of the camera in radians: the spot on the floor is visible, and visitors see themselves from
-their own height."""
+"""Elevation of the camera in radians. The spot on the floor is visible, and the view resembles that of a
+mirror at eye level.
+"""
 _MIN_HALF_WIDTH_M = 0.85
-"""Smallest half of the width in metres that is in view around the outer spots: outstretched arms."""
+"""Minimum distance in metres from an outer spot to the border of the view: room for an outstretched arm."""
 _MAX_HALF_WIDTH_M = 1.4
-"""Largest one. Farther away, visitors would make the character too small."""
+"""Maximum distance in metres from an outer spot to the border of the view. A wider view would make the
+character too small.
+"""
 _VIEW_BORDER_M = 0.35
-"""Distance from the hips of visitors to the border of the view in metres."""
+"""Minimum distance in metres from visitors' hips to the border of the view."""
 _VIEW_TIME_S = 0.8
-"""Time constant of the view as it widens for visitors and characters, in seconds."""
+"""Time constant in seconds with which the view widens for visitors and characters."""
 _VIEW_HEIGHT_M = 2.15
-"""Height in metres that is in view: a tall visitor with raised hands."""
+"""Height in metres of the visible space above the floor: a tall visitor with raised hands."""
 _VIEW_DEPTH_M = 0.32
-"""Height in metres below the floor that is in view: room for words below the spot."""
+"""Height in metres of the visible space below the floor: room for captions below the spot."""
 _VIEW_MARGIN = 1.1
-"""Size of the view relative to that box: room for the title."""
+"""Size of the view relative to the box of the visible space. The margin leaves room for the title."""
 _LOOKING_DISTANCE_M = 0.9
-"""Distance in metres at which a character seems to look at a visitor. A short one makes the turn large
-enough to be noticed."""
+"""Assumed distance in metres of a visitor to whom a character turns. A short distance makes the turn large
+enough to be noticed.
+"""
 _SPARE_NODES = 128
-"""Number of nodes of the shipped character that waits for the edge: as many as the edge's own have."""
+"""Number of graph nodes of the shipped character that is shown until the edge answers. The edge's characters
+have the same number.
+"""
 _IDLE_SWAY = math.radians(9.0)
 """Amplitude of the turns of a character that waits without visitors, in radians."""
 
 
 @dataclass(frozen=True)
 class ShowFrame:
-    """Everything about one picture.
+    """All data of one picture.
 
     Attributes:
         scene: what is drawn in 3D.
         story: the state of the story.
-        character: name of the character that the texts are about.
-        now: seconds since the start, the clock of the story.
+        character: name of the character that the captions mention.
+        now: seconds since the start, on the clock of the story.
         report: the state of the edge.
     """
 
@@ -96,12 +104,12 @@ class KioskShow:
     """The show of one kiosk.
 
     Args:
-        profile: the kiosk.
+        profile: the kiosk's profile.
         folder: folder of the profile, for relative paths.
-        link: the link to the edge; None makes one.
+        link: the connection to the edges; None makes one.
 
     Attributes:
-        camera: the camera, which looks from the screen to the visitors.
+        camera: the camera, which looks from the screen towards the visitors.
     """
 
     def __init__(self, profile: KioskProfile, folder: Path, link: KioskLink | None = None) -> None:
@@ -129,7 +137,7 @@ class KioskShow:
 
     @property
     def problems(self) -> list[str]:
-        """Returns sentences for operators about recordings that cannot be played."""
+        """Returns one sentence for operators for each recording that cannot be played."""
         return self._programme.problems
 
     def advance(self, seconds: float, presses: Sequence[Press] = ()) -> ShowFrame:
@@ -186,15 +194,17 @@ class KioskShow:
         self._link.close()
 
     def _find_spare(self) -> Mapping[str, Character]:
-        """Returns the shipped character that is shown until the edge delivers; nothing while it is made."""
+        """Returns the shipped character that is shown until the edge sends its own. Returns an empty mapping
+        while that character is being prepared.
+        """
         return self._spare.result() if self._spare.done() and not self._spare.exception() else {}
 
     def _names(self, report: EdgeReport) -> list[str]:
-        """Returns the profile's characters that are on the stage."""
+        """Returns the names of the profile's characters that are on the stage."""
         return [name for name in self._profile.characters if name in report.characters]
 
     def _find_acts(self, report: EdgeReport, seconds: float) -> list[Act]:
-        """Returns what each spot shows: the programme without visitors, otherwise the story."""
+        """Returns the content of each spot: recorded performances without visitors, otherwise the story."""
         if all(spot.phase is Phase.ATTRACT for spot in self._view.spots):
             first = self._programme.advance(seconds)
             rest = [Act(spot.character) for spot in self._view.spots[1:]]
@@ -203,7 +213,7 @@ class KioskShow:
         return [self._find_act(spot, report) for spot in self._view.spots]
 
     def _find_act(self, spot: SpotView, report: EdgeReport) -> Act:
-        """Returns what a spot shows to the visitors."""
+        """Returns the content of a spot while there are visitors."""
         body = report.bodies.get(spot.body)
         if spot.phase is Phase.POSSESSED:
             return Act(spot.character, body, 0.0, report.shown.get(spot.character), "edge")
@@ -237,7 +247,7 @@ class KioskShow:
         return Scene(tuple(actors), bodies, style)
 
     def _widen_view(self, extents: Sequence[Float | Float32], seconds: float) -> None:
-        """Widens the view for figures and visitors, within limits."""
+        """Widens the view gradually until it shows figures and visitors, within limits."""
         left, right = (self._view.spots[k].place[0] for k in (0, -1))
         reach = [max(left - e[:, 0].min(), e[:, 0].max() - right) for e in extents if np.isfinite(e).all()]
         wanted = min(max([_MIN_HALF_WIDTH_M, *(r + _VIEW_BORDER_M for r in reach)]), _MAX_HALF_WIDTH_M)
@@ -264,7 +274,9 @@ class KioskShow:
         return self._spot_marks[k].draw(spot.place, self._profile.zone.spot, act.ring, pulse)
 
     def _draw_next_mark(self, report: EdgeReport) -> list[SceneCharacter]:
-        """Returns the mark around the feet of the next visitor in line, during the farewell."""
+        """Returns the mark around the feet of the next waiting visitor, while the current visitor is seen
+        off.
+        """
         body = report.bodies.get(self._view.queue[0]) if self._view.queue else None
         if self._view.phase is not Phase.FAREWELL or body is None:
             return []
@@ -275,7 +287,8 @@ class KioskShow:
         """Returns the neighbours of the offered character, while a visitor may choose.
 
         Args:
-            characters: those that no other spot shows. The renderer draws a character once.
+            characters: the characters that no other spot shows, because the renderer draws each character
+                only once.
         """
         spot = self._view.spots[0]
         chooses = len(self._view.spots) == 1 and spot.phase in (Phase.CHOOSE, Phase.NOTICED, Phase.DWELL)
@@ -286,7 +299,7 @@ class KioskShow:
         )
 
     def _find_shown_bodies(self, acts: list[Act], report: EdgeReport, seconds: float) -> tuple[Body, ...]:
-        """Returns the skeletons that are shown: of waiting visitors, and inside of waiting characters."""
+        """Returns the skeletons to show: those of waiting visitors, and those inside waiting characters."""
         farewells = {k for k, spot in enumerate(self._view.spots) if spot.phase is Phase.FAREWELL}
         waits = [
             act.body
@@ -311,10 +324,8 @@ def _find_place(body: Body) -> Place:
 
 
 def _find_yaw(place: Place, body: Body, radius: float) -> float:
-    """Returns the direction in which a waiting character faces.
-
-    It looks out of the screen to its visitor, on the same side in front of the mirror. If the
-    visitor is on the spot, it faces as the visitor does.
+    """Returns the yaw in radians of a waiting character. The character looks out of the screen towards its
+    visitor, like a mirror image. If the visitor is on the spot, it faces in the visitor's direction.
     """
     x, z = _find_place(body)
     if math.hypot(x - place[0], z - place[1]) <= radius:
@@ -323,7 +334,7 @@ def _find_yaw(place: Place, body: Body, radius: float) -> float:
 
 
 def make_spare_character(profile: KioskProfile) -> dict[str, Character]:
-    """Returns a shipped character, for the time until the edge has delivered its own."""
+    """Returns a shipped character, which is shown until the edge has sent its own."""
     names = [name for name, character in profile.characters.items() if character.mesh in ("chair", "lamp")]
     name = names[0] if names else next(iter(profile.characters), "chair")
     mesh = profile.characters[names[0]].mesh if names else "chair"
@@ -333,7 +344,7 @@ def make_spare_character(profile: KioskProfile) -> dict[str, Character]:
 
 
 def _prepare_spare(sample: Literal["chair", "lamp"], name: str) -> PreparedCharacter:
-    """Prepares a shipped mesh."""
+    """Prepares the mesh of a shipped sample as a character."""
     mesh, settings, size, height = prepare_for_actor(load_sample(sample), ActorSettings())
     character = character_from_graph(mesh, DeformationGraph.build(mesh, nodes=_SPARE_NODES), name)
     return PreparedCharacter(character, settings, size, height, None)

@@ -1,4 +1,4 @@
-"""The QR code of a souvenir on the kiosk's picture: black on white, with words above and below it."""
+"""The QR code of a souvenir on the kiosk's picture: black on white, with text above and below."""
 
 from __future__ import annotations
 
@@ -10,32 +10,32 @@ from enliven_viewer.language import tr
 from enliven_viewer.render.overlay.canvas import Pen
 
 QUIET_ZONE = 4
-"""Width of the white border in modules, which ISO/IEC 18004 demands."""
+"""Width of the white border in modules, as ISO/IEC 18004 requires."""
 _SIDE = 0.42
-"""Side of the code with its border, as a fraction of the picture's shorter side. On a screen of 50 inches it
-is 26 cm, which phones read from 2.5 m."""
+"""Side length of the code with its border, as a fraction of the picture's shorter side. On a screen of 50
+inches the code is 26 cm wide, and phones read it from 2.5 m.
+"""
 _MARGIN = 0.04
-"""Distance from the edge of the picture as a fraction of its width."""
+"""Distance of the code from the picture's left or right border, as a fraction of the picture's width."""
 _PADDING = 0.02
-"""Distance of the words from the border as a fraction of the picture's height."""
+"""Distance of the text from the code, as a fraction of the picture's height."""
 _LINE_HEIGHT = 1.1
-"""Distance of two lines as a factor on the size of the letters."""
+"""Line spacing as a multiple of the font size."""
 _PAPER = (1.0, 1.0, 1.0, 1.0)
 """RGBA of the code's light modules and border. Phones read black on white best."""
 _INK = (0.0, 0.0, 0.0, 1.0)
-"""RGBA of the code's dark modules, and of the words."""
+"""RGBA of the code's dark modules and of the text."""
 
 
 class SouvenirCode:
-    """One QR code.
+    """The QR code of one souvenir.
 
     Args:
-        address: the address of the souvenir.
-        settings: its kind, and the time until its deletion.
+        address: the address of the souvenir. settings: its kind, and the time until its deletion.
 
     Attributes:
         address: the address of the souvenir.
-        modules: its rows, top row first. 1 is black.
+        modules: rows of the code, top row first. 1 is black.
     """
 
     def __init__(self, address: str, settings: SouvenirSettings) -> None:
@@ -66,7 +66,7 @@ class SouvenirCode:
     def _draw_modules(self, pen: Pen, left: int, top: int, module: int) -> int:
         """Draws the black modules, and returns the lower end of the border in pixels.
 
-        Neighbours in a row are one rectangle, so that no seam is visible between them.
+        Adjacent black modules of a row are drawn as one rectangle, so that no seam is visible between them.
         """
         for row, modules in enumerate(self.modules):
             y = top + (row + QUIET_ZONE) * module

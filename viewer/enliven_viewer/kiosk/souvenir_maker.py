@@ -1,7 +1,8 @@
-"""Makes a souvenir of each session: a photo of the widest gesture, or a short film, and its QR code.
+"""Makes a souvenir of each visitor's session: a photo of the widest gesture, or a short film, and its QR
+code.
 
-The pictures show the screen without words. Files are written in the background, so the show never waits for a
-disk or an encoder.
+The pictures show the screen without captions. Files are written in the background, so the show never waits
+for a disk or an encoder.
 """
 
 from __future__ import annotations
@@ -35,11 +36,13 @@ from enliven_viewer.souvenirs.store import SouvenirStore
 log = logging.getLogger(__name__)
 
 Grab = Callable[[int], UInt8]
-"""Returns (H, W, 3) sRGB of the present picture without words, top row first. Its argument is the maximum
-length of the longer side in pixels."""
+"""A function that returns (H, W, 3) sRGB of the current picture without captions, top row first. Its argument
+is the maximum length of the longer side in pixels.
+"""
 FIRST_PICTURE_S = GLOW_S + 0.5
-"""Time from the start of a session to its first picture in seconds. Before, the character passes over to the
-visitor, and its held parts glow."""
+"""Seconds from the start of a session to its first picture. During this time the character blends to the
+visitor's pose, and its controlled parts glow.
+"""
 PHOTO_SIZE = 1920
 """Maximum length of a photo's longer side in pixels."""
 FILM_SIZE = 960
@@ -49,23 +52,23 @@ FILM_RATE = 15.0
 MIN_FILM_S = 1.0
 """Shortest film in seconds. A shorter one is deleted."""
 _PHOTO_INTERVAL_S = 1.0
-"""Minimum time between two tries of a photo in seconds, since each one reads the picture from the graphics
-card."""
+"""Minimum seconds between two photos. Each photo must read the picture from the GPU."""
 _WIDER = 1.05
-"""Minimum width of a gesture relative to that of the present photo, to replace it."""
+"""A new photo replaces the current one if its gesture is wider by at least this factor."""
 _PHOTO_QUALITY = 90
-"""Quality of the JPEG file."""
+"""Quality of the JPEG file, from 0 to 100."""
 _FILM_BIT_RATE = 4.0
-"""Megabits per second of a film, for encoders without a setting of quality."""
+"""Bit rate of a film in Mbit/s, for encoders without a quality option."""
 _MAX_QUEUED_PICTURES = 30
-"""Maximum number of pictures that wait for the encoder, 50 MB. Further ones are left out."""
+"""Maximum number of pictures that wait for the encoder, about 50 MB. Further pictures are skipped."""
 _MAX_WAIT_S = 30.0
-"""Time without a picture in seconds after which a film ends, so that it does not keep the program alive."""
+"""A film ends after this number of seconds without a new picture, so that it does not keep the program alive.
+"""
 
 
 @dataclass
 class _Session:
-    """One session that is photographed or filmed.
+    """One visitor's session, which is photographed or filmed.
 
     Attributes:
         since_s: time at which it began.
@@ -73,7 +76,7 @@ class _Session:
         path: the souvenir's file.
         photo: (H, W, 3) sRGB, the best picture of the session.
         extent: width of the gesture in that picture in metres.
-        tried_s: time of the last photo.
+        tried_s: time at which the last photo was tried.
         pictures: the pictures of the film for its encoder, each with its number of repetitions. None ends it.
         is_written: the result of the film's encoder.
         count: number of pictures of the film.
@@ -91,11 +94,11 @@ class _Session:
 
 
 class SouvenirMaker:
-    """The souvenirs of a kiosk's sessions.
+    """Makes the souvenirs of a kiosk's sessions.
 
     Args:
         profile: the kiosk. Its ``souvenir.kind`` must not be empty.
-        store: the files.
+        store: creates and deletes the souvenirs' files.
 
     Attributes:
         codes: the QR codes that are shown, at the right and the left of the picture.
@@ -112,7 +115,7 @@ class SouvenirMaker:
         self.problem = ""
 
     def advance(self, frame: ShowFrame, grab: Grab) -> None:
-        """Takes pictures of the sessions in progress, and ends those that are over."""
+        """Takes pictures of the current sessions, and stores the souvenirs of finished ones."""
         grab = functools.cache(grab)
         for k, spot in enumerate(frame.story.spots):
             if spot.phase is Phase.POSSESSED:
@@ -123,13 +126,13 @@ class SouvenirMaker:
         self._collect(frame.now)
 
     def draw(self, pen: Pen, size: tuple[int, int]) -> None:
-        """Draws the QR codes of the souvenirs. ``size``: width and height of the area in pixels."""
+        """Draws the QR codes of the souvenirs into an area of ``size`` pixels (width, height)."""
         for side, code in enumerate(self.codes):
             if code is not None:
                 code.draw(pen, size, at_left=side == 1)
 
     def close(self) -> None:
-        """Ends the work in the background. Unfinished souvenirs are dropped."""
+        """Stops the background work. Unfinished souvenirs are dropped."""
         for session in self._sessions.values():
             self._end(session, is_wanted=False)
         self._sessions.clear()
@@ -155,7 +158,9 @@ class SouvenirMaker:
         session.photo, session.extent, session.tried_s = grab(PHOTO_SIZE), extent, now
 
     def _film(self, session: _Session, elapsed: float, grab: Grab) -> None:
-        """Gives the encoder a picture if one is due. It is repeated if the screen is slower than the film."""
+        """Passes a picture to the encoder if one is due. It is repeated if the screen's frame rate is lower
+        than the film's.
+        """
         due = int(elapsed * FILM_RATE) + 1 - session.count
         if due < 1:
             return
@@ -165,7 +170,7 @@ class SouvenirMaker:
             session.pictures = queue.Queue()
             session.is_written = self._background.submit(_write_film, session.path, session.pictures)
         if session.pictures is None or session.pictures.qsize() >= _MAX_QUEUED_PICTURES:
-            return  # The next picture is repeated instead.
+            return  # The next picture will be repeated instead.
         session.pictures.put_nowait((grab(FILM_SIZE), due))
         session.count += due
 
@@ -183,13 +188,13 @@ class SouvenirMaker:
                 session.is_written.add_done_callback(lambda _: path.unlink(missing_ok=True))
 
     def _end_film(self, session: _Session) -> None:
-        """Ends the pictures of a film."""
+        """Signals the end of a film to its encoder."""
         if session.pictures is not None:
             session.pictures.put_nowait(None)
             session.pictures = None
 
     def _reserve(self, session: _Session) -> bool:
-        """Gives a session a file. Returns False if that is not possible."""
+        """Reserves a file for a session. Returns False if that fails."""
         if session.token:
             return True
         try:
@@ -200,7 +205,7 @@ class SouvenirMaker:
         return True
 
     def _collect(self, now: float) -> None:
-        """Shows the codes of finished souvenirs, each for its time."""
+        """Shows the codes of finished souvenirs, each for a limited time."""
         for side, since_s in enumerate(self._shown_s):
             if now - since_s > self._settings.code:
                 self.codes[side] = None
@@ -222,28 +227,28 @@ class SouvenirMaker:
             return
         self.problem = ""
         self._background.submit(self._store.sweep)
-        # At the right if that is free, then at the left, then in place of the older one.
+        # Show the code at the right if that is free, otherwise at the left. Otherwise replace the older code.
         side = next((k for k, code in enumerate(self.codes) if code is None), None)
         if side is None:
             side = min(range(len(self.codes)), key=self._shown_s.__getitem__)
         self.codes[side], self._shown_s[side] = SouvenirCode(start + token, self._settings), now
 
     def _report(self, problem: str) -> None:
-        """Tells operators about a problem, once."""
+        """Reports a problem to operators, once."""
         if problem != self.problem:
             log.warning("%s", problem)
         self.problem = problem
 
 
 def measure_gesture(body: Body | None) -> float:
-    """Returns the width plus the height of a body's box in metres. 0 if it is not known."""
+    """Returns the width plus the height of a body's bounding box in metres, or 0 if the body is None."""
     if body is None or not np.isfinite(body.joints).all():
         return 0.0
     return float(np.ptp(body.joints[:, :2], axis=0).sum())
 
 
 def _write_photo(path: Path, pixels: UInt8) -> bool:
-    """Writes a photo. Returns True."""
+    """Writes a photo, (H, W, 3) sRGB, as JPEG. Returns True."""
     encoded = io.BytesIO()
     Image.fromarray(pixels).save(encoded, "JPEG", quality=_PHOTO_QUALITY)
     write_file(path, encoded.getvalue(), durable=False)
@@ -251,7 +256,9 @@ def _write_photo(path: Path, pixels: UInt8) -> bool:
 
 
 def _write_film(path: Path, pictures: queue.Queue[tuple[UInt8, int] | None]) -> bool:
-    """Writes the pictures of a film until its end. Returns False if it is too short, and deletes it."""
+    """Writes the queued pictures as a film until None arrives. Deletes a film that is too short, and returns
+    False.
+    """
     with FilmWriter(path, None, FILM_RATE, _FILM_BIT_RATE) as film:
         try:
             while (item := pictures.get(timeout=_MAX_WAIT_S)) is not None:

@@ -1,4 +1,6 @@
-"""The kiosk's link to its edges: visitors, holds and buttons for the story, and its requests to them."""
+"""The kiosk's connection to its edges: receives visitors, control of characters and buttons, and sends the
+story's requests.
+"""
 
 from __future__ import annotations
 
@@ -27,12 +29,13 @@ from enliven_viewer.settings import PlaybackSettings
 log = logging.getLogger(__name__)
 
 _SILENCE_S = 1.0
-"""Time without a message about bodies after which no visitor counts as present, in seconds. Edges send one
-for every frame of the sensor, even with an empty list."""
+"""Seconds without a message about bodies after which no visitor counts as present. Edges send such a message
+for every frame of the sensor, even if it lists no body.
+"""
 _MEMORY_MIN = 0.1
-"""Length of the timeline in minutes. The kiosk shows the present only."""
+"""Length of the timeline in minutes. The kiosk shows only the newest moment."""
 PRESSES: Mapping[str, Press] = {"record": "take", "stop": "leave", "again": "next"}
-"""The button of the kiosk for each call of a control at the edge."""
+"""The kiosk's button for each control call of an edge."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,7 @@ class EdgeReport:
         visitors: the tracked people.
         bodies: their bodies by tracking id.
         presses: pressed buttons.
-        holders: by character, the tracking ids of the bodies that hold it.
+        holders: the tracking ids of the bodies that control each character, by its name.
         characters: the characters on the stage.
         shown: the characters in their newest poses.
         problem: one sentence for operators; empty if all is well.
@@ -73,23 +76,23 @@ def find_edge_address(edge: EdgeOfKiosk) -> str:
 
 
 def find_parts(profile: KioskProfile) -> dict[str, str]:
-    """Returns the body parts that hold each character."""
+    """Returns the body parts that control each character, by its name."""
     return {
         name: character.parts or parts_for(character.mesh) for name, character in profile.characters.items()
     }
 
 
 class KioskLink:
-    """The link to the edges of a kiosk. Their visitors and characters are in one space.
+    """The connection to the edges of a kiosk. It transforms their visitors and characters into one space.
 
-    Each edge has all characters of the profile. A visitor takes the character of the edge that tracks them.
-    The picture shows it in the pose of that edge.
+    Each edge has all characters of the profile. A visitor controls the character on the edge that tracks the
+    visitor. The picture shows the character in that edge's pose.
 
     Args:
         profile: the kiosk.
         folder: folder of the profile, for relative paths.
-        clients: links that are used instead of those to the profile's edges, one for each edge.
-        clock: returns seconds.
+        clients: clients that replace those of the profile's edges, one for each edge; used by tests.
+        clock: returns monotonic time in seconds.
 
     Raises:
         InputError: if the file with the places of the edges is wrong.
@@ -119,7 +122,7 @@ class KioskLink:
         self._owners: dict[str, int] = {}
 
     def advance(self, seconds: float) -> EdgeReport:
-        """Takes in everything that has arrived. Returns the state of the edges."""
+        """Processes all received messages. Returns the state of the edges."""
         self._receive(seconds)
         presses = tuple(press for edge in self._edges for press in edge.take_presses())
         problem = next((text for edge in self._edges if (text := edge.problem)), "")
@@ -157,7 +160,7 @@ class KioskLink:
             edge.close()
 
     def _receive(self, seconds: float) -> None:
-        """Processes the messages of all edges, and makes their scenes of one moment."""
+        """Processes the messages of all edges, and makes the scene of each edge for the same moment."""
         if len(self._edges) > 1:
             self._space.place(self._name_of(0), self._edges[1:])
         for edge in self._edges:
@@ -167,19 +170,20 @@ class KioskLink:
             edge.live.compose(seconds)
 
     def _name_of(self, number: int) -> str:
-        """Returns the name of an edge: its own, or before its first message the one in the profile."""
+        """Returns the name that an edge has sent, or the name in the profile before its first message."""
         edge = self._edges[number]
         return edge.name if edge.is_heard or number >= len(self._names) else self._names[number]
 
     def _is_placed(self, edge: EdgeOfShow) -> bool:
-        """Returns True if the visitors of an edge are at their places.
+        """Returns True if the visitors of an edge have correct positions in the shared space.
 
-        With a space, an edge without a place is left out: its visitors would be at wrong places.
+        If the kiosk has a calibration file, an edge that it does not contain is ignored. Its visitors would
+        be at wrong positions.
         """
         return edge.number == 0 or self._space.space is None or edge.feed.transform is not None
 
     def _find_holders(self, edges: Sequence[EdgeOfShow]) -> dict[str, tuple[int, ...]]:
-        """Returns the shared ids of the bodies that hold each character on any edge."""
+        """Returns the shared ids of the bodies that control each character on any edge."""
         holders: dict[str, tuple[int, ...]] = {}
         for edge in edges:
             for name, bodies in edge.holders.items():
@@ -190,7 +194,7 @@ class KioskLink:
     def _find_shown(
         self, edges: Sequence[EdgeOfShow], holders: Mapping[str, tuple[int, ...]]
     ) -> dict[str, SceneCharacter]:
-        """Returns each character in its newest pose: that of the edge with its visitor."""
+        """Returns each character in its newest pose, on the edge that tracks the visitor that controls it."""
         shown: dict[str, SceneCharacter] = {}
         for edge in reversed(edges):
             shown |= {actor.character.id: actor for actor in edge.live.scene.actors}
@@ -204,7 +208,9 @@ class KioskLink:
         return shown
 
     def _take(self, character: str, number: int, body: int) -> None:
-        """Gives a character to a visitor on the edge that tracks them, and takes it from all others."""
+        """Lets a visitor control a character on the edge that tracks the visitor, and releases it on all
+        other edges.
+        """
         self._owners[character] = number
         for edge in self._edges:
             if edge.number == number:
@@ -213,12 +219,12 @@ class KioskLink:
                 self._release(edge, character, None)
 
     def _release(self, edge: EdgeOfShow, character: str, body: int | None) -> None:
-        """Releases a character on an edge. An edge without visitors in it is not asked."""
+        """Releases a character on an edge. Sends nothing if no visitor controls it there."""
         if body is not None or edge.number == 0 or edge.holders.get(character):
             edge.ask(Release(character, body))
 
     def _report(self, problem: str, remedy: str) -> None:
-        """Keeps a sentence about the places of the edges, for operators."""
+        """Stores a sentence for operators about the calibrated positions of the edges."""
         self._problems.append(f"{problem}. {remedy}")
 
 
@@ -226,7 +232,7 @@ class EdgeOfShow(FollowedEdge):
     """One edge of a kiosk.
 
     Args:
-        clock: returns seconds.
+        clock: returns monotonic time in seconds.
     """
 
     def __init__(
@@ -244,7 +250,7 @@ class EdgeOfShow(FollowedEdge):
 
     @property
     def problem(self) -> str:
-        """Returns a sentence about the edge for operators; empty if all is well."""
+        """Returns a sentence about the edge for operators, or an empty text if all is well."""
         edge = self.live.document.edge
         if not edge.connected:
             return f"the edge at {edge.address} does not answer"
@@ -254,7 +260,7 @@ class EdgeOfShow(FollowedEdge):
 
     @property
     def holders(self) -> Mapping[str, tuple[int, ...]]:
-        """Returns the ids of the bodies that hold each character, as this edge counts them."""
+        """Returns this edge's ids of the bodies that control each character."""
         return {name: tuple(hold.holders) for name, hold in self.client.latest(HOLDS).items()}
 
     def take_presses(self) -> list[Press]:
@@ -267,7 +273,7 @@ class EdgeOfShow(FollowedEdge):
         self.client.ask(order, lambda answer: _log_refusal(order, answer))
 
     def _note(self, topic: Topic, value: Any) -> None:
-        """Notes when bodies arrive, and which buttons are pressed."""
+        """Stores the time at which bodies arrive, and the pressed buttons."""
         if topic is BODIES:
             self._bodies_at = self._clock()
         elif topic is CALLS and value.word in PRESSES:

@@ -1,4 +1,4 @@
-"""Merges the visitors of several edges: one that two edges see at the same place counts once."""
+"""Merges the visitors of several edges. A visitor that is seen by two edges at the same place counts once."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from enliven.person import Body, Joint
 from enliven_viewer.live.followed_edge import shared_performer_id
 
 SAME_VISITOR_M = 0.45
-"""Distance in metres within which bodies of two edges are the same visitor. It is less than the distance of
-two people side by side, and more than the error of a calibration.
+"""Bodies of two edges within this distance in metres are the same visitor. It is less than the distance
+between two people side by side, and more than a calibration error.
 """
 LEAVING_FACTOR = 1.4
-"""Factor on that distance for bodies that were the same visitor in the frame before."""
+"""Factor on ``SAME_VISITOR_M`` for bodies that were the same visitor in the previous frame (hysteresis)."""
 
 
 class VisitorMerge:
     """Merges bodies from frame to frame.
 
-    A visitor keeps the body of one edge as long as that edge sees them, so that a character does not jump
-    between the edges. A body that holds a character comes first.
+    A visitor's body comes from the same edge as long as that edge sees the visitor, so that a character does
+    not jump between edges. A body that controls a character has priority.
     """
 
     def __init__(self) -> None:
@@ -36,7 +36,7 @@ class VisitorMerge:
 
         Args:
             bodies: the bodies of each edge in the shared space, by the number of the edge.
-            holding: the shared ids of the bodies that hold a character.
+            holding: the shared ids of the bodies that control a character.
         """
         edges = {shared_performer_id(n, body.id): n for n, there in bodies.items() for body in there}
         shared = {
@@ -64,10 +64,9 @@ class VisitorMerge:
         edges: Mapping[int, int],
         hidden: Mapping[int, int],
     ) -> int | None:
-        """Returns the nearest kept body of another edge at the same place; None if there is none.
-
-        A kept body has at most one double on each edge. A double of the previous frame remains the double if
-        it is still there.
+        """Returns the id of the nearest kept body of another edge at the same place, or None if there is
+        none. A kept body has at most one duplicate on each edge. A duplicate of the previous frame has
+        priority if it is still close.
         """
         before = {
             other: kept_number
@@ -90,7 +89,9 @@ class VisitorMerge:
 
 
 def _distance(first: Body, second: Body) -> float:
-    """Returns the distance of the hips of two bodies on the floor in metres. Infinite if it is not known."""
+    """Returns the horizontal distance between the hips of two bodies in metres, or infinity if
+    it is unknown.
+    """
     a, b = _place(first), _place(second)
     return math.inf if a is None or b is None else math.dist(a, b)
 

@@ -50,18 +50,18 @@ KEY_PRESSES: dict[int, Press] = {
     glfw.KEY_ENTER: "take",
     glfw.KEY_BACKSPACE: "leave",
 }
-"""The button of the kiosk for each key: keyboards, and buttons that act as one."""
+"""The kiosk's button for each key code of a keyboard, or of push buttons that act as a keyboard."""
 QUIT_MODIFIERS = glfw.MOD_CONTROL | glfw.MOD_ALT
-"""Keys that must be held with Q to close the window: no visitor presses them by chance."""
+"""Modifier keys that must be pressed with Q to close the window. Visitors do not press them by chance."""
 _SWEEP_INTERVAL_S = 60.0
-"""Time between two deletions of old souvenirs in seconds. Their server does it more often."""
+"""Seconds between two deletions of old souvenirs. The souvenir server deletes them more often."""
 _MAX_STEP_S = 0.5
-"""Longest time step in seconds, after a pause of the program."""
+"""Maximum time step of the show in seconds, for example after the program was suspended."""
 
 
 @dataclass(frozen=True)
 class _Place:
-    """Where the window is, in screen coordinates, and whether it fills the monitor."""
+    """The position and size of the window in screen coordinates, and whether it fills the monitor."""
 
     monitor: Any
     x: int
@@ -76,11 +76,11 @@ class KioskWindow:
     Args:
         profile: the kiosk.
         folder: folder of the profile, for relative paths.
-        link: the link to the edge; None makes one.
-        report: reports to operators; None: to the supervisor of this program.
+        link: the connection to the edges; None makes one.
+        report: reports to operators; None for one that notifies this program's supervisor.
 
     Raises:
-        ResourceError: without a screen, the monitor, or OpenGL.
+        ResourceError: if no screen exists, the profile's monitor does not exist, or OpenGL is missing.
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class KioskWindow:
         return int(width), int(height)
 
     def run(self, seconds: float | None = None, after: Callable[[KioskWindow], None] | None = None) -> None:
-        """Shows the window until Ctrl+Alt+Q, SIGTERM, or the end of the supervisor.
+        """Shows the window until Ctrl+Alt+Q, SIGTERM, or the supervisor's end.
 
         Args:
             seconds: close it after this time.
@@ -136,7 +136,7 @@ class KioskWindow:
                 after(self)
 
     def draw(self, seconds: float) -> None:
-        """Draws one picture, ``seconds`` after the last one."""
+        """Draws one picture, ``seconds`` after the previous one."""
         glfw.poll_events()
         if glfw.window_should_close(self._window):
             # Alt+F4 and a window manager's button do not close a kiosk.
@@ -162,7 +162,7 @@ class KioskWindow:
         self._report.picture(now, painter.pixels)
 
     def pixels(self) -> UInt8:
-        """Returns (H, W, 3) sRGB of the last picture before it was turned, top row first."""
+        """Returns (H, W, 3) sRGB of the last picture before its rotation, top row first."""
         assert self._painter is not None
         return self._painter.pixels()
 
@@ -177,13 +177,13 @@ class KioskWindow:
         glfw.terminate()
 
     def _delete_old_souvenirs(self, now: float) -> None:
-        """Deletes souvenirs from time to time, also if this kiosk does not make them any more."""
+        """Deletes old souvenirs periodically, even if this kiosk no longer makes any."""
         if now - self._swept_s >= _SWEEP_INTERVAL_S:
             self._swept_s = now
             self._store.sweep()
 
     def _fit_painter(self) -> Painter | None:
-        """Returns the painter for the window's size; None while it has no pixel."""
+        """Returns a painter for the window's size, or None while the window has no pixels."""
         width, height = self.size
         if not width or not height:
             return None
@@ -211,10 +211,11 @@ def run_kiosk_window(profile: KioskProfile, folder: Path, seconds: float | None 
 
     Args:
         folder: folder of the profile, for relative paths.
-        seconds: end after this time; None: never.
+        seconds: close the window after this time; None to keep it open.
 
     Raises:
-        ResourceError: without a screen, the monitor, or OpenGL, or with another kiosk on this screen.
+        ResourceError: if no screen exists, the monitor does not exist, OpenGL is missing, or another kiosk
+            uses this screen.
         InputError: if the file of the viewer's settings is wrong, or no phone can open souvenirs.
     """
     check_souvenir_address(profile.souvenir, "souvenir")
@@ -244,7 +245,7 @@ def _begin_glfw() -> None:
 
 
 def _find_place(profile: KioskProfile) -> _Place:
-    """Returns where the window belongs.
+    """Returns the position and size of the window on the profile's monitor.
 
     Raises:
         ResourceError: if the monitor does not exist.
@@ -273,7 +274,7 @@ def _open_window(profile: KioskProfile, place: _Place) -> Any:
     """
     for hint, value in _window_hints(place):
         glfw.window_hint(hint, value)
-    # A window that belongs to a monitor keeps the screen awake: GLFW stops the screensaver for it.
+    # GLFW disables the screensaver only for a full-screen window, so the window is created on a monitor.
     monitor = place.monitor if place.full else None
     window = glfw.create_window(*place.size, profile.name, monitor, None)
     if not window:
@@ -289,7 +290,7 @@ def _open_window(profile: KioskProfile, place: _Place) -> Any:
 
 
 def _window_hints(place: _Place) -> Iterator[tuple[int, int]]:
-    """Yields the properties of the window."""
+    """Yields the GLFW hints (hint, value) of the window."""
     mode = glfw.get_video_mode(place.monitor)
     yield glfw.CONTEXT_VERSION_MAJOR, 3
     yield glfw.CONTEXT_VERSION_MINOR, 3
@@ -303,7 +304,7 @@ def _window_hints(place: _Place) -> Iterator[tuple[int, int]]:
 
 
 def _load_render_settings(profile: KioskProfile, folder: Path) -> RenderSettings:
-    """Returns the settings of the picture."""
+    """Returns the viewer's render settings with those of the profile."""
     if not profile.screen.settings:
         return RenderSettings()
     return load_settings(ViewerSettings, folder / profile.screen.settings).render

@@ -1,1 +1,1 @@
-"""The link to edges and takes: receives messages, synchronises clocks and sends requests."""
+"""The connection to edges: receives messages, estimates clock offsets and sends requests."""

@@ -10,11 +10,11 @@ T = TypeVar("T")
 
 
 class BoundedQueue(Generic[T]):
-    """A queue that drops its oldest values beyond its limits.
+    """A queue that drops its oldest values if it exceeds its limits.
 
     Args:
         max_values: maximum number of values.
-        max_bytes: maximum bytes of all values. A single value is kept regardless of its size.
+        max_bytes: maximum size of all values in bytes. A single value is kept regardless of its size.
     """
 
     def __init__(self, max_values: int, max_bytes: int) -> None:
@@ -55,11 +55,11 @@ class BoundedQueue(Generic[T]):
 class NewestValues(dict[str, Any]):
     """The newest value of each key.
 
-    Beyond the limits, the keys that were not updated for longest are dropped.
+    If the limits are exceeded, the least recently updated keys are dropped.
 
     Args:
         max_values: maximum number of keys.
-        max_bytes: maximum bytes of all values. One value is kept regardless of its size.
+        max_bytes: maximum size of all values in bytes. One value is kept regardless of its size.
     """
 
     def __init__(self, max_values: int, max_bytes: int) -> None:
@@ -82,7 +82,7 @@ class NewestValues(dict[str, Any]):
         self.bytes -= self._sizes.pop(key, 0)
 
     def take(self) -> list[Any]:
-        """Removes all values and returns them. The one that was updated last comes last."""
+        """Removes all values and returns them, the most recently updated value last."""
         values = list(self.values())
         self.clear()
         self._sizes.clear()

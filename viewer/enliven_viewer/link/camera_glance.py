@@ -23,10 +23,10 @@ _MAX_BYTES = 32 * 1024
 
 
 class CameraGlance:
-    """A SUB socket that receives only the camera images of an edge. It never blocks.
+    """A ZeroMQ SUB socket that receives only the camera images of an edge. It never blocks.
 
     Attributes:
-        camera: the newest image; None before the first, and from an edge that does not send any.
+        camera: the newest image; None before the first image, or if the edge does not send any.
     """
 
     def __init__(self, endpoint: Endpoint) -> None:

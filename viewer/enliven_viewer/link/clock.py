@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections import deque
 
 _MAX_BOUNDS = 64
-"""Number of stored bounds on each side: about a minute, in which clocks drift by a few milliseconds at
-most.
+"""Maximum number of stored lower bounds and of stored upper bounds. They cover about a minute, in which
+clocks drift by a few milliseconds at most.
 """
 
 
@@ -53,7 +53,7 @@ class ClockEstimate:
         return 0 if low <= 0 <= high else (low + high) // 2
 
     def _drop_contradictions(self) -> None:
-        """Handles contradicting bounds, which mean that a clock was set. Keeps only the newest bounds."""
+        """Keeps only the newest bounds if the bounds contradict each other, because then a clock was set."""
         if self._upper and self._lower and max(self._lower) > min(self._upper):
             upper, lower = self._upper[-1], self._lower[-1]
             self._upper.clear()

@@ -1,4 +1,4 @@
-"""The link to the edges: receives what they publish in order and without loss, and sends requests."""
+"""The connection to the edges: receives published messages in order and without loss, and sends requests."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ three heartbeat intervals.
 class EdgeClient:
     """A client that follows one or several edges. It is polled from the drawing thread and never blocks.
 
-    It can be started before or after its edges, and these may restart: characters and state are fetched
-        automatically. Poses that arrive before their character wait for it. Call :meth:`poll` once per frame,
-    then take the new values::
+    It can be started before or after its edges, and edges may restart: characters and state are fetched
+    automatically. Poses that arrive before their character are queued until it arrives. Call :meth:`poll`
+    once per frame, then take the new values::
 
         link = Link(["127.0.0.1:5580"])
         while drawing:
@@ -47,7 +47,7 @@ class EdgeClient:
             for received in link.take(POSE):
                 show(link.characters[received.pose.character], received.pose)
 
-    With several edges, a character's id is "edge/id" here. With one edge, it is the id given by the edge,
+    With several edges, a character's id in this client is "edge/id". With one edge, it is the edge's own id,
     unless ``prefixed`` is set.
 
     The constructor compiles the pose decoder, which takes some seconds the first time on a machine.
@@ -56,8 +56,8 @@ class EdgeClient:
         endpoints: ``Endpoint``, or "host", "host:port" (the control port is the next one),
             "host:port:control_port".
         name: name of this viewer, sent to the edges.
-        prefixed: True writes "edge/id" also with one edge.
-        prefix: returns the part before "/" for the name of an edge.
+        prefixed: True to use "edge/id" with a single edge too.
+        prefix: returns the text before "/" for the name of an edge.
         forward: called from :meth:`poll` with each accepted stream message, see :class:`EdgeConnection`.
 
     Attributes:
@@ -101,7 +101,7 @@ class EdgeClient:
         ]
 
     def poll(self) -> None:
-        """Processes all received messages and requests missing data; does not block."""
+        """Processes all received messages and requests missing data. Does not block."""
         for edge in self.edges:
             edge.poll()
         self._find_clashes()
@@ -139,18 +139,17 @@ class EdgeClient:
 
     @property
     def topics(self) -> dict[Endpoint, dict[str, TopicHealth]]:
-        """Returns the health of each topic of each edge: alive, on rate, valid."""
+        """Returns the health of each topic of each edge: whether it is alive, at its rate and valid."""
         return {edge.endpoint: edge.topics() for edge in self.edges}
 
     @property
     def stage(self) -> StageLink:
-        """Returns the stage of the first edge."""
+        """Returns the link that puts characters onto the stage of the first edge."""
         return self.edges[0].stage
 
     def take(self, topic: Topic) -> list[Any]:
-        """Returns the values of a topic since the last call; those of each edge are in order.
-
-        They are all of them, or the newest of each key, as the topic's ``keep`` says.
+        """Returns the values of a topic received since the last call, in order for each edge. The topic's
+        ``keep`` determines whether these are all values or only the newest of each key.
         """
         inboxes = [edge.inbox[topic.name] for edge in self.edges if topic.name in edge.inbox]
         return [value for inbox in inboxes for value in inbox.take()]
@@ -158,7 +157,7 @@ class EdgeClient:
     def take_notices(self) -> list[Notice]:
         """Returns messages for the user since the last call.
 
-        They are refusals, restarts, version mismatches and name clashes.
+        They report refusals, restarts, version mismatches and name clashes.
         """
         return _empty_queue(self._notices)
 
@@ -193,9 +192,8 @@ class EdgeClient:
             edge.close()
 
     def _find_clashes(self) -> None:
-        """Marks two edges with the same name as a clash if both send messages at the same time.
-
-        After a restart of one edge, its old process is silent, so this is not a clash.
+        """Reports a name clash if two edges with the same name send messages at the same time. A restarted
+        edge is not a clash, because its old process is silent.
         """
         now = time.monotonic()
         for edge in self.edges:

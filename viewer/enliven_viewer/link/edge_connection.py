@@ -1,4 +1,4 @@
-"""The link to one edge; handles late starts, silence, restarts and version mismatches."""
+"""The connection to one edge. It handles late starts, silence, restarts and version mismatches."""
 
 from __future__ import annotations
 
@@ -55,35 +55,35 @@ from enliven_viewer.link.topic_health import SILENCE_TIMEOUT_S, TopicHealth, Top
 from enliven_viewer.link.topic_tracks import find_track, relabel
 
 _POLL_BUDGET_S = 0.01
-"""Maximum time in seconds that one poll spends on messages, so that a flood of them does not block
-drawing.
-"""
+"""Maximum time in seconds that one poll spends on messages, so that many messages do not block drawing."""
 _MAX_STORED_FRAMES = 4000
-"""Maximum number of poses, and of frames of bodies, stored for a caller that does not fetch them: two minutes
-of one character.
-"""
+"""Maximum number of unfetched poses, and of unfetched frames of bodies: two minutes of one character."""
 _MAX_STORED_BYTES = 64 * 1024 * 1024
-"""Maximum bytes of one topic stored for a caller that does not fetch them: two minutes of poses of a graph
-with 1,000 nodes.
-"""
+"""Maximum size of a topic's unfetched values in bytes: two minutes of poses of a graph with 1,000 nodes."""
 _MAX_UNREAD_BYTES = 16 * 1024 * 1024
-"""Maximum bytes of messages that wait for their character, or until the sending edge is known."""
+"""Maximum size in bytes of messages that are queued until their character has arrived, or until the sending
+process is known.
+"""
 _MAX_KEYS = 4096
-"""Maximum number of keys of a topic with stored newest values, such as the pieces of a scan. An edge
-sends at most this number.
+"""Maximum number of keys of a topic, such as the blocks of a scan. The newest value of each key is stored. An
+edge sends no more keys than this.
 """
 _MAX_NEWEST_BYTES = 128 * 1024 * 1024
-"""Maximum bytes of a topic's newest values. The pieces of a scanned room take about 40 MB."""
+"""Maximum size of a topic's newest values in bytes. The blocks of a scanned room take about 40 MB."""
 _MAX_UNKNOWN_CHARACTERS = 64
-"""Maximum number of characters that messages mention before the edge lists them: four times the number on a
+"""Maximum number of characters in messages that the edge has not listed yet: four times the capacity of a
 stage.
 """
 _MAX_CHARACTER_BYTES = 512 * 1024 * 1024
-"""Maximum bytes of all characters of an edge: four of two million vertices each."""
+"""Maximum size of all characters of an edge in bytes: enough for four characters of two million vertices
+each.
+"""
 _REQUEST_INTERVAL_S = 1.0
-"""Seconds between two identical requests while the streams arrive."""
+"""Seconds between two identical requests once stream messages arrive."""
 _FIRST_REQUEST_INTERVAL_S = 0.1
-"""Seconds between two requests before the streams arrive. Each request makes the edge publish a heartbeat."""
+"""Seconds between two requests before the first stream message. Each request makes the edge publish a
+heartbeat.
+"""
 _REPLY_TIMEOUT_S = 1.0
 """Timeout in seconds of a hello (login) or a ping. An edge answers within a frame."""
 _CHARACTER_TIMEOUT_S = 10.0
@@ -93,9 +93,9 @@ _MAX_PARALLEL_REQUESTS = 4
 _FULL_RETRY_INTERVAL_S = 30.0
 """Seconds until a character that exceeds the memory limit is requested again."""
 NO_ANSWER_TEXT = "does not answer"
-"""Last words of the refusal text of a command that timed out. A busy edge may still carry out the command."""
+"""Last words of the refusal text of a command that timed out. A busy edge may still execute the command."""
 _REOPEN_INTERVAL_S = 2.0
-"""Seconds after a failed handshake until the connection is opened again. By then the user may have paired."""
+"""Seconds from a failed handshake to the next attempt. In the meantime the user may pair with the edge."""
 _COMMAND_TIMEOUT_S = 3.0
 """Timeout of a command, in seconds. After that, a notice reports that the edge does not answer."""
 
@@ -109,22 +109,23 @@ class _HeldCharacter:
 
 
 class EdgeConnection:
-    """One SUB and one DEALER socket to an edge, with the received messages. An EdgeClient polls it.
+    """A ZeroMQ SUB and a DEALER socket to one edge, and the received messages. An EdgeClient polls it.
 
     Args:
         endpoint: address of the edge, which need not be running yet.
         viewer: name of this viewer, sent in the hello.
-        label: returns a character's id in this viewer, for its edge's name and its id on the edge.
+        label: returns a character's id in this viewer, given the edge's name and the id on the edge.
         notify: called with notices for the user.
-        forward: called with each accepted stream message, unchanged. A pose is forwarded once its character
-            is known. For programs that forward messages.
+        forward: called with each accepted stream message, unchanged, for programs that relay messages. A pose
+            is forwarded once its character is known.
 
     Attributes:
-        inbox: by topic, the values that the caller has not fetched yet: all of them, or the newest of each
-            key, as the topic's ``keep`` says.
-        latest: by topic and key, the newest value.
+        inbox: the unfetched values by topic. The topic's ``keep`` determines whether these are all values or
+            only the newest of each key.
+        latest: the newest value by topic and key.
         stage: link that puts characters onto the edge's stage.
-        probe: measures the edge's clock, see :meth:`align_clock`. None if only :attr:`clock` is estimated.
+        probe: measures the edge's clock precisely, see :meth:`align_clock`. None if only the coarse estimate
+            :attr:`clock` is used.
         role: this viewer's role on the edge, empty before its first answer.
 
     Raises:
@@ -168,7 +169,7 @@ class EdgeConnection:
         self._begin(None)
 
     def poll(self) -> None:
-        """Processes received messages and requests missing data; does not block."""
+        """Processes received messages and requests missing data. Does not block."""
         self._watch_handshake()
         self._requests.poll(self._reject)
         deadline = time.monotonic() + _POLL_BUDGET_S
@@ -225,7 +226,9 @@ class EdgeConnection:
         return self._requests.send(body, "stage", seconds, on_reply)
 
     def revision(self, character: str) -> int:
-        """Returns the revision of a character on the edge, by its id there; 0 for none."""
+        """Returns the revision of a character by its id on the edge, or 0 if the edge does not have the
+        character.
+        """
         return self._wanted.get(character, 0)
 
     @property
@@ -235,23 +238,24 @@ class EdgeConnection:
         return is_list_current and self._revisions == self._wanted
 
     def align_clock(self) -> None:
-        """Measures the edge's clock from now on, to a fraction of a millisecond on a wired network.
-
-        That needs a thread and a connection of its own, so it is only worth it with several edges.
+        """Starts to measure the edge's clock, to a fraction of a millisecond on a wired network. The
+        measurement needs a separate thread and connection, so use it only with several edges.
         """
         if self.probe is None:
             self.probe = ClockProbe(self.endpoint, self._viewer)
 
     @property
     def clock_offset_ns(self) -> int:
-        """Returns the edge's wall clock minus this machine's in nanoseconds, by the best known estimate."""
+        """Returns the best estimate of the edge's wall clock minus this machine's, in nanoseconds."""
         if self.probe is not None and self.probe.is_known:
             return self.probe.wall_offset_ns()
         return self.clock.offset_ns
 
     @property
     def socket(self) -> zmq.Socket[bytes]:
-        """Returns the socket of the streams, only to wait for it. It is replaced when the keys change."""
+        """Returns the SUB socket of the streams. Callers may only poll it. It is replaced when the keys
+        change.
+        """
         return self._stream
 
     def close(self) -> None:
@@ -264,7 +268,7 @@ class EdgeConnection:
         self._close_stream()
 
     def _open_stream(self, keys: ClientKeys | None) -> None:
-        """Connects to the streams."""
+        """Opens the SUB socket and connects it to the edge's streams."""
         self._stream = make_socket(self._context, zmq.SUB, MAX_STREAM_BYTES, MAX_UNREAD_STREAMS, keys)
         self._handshake = HandshakeWatch(self._stream, keys is not None)
         self._stream.setsockopt(zmq.SUBSCRIBE, b"")
@@ -275,9 +279,7 @@ class EdgeConnection:
         self._stream.close(linger=0)
 
     def _watch_handshake(self) -> None:
-        """Reports keys that do not match, and connects again later, because libzmq does not retry after such
-        a failure.
-        """
+        """Reports a failed handshake. Reconnects later, because libzmq does not retry after wrong keys."""
         self._handshake.poll()
         problem, now = self._handshake.problem, time.monotonic()
         if problem and self._reopen_at == math.inf:
@@ -297,7 +299,7 @@ class EdgeConnection:
             self._requests.reopen(keys)
 
     def _report_access(self, text: str) -> None:
-        """Notifies the user once of each problem with the keys."""
+        """Notifies the user of a problem with the keys, once per problem."""
         if text != self._access_problem:
             self._access_problem = text
             self._notify(Notice("error", text))
@@ -325,9 +327,8 @@ class EdgeConnection:
         return "connected", f"{self.name}: {self.status.phase}"
 
     def _begin(self, instance: int | None) -> None:
-        """Resets counters and requests for an edge that was started or restarted.
-
-        Its characters stay on the screen until the new process has sent its list.
+        """Resets counters and requests after the edge was started or restarted. The known characters stay on
+        the screen until the new process has sent its list.
         """
         self.instance = instance
         self._known_revision = -1
@@ -344,7 +345,7 @@ class EdgeConnection:
         self.stage.restart()
 
     def _reject(self, error: MalformedMessageError) -> None:
-        """Counts a message that cannot be read. Notifies the user if it is of another version."""
+        """Counts a message that cannot be read. Notifies the user if it uses another protocol version."""
         if isinstance(error, OtherVersionError) and self._other_version != error.version:
             self._other_version = error.version
             self._notify(Notice("error", self._state(0.0, TopicHealth())[1]))
@@ -386,19 +387,20 @@ class EdgeConnection:
             self._rejects.add(error)
 
     def _record_arrival(self, topic: Topic) -> None:
-        """Records that the edge is alive.
-
-        After a silence, only a status or a pose message shows whether the edge has restarted.
+        """Records that the edge is alive. After a silence, only a status or pose message can show whether the
+        edge has restarted, because only these identify the process.
         """
         now = time.monotonic()
         self._after_silence |= now - self.last_heard > SILENCE_TIMEOUT_S
         self.last_heard, self._other_version, self._access_problem = now, None, ""
 
     def _process_held_back(self) -> None:
-        """Processes the messages held back after a silence until the sending process was known."""
+        """Processes the queued messages that arrived after a silence, before the sending
+        process was known.
+        """
         self._after_silence = False
-        # If this thread is suspended in between, messages are held back again. So the queue may not be
-        # empty at the end.
+        # If this thread is suspended meanwhile, messages are queued again. So the queue may not be empty at
+        # the end.
         for data in self._unsure.take():
             self._receive(data, latched=False)
 
@@ -418,9 +420,12 @@ class EdgeConnection:
         return True
 
     def _keep(self, topic: Topic, key: str, value: Any, size: int) -> None:
-        """Stores a value with its size in bytes for the caller, and as the newest of its key."""
+        """Stores a value of ``size`` bytes in the inbox for the caller, and as the newest value
+        of its key.
+        """
         if topic.name not in self.inbox:
-            # A caller that fetches no camera images, such as a kiosk, would store thousands of them.
+            # Keep only the newest camera image. A caller that never fetches them, such as a kiosk, would
+            # otherwise store thousands.
             self.inbox[topic.name] = (
                 BoundedQueue(_MAX_STORED_FRAMES, _MAX_STORED_BYTES)
                 if topic.keep == "every"
@@ -435,7 +440,7 @@ class EdgeConnection:
             inbox.append(value, size)
 
     def _watch(self, topic: Topic) -> TopicWatch:
-        """Returns the message counts of a topic."""
+        """Returns the message counter of a topic."""
         return self._watches.setdefault(topic.name, TopicWatch(topic))
 
     def _handle_status(self, message: StatusMessage) -> None:
@@ -549,9 +554,8 @@ class EdgeConnection:
                     newest.forget(gone)
 
     def _handle_character(self, answer: Answer | None) -> None:
-        """Stores a character and decodes the poses that waited for it.
-
-        If it is unusable, the old one stays.
+        """Stores a character and decodes its queued poses. If the new revision is unusable, the old one
+        stays.
         """
         if not isinstance(answer, CharacterMessage) or answer.id not in self._wanted:
             return

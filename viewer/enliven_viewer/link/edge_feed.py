@@ -1,4 +1,4 @@
-"""A feed from an edge to a document: it puts received messages onto the timeline."""
+"""A feed that puts the received messages of an edge onto a document's timeline."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from enliven_viewer.playback.document import Document, EdgeState
 _NOTICE_S = 5.0
 """Seconds for which a notice is shown: long enough to read two lines."""
 _NO_CHARACTERS_TIMEOUT_S = 3.0
-"""Time without characters after which a wrong control port is suspected, in seconds. Fetching characters
-takes less time.
+"""Seconds without characters after which a wrong control port is suspected. Fetching characters takes less
+time.
 """
 _RECEIVING_STATES = ("connected", "on rate", "ended")
 _LATENCY_SMOOTHING = 0.1
@@ -27,14 +27,14 @@ _LATENCY_SMOOTHING = 0.1
 
 
 class EdgeFeed:
-    """A ``Feed`` over a ``Link`` to one edge.
+    """A ``Feed`` that reads from an ``EdgeClient`` of one edge.
 
     Attributes:
-        link: the sockets.
+        link: the client that holds the sockets.
         on_message: called with the topic and value of every message, in timeline order.
         restarted: called when another process of the edge is detected, before its messages.
-        transform: (4, 4) rigid, into the world in which the values are shown; None leaves them unchanged.
-        frame_clock: converts the times of the edge's sensor.
+        transform: (4, 4) rigid transform from the edge's world to the displayed world; None for the identity.
+        frame_clock: converts times of the edge's sensor to this machine's clock.
     """
 
     def __init__(self, link: EdgeClient) -> None:
@@ -59,7 +59,8 @@ class EdgeFeed:
         document.characters = dict(self.link.characters)
         arrived_values = [(topic, value) for topic in list_shown_topics() for value in self.link.take(topic)]
         if not began_again:
-            # After a restart, the messages may contain times of two different clocks, so do not sort them.
+            # After a restart, the messages may contain times of two sensor clocks, so do not sort them by
+            # time.
             arrived_values.sort(key=lambda arrival: _time_ns(arrival[1]))
         for topic, received in arrived_values:
             self._add_times(received)
@@ -77,14 +78,16 @@ class EdgeFeed:
         return len(arrived_values)
 
     def newest_local_ns(self, document: Document) -> int | None:
-        """Returns the time of the newest frame on this machine's monotonic clock; None if it is not known."""
+        """Returns the time of the newest frame on this machine's monotonic clock, or None if it
+        is not known.
+        """
         probe = self.link.edges[0].probe
         if probe is None or not probe.is_known or not self.frame_clock.is_known or not len(document.timeline):
             return None
         return self.frame_clock.local_ns(document.timeline.end_ns, probe.offset_ns())
 
     def ask(self, order: Order, then: Callable[[], None] | None = None) -> None:
-        """Asks the edge to carry out an order. A viewing direction is sent again after the edge restarts."""
+        """Sends an order to the edge. A viewing direction is sent again after the edge restarts."""
         if isinstance(order, Look):
             self._look = order
         self.link.ask(order, lambda answer: then() if then and isinstance(answer, Done) else None)
@@ -94,14 +97,14 @@ class EdgeFeed:
         self.link.close()
 
     def _add_times(self, received: Any) -> None:
-        """Records the sensor's and the edge's time of a frame."""
+        """Adds the sensor time and the edge's wall-clock time of a frame to the clock conversion."""
         if isinstance(received, ReceivedPose):
             self.frame_clock.add(received.pose.time_ns, received.captured_ns)
         elif isinstance(received, ReceivedBodies):
             self.frame_clock.add(received.time_ns, received.captured_ns)
 
     def _watch_instance(self) -> bool:
-        """Detects a restart of the edge and reports it. Returns whether it has restarted."""
+        """Detects a restart of the edge and reports it. Returns True after a restart."""
         before, self._instance = self._instance, self.link.edges[0].instance
         began_again = before not in (None, self._instance)
         if began_again:
@@ -148,7 +151,7 @@ class EdgeFeed:
         )
 
     def _state(self) -> EdgeState:
-        """Returns the state of the link and of the edge, for display."""
+        """Returns the state of the connection and of the edge, for display."""
         endpoint, health = next(iter(self.link.health.items()))
         now = time.monotonic()
         for notice in self.link.take_notices():

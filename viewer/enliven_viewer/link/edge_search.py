@@ -21,7 +21,7 @@ class EdgeSearch:
     """A search that runs while the list of edges is visible.
 
     Attributes:
-        problem: why no search is possible; empty if one is.
+        problem: reason why the search is impossible; empty if it works.
     """
 
     def __init__(self) -> None:
@@ -31,7 +31,7 @@ class EdgeSearch:
 
     @property
     def edges(self) -> tuple[DiscoveredEdge, ...]:
-        """Returns the edges that were found until now."""
+        """Returns the edges that have been found."""
         return () if self._browser is None else self._browser.edges
 
     def poll(self) -> None:
@@ -53,12 +53,12 @@ class EdgeSearch:
         return None if glance is None else glance.camera
 
     def close(self) -> None:
-        """Ends the search. It begins again with the next :meth:`poll`."""
+        """Ends the search. The next :meth:`poll` starts it again."""
         for glance in self._glances.values():
             glance.close()
         self._glances.clear()
         if self._browser is not None:
-            # Withdrawing the browser from the network can take a second.
+            # Closing the mDNS browser can take a second.
             threading.Thread(target=self._browser.close, name="end of search", daemon=True).start()
         self._browser, self.problem = None, ""
 

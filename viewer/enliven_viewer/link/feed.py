@@ -12,8 +12,8 @@ from enliven_viewer.playback.document import Document
 class Feed(Protocol):
     """A source of characters, poses, bodies, cues and the edge's state for a document.
 
-    ``EdgeFeed`` reads from an edge, ``Take`` from a file. Errors of a peer never reach the caller: they
-    become ``document.edge.message``.
+    ``EdgeFeed`` reads from an edge, ``TakeFeed`` from a file. Errors of the source never reach the caller:
+    they become ``document.edge.message``.
     """
 
     def poll(self, document: Document) -> int:
@@ -27,7 +27,7 @@ class Feed(Protocol):
         """Requests an order: possess, release, smooth, lock, look or browse.
 
         Args:
-            then: called from a later :meth:`poll` after the order was carried out.
+            then: called from a later :meth:`poll` after the order was executed.
         """
         ...
 

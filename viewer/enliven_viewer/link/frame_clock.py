@@ -9,19 +9,18 @@ from __future__ import annotations
 from collections import deque
 
 _WINDOW = 60
-"""Number of frames of the minimum filter: two seconds of frames. In this time the clocks drift by less than
-0.2 ms.
+"""Number of frames in the window of the minimum filter: two seconds. In this time the clocks drift by less
+than 0.2 ms.
 """
 _MAX_STEP_NS = 100_000_000
-"""Minimum change in nanoseconds that means that a clock was set. Late frames are at most a few frames late.
-"""
+"""A larger change of the offset in nanoseconds means that a clock was set. Frames are delayed by less."""
 
 
 class FrameClock:
     """The offset between the sensor's clock and the wall clock of one edge.
 
-    Frames are read some time after they were captured, and this delay varies. So the smallest difference of
-    the recent frames is used.
+    The delay between capturing and reading a frame varies. So the smallest difference of the recent frames is
+    used.
     """
 
     def __init__(self) -> None:
@@ -29,7 +28,7 @@ class FrameClock:
 
     @property
     def is_known(self) -> bool:
-        """True after the first frame."""
+        """Returns True after the first frame."""
         return bool(self._differences)
 
     def add(self, sensor_ns: int, captured_ns: int) -> None:
@@ -37,7 +36,7 @@ class FrameClock:
         read.
         """
         if captured_ns <= 0:
-            return  # The message has no frame, or its edge does not stamp frames.
+            return  # The message belongs to no frame, or its edge sends no capture times.
         difference = captured_ns - sensor_ns
         if self._differences and abs(difference - self._differences[-1]) > _MAX_STEP_NS:
             self._differences.clear()

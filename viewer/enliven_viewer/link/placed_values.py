@@ -19,11 +19,11 @@ from enliven_viewer.link.received_data import ReceivedBodies, ReceivedPose
 
 
 def place_value(value: Any, transform: Float) -> Any:
-    """Returns a received value, transformed.
+    """Returns a received value with transformed positions and directions.
 
     Args:
         value: a value of any topic. Values without positions stay unchanged.
-        transform: (4, 4) rigid, world of the viewer from world of the edge.
+        transform: (4, 4) rigid transform from the edge's world to the viewer's world.
     """
     match value:
         case ReceivedPose():
@@ -44,7 +44,7 @@ def place_value(value: Any, transform: Float) -> Any:
 
 
 def place_pose(pose: Pose, transform: Float) -> Pose:
-    """Returns a transformed pose."""
+    """Returns a pose transformed by a (4, 4) rigid transform."""
     rotation = transform[:3, :3].astype(np.float32)
     return replace(
         pose,
@@ -54,7 +54,7 @@ def place_pose(pose: Pose, transform: Float) -> Pose:
 
 
 def place_body(body: Body, transform: Float) -> Body:
-    """Returns a transformed body."""
+    """Returns a body transformed by a (4, 4) rigid transform."""
     orientations = body.orientations
     if orientations is not None:
         orientations = multiply(from_matrix(transform[:3, :3]), orientations)
@@ -62,7 +62,7 @@ def place_body(body: Body, transform: Float) -> Body:
 
 
 def place_camera(camera: CameraMessage, transform: Float) -> CameraMessage:
-    """Returns a camera with a transformed pose."""
+    """Returns a camera message with its camera pose transformed by a (4, 4) rigid transform."""
     world_from_camera = np.vstack([np.reshape(camera.place, (3, 4)), [0.0, 0.0, 0.0, 1.0]])
     rows = (transform @ world_from_camera)[:3].reshape(-1)
     return msgspec.structs.replace(camera, place=[float(number) for number in rows])

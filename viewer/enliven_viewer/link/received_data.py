@@ -30,7 +30,7 @@ class ReceivedPose:
         published_ns: time on the edge's wall clock when the pose was sent.
         received_ns: time on this machine's wall clock when the pose was read from the socket.
         clock_offset_ns: offset of the edge's clock from this machine's, as estimated at that time.
-        character: the revision of the character that the pose belongs to.
+        character: the character, in the revision that the pose belongs to.
         revision: number of that revision.
     """
 
@@ -60,7 +60,9 @@ class ReceivedPose:
 
 @dataclass(frozen=True)
 class ReceivedBodies:
-    """The bodies in view at one time of the sensor's clock; ``captured_ns`` as in :class:`ReceivedPose`."""
+    """The bodies in view at one time of the sensor's clock. ``captured_ns`` is defined in
+    :class:`ReceivedPose`.
+    """
 
     edge: str
     time_ns: int
@@ -77,11 +79,11 @@ class ReceivedCues:
         state: "free", "preview" or "possessed".
         nodes: (K,) int32 indices of pivots.
         strengths: (K,) float32 in [0, 1].
-        body: the performer's id, or the first of several; -1 for none.
+        body: id of the performer, or of the first of several performers; -1 for none.
         time_ns: time on the sensor's clock.
         owners: (K,) ids of the performers that control the nodes; empty if the edge does not send them.
-        held: number of attached nodes, which come first; the others are a preview. None means all, or none in
-            the state "preview".
+        held: number of attached nodes. They precede the previewed nodes. None means that all nodes are
+            attached, or none in the state "preview".
     """
 
     character: str
@@ -96,7 +98,7 @@ class ReceivedCues:
 
 @dataclass(frozen=True)
 class Notice:
-    """A message for the user. Text that comes from an edge is escaped."""
+    """A message for the user. Control characters in text from an edge are escaped."""
 
     level: Literal["info", "warning", "error"]
     text: str
@@ -115,7 +117,7 @@ class Health:
             stream. "version mismatch": it uses another version. "name clash": another edge has the same name.
             "no access": the keys of the edge and of this viewer do not match, or they are not paired.
         text: one sentence for the user.
-        pose_hz: recent poses per second, of all its characters.
+        pose_hz: recent poses per second, summed over the edge's characters.
         malformed: number of messages dropped because they could not be read.
         lost: number of poses that never arrived.
     """

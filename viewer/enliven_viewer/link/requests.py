@@ -28,13 +28,15 @@ from enliven.wire import (
 )
 
 _POLL_BUDGET_S = 0.005
-"""Maximum time in seconds that one poll spends on replies; the rest waits for the next poll."""
+"""Maximum time in seconds that one poll spends on replies. The next poll handles the remaining replies."""
 _MAX_LATE_REQUESTS = 256
-"""Maximum number of timed-out requests that are stored, since they may still be answered."""
+"""Maximum number of stored timed-out requests. Late replies to them are ignored and do not count as
+unrequested.
+"""
 _MAX_UNREQUESTED_BYTES = 4 * 1024 * 1024
-"""Maximum bytes of unrequested replies before the connection is closed."""
+"""Maximum size in bytes of unrequested replies before the connection is closed."""
 _RECONNECT_DELAY_S = 2.0
-"""Seconds until the connection to an edge that has sent unrequested replies is opened again."""
+"""Seconds until the viewer reconnects to an edge that has sent too many unrequested replies."""
 
 
 @dataclass
@@ -45,7 +47,7 @@ class _PendingRequest:
 
 
 class Requests:
-    """A DEALER socket and its unanswered requests. Only replies to these are decoded."""
+    """A ZeroMQ DEALER socket and its unanswered requests. Replies to other requests are not decoded."""
 
     def __init__(self, context: zmq.Context[Any], endpoint: Endpoint, keys: ClientKeys | None = None) -> None:
         self._context, self._endpoint, self._keys = context, endpoint, keys
@@ -99,14 +101,14 @@ class Requests:
             self._pending.pop(number).on_reply(None)
 
     def forget(self) -> None:
-        """Drops all unanswered requests, since the edge is gone."""
+        """Drops all unanswered requests, because the edge is gone."""
         pending, self._pending = self._pending, {}
         self._late.extend(pending)
         for request in pending.values():
             request.on_reply(None)
 
     def reopen(self, keys: ClientKeys | None) -> None:
-        """Connects again, with other keys. Drops unanswered requests."""
+        """Reconnects with other keys. Drops unanswered requests."""
         self.close()
         self.forget()
         self._keys = keys
@@ -120,7 +122,7 @@ class Requests:
         self._socket = None
 
     def _open(self) -> None:
-        """Connects to the edge."""
+        """Opens the socket and connects it to the edge."""
         self._unrequested_bytes = 0
         max_bytes = REPLY.max_bytes + 64
         self._socket = make_socket(self._context, zmq.DEALER, max_bytes, MAX_UNREAD_REPLIES, self._keys)

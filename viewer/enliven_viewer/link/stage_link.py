@@ -1,6 +1,6 @@
 """Puts characters onto the stage of an edge.
 
-Characters are encoded in the background and sent in parts. Identical content is sent only once.
+Characters are encoded in the background and sent in chunks. Identical content is sent only once.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ if TYPE_CHECKING:
     from enliven.document import Project
 
 _MAX_PENDING_PARTS = 8
-"""Maximum number of unanswered parts: 15 MB per second if an edge answers at 30 frames per second."""
+"""Maximum number of unanswered chunks. It allows 15 MB per second if an edge answers 30 times per second."""
 _STATE_REQUEST_INTERVAL_S = 0.03
 """Seconds between two requests for the state of an upload: about a frame."""
 _ANSWER_TIMEOUT_S = 5.0
 """Timeout in seconds of a request. An edge answers within a frame, or within a few frames if it is busy."""
 _MAX_RESTARTS = 20
-"""Maximum number of refused parts in one upload, for example because of the edge's rate limit, before the
-upload is given up.
+"""Maximum number of refused chunks in one upload before it is given up. Refusals may come from the edge's
+rate limit.
 """
 _REFUSAL_PAUSE_S = 0.25
-"""Seconds to wait after a refused part. An edge counts requests per second."""
+"""Seconds to wait after a refused chunk, because the edge limits the requests per second."""
 
 AnswerCallback = Callable[[Answer], None]
 
@@ -52,7 +52,7 @@ def _pack_character(project: Project, character: str) -> bytes:
 
     Textures are included if they are small enough for the edge to send them back.
     """
-    # Imported here, because a viewer or a kiosk that sends no character does not need projects.
+    # Imported here, because most viewers and kiosks never send a character.
     from enliven.formats.project.one_character import character_bytes
 
     data = character_bytes(project, character, MAX_TEXTURE_BYTES)
@@ -60,7 +60,7 @@ def _pack_character(project: Project, character: str) -> bytes:
 
 
 class StagedEdge(Protocol):
-    """The methods of an edge's link that a :class:`StageLink` needs."""
+    """The methods of an edge's connection that a :class:`StageLink` needs."""
 
     def request(self, body: Ask, seconds: float, on_reply: Callable[[Answer | None], None]) -> bool:
         """Sends a request.
@@ -69,7 +69,7 @@ class StagedEdge(Protocol):
         """
 
     def revision(self, character: str) -> int:
-        """Returns the revision of a character on the edge; 0 for none."""
+        """Returns the revision of a character on the edge, or 0 for none."""
 
 
 @dataclass
@@ -79,9 +79,9 @@ class _Upload:
     Attributes:
         packed: the character's encoded data, or None until it is ready.
         sent: number of bytes sent.
-        under_way: number of sent parts without an answer.
-        ask_at: monotonic time of the next state request; infinite while parts are unanswered.
-        refused: whether one of these parts was refused. Then no more parts are sent before the next state
+        under_way: number of unanswered chunks.
+        ask_at: monotonic time of the next state request; infinite while chunks are unanswered.
+        refused: True if one of the unanswered chunks was refused. Then no chunk is sent before the next state
             request.
     """
 
@@ -99,10 +99,10 @@ class _Upload:
 
 
 class StageLink:
-    """The stage of one edge. Call :meth:`poll` as often as the link's ``poll``.
+    """Uploads characters to the stage of one edge. Call :meth:`poll` as often as the connection's ``poll``.
 
-    If a character is put while an earlier revision is still being uploaded, it waits for that upload. Only
-    the newest waiting revision is sent.
+    If an earlier revision of a character is still being uploaded, a new revision is queued. Only the newest
+    queued revision is sent.
     """
 
     def __init__(self, edge: StagedEdge) -> None:
@@ -130,8 +130,10 @@ class StageLink:
 
         Args:
             name: the character's id on the stage; empty for the id in the project.
-            fit: whether a possessed mesh is first scaled to a person's size, like a mesh from a file.
-            then: called from a later :meth:`poll` with Done once it is on the stage, else with Refused.
+            fit: True to scale the mesh to a person's size before its first possession, like a mesh from a
+                file.
+            then: called from a later :meth:`poll` with Done once the character is on the stage, otherwise
+                with Refused.
         """
         name, then = name or character, then or (lambda answer: None)
         if name in self._sending:
@@ -148,7 +150,7 @@ class StageLink:
         self._ask(RemoveCharacter(character), on_answer)
 
     def poll(self) -> None:
-        """Continues the uploads; does not block."""
+        """Continues the uploads. Does not block."""
         now = time.monotonic()
         for sending in list(self._sending.values()):
             if sending.order is None and sending.packed.done():
@@ -158,11 +160,11 @@ class StageLink:
                 self._ask(sending.order, partial(self._handle_state, sending))
 
     def restart(self) -> None:
-        """Discards the revisions of a restarted edge, which counts from the beginning."""
+        """Discards the known revisions, because a restarted edge starts to count again."""
         self._last.clear()
 
     def close(self) -> None:
-        """Stops the packing thread."""
+        """Stops the encoding thread."""
         if self._packer is not None:
             self._packer.shutdown(wait=False, cancel_futures=True)
 
@@ -183,8 +185,8 @@ class StageLink:
         sending.order = PutCharacter(sending.name, revision, digest, size, sending.fit)
         sending.ask_at = float("inf")
         self._ask(sending.order, partial(self._handle_state, sending))
-        # Send the parts together with the announcement, because waiting for its answer would take one frame
-        # of the edge.
+        # Send the chunks together with the announcement. Waiting for its answer would cost one frame of the
+        # edge.
         self._send_parts(sending)
 
     def _handle_state(self, sending: _Upload, answer: Answer) -> None:
@@ -192,7 +194,7 @@ class StageLink:
         if not isinstance(answer, Awaited):
             self._end(sending, answer)
         elif sending.under_way:
-            return  # Ignore this answer, because the answers to the parts will report the state.
+            return  # Ignore this answer, because the answers to the chunks will report the state.
         elif answer.received >= len(sending.data):
             sending.ask_at = time.monotonic() + _STATE_REQUEST_INTERVAL_S
         else:
@@ -211,8 +213,8 @@ class StageLink:
             self._ask(part, partial(self._handle_part_answer, sending))
 
     def _handle_part_answer(self, sending: _Upload, answer: Answer) -> None:
-        """Processes the answer to a part. After a refusal, requests the state to find out where to
-        continue.
+        """Processes the answer to a chunk. After a refusal, requests the state to find out
+        where to continue.
         """
         sending.under_way -= 1
         sending.refused |= not isinstance(answer, Awaited)
@@ -228,13 +230,13 @@ class StageLink:
             self._end(sending, answer)
 
     def _end(self, sending: _Upload, answer: Answer) -> None:
-        """Ends an upload, and starts the next one that waits for it."""
+        """Ends an upload, and starts the queued one."""
         if self._sending.pop(sending.name, None) is None:
             return
         if isinstance(answer, Done):
             self._last[sending.name] = max(self._last.get(sending.name, 0), self._edge.revision(sending.name))
         else:
-            # Forget the revision, because the edge refuses revisions that are far above its own.
+            # Forget the revision, because the edge refuses a revision that is much higher than its own.
             self._last.pop(sending.name, None)
         sending.then(answer)
         waiting = self._next.pop(sending.name, None)

@@ -1,4 +1,4 @@
-"""Plays a take from a file: a recording of the wire's messages by topic."""
+"""Plays a take from a file: recorded network messages by topic."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ from enliven_viewer.playback.document import Document, EdgeState
 log = logging.getLogger(__name__)
 
 _MESSAGES_PER_POLL = 96
-"""Number of messages that one poll applies: about a second of a take. So the window can draw while the take
-is read.
+"""Maximum number of messages that one poll applies: about a second of a take. So the window can draw while
+the take is read.
 """
 
 
 class TakeFeed:
-    """A :class:`~enliven_viewer.link.feed.Feed` that reads the next part of a take with every poll.
+    """A :class:`~enliven_viewer.link.feed.Feed` that reads the next messages of a take with every poll.
 
     A message that cannot be read is skipped; the first one is logged. A take contains copies of each
     character. If the first copy is damaged, poses are decoded with another copy of the same revision.
@@ -65,7 +65,7 @@ class TakeFeed:
         self._state = EdgeState(connected=True, address=str(path), phase="playing")
 
     def poll(self, document: Document) -> int:
-        """Applies the next messages in order of time. Returns their number; 0 at the end of the take."""
+        """Applies the next messages in order of time. Returns their number, or 0 at the end of the take."""
         count = 0
         for _, topic, data in self._next():
             count += 1

@@ -1,4 +1,4 @@
-"""The health of each topic as seen by the link: alive, on rate, valid."""
+"""Measures the health of each topic at the receiver: whether it is alive, at its expected rate and valid."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from enliven.wire import Topic
 SILENCE_TIMEOUT_S = 2.0
 """Seconds without a message after which a topic or an edge counts as silent: four heartbeats."""
 RATE_WINDOW_S = 2.0
-"""Length in seconds of the window in which messages are counted. It gives a steady value, and still reacts
-quickly.
+"""Length in seconds of the window in which messages are counted: long enough for a steady value, short enough
+to react quickly.
 """
 _MAX_ARRIVALS = 8000
-"""Maximum number of stored arrival times. 130 characters send this number of messages in two seconds."""
+"""Maximum number of stored arrival times: the messages of 130 characters in two seconds."""
 _MIN_RATE_FRACTION = 0.5
-"""Minimum fraction of the expected rate for a topic to be on rate. Occasional lost messages are not a
-fault.
+"""Minimum fraction of the expected rate at which a topic counts as on rate. Occasional lost messages are not
+a fault.
 """
 
 

@@ -1,4 +1,4 @@
-"""The processing of each topic's messages on their way to the timeline, live and from a take."""
+"""Defines how the messages of each topic are converted and put onto the timeline, live or from a take."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from enliven_viewer.playback.document import Document
 from enliven_viewer.playback.timeline import CueFrame
 
 _OBJECT_OVERHEAD_BYTES = 500
-"""Number of bytes that a value needs in addition to its numbers: for the object, arrays and strings."""
+"""Overhead of a stored value in bytes, in addition to its numbers: the object, array headers and strings."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class TopicTrack:
     Attributes:
         read: converts (message, the edge's name) to the viewer's own value.
         put: puts a value onto the timeline of a document.
-        growth: size of the value as a multiple of the message's bytes.
+        growth: size of the value in memory relative to the size of the message.
     """
 
     read: Callable[[Any, str], Any]
@@ -91,13 +91,13 @@ TRACKS: dict[str, TopicTrack] = {
     CUES.name: TopicTrack(_read_cues, _put_cues, growth=4),
     HOLDS.name: TopicTrack(lambda message, edge: message, _put_hold),
 }
-"""The tracks by topic, in the order in which simultaneous messages are applied. Poses are decoded with their
-characters.
+"""The tracks by topic. Their order is the order in which simultaneous messages are applied. Poses are decoded
+before, together with their character.
 """
 
 
 def find_track(topic: Topic) -> TopicTrack:
-    """Returns the track of a topic. Messages without a special track are put onto the timeline unchanged."""
+    """Returns the track of a topic. The default track puts messages onto the timeline unchanged."""
     default_track = TopicTrack(
         lambda message, edge: message, lambda document, value: document.add(topic, value)
     )
@@ -110,12 +110,16 @@ def sort_topics(topics: Iterable[Topic]) -> list[Topic]:
 
 
 def list_shown_topics() -> list[Topic]:
-    """Returns the topics that are in a take and on the timeline, in order of application."""
+    """Returns the topics that takes contain and the timeline shows, in the order in which they
+    are applied.
+    """
     return sort_topics(topic for topic in STREAMS.values() if topic.recorded)
 
 
 def relabel(message: Any, label: Callable[[str], str]) -> Any:
-    """Returns a message with the character id of this viewer, if it is about a character."""
+    """Returns a message with this viewer's id of its character. Messages without a character
+    stay unchanged.
+    """
     if "character" not in message.__struct_fields__:
         return message
     return msgspec.structs.replace(message, character=label(message.character))

@@ -1,4 +1,6 @@
-"""Draws the frames of several edges at the same moment: the newest that all of them have delivered."""
+"""Computes the moment at which the frames of several edges are drawn: the newest moment that all edges have
+sent.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +14,12 @@ MAX_LAG_NS = 250_000_000
 notice a longer delay.
 """
 _MAX_AGE_NS = 1_000_000_000
-"""Maximum age of an edge's newest frame in nanoseconds. The other edges do not wait for an edge with an older
-one.
+"""Maximum age in nanoseconds of an edge's newest frame. The other edges do not wait for an edge with an older
+frame.
 """
 _MAX_FUTURE_NS = 50_000_000
-"""Maximum nanoseconds of a frame in the future. A frame beyond it means that a clock was set and is not
-measured yet.
+"""Frames with times more than this number of nanoseconds in the future are ignored. They mean that a clock
+was set and is not measured yet.
 """
 
 
@@ -28,11 +30,11 @@ class CommonMoment:
         self._shown_ns: int | None = None
 
     def find_lags(self, newest: Mapping[Key, int], now_ns: int) -> dict[Key, int]:
-        """Returns for each edge how long its frames wait before they are drawn, in nanoseconds.
+        """Returns the delay before each edge's frames are drawn, in nanoseconds.
 
         Args:
-            newest: the time of each edge's newest frame.
-            now_ns: the current time.
+            newest: the time of each edge's newest frame, on this machine's monotonic clock in nanoseconds.
+            now_ns: the current time on the same clock.
         """
         usable_times = {
             key: time_ns

@@ -1,4 +1,4 @@
-"""One of several edges that are followed at the same time, and the merging of their scenes."""
+"""Follows one of several edges, and merges the scenes of all edges."""
 
 from __future__ import annotations
 
@@ -17,14 +17,12 @@ from enliven_viewer.render.scene import Scene
 from enliven_viewer.settings import PlaybackSettings
 
 PERFORMER_ID_OFFSET = 1_000_000
-"""Offset between the performer ids of one edge and of the next. An edge counts fewer people than this in
-months.
-"""
+"""Offset between the performer ids of consecutive edges. An edge assigns fewer ids than this in months."""
 
 
 def get_camera(client: EdgeClient) -> CameraMessage | None:
-    """Returns the last camera message of an edge; None if there is none."""
-    client.take(CAMERA)  # Read the queue to empty it. Only the newest camera message counts.
+    """Returns the last camera message of an edge, or None if there is none."""
+    client.take(CAMERA)  # Empty the queue. Only the newest camera message is used.
     return next(iter(client.latest(CAMERA).values()), None)
 
 
@@ -32,14 +30,14 @@ class FollowedEdge:
     """One edge, with its stage.
 
     Args:
-        client: the link to this edge alone.
+        client: client with a connection to this edge only.
         number: number of the edge, 0 for the primary one.
 
     Attributes:
         number: number of the edge.
-        client: the link.
+        client: the client.
         feed: the source of its messages. Its transform places the edge in the shared space.
-        live: the followed stage.
+        live: the edge's stage with its characters and performers.
     """
 
     def __init__(self, client: EdgeClient, number: int, settings: PlaybackSettings | None = None) -> None:
@@ -54,23 +52,23 @@ class FollowedEdge:
 
     @property
     def is_heard(self) -> bool:
-        """Returns True if the edge's name is known from a message."""
+        """Returns True if the edge's name is known from a received message."""
         return self.client.status is not None
 
     @property
     def connected(self) -> bool:
-        """Returns True if messages arrive from it."""
+        """Returns True if messages arrive from the edge."""
         return self.live.document.edge.connected
 
     @property
     def camera(self) -> CameraMessage | None:
-        """Returns the position and the image of its camera; None if it does not send them."""
+        """Returns the pose and the image of the edge's camera, or None if the edge does not send them."""
         camera = get_camera(self.client)
         transform = self.feed.transform
         return camera if camera is None or transform is None else place_camera(camera, transform)
 
     def receive(self, seconds: float) -> None:
-        """Processes received messages."""
+        """Processes received messages, ``seconds`` after the last call."""
         self.live.receive(seconds)
 
     def close(self) -> None:
@@ -79,7 +77,7 @@ class FollowedEdge:
 
 
 def shared_performer_id(edge: int, performer: int) -> int:
-    """Returns the id of a performer among those of all edges.
+    """Returns an id of a performer that is unique among all edges.
 
     Args:
         edge: number of the edge.
@@ -112,7 +110,7 @@ def merge_scenes(scene: Scene, guests: Iterable[FollowedEdge]) -> Scene:
 
 
 def _renumber_board(board: MatchList, edge: int) -> MatchList:
-    """Returns a match list of another edge, in which the ids of known performers are shared ids."""
+    """Returns a match list of another edge with its performer ids replaced by shared ids."""
 
     def renumber(performer: int) -> int:
         return shared_performer_id(edge, performer) if performer >= 0 else performer

@@ -1,4 +1,4 @@
-"""The head-up display: state of the link, frame rate, problems, and the live timeline."""
+"""The head-up display: state of the connection, frame rate, problems, and the live timeline."""
 
 from __future__ import annotations
 
@@ -21,19 +21,21 @@ _NOTICEABLE_DELAY_MS = 150.0
 mirror.
 """
 _DISTURBING_DELAY_MS = 350.0
-"""Delay in milliseconds above which people overshoot, since they wait for the image."""
+"""Delay in milliseconds above which performers overshoot, because they wait for the image."""
 _MIN_SMOOTH_FPS = 20.0
-"""Frame rate below which movement looks jerky, in frames per second. Below it, a hint is shown."""
+"""Frame rate in frames per second below which movement looks jerky and a hint is shown."""
 _NOTICE_TOP_PX = 84.0
-"""Distance in pixels of a notice over characters from the top of the image: below the active tool's hint."""
+"""Distance in pixels from the top of the image to a notice, if characters are visible. It is below the active
+tool's hint.
+"""
 SIGNAL_COLOURS: dict[str, Colour] = {
     later("live"): GOOD,
     later("ended"): QUIET,
     later("no edge"): BAD,
     later("silent"): BAD,
 }
-"""The colour of the dot next to the timeline for each state of the stream. Other states have the colour for
-waiting.
+"""The colour of the dot next to the timeline for each state of the stream. Other states use the
+colour WAIT.
 """
 
 
@@ -42,18 +44,18 @@ class HudState:
     """The contents of the head-up display.
 
     Attributes:
-        edge: state of the link; None during playback of a take.
+        edge: state of the connection; None during playback of a take.
         title: the take's name, or the edge's address.
         fps: frames per second.
         fraction: position on the timeline, 0..1.
-        shown_s, length_s: seconds since the timeline's start, and the timeline's length.
+        shown_s, length_s: displayed time since the timeline's start, and the timeline's length, in seconds.
         live, paused, speed: state of the playhead.
         notice: one line over the image, or empty.
-        among: whether characters are in the image. Then the notice is small and at the top, so that it does
-            not cover them.
-        near: whether this window started the edge on this machine.
+        among: True if characters are in the image. Then the notice is small and at the top, to keep them
+            visible.
+        near: True if this window started the edge on this machine.
         possession: description of the next possession, or empty.
-        score: text about loose objects, or empty.
+        score: text about the score of loose objects, or empty.
         cards: the match candidates of a pose.
     """
 
@@ -93,7 +95,7 @@ class Hud:
     """A head-up display, which draws a :class:`HudState` with a pen.
 
     Args:
-        scale: pixels per pixel of a standard screen (2 on many laptops).
+        scale: pixels per pixel of a standard screen, 2 on many laptops.
     """
 
     def __init__(self, canvas: Pen, scale: float = 1.0) -> None:
@@ -112,7 +114,7 @@ class Hud:
     def draw_choice(
         self, size: tuple[int, int], cards: tuple[Card, ...], notice: str, among: bool = False
     ) -> None:
-        """Draws the match candidates, and one notice, above characters if some are visible."""
+        """Draws the match candidates, and one notice. ``among`` is defined in :class:`HudState`."""
         if cards:
             draw_cards(self._canvas, size, self.scale, self._small, cards)
         if notice:
@@ -134,9 +136,8 @@ class Hud:
         return 16 * s + height
 
     def _draw_health_panel(self, size: tuple[int, int], top: float, states: tuple[HealthState, ...]) -> None:
-        """Draws problems and advice below the state, most severe first.
-
-        If the space is too small, shows the number of the remaining ones.
+        """Draws problems and advice below the state, most severe first. If the space is too small, shows the
+        number of hidden problems.
         """
         s, canvas, gap = self.scale, self._canvas, 8 * self.scale
         width = min(430 * s, size[0] - 32 * s)
@@ -176,7 +177,7 @@ class Hud:
             canvas.text(x + width + 20 * s, top, f"{mode} · {format_time(state.length_s)}", self._small, INK)
 
     def _draw_notice(self, size: tuple[int, int], notice: str, is_over_characters: bool) -> None:
-        """Draws one line: large in the middle of an empty image, or small at the top of others."""
+        """Draws one line: small at the top if it is over characters, otherwise large in the middle."""
         s, canvas = self.scale, self._canvas
         text_size, padding = (self._normal, 12 * s) if is_over_characters else (self._large, 20 * s)
         width, height = canvas.extent(notice, text_size)

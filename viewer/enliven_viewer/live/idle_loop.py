@@ -9,11 +9,13 @@ from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.render.camera import OrbitCamera
 
 _START_DELAY_S = 1.5
-"""Seconds without the edge before the loop begins. The image does not change during a short network gap."""
+"""Seconds without data from the edge before the loop begins. Shorter network interruptions do
+not start it.
+"""
 _REPLAY_LENGTH_S = 30.0
-"""Length in seconds of the replayed performance: long enough not to look like a loop."""
+"""Length in seconds of the replayed performance. It is long, so that the repetition is not obvious."""
 _ORBIT_SPEED = 0.05
-"""Speed of the idle camera orbit in radians per second: a turn in two minutes, slow enough to look calm."""
+"""Speed of the idle camera orbit in radians per second: one revolution in two minutes."""
 
 LossReason = Literal["", "away", "silent", "ended", "waiting"]
 """Reason why no new data arrives. "": new data arrives. "away": the edge is lost. "silent": its camera sends
@@ -30,7 +32,7 @@ LOSS_TEXTS: dict[LossReason, str] = {
 
 
 def find_loss_reason(live: LiveStage) -> LossReason:
-    """Returns why no new data arrives from a stage. The text is empty if data arrives, and for takes."""
+    """Returns the reason why no new data arrives from a stage. Returns "" if data arrives, and for takes."""
     edge, has_moments = live.document.edge, len(live.document.timeline) > 0
     if live.take:
         return ""
@@ -47,7 +49,7 @@ class IdleLoop:
     The loop returns to live mode once the edge is back.
 
     Attributes:
-        loss: why nothing has arrived for :data:`_START_DELAY_S` seconds; "" while the stage is live.
+        loss: reason why no data has arrived for :data:`_START_DELAY_S` seconds; "" while the stage is live.
     """
 
     def __init__(self) -> None:
@@ -56,7 +58,7 @@ class IdleLoop:
 
     @property
     def words(self) -> str:
-        """Returns the text for the audience; empty while the stage is live."""
+        """Returns the text for the audience, or an empty text while the stage is live."""
         return LOSS_TEXTS[self.loss]
 
     def advance(self, live: LiveStage | None, camera: OrbitCamera, seconds: float, *, orbits: bool) -> None:

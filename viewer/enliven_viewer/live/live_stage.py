@@ -21,10 +21,10 @@ from enliven_viewer.render.scene import Scene, SceneStyle, make_scene
 from enliven_viewer.settings import ViewerSettings
 
 _SILENCE_TIMEOUT_S = 2.0
-"""Time in seconds without a message after which the window may idle: four heartbeats of an edge."""
+"""Seconds without a message after which the window may draw less often: four heartbeats of an edge."""
 _LONG_WAIT_S = 12.0
-"""Waiting time for a local stage, in seconds, after which the window shows the reason. Kernels are compiled
-at the first start.
+"""Seconds of waiting for a local edge after which the window explains the delay. The first start compiles
+kernels.
 """
 
 
@@ -42,9 +42,9 @@ class LiveStage:
         scene: the last displayed scene.
         scrubbing: whether the pointer is dragging the playhead.
         target: the character that orders apply to; None leaves the choice to the edge.
-        held: the possessed characters. holding: ids of the performers that control a character.
-        numbers: numbers of the performers, as shown to people.
-        is_local: whether the edge was started on this machine for this window, so that its start takes time.
+        held, holding: ids of the possessed characters, and of the performers that control a character.
+        numbers: displayed numbers of the performers.
+        is_local: True if this window started the edge on this machine, so that the window must wait for it.
     """
 
     def __init__(
@@ -87,19 +87,18 @@ class LiveStage:
 
     @property
     def is_quiet(self) -> bool:
-        """Returns True if nothing has arrived for a while and nothing is being played back."""
+        """Returns True if no data has arrived for a while and nothing is being played back."""
         return self._since > _SILENCE_TIMEOUT_S
 
     @property
     def present(self) -> tuple[str, ...]:
-        """Returns the characters, and whether a person is present.
-
-        The camera frames the scene again when these change.
+        """Returns the ids of the characters, and a marker if a person is present. The camera frames the scene
+        again when this result changes.
         """
         return (*self.document.characters, *("body" for _ in self.scene.bodies[:1]))
 
     def possess(self, mode: Mode = "alone") -> None:
-        """Requests that the chosen performer, or every free one, possesses a character."""
+        """Requests that the chosen performer, or every free performer, possesses a character."""
         for name in self._order_targets(self.target):
             self.feed.ask(self.order_to_possess(mode, name))
 
@@ -134,7 +133,7 @@ class LiveStage:
             self.feed.ask(Smooth(body, amount))
 
     def toggle_lock(self) -> None:
-        """Requests that only the present performers may step in, or that everyone may again."""
+        """Toggles the lock. While it is on, only the currently present performers may possess a character."""
         is_locked = not self.possession.locked
         self.feed.ask(Lock(is_locked), lambda: setattr(self.possession, "locked", is_locked))
 
@@ -177,7 +176,7 @@ class LiveStage:
 
     @property
     def notice(self) -> str:
-        """Returns the text in the middle of an empty image."""
+        """Returns the text that an image without characters shows."""
         if self.document.characters or len(self.document.timeline):
             return ""
         edge = self.document.edge
@@ -210,7 +209,7 @@ class LiveStage:
         return replace(scene, boards=boards)
 
     def _order_targets(self, character_id: str | None) -> list[str | None]:
-        """Returns the character for an order. With several characters, None lets the edge choose."""
+        """Returns the characters for an order. None in the list lets the edge choose."""
         if character_id in self.document.characters:
             return [character_id]
         return [None] if len(self.document.characters) > 1 else list(self.document.characters)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from enliven_viewer.render.overlay.canvas import Pen
 
 CARD_WIDTH_PX = 124.0
-"""Width of a card in pixels on a standard screen: nine fit side by side in 1280."""
+"""Width of a card in pixels on a standard screen: nine cards fit into 1280 pixels."""
 CARD_HEIGHT_PX = 92.0
 """Height of a card in pixels: a title line, the picture and a score line."""
 CARD_GAP_PX = 8.0
@@ -38,13 +38,13 @@ class Card:
     Attributes:
         title: rank of the match, after the character's name if several characters choose.
         score: name of the match with its start and similarity.
-        meant: whether it is the match that would be accepted.
-        bones: (E, 2, 2) the line segments of the whole skeleton; x is 0..PICTURE_ASPECT to the right, y is
-            0..1 down.
+        meant: True if this match would be accepted.
+        bones: (E, 2, 2) line segments of the whole skeleton. x runs to the right from 0 to PICTURE_ASPECT, y
+            runs down from 0 to 1.
         lines: for each branch of the source, a polyline (K, 2) in the same coordinates.
         held: elapsed fraction, 0..1, of the time for which the performer must hold still.
-        row: number of its character among those that choose.
-        tints: for each branch of the source, the colour of its limb, as on the performer.
+        row: index of its character among the characters with match candidates.
+        tints: for each branch of the source, the colour that its limb has on the performer.
     """
 
     title: str
@@ -75,7 +75,7 @@ def _make_character_cards(
     bones = actor.pose.positions[actor.character.edges].astype(np.float64)
     pivots = [bones.reshape(-1, 3), *(line for row in board.rows for line in row.lines)]
     projected = view.project(np.concatenate(pivots)) * [1.0, -1.0]
-    # Scale by the aspect ratio of the projection, because pixels are square on the card as on the screen.
+    # Scale by the aspect ratio of the projection, because pixels on the card are square.
     projected[:, 0] *= view.clip_from_camera[1, 1] / view.clip_from_camera[0, 0]
     middle, reach = (
         (projected.max(0) + projected.min(0)) / 2,
@@ -99,7 +99,7 @@ def _make_character_cards(
 
 
 def draw_cards(canvas: Pen, size: tuple[int, int], scale: float, text: int, cards: tuple[Card, ...]) -> None:
-    """Draws a centred row of cards above the timeline for each character. Cards without space are left out.
+    """Draws a centred row of cards above the timeline for each character. Cards that do not fit are omitted.
 
     Args:
         size: width and height of the image in pixels.
@@ -130,7 +130,7 @@ def _draw_card(canvas: Pen, x: float, y: float, s: float, text: int, card: Card)
         canvas.line(bone, 1.2 * s, FAINT)
     limbs = zip(card.lines, card.tints, strict=True)
     for line, tint in ((line, tint) for line, tint in limbs if len(line)):
-        # Only limbs that drive something have a line.
+        # Only limbs that drive a branch of the character have a line.
         canvas.line(corner + side * line, 3.0 * s, (*tint, 1.0))
     if card.held > 0.0:
         canvas.rectangle(x + 8 * s, y + height - 5 * s, (width - 16 * s) * card.held, 3 * s, ACCENT, 1.5 * s)

@@ -8,17 +8,16 @@ from collections.abc import Iterable
 class PerformerNumbers:
     """Small numbers for the performers in view.
 
-    The ids of an edge only increase, and a performer that is found again gets a new id. So people see numbers
-    instead of ids: each new performer in view gets the lowest free one.
+    An edge never reuses an id, and a performer that returns gets a new one. So the window shows numbers
+    instead of ids. Each new performer in view gets the lowest free number.
     """
 
     def __init__(self) -> None:
         self._numbers: dict[int, int] = {}
 
     def see(self, present: Iterable[int]) -> None:
-        """Updates the numbers with the ids of all performers in view or in control of something.
-
-        Other numbers become free.
+        """Updates the numbers from the ids of all performers that are in view or control a character. Other
+        numbers become free.
         """
         ids = sorted(set(present))
         self._numbers = {body: number for body, number in self._numbers.items() if body in ids}

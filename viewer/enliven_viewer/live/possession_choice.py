@@ -1,4 +1,4 @@
-"""The options of the next possession: performer, body parts, smoothing, and whether others may join."""
+"""The options of the next possession: performer, body parts, smoothing, and the lock against other people."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ PART_CHOICES = (
 SMOOTHING_AMOUNTS = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
 """Amounts of smoothing that the keys step through: 0 is off, 1 is gentle."""
 _DEFAULT_SMOOTHING_INDEX = 2
-"""Index in SMOOTHING of the initial amount: gentle."""
+"""Index in SMOOTHING_AMOUNTS of the initial amount."""
 
 
 class PossessionChoice:
-    """The performer and the body parts of the next possession.
+    """The user's options for the next possession.
 
     Attributes:
         body: the performer's id. None means the next performer that appears.
         parts: the body parts that are attached.
-        locked: whether only performers count that were present when the lock was set.
+        locked: True if only the performers that were present when the lock was set may possess a character.
     """
 
     def __init__(self) -> None:
@@ -42,7 +42,7 @@ class PossessionChoice:
         self._smoothing: dict[int, int] = {}
 
     def choose(self, number: int) -> None:
-        """Chooses the body parts of a key. Keys are counted from 0."""
+        """Chooses the body parts of a key. ``number`` is the index in PART_CHOICES."""
         self.parts = PART_CHOICES[number]
 
     def next_performer(self, present: Iterable[int]) -> None:
@@ -52,7 +52,9 @@ class PossessionChoice:
         self.body = order[(position + 1) % len(order)]
 
     def change_smoothing(self, step: int, present: Iterable[int]) -> dict[int, float]:
-        """Changes the smoothing of the chosen performer, or of all in view. Returns the amounts by id."""
+        """Changes the smoothing of the chosen performer, or of all performers in view. Returns the amounts by
+        performer id.
+        """
         amounts = {}
         for body in [self.body] if self.body is not None else present:
             index = min(
@@ -62,9 +64,8 @@ class PossessionChoice:
         return amounts
 
     def words(self, number_of: Callable[[int], int]) -> str:
-        """Returns a description such as "P steps in: the legs of performer 2".
-
-        ``number_of`` returns the number of an id.
+        """Returns a description such as "P steps in: the legs of performer 2". ``number_of`` converts a
+        performer's id to the displayed number.
         """
         performer_text = (
             tr("the next person") if self.body is None else tr("performer {0}", number_of(self.body))

@@ -1,4 +1,6 @@
-"""Shows several edges in one space and at one moment: their poses, their clocks, and unique names."""
+"""Shows several edges in one space at one moment: transforms their worlds, aligns their clocks, and makes
+their names unique.
+"""
 
 from __future__ import annotations
 
@@ -17,10 +19,10 @@ from enliven_viewer.live.live_stage import LiveStage
 
 
 class SharedSpace:
-    """The poses of the edges relative to the primary edge. The world of the primary edge is shown.
+    """The transforms from the worlds of all edges to the world of the primary edge, which is shown.
 
     Args:
-        say: shows a message and its remedy.
+        say: called to show a message and its remedy.
 
     Attributes:
         space: the calibrated poses by the names of the edges. None shows all worlds unchanged.
@@ -34,7 +36,8 @@ class SharedSpace:
         self._moment = CommonMoment()
 
     def prefix_of(self, number: int, edge: str) -> str:
-        """Returns the first part of the ids of an edge's characters: its name, or another if that is taken.
+        """Returns the prefix of the ids of an edge's characters: the edge's name, or a variant if that is
+        taken.
 
         Args:
             number: number of the edge, 0 for the primary one.
@@ -46,7 +49,7 @@ class SharedSpace:
         return self._prefixes[number, edge]
 
     def place(self, primary: str, guests: Sequence[FollowedEdge]) -> None:
-        """Sets the transforms of secondary edges. Reports edges that the space does not contain.
+        """Sets the transforms of secondary edges. Reports edges that the calibrated space does not contain.
 
         Args:
             primary: name of the primary edge.
@@ -62,15 +65,17 @@ class SharedSpace:
             guest.feed.transform = self.transform_between(primary, guest.name)
 
     def transform_between(self, primary: str, guest: str) -> Float | None:
-        """Returns (4, 4) primary world from an edge's world; None if it is not known."""
+        """Returns the (4, 4) transform from an edge's world to the primary edge's world, or None if it is
+        unknown.
+        """
         if self.space is None:
             return None
         for name in (primary, guest):
             if name not in self.space.sensors:
                 names = ", ".join(self.space.sensors)
                 self._report(
-                    tr("The space has no place for the edge {0}", name),
-                    tr("It has places for {0}. Start the edge with such a --name.", names),
+                    tr("The space does not contain the edge {0}", name),
+                    tr("It contains {0}. Start the edge with one of these as --name.", names),
                 )
                 return None
         places = self.space.sensors
@@ -88,7 +93,7 @@ class SharedSpace:
             stage.playhead.lag_ns = lags.get(index, 0)
 
     def forget(self) -> None:
-        """Drops the names of edges that were disconnected."""
+        """Forgets the names of disconnected edges."""
         self._prefixes.clear()
         self._reported.clear()
         self._moment = CommonMoment()

@@ -1,4 +1,4 @@
-"""Reports the viewing direction to the edge, which ranks matches by it. Also finds the best direction."""
+"""Reports the viewing direction to the edge, which uses it to rank matches. Also finds the best direction."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from enliven_viewer.render.scene import Scene
 _REPORT_INTERVAL_S = 0.1
 """Minimum time in seconds between two reports."""
 _MIN_VISIBLE_FRACTION = 0.3
-"""A chain points at the camera if less than this fraction of its end-to-end vector is visible."""
+"""A chain of bones points at the camera if the projected length of its end-to-end vector is below this
+fraction of its length.
+"""
 _ROTATION_TOLERANCE = 0.005
 """Change of a rotation matrix entry (about radians) below which the ranking of matches is assumed to stay the
 same.
@@ -24,14 +26,14 @@ _POSITION_TOLERANCE = 0.02
 
 
 class ViewReporter:
-    """Stores the last reported view, and detects changes."""
+    """Stores the last reported view, and decides when to report a new one."""
 
     def __init__(self) -> None:
         self._reported: CameraView | None = None
         self._report_time = -math.inf
 
     def find_change(self, view: CameraView, seconds: float) -> Look | None:
-        """Returns the view to report at a wall-clock time in seconds; None if it has not changed."""
+        """Returns the view to report at a wall-clock time in seconds, or None if it has not changed."""
         if seconds - self._report_time < _REPORT_INTERVAL_S:
             return None
         if self._reported is not None:
@@ -48,7 +50,7 @@ class ViewReporter:
 
 
 def make_look(view: CameraView) -> Look:
-    """Returns a camera view as a message of the wire."""
+    """Returns a camera view as a network message."""
     rows = view.camera_from_world[:3, :3]
     forward, up, eye = (tuple(float(x) for x in row) for row in (-rows[2], rows[1], view.eye))
     return Look(forward, up, eye)  # type: ignore[arg-type]

@@ -20,7 +20,7 @@ from enliven_viewer.playback.timeline import CueFrame, Timeline, TimelineMoment
 
 @dataclass(frozen=True)
 class EdgeState:
-    """The state of the edge, as reported by itself and as seen by the link.
+    """The state of an edge, as reported by the edge and as measured by the connection.
 
     Attributes:
         connected: whether messages arrive.
@@ -28,10 +28,10 @@ class EdgeState:
         phase: state of the edge as it reports it, such as "waiting", "possessed" or "ended".
         message: one sentence for the user, or empty.
         sensor_to_pose_ms: milliseconds from the sensor's frame to its published pose, or None.
-        pose_to_screen_ms: milliseconds from publishing to arrival here, or None.
+        pose_to_screen_ms: milliseconds from publishing a pose to its arrival in the viewer, or None.
         health: problems reported by the edge, most severe first.
-        signal: recent state of the stream: "live"; "slow": fewer frames than announced; "damaged": some
-            cannot be read; "silent": none.
+        signal: recent state of the stream. "live": as announced. "slow": fewer frames than announced.
+            "damaged": some messages cannot be read. "silent": no messages.
     """
 
     connected: bool = False

@@ -1,4 +1,4 @@
-"""Interpolation of poses: linear maps by polar decomposition, positions and joints linearly.
+"""Interpolation of poses. Linear maps are interpolated by polar decomposition, positions and joints linearly.
 
 A map M = R S is blended as slerp(R0, R1) lerp(S0, S1) (Shoemake and Duff, "Matrix animation and polar
 decomposition", 1992). So a limb that swings between two frames keeps its length.
@@ -17,8 +17,8 @@ from enliven.person import Body
 from enliven.rotation import from_matrix, slerp, to_matrix
 
 _MAX_FLIGHT_M = 0.6
-"""Distance in metres between two moments above which an object was repositioned instead of moving
-continuously.
+"""An object that moves farther than this in metres between two moments was repositioned, so its motion is not
+interpolated.
 """
 
 
@@ -36,7 +36,7 @@ def blend_poses(before: Pose, after: Pose, fraction: float, time_ns: int) -> Pos
 
 
 def blend_linear(before: Float, after: Float, fraction: float) -> Float:
-    """Returns (J, 3, 3) maps blended between two sets of (J, 3, 3).
+    """Returns (J, 3, 3) linear maps interpolated between two sets of (J, 3, 3) maps.
 
     Maps without a rotation part are blended linearly.
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 from enliven_viewer.playback.timeline import NS_PER_S, Timeline, TimelineMoment
 
 PLAYBACK_SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
-"""Playback speeds that the keys step through; 1 is real time."""
+"""Playback speeds that the keys select; 1 is real time."""
 
 
 class Playhead:
@@ -44,7 +44,7 @@ class Playhead:
         return (self.time_ns - self.timeline.start_ns) / length if length else 1.0
 
     def moment(self) -> TimelineMoment | None:
-        """Returns the moment to draw now; None if nothing was received."""
+        """Returns the moment to draw now, or None if nothing was received."""
         return self.timeline.at(self.time_ns)
 
     def advance(self, seconds: float) -> None:

@@ -1,4 +1,4 @@
-"""Surfaces of puppets: an edge sends control points, and the viewer solves the surface between them.
+"""Surfaces of puppets. An edge sends control points, and the viewer solves for the surface that follows them.
 
 surfaces = Surfaces()
 vertices = surfaces.vertices(character, pose)     # (V, 3) metres in the world; None: draw it rigidly
@@ -28,21 +28,19 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 _SOLVE_BUDGET_S = 0.012
-"""Maximum time in seconds for solving a surface within a frame. A mesh that takes longer is solved in the
-background.
-"""
+"""Maximum seconds for solving a surface within a frame. A slower mesh is solved in the background."""
 _SOLVER_ERRORS = (EnlivenError, ArithmeticError, ValueError, RuntimeError, MemoryError)
 """Exceptions that solving a mesh may raise. A mesh from another machine must not end the viewer."""
 _SETTLING_FRAMES = 12
-"""Number of frames for which solving continues after the control points have stopped, until the surface is at
-rest.
+"""Number of frames for which solving continues after the control points have stopped, so that the surface
+converges.
 """
 
 
 class SolvedSurfaces:
     """The surfaces of all puppets, from frame to frame.
 
-    A mesh is prepared in a thread. Until then, or if preparation fails, it is drawn as one rigid piece.
+    A mesh is prepared in a thread. Until then, or if the preparation fails, the mesh is drawn rigidly.
 
     Args:
         wait: True waits for the surface of every frame's own pose, as films need.
@@ -87,8 +85,8 @@ class _SolvedSurface:
         self._transform: Float = np.zeros((3, 4))
 
     def vertices(self, pose: Pose, *, wait: bool) -> Float32 | None:
-        """Returns the vertices (V, 3) in metres of the world; None before the surface is prepared, or if that
-        failed.
+        """Returns the vertices (V, 3) in metres of the world, or None before the surface is prepared, or if
+        that failed.
         """
         surface = self._surface(wait)
         frame, pivot = _puppet_frame(pose), self.character.pivots[0].astype(np.float64)
@@ -104,7 +102,9 @@ class _SolvedSurface:
         return self._place_surface(linear, position - linear @ pivot)
 
     def _place_surface(self, linear: Float, offset: Float) -> Float32:
-        """Returns (V, 3): the surface in the world. The same array is returned while nothing moves."""
+        """Returns the surface (V, 3) in metres of the world. While nothing moves, returns the same array
+        again.
+        """
         assert self._local is not None
         transform = np.concatenate([linear, offset[:, None]], 1)
         if (
@@ -118,7 +118,7 @@ class _SolvedSurface:
         return self._world
 
     def _surface(self, wait: bool) -> PuppetSurface | None:
-        """Returns the prepared surface; None before it is ready. An error is logged once."""
+        """Returns the prepared surface, or None before it is ready. An error is logged once."""
         if not wait and not self._prepare_surface.done():
             return None
         try:
@@ -141,7 +141,7 @@ class _SolvedSurface:
         return self._unchanged_frames < _SETTLING_FRAMES
 
     def _solve(self, surface: PuppetSurface, places: Float, wait: bool) -> None:
-        """Solves the next frame: now, or in a thread if it takes longer than a frame may."""
+        """Solves the next frame: immediately, or in a thread if the mesh exceeds ``_SOLVE_BUDGET_S``."""
         if wait or (self._seconds < _SOLVE_BUDGET_S and self._local is not None):
             self._local = self._solve_surface(surface, places)
         else:

@@ -17,9 +17,11 @@ from enliven_viewer.playback.interpolation import blend_boards, blend_bodies, bl
 from enliven_viewer.settings import PlaybackSettings
 
 _MAX_CLOCK_STEP_BACK_S = 1.0
-"""A new timeline starts if the sensor's clock jumps back by more seconds. Late poses are younger."""
+"""If the sensor's clock jumps back by more than this number of seconds, a new timeline starts. Late poses
+differ by less.
+"""
 NS_PER_S = 1_000_000_000
-"""Nanoseconds per second: the sensor's clock counts nanoseconds."""
+"""Nanoseconds per second, the unit of the sensor's clock."""
 
 
 @dataclass(frozen=True)
@@ -32,8 +34,8 @@ class CueFrame:
         strengths: (A,) float32 in [0, 1], strength of the attachment.
         state: "possessed", or "preview" for the pivots that a possession would attach now.
         owners: (A,) ids of the performers that control the pivots; empty if one performer controls all.
-        held: number of attached pivots, which come first; the others are a preview. None: according to the
-            state.
+        held: number of attached pivots. They precede the previewed pivots. None if ``state`` applies to all
+            pivots.
     """
 
     character: str
@@ -52,7 +54,7 @@ class CueFrame:
 
 @dataclass(frozen=True)
 class TimelineMoment:
-    """Everything at one time of the sensor's clock: poses, cues, match lists by character, bodies, props.
+    """All values at one time of the sensor's clock: poses, cues and match lists by character, bodies, props.
 
     ``others`` contains the messages of other topics by topic and key; they are not blended. ``characters``
     contains, for each pose, the revision of its character, if known. ``bodies_ns`` is the time of the bodies.
@@ -99,16 +101,18 @@ class Timeline:
 
     @property
     def start_ns(self) -> int:
-        """Returns the time of the first moment; 0 if there is none."""
+        """Returns the time of the first moment, or 0 if there is none."""
         return self._times[0] if self._times else 0
 
     @property
     def end_ns(self) -> int:
-        """Returns the time of the last moment; 0 if there is none."""
+        """Returns the time of the last moment, or 0 if there is none."""
         return self._times[-1] if self._times else 0
 
     def add_pose(self, pose: Pose, character: Character | None = None) -> None:
-        """Adds one pose, for a revision of its character, at its time; replaces an earlier one."""
+        """Adds one pose, for a revision of its character, at its time. Replaces an earlier pose
+        at this time.
+        """
         old_moment = self._moment_near(pose.time_ns)
         self.posed.add(pose.character)
         characters = (
@@ -121,11 +125,11 @@ class Timeline:
         )
 
     def add_bodies(self, time_ns: int, bodies: Sequence[Body]) -> None:
-        """Adds the bodies of one time; they replace earlier ones at the same time."""
+        """Adds the bodies of one time, which replace earlier bodies of the same time."""
         self._insert(replace(self._moment_near(time_ns), bodies=tuple(bodies), bodies_ns=time_ns))
 
     def add_props(self, props: Props) -> None:
-        """Adds the props of one time; they replace earlier ones at the same time."""
+        """Adds the props of one time, which replace earlier props of the same time."""
         self._insert(replace(self._moment_near(props.time_ns), props=props))
 
     def add_board(self, board: MatchList) -> None:
@@ -161,9 +165,9 @@ class Timeline:
         self.generation += 1
 
     def at(self, time_ns: int) -> TimelineMoment | None:
-        """Returns the moment at a time, blended between its neighbours; across a gap, the nearer one.
-
-        Outside the timeline, returns the first or last moment; None if the timeline is empty.
+        """Returns the moment at a time, interpolated between its neighbours. In a gap of the recording,
+        returns the nearer neighbour. Outside the timeline, returns the first or last moment. Returns None if
+        the timeline is empty.
         """
         if not self._moments:
             return None
@@ -195,7 +199,7 @@ class Timeline:
         del self._times[:count], self._moments[:count]
 
     def _blend_moments(self, before: TimelineMoment, after: TimelineMoment, time_ns: int) -> TimelineMoment:
-        """Returns the moment between two neighbours."""
+        """Returns the interpolated moment between two neighbours."""
         fraction = (time_ns - before.time_ns) / (after.time_ns - before.time_ns)
         if after.time_ns - before.time_ns > self.settings.gap * NS_PER_S:
             return before if fraction < 0.5 else after
@@ -227,7 +231,7 @@ class Timeline:
         empty = TimelineMoment(time_ns, cues=self._cues)
         if not index:
             return empty
-        # Match lists and bodies arrive later than the poses of the same time. Keep the previous ones until
+        # Match lists and bodies arrive later than the poses of the same time. Keep the previous values until
         # then, so that they do not flicker.
         before = self._moments[index - 1]
         held_moment = replace(empty, props=self._previous_props(index, time_ns), boards=before.boards)
@@ -263,7 +267,7 @@ class Timeline:
     def _insert(self, moment: TimelineMoment) -> None:
         """Inserts or replaces a moment.
 
-        Starts a new timeline if the clock went back; drops the oldest beyond the limits.
+        Starts a new timeline if the clock went back. Drops the oldest moments beyond the limits.
         """
         if (
             self._times

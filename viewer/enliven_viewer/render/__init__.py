@@ -1,1 +1,1 @@
-"""The renderer: draws a scene of characters, bodies, props and marks into one image."""
+"""The renderer: draws a scene of characters, bodies, props and overlay marks into one image."""

@@ -1,4 +1,4 @@
-"""The glow on attached parts of a mesh, visible from across a room while performers control them."""
+"""Computes the glow on the parts of a mesh that performers control. It is visible from across a room."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from enliven_viewer.render.overlay.marks import find_cue_tints
 from enliven_viewer.render.scene import SceneCharacter
 
 _GLOW_SPREAD_EDGES = 3
-"""Spread of the glow beyond attached nodes, in graph edges: about a hand's breadth."""
+"""Distance in graph edges over which the glow spreads beyond attached nodes: about 10 cm."""
 _GLOW_FRACTION_PER_EDGE = 0.72
-"""Fraction of the glow that remains after one edge."""
+"""Factor on the glow per graph edge."""
 _PREVIEW_GLOW_FRACTION = 0.4
 """Fraction of the glow on previewed parts, which are not attached yet."""
 _GLOW_RADIUS = 0.16
@@ -26,7 +26,7 @@ TRANSFORMS_PER_ROW = 256
 
 
 def compute_node_glow(actor: SceneCharacter, strength: float, bodies: Sequence[int] = ()) -> Float32 | None:
-    """Returns (J, 3) linear RGB of the glow on each transform of an actor; None if nothing is attached.
+    """Returns (J, 3) linear RGB of the glow on each transform of an actor, or None if nothing is attached.
 
     Args:
         bodies: ids of the visible performers, in the order of their colours.

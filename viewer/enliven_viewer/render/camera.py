@@ -15,14 +15,14 @@ Box = tuple[Float, Float]
 """Lowest and highest corner, (3,) each, in metres, world frame."""
 
 INITIAL_AZIMUTH = math.radians(32)
-"""Initial azimuth in radians about +Y from the front: a face and a side are visible."""
+"""Initial azimuth in radians about +Y from the front. The subject's front and one side are visible."""
 INITIAL_ELEVATION = math.radians(13)
 """Initial elevation of the camera above the horizon, in radians. From this elevation, the position of the
 feet on the floor is visible.
 """
 MIN_VISIBLE_BOX_FRACTION = 0.96
-"""Minimum fraction of a subject's bounding box that must be in view. It is below 1, since a subject does not
-reach the corners of its box.
+"""Minimum fraction of a subject's bounding box that must be in view. It is below 1, because subjects do not
+fill the corners of their boxes.
 """
 MIN_ELEVATION = math.radians(1.0)
 """Minimum elevation in radians above the horizon. From below, the floor is not visible."""
@@ -70,7 +70,7 @@ def look_at(eye: Float, target: Float) -> Float:
 
 
 def make_perspective(field_of_view: float, aspect: float, near: float, far: float) -> Float:
-    """Returns the (4, 4) OpenGL perspective projection; ``field_of_view`` is vertical, in radians."""
+    """Returns the (4, 4) OpenGL perspective projection. ``field_of_view`` is vertical, in radians."""
     focal = 1 / math.tan(field_of_view / 2)
     depth = near - far
     return np.array(
@@ -100,7 +100,7 @@ def make_orthographic(low: Float, high: Float) -> Float:
 
 
 def find_fitting_distance(box: Box, rows: Float, field_of_view: float, aspect: float) -> float:
-    """Returns the distance in metres from a box's centre at which the box fills the image.
+    """Returns the distance in metres from a box's centre at which the box just fits into the image.
 
     Args:
         rows: (3, 3) the camera's axes (right, up, back) in the world.
@@ -115,7 +115,7 @@ def find_fitting_distance(box: Box, rows: Float, field_of_view: float, aspect: f
 
 
 class OrbitCamera:
-    """A camera on a sphere around a target. :meth:`advance` eases its movements.
+    """A camera on a sphere around a target. :meth:`advance` smooths its movements.
 
     Args:
         field_of_view: vertical, in radians.
@@ -139,7 +139,9 @@ class OrbitCamera:
         return self._now[:3].copy()
 
     def face(self, azimuth: float, elevation: float) -> None:
-        """Sets the direction in radians: azimuth around the target from +Z towards +X, and elevation."""
+        """Sets the direction from the target to the camera in radians: azimuth from +Z towards +X, and
+        elevation.
+        """
         full_turns = round((self._goal[3] - azimuth) / (2 * math.pi))
         self._goal[3] = azimuth + 2 * math.pi * full_turns
         self._goal[4] = min(max(elevation, MIN_ELEVATION), MAX_ELEVATION)
@@ -177,7 +179,7 @@ class OrbitCamera:
         """Frames a whole box. ``reset`` also returns to the initial direction from the front right.
 
         Args:
-            margin: size of the view relative to the box.
+            margin: size of the view relative to the box; above 1 leaves space around it.
         """
         self._goal[:3] = (box[0] + box[1]) / 2
         if reset:
@@ -188,7 +190,7 @@ class OrbitCamera:
             self._now[:] = self._goal
 
     def advance(self, seconds: float) -> None:
-        """Eases towards the goal: the difference halves every 60 milliseconds."""
+        """Moves towards the goal. The difference halves every 60 milliseconds."""
         self._now += (self._goal - self._now) * (1 - 0.5 ** (seconds / 0.06))
 
     def view(self, aspect: float) -> CameraView:
@@ -233,7 +235,9 @@ class FilmCamera:
         self._seconds = 0.0
 
     def follow(self, box: Box, seconds: float, aspect: float) -> None:
-        """Advances the film by ``seconds`` with the subject in ``box``. The first box is used unfiltered."""
+        """Advances the filters by ``seconds`` with the subject in ``box``. The first box is
+        used unfiltered.
+        """
         centre, half_size = (box[0] + box[1]) / 2, (box[1] - box[0]) / 2
         if self._centre is None:
             self._centre, self._half = centre.copy(), half_size.copy()

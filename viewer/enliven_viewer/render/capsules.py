@@ -19,7 +19,7 @@ REVEAL_RADIUS = 0.04
 """Radius in metres around a bone within which the mesh is cut away, as in KinÊtre (section 4.3)."""
 
 _JOINT_RADIUS = 0.026
-"""Radius in metres at most joints. All radii are for a person 1.75 m tall, slimmer than in reality."""
+"""Radius in metres at most joints. All radii are for a person of 1.75 m, and smaller than in reality."""
 _WRIST_RADIUS = 0.019
 """Radius in metres at wrists and ankles, the thinnest places of a limb."""
 _HAND_RADIUS = 0.022
@@ -33,13 +33,13 @@ _JOINT_RADII[[Joint.WRIST_LEFT, Joint.WRIST_RIGHT, Joint.ANKLE_LEFT, Joint.ANKLE
 _JOINT_RADII[[Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIGHT]] = _HAND_RADIUS
 _JOINT_RADII[[Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER]] = _TRUNK_RADIUS
 _SEGMENTS = 18
-"""Number of faces around a capsule: its outline looks round at every distance of the camera."""
+"""Number of faces around a capsule. Its outline looks round from any distance."""
 _RINGS = 5
 """Number of vertex rings from the equator of a hemisphere to its pole."""
 _SHADOW_SEGMENTS = 10
-"""Number of faces around a shadow-casting capsule: the blur hides its corners."""
+"""Number of faces around a shadow-casting capsule. The shadow's blur hides its corners."""
 _SHADOW_RINGS = 3
-"""Number of rings of a shadow-casting hemisphere: few, because the blur hides its corners."""
+"""Number of rings of a shadow-casting hemisphere. The shadow's blur hides its corners."""
 
 
 def make_capsule_rows(
@@ -83,7 +83,9 @@ def _make_body_rows(body: Body, tint: Float32, opacity: float) -> Float32:
 
 
 def make_bone_block(bodies: tuple[Body, ...], strength: float) -> tuple[Float32, int]:
-    """Returns the uniform block ``Bones`` of shaders/mesh.frag, (3, 64, 4) float32, and its used length."""
+    """Returns the uniform block ``Bones`` of shaders/mesh.frag, (3, 64, 4) float32, and the number of bones
+    in it.
+    """
     block = np.zeros((3, MAX_BONES, 4), np.float32)
     rows = []
     for body in bodies:
@@ -99,12 +101,12 @@ def make_bone_block(bodies: tuple[Body, ...], strength: float) -> tuple[Float32,
 
 
 class CapsulePass:
-    """Instanced capsules on the GPU: limbs between two balls, and the balls.
+    """Instanced capsules on the GPU. Each consists of a tube and two balls.
 
     Args:
         program: program of ``capsule.vert`` or ``tube.vert``.
-        open_limbs: whether the limbs need no caps, because thicker balls cover all their ends.
-        casting: whether the capsules only cast shadows.
+        open_limbs: True to draw tubes without caps, because thicker balls cover all their ends.
+        casting: True if the capsules only cast shadows.
     """
 
     def __init__(
@@ -154,12 +156,13 @@ class CapsulePass:
 def make_capsule_template(
     segments: int = _SEGMENTS, rings: int = _RINGS, *, ball: bool = False
 ) -> tuple[Float32, Int32]:
-    """Returns (N, 4) unit directions with the index of their end, and (F, 3) faces, of a capsule along +Y.
+    """Returns a capsule along +Y as (N, 4) vertices and (F, 3) faces. A vertex is a unit direction and the
+    index of its end, 0 or 1.
 
     Args:
         segments: number of faces around.
         rings: number of vertex rings from the equator to a pole; 1 leaves both ends open.
-        ball: whether to leave out the tube between the hemispheres.
+        ball: True to omit the tube between the hemispheres.
     """
     upper = np.linspace(0, np.pi / 2, rings)
     latitude = np.concatenate([-upper[::-1], upper[1:] if ball else upper])

@@ -13,9 +13,9 @@ from enliven_viewer.render.overlay.marks import CUE_RADIUS
 from enliven_viewer.render.scene import Scene, find_corners
 
 REGION_MARGIN_PX = 6
-"""Margin in pixels around projected points: for marks with a minimum size, and for rounding."""
+"""Margin in pixels around projected points. It covers marks with a minimum pixel size, and rounding."""
 _MIN_DISTANCE = 1e-3
-"""Minimum distance in metres in front of the camera. The projection of nearer points is unbounded."""
+"""Minimum distance in metres in front of the camera. Points that are nearer have no bounded projection."""
 _UNIT_CORNERS = find_corners((np.full(3, -1.0), np.ones(3)))
 _SQRT3 = math.sqrt(3.0)
 
@@ -76,9 +76,8 @@ def find_visible_region(
 
 
 def find_shadow_bounds(points: Float, to_key: Float, margin: float) -> tuple[Float, Float]:
-    """Returns the lowest and highest x and z, (2,) each, of the floor area below points and their shadow.
-
-    The hull of the (N, 3) points casts the shadow.
+    """Returns the lowest and highest (x, z), (2,) each, of the floor area below (N, 3) points and below the
+    shadow of their hull.
 
     Args:
         to_key: (3,) unit direction towards the light.

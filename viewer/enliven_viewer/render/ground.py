@@ -14,7 +14,7 @@ _FLOOR_RADIUS = (
     3.0 * STAGE_RADIUS
 )  # Beyond this distance, shaders/floor.frag fades the ground into the horizon.
 _CELL_CORNERS = np.arange(9).reshape(3, 3) + np.arange(3)[:, None]
-"""(3, 3) the first corner of each cell in a grid of 4 by 4 corners."""
+"""(3, 3) index of the first corner of each cell in a grid of 4 by 4 corners."""
 
 Patch = tuple[Float, Float]
 """Lowest and highest x and z, (2,) each, in metres: a rectangle of the floor."""
@@ -43,7 +43,7 @@ class GroundPass:
         self._backdrop = ctx.vertex_array(load_program(ctx, "backdrop.vert", "backdrop.frag"), [])
 
     def draw(self, target: moderngl.Framebuffer, stage: Float, shaded: Patch) -> None:
-        """Fills a framebuffer: the floor, then the backdrop in the remaining pixels.
+        """Draws the floor into a framebuffer, then the backdrop into the remaining pixels.
 
         Args:
             stage: (3,) metres, the centre of the pool of light.
@@ -53,7 +53,7 @@ class GroundPass:
         inner = np.clip(shaded, middle - _FLOOR_RADIUS, middle + _FLOOR_RADIUS)
         lines = np.stack(
             [middle - _FLOOR_RADIUS, *inner, middle + _FLOOR_RADIUS]
-        )  # grid lines across x and z
+        )  # x and z coordinates of the grid lines
         places = np.stack(np.meshgrid(lines[:, 0], lines[:, 1], indexing="ij"), -1)
         self._corners.write(places.astype(np.float32).tobytes())
         target.use()

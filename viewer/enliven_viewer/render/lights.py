@@ -1,4 +1,6 @@
-"""The projections of the key light's shadow map and the floor's contact map, fitted to the shadow casters."""
+"""Computes the projections of the key light's shadow map and of the floor's contact map around the shadow
+casters.
+"""
 
 from __future__ import annotations
 
@@ -27,9 +29,8 @@ def light_from_world(box: Box, to_key: Float) -> Float:
 
 
 def contact_from_world(box: Box) -> Float:
-    """Returns the (4, 4) projection from the world to a map of the floor seen from below.
-
-    x and z are the map's axes, and height is the depth.
+    """Returns the (4, 4) projection from the world to a map of the floor, seen from below. x and z are the
+    map's axes, and the height y is the depth.
     """
     centre = (box[0] + box[1]) / 2
     side = float((box[1] - box[0])[[0, 2]].max()) / 2 + 0.5

@@ -1,4 +1,4 @@
-"""Draws characters: opaque, with cut-out holes, transparent, and with cutaways around a performer inside."""
+"""Draws meshes: opaque, with alpha masks, transparent, and with cutaways around a performer inside."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ from enliven_viewer.render.skinned_mesh import DrawnPart, SkinnedMesh
 from enliven_viewer.settings import RenderSettings
 
 _REVEAL_DISTANCE_M = 0.10
-"""Distance from the performer's body within which the mesh is transparent, so that the body is visible."""
+"""Distance in metres from the performer's body within which the mesh is transparent, so that the body is
+visible.
+"""
 ALPHA_TO_COVERAGE = 0x809E
 """GL_SAMPLE_ALPHA_TO_COVERAGE, which moderngl does not name."""
 
@@ -70,8 +72,8 @@ class MeshPass:
             self._draw_clear(picture, transparent_parts, revealing, count)
 
     def cast(self, meshes: Sequence[SkinnedMesh], clip_from_world: Float) -> None:
-        """Draws the shadows of parts with holes or transparency. The shadows of opaque parts have already
-        been drawn.
+        """Draws the shadows of parts with alpha masks or transparency. The shadows of opaque parts are
+        already drawn.
         """
         for mesh in meshes:
             for drawn_part in mesh.parts:
@@ -119,7 +121,7 @@ class MeshPass:
         revealing: bool,
         count: int,
     ) -> None:
-        """Blends transparent parts over the image. For double-sided parts the far side is drawn first."""
+        """Blends transparent parts over the image. For double-sided parts, back faces are drawn first."""
         self.ctx.enable(moderngl.BLEND)
         self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
         self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA

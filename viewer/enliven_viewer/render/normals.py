@@ -12,8 +12,8 @@ from enliven_viewer.render.surface import DrawnSurface
 def make_solved_rows(vertices: Float32, faces: Int32, surface: DrawnSurface) -> Float32:
     """Returns (N, 6) float32: position and unit normal of each drawn vertex.
 
-    Faces are weighted by their corner angle at rest. So a mesh at rest looks like a skinned one, and creases
-    stay in place.
+    Faces are weighted by their corner angle in the rest pose. So the rest pose looks like that of a skinned
+    mesh, and creases stay in place.
 
     Args:
         vertices: (V, 3) metres, the character's vertices.
@@ -49,9 +49,8 @@ def _sum_normals(vertices: Float32, faces: Int32, groups: Int, angles: Float, su
 
 @njit(cache=True, nogil=True)
 def _rows(vertices: Float32, source: Int, group: Int, rest: Float32, sums: Float, rows: Float32) -> None:
-    """Fills the rows.
-
-    Vertices without face area get the rest normal; coordinates that are not finite become 0.
+    """Fills the rows. Vertices without face area get their rest normal. Coordinates that are not finite
+    become 0.
     """
     for n in range(len(source)):
         for c in range(3):

@@ -1,5 +1,5 @@
-"""Visibility of overlays during a performance: skeletons are shown during a choice, and later only the
-mesh.
+"""Visibility of overlays during a performance. Skeletons are shown while a performer chooses, and fade out
+after the possession.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from enliven_viewer.render.scene import SceneStyle
 from enliven_viewer.settings import RenderSettings
 
 _FADE_S = 1.2
-"""Duration in seconds of the fade-out: slow enough not to look like a jump."""
+"""Duration of the fade-out in seconds."""
 
 
 class OverlayVisibility:
@@ -26,8 +26,8 @@ class OverlayVisibility:
         self._since: float | None = None
 
     def style(self, wanted: SceneStyle, moment: TimelineMoment | None, second: float) -> SceneStyle:
-        """Returns the wanted style adjusted for a moment. ``second`` is a time in seconds from an arbitrary
-        start.
+        """Returns the style ``wanted`` with the overlays faded for a moment. ``second`` is a time in seconds
+        from an arbitrary start.
         """
         overlay_strength = self._overlay_strength(moment, second)
         body = overlay_strength
@@ -56,6 +56,8 @@ class OverlayVisibility:
 
 
 def _is_choosing(moment: TimelineMoment) -> bool:
-    """Returns True if a performer sees a preview of a possession, in addition to the current one."""
+    """Returns True if a preview of a possession is shown, even if another performer already possesses the
+    character.
+    """
     previewed = any(len(cues.nodes) and not cues.firm.all() for cues in moment.cues.values())
     return previewed or any(board.state == "choosing" for board in moment.boards.values())

@@ -10,11 +10,11 @@ from enliven.document import BALL, BOX, Props
 from enliven_viewer.render.materials.paint import linear_from_srgb
 
 _BEVEL_FRACTION = 0.07
-"""Bevel of a box's edges as a fraction of its smallest half edge: enough to catch the light."""
+"""Bevel of a box's edges as a fraction of its smallest half edge. The bevels show highlights."""
 _MAX_BEVEL_M = 0.012
 """Maximum bevel in metres, so that a large box still looks like a box."""
 _TEMPLATE_POINTS = {BOX: 2, BALL: 6}
-"""Number of points from the middle of a template's side to its edge."""
+"""Number of points from the centre of a template's side to its edge, by shape."""
 
 
 def make_prop_rows(props: Props | None, shape: int) -> Float32:
@@ -87,9 +87,8 @@ class PropPass:
 def make_block_template(fineness: int) -> tuple[Float32, Int32]:
     """Returns (N, 6) unit directions with their corners (-1 or 1 along each axis), and (F, 3) faces.
 
-    The template is a sphere made of a cube's six sides, with ``2 fineness`` points along each. It is cut
-    along the three planes between the corners. If the corners are moved apart, the cuts become the flat sides
-    of a box.
+    The template is a sphere made of a cube's six sides, with ``2 fineness`` points along each. Its eight
+    octants are separate. The shader moves the octants apart, and the gaps become the flat sides of a box.
     """
     half_grid = np.tan(np.linspace(0.0, np.pi / 4, fineness))
     grid = np.concatenate([-half_grid[::-1], half_grid])

@@ -33,13 +33,19 @@ from enliven_viewer.render.stage_look import LOOKS, find_key_direction, make_loo
 from enliven_viewer.settings import RenderSettings
 
 _CREASE_ANGLE_RAD = math.radians(45.0)
-"""Edges with a larger angle are shaded sharp, others smooth: boxes stay sharp, and round parts smooth."""
+"""Edges with a larger angle than this, in radians, are shaded sharp, others smooth. So boxes look sharp and
+round parts smooth.
+"""
 EMPTY_BOX: Box = (np.array([-0.6, 0.0, -0.6]), np.array([0.6, 1.7, 0.6]))
 """The box that camera and light are aimed at while the scene is empty."""
 _SHADOW_BLUR = (2.0,)
-"""Distance in texels between the taps of the key light's blur: a soft edge without steps."""
+"""Distance in texels between the taps of the key light's shadow blur. It gives a soft edge without visible
+steps.
+"""
 _CONTACT_BLUR = (1.0, 2.2)
-"""Distance in texels between the taps of the contact map's two blurs, which span decimetres."""
+"""Distances in texels between the taps of the contact map's two blurs. Together they blur over some
+decimetres.
+"""
 _FRAME_BYTES = 4 * (4 * 16 + 11 * 4)
 """Size in bytes of the uniform block Frame: four matrices and eleven vectors of float32."""
 
@@ -89,7 +95,8 @@ class Renderer:
         """Changes the image size. Sizes without a pixel are ignored (a minimised window)."""
         if size != self.picture.size and size[0] > 0 and size[1] > 0:
             before, self.picture = self.picture, RenderTarget(self.ctx, size, self.settings.samples)
-            # use() binds the previous framebuffer once more. So release the previous one only after it.
+            # use() binds the previous framebuffer once more. So release the previous framebuffer only after
+            # use().
             self.picture.drawn.use()
             before.release()
 
@@ -160,7 +167,7 @@ class Renderer:
                 crease = _CREASE_ANGLE_RAD
                 new_mesh = SkinnedMesh(self.ctx, actor.character, crease, self._skin, self.textures)
                 if mesh is not None:
-                    # Release the old mesh only after the new one has taken the textures that both share.
+                    # Release the old mesh only after the new mesh has acquired the textures that both share.
                     mesh.release()
                 mesh = new_mesh
                 self._meshes[actor.character.id] = new_mesh
@@ -232,7 +239,7 @@ class Renderer:
         return find_shadow_bounds(casters, self._to_key, margin / float(self._to_key[1]))
 
     def _draw_props(self) -> None:
-        """Draws the props; the depth test handles occlusion."""
+        """Draws the props. The depth test handles occlusion."""
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         set_uniform(self._prop, "casting", False)
         self._props.render()
@@ -240,7 +247,8 @@ class Renderer:
     def _draw_bodies(self) -> None:
         """Draws the bodies.
 
-        Faint ones cover a fraction of each pixel's samples, so that they need no sorting.
+        A translucent body covers a fraction of each pixel's samples (alpha to coverage), so that bodies need
+        no sorting.
         """
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         set_uniform(self._body, "casting", False)
@@ -250,7 +258,7 @@ class Renderer:
         self.ctx.disable_direct(ALPHA_TO_COVERAGE)
 
     def _draw_hidden_bodies(self, scene: Scene) -> None:
-        """Draws occluded bodies faintly. Overlapping ones do not add up, because the brighter value is
+        """Draws occluded bodies faintly. Overlapping bodies do not add up, because the brighter value is
         used.
         """
         if scene.style.body <= 0:

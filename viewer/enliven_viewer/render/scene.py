@@ -16,9 +16,9 @@ from enliven_viewer.playback.timeline import CueFrame, TimelineMoment
 from enliven_viewer.render.camera import Box
 
 _LOOSE_VIEW_DISTANCE = 0.7
-"""Distance in metres from characters and bodies within which the camera keeps loose boxes in view."""
+"""The camera keeps loose boxes in view that are within this distance in metres of characters and bodies."""
 _LOOSE_SHADOW_DISTANCE = 1.4
-"""Distance in metres from characters and bodies within which loose objects have shadows: twice
+"""Loose objects within this distance in metres of characters and bodies cast shadows. It is twice
 :data:`_LOOSE_VIEW_DISTANCE`.
 """
 
@@ -51,8 +51,8 @@ class SceneCharacter:
     """One character in one pose.
 
     Attributes:
-        vertices: (V, 3) float32 metres in the world, if the surface was solved; None if the character's
-            transforms move it.
+        vertices: (V, 3) float32 metres in the world, if a solver computed the surface; None if the
+            character's transforms move its vertices.
     """
 
     character: Character
@@ -76,13 +76,13 @@ class Scene:
     props: Props | None = None
     boards: dict[str, MatchList] = field(default_factory=dict)
     extent: Box | None = None
-    """Lowest and highest corner of all surfaces, if known; shadows cover this range."""
+    """Lowest and highest corner of all surfaces, if known. The shadow maps cover this box."""
 
     @property
     def box(self) -> Box | None:
-        """Returns the box that a camera should show; None if the scene is empty."""
+        """Returns the box that a camera should show, or None if the scene is empty."""
         boxes = None if self.props is None else self.props.positions[self.props.shapes == BOX]
-        # Leave out balls, which appear and disappear too fast for a camera to follow.
+        # Exclude balls, because they appear and disappear too fast for a camera to follow.
         return self._find_box(boxes, _LOOSE_VIEW_DISTANCE)
 
     @property
@@ -91,7 +91,9 @@ class Scene:
         return self._find_box(None if self.props is None else self.props.positions, _LOOSE_SHADOW_DISTANCE)
 
     def _find_box(self, loose: Float | None, reach: float) -> Box | None:
-        """Returns a box with a margin around characters, bodies, and the loose objects near them."""
+        """Returns a box with a margin around characters, bodies, and the loose objects that are nearer than
+        ``reach`` metres.
+        """
         points = [actor.extent for actor in self.actors] + [body.joints for body in self.bodies]
         if self.extent is not None:
             points.append(np.stack(self.extent))
@@ -113,12 +115,12 @@ def make_scene(
     surfaces: SolvedSurfaces | None = None,
 ) -> Scene:
     """Returns the scene at one time. A character without any pose, or with a pose that does not match it, is
-    at rest.
+    in its rest pose.
 
     A character that has poses only at other times is not drawn: it had not appeared yet, or was removed.
 
     Args:
-        surfaces: solver of the puppets' surfaces. Without it, each puppet is one rigid piece.
+        surfaces: solver of the puppets' surfaces. Without a solver, each puppet is drawn rigidly.
     """
     actors = []
     characters = document.characters_at(moment)
@@ -140,10 +142,8 @@ def make_scene(
 
 
 def _pull_towards(positions: Float, box: Box, reach: float) -> Float:
-    """Returns (N, 3) positions. Those farther from the box than ``reach`` are pulled towards it.
-
-    So the camera follows an object that rolls away more and more weakly, and not at all beyond twice the
-    reach.
+    """Returns (N, 3) positions in metres. Positions farther from the box than ``reach`` are pulled towards
+    it. So the camera follows an object that rolls away less and less, and ignores it beyond twice the reach.
     """
     clipped = np.clip(positions, box[0], box[1])
     offsets = positions - clipped

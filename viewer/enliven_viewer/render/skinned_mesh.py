@@ -1,4 +1,6 @@
-"""A character on the GPU: skinned once per frame into a buffer that every pass draws from."""
+"""A character on the GPU. It is skinned once per frame into a buffer, and every render pass draws that
+buffer.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,7 @@ _MAX_FINE_EDGE_M = 0.07
 cutaways.
 """
 _CONTACT_DETAIL_M = 0.03
-"""Level of detail in metres of the mesh drawn for the contact map."""
+"""Cell size in metres of the simplified mesh that is drawn into the contact map."""
 _PAINT_ATTRIBUTES = (("in_uv", "4f"), ("in_albedo", "4f"), ("in_finish", "2f"), ("in_emission", "3f"))
 """The attributes of a vertex's paint, in order."""
 
@@ -50,7 +52,7 @@ class DrawnPart(NamedTuple):
 class SkinnedMesh:
     """One character's buffers.
 
-    The transforms are stored in a float texture, which in OpenGL 3.3 can be far larger than a uniform block.
+    The transforms are stored in a float texture, which can be far larger than a uniform block in OpenGL 3.3.
     So a graph may have thousands of nodes. Transform feedback stores the skinned vertices for the shadow map,
     the contact map and the image.
 
@@ -132,7 +134,7 @@ class SkinnedMesh:
     def hull(self) -> Float:
         """Returns (K, 3) points in metres with a convex hull that contains every current vertex.
 
-        A skinned vertex lies between the positions to which each of its transforms alone would move it.
+        A skinned vertex is a convex combination of the positions that its transforms give it separately.
         """
         if self._placed is not None:
             # Replace non-finite coordinates by 0, as render.normals does.
@@ -155,7 +157,7 @@ class SkinnedMesh:
         """Draws all opaque parts with one program that only uses ``in_position``.
 
         Args:
-            coarse: if True, draw the whole mesh at a level of detail of a few centimetres.
+            coarse: if True, draw a simplified version of the whole mesh, with details of a few centimetres.
         """
         if self.closed:
             self._ctx.enable(moderngl.CULL_FACE)
@@ -168,7 +170,7 @@ class SkinnedMesh:
             self._ctx.disable(moderngl.CULL_FACE)
 
     def set_glow(self, light: Float32 | None) -> None:
-        """Sets the glow (J, 3) on each transform for the following images; None for no glow."""
+        """Sets the glow (J, 3) on each transform for the following images, or None for no glow."""
         self.held = light is not None
         if light is not None:
             self._held = self._held or AttachmentGlow(self._ctx, len(self.character.pivots))
@@ -181,7 +183,9 @@ class SkinnedMesh:
 
     @cached_property
     def _glow_buffers(self) -> list[moderngl.Buffer]:
-        """Returns the transforms that light each drawn vertex, and their weights."""
+        """Returns buffers for the glow of each drawn vertex: the indices of the transforms that it shows, and
+        their weights.
+        """
         if self.character.kind != "points":
             return self._inputs[1:]
         reach, source = compute_point_weights(self.character), self._surface.source

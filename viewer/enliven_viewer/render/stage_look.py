@@ -1,4 +1,4 @@
-"""The looks of a stage by name: light, backdrop and floor."""
+"""The looks of a stage by name. A look is a preset of light, backdrop and floor."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from enliven.arrays import Float
 from enliven_viewer.settings import LookName, RenderSettings
 
 Light = tuple[float, float, float]
-"""A light colour in linear red, green and blue; 1 is a white wall in the sun."""
+"""A light colour in linear red, green and blue. 1 is the brightness of a white wall in the sun."""
 _MAX_BACKDROP_WHITE = 0.97
 """Maximum value of white in a backdrop, because the filmic tone curve never quite reaches 1."""
 
@@ -25,7 +25,7 @@ class StageLook:
         horizon, zenith: backdrop colours at eye level and above. The floor fades into the horizon.
         floor: colour of the floor.
         grid: strength of the lines on the floor; negative for lines darker than the floor.
-        pool: how much darker the floor is away from the centre, 0..1.
+        pool: darkening of the floor away from the centre, 0 (none) to 1.
     """
 
     key: Light

@@ -1,6 +1,5 @@
-"""A mesh prepared for drawing.
-
-Vertices are duplicated along creases, so that boards look flat and seats look round.
+"""Prepares a mesh for drawing. Vertices are duplicated along creases, so that flat parts look flat and round
+parts look round.
 """
 
 from __future__ import annotations
@@ -51,15 +50,15 @@ def split_creases(
 ) -> DrawnSurface:
     """Computes smooth normals with breaks where two faces meet at more than ``crease`` radians.
 
-    Two faces share a normal at a vertex if a fan of faces with milder edges connects them. For this,
-    coincident vertices count as one, so that a file with unshared vertices is smooth too.
+    Two faces share a normal at a vertex if a fan of faces connects them across edges below the crease angle.
+    Coincident vertices count as one vertex here, so that a file with unshared vertices is smooth too.
 
     Args:
         vertices: (V, 3) metres.
         faces: (F, 3).
-        keys: (3 F, K) bits. Two corners of a vertex share a drawn vertex only if their bits are equal. None
-            shares it always. Normals are computed per position, so that texture seams are not visible in the
-            shading.
+        keys: (3 F, K) bits per corner. Two corners of a vertex share a drawn vertex only if their bits are
+            equal. None means that all bits are equal. Normals are computed per position, so that texture
+            seams are not visible in the shading.
     """
     faces = np.array(faces, np.int32)
     kinds = faces if keys is None else places_of(keys).reshape(-1, 3)
@@ -92,9 +91,8 @@ def is_closed(vertices: Float32, faces: Int32) -> bool:
 
 
 def cluster_faces(vertices: Float32, faces: Int32, cell: float) -> Int32:
-    """Returns (G, 3) fewer faces over the same vertices (vertex clustering).
-
-    All vertices in a cell of ``cell`` metres are merged.
+    """Returns (G, 3) faces of a simplified mesh over the same vertices, by vertex clustering. All vertices in
+    a cubic cell of ``cell`` metres are merged.
     """
     key = np.floor(vertices / cell).astype(np.int64)
     key -= key.min(0)
@@ -107,10 +105,11 @@ def cluster_faces(vertices: Float32, faces: Int32, cell: float) -> Int32:
 
 
 def neighbours_in_turn(vertices: Float32, faces: Int32) -> Int32:
-    """Returns the same faces (F, 3), reordered along a Morton curve so that neighbours follow each other.
+    """Returns the same faces (F, 3), sorted along a Morton curve so that adjacent faces are close in the
+    order.
 
-    A GPU caches the last few transformed vertices, so a face that shares one with its predecessor costs less.
-    With software OpenGL, the vertex shader ran 3 times per vertex of a scanned mesh in the original order,
-    and 1.2 times in this order.
+    A GPU caches the last few transformed vertices, so a face that shares a vertex with its predecessor costs
+    less. With software OpenGL, the vertex shader ran 3 times per vertex of a scanned mesh in the original
+    order, and 1.2 times in this order.
     """
     return np.ascontiguousarray(faces[space_curve(vertices[faces].mean(axis=1, dtype=np.float64))])

@@ -1,4 +1,4 @@
-"""Hash-based kernels that pass once over a mesh of any size, for :mod:`enliven_viewer.render.surface`."""
+"""Hash-based kernels with linear running time, for :mod:`enliven_viewer.render.surface`."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ from enliven.union_find import root_of
 
 _EMPTY = np.int64(-1)
 _SORTED_ABOVE = 64
-"""Number of edges at a vertex above which they are sorted instead of compared."""
+"""If a vertex has more edges than this, they are sorted instead of compared pairwise."""
 
 
 @njit(cache=True, nogil=True)
 def _room(count):
-    """Returns keys and values of a hash table for ``count`` keys.
-
-    The table's size is a power of two with spare room.
+    """Returns the key and value arrays of a hash table for ``count`` keys. The table's size is a power of two
+    with spare slots.
     """
     size = 16
     while size < 1.4 * count:
@@ -37,7 +36,7 @@ def _slot(keys, key):
 
 @njit(cache=True, nogil=True)
 def places_of(bits):
-    """Returns (V,) a number for each row of bits (V, C) int32. Equal rows get the same number."""
+    """Returns (V,) group numbers for the rows of ``bits`` (V, C) int32. Equal rows get the same number."""
     count, columns = bits.shape
     size = 16
     while size < 1.4 * count:
@@ -100,7 +99,8 @@ def corners_of(vertices, faces):
 def groups_of(place, normals, cosine):
     """Returns (3 F,) the smoothing group of every corner of the faces (F, 3), and the number of groups.
 
-    Uses union-find over mild edges: each face is joined with the previous one at the same edge.
+    Uses union-find over the edges that are not sharp. Each face is joined with the previous face at the same
+    edge.
     """
     count = len(place)
     most = np.int64(place.max()) + 1 if count else 1
@@ -140,19 +140,19 @@ def groups_of(place, normals, cosine):
 
 @njit(cache=True, nogil=True, inline="always")
 def _low(place, half):
-    """Returns the lower vertex of the edge that begins at a corner."""
+    """Returns the lower vertex number of the edge that begins at a corner."""
     return min(place[half // 3, half % 3], place[half // 3, (half % 3 + 1) % 3])
 
 
 @njit(cache=True, nogil=True, inline="always")
 def _high(place, half):
-    """Returns the higher vertex of the edge that begins at a corner."""
+    """Returns the higher vertex number of the edge that begins at a corner."""
     return max(place[half // 3, half % 3], place[half // 3, (half % 3 + 1) % 3])
 
 
 @njit(cache=True, nogil=True)
 def _link(place, normals, cosine, parents, one, other):
-    """Joins the corners of two faces at both ends of an edge, if the edge is mild."""
+    """Joins the corners of two faces at both ends of their common edge, unless the edge is sharp."""
     f, g = one // 3, other // 3
     mild = 0.0
     for c in range(3):
@@ -186,8 +186,8 @@ def _numbered(parents):
 def drawn_of(group, faces, vertices):
     """Returns (3 F,) the drawn vertex of every corner, and (N,) the first corner of each drawn vertex.
 
-    There is one drawn vertex per pair of group and number. ``faces`` (F, 3) contains the numbers, below
-    ``vertices``: usually vertex indices.
+    There is one drawn vertex per pair of a group and a number. ``faces`` (F, 3) contains the numbers, usually
+    vertex indices. All are below ``vertices``.
     """
     keys, number = _room(len(group))
     corner, first, drawn_count = np.empty(len(group), np.int32), np.empty(len(group), np.int64), 0
@@ -204,7 +204,7 @@ def drawn_of(group, faces, vertices):
 
 @njit(cache=True, nogil=True)
 def sum_normals(group, count, normals, angles):
-    """Returns (G, 3) the sum of the face normals around each group, weighted by corner angle."""
+    """Returns (G, 3) the sum of the face normals in each group, weighted by corner angle."""
     sums = np.zeros((count, 3))
     for k in range(len(group)):
         f = k // 3
@@ -215,7 +215,7 @@ def sum_normals(group, count, normals, angles):
 
 @njit(cache=True, nogil=True)
 def bounds_something(faces, vertices):
-    """Returns True if the mesh is closed: every edge exists once in each direction."""
+    """Returns True if the mesh is closed, so that every edge exists once in each direction."""
     keys, _ = _room(3 * len(faces))
     for f in range(len(faces)):
         for k in range(3):
@@ -233,7 +233,7 @@ def bounds_something(faces, vertices):
 
 @njit(cache=True, nogil=True)
 def firsts_of(cells):
-    """Returns (V,) for each number in (V,) the index of its first occurrence."""
+    """Returns (V,) indices: for each number in ``cells`` (V,), the index of its first occurrence."""
     keys, first = _room(len(cells))
     out = np.empty(len(cells), np.int32)
     for v in range(len(cells)):

@@ -1,7 +1,6 @@
-"""The server of souvenirs: sends the photo or film of a token to a phone, and nothing else.
-
-It lists nothing, changes nothing, and needs no password: a token cannot be guessed. It is a program of its
-own, so that neither crowds of phones nor strangers can slow the show down.
+"""The server of souvenirs: sends a photo or film to a phone that knows its token, and nothing else. It lists
+nothing and changes nothing. It needs no password, because a token cannot be guessed. It is a separate
+process, so that many requests cannot slow the show down.
 """
 
 from __future__ import annotations
@@ -34,14 +33,14 @@ from enliven_viewer.souvenirs.store import SouvenirStore, make_store
 log = logging.getLogger(__name__)
 
 SERVICE = "souvenirs"
-"""Name of this program among the services."""
+"""Name of this program in the supervisor's list of services."""
 _SWEEP_INTERVAL_S = 1.0
-"""Time between two deletions of expired souvenirs in seconds."""
+"""Seconds between two deletions of expired souvenirs."""
 _RECORD_INTERVAL_S = 10.0
-"""Time between two writes of the program's own record, in seconds."""
+"""Seconds between two writes of this program's state record."""
 _MEDIA_TYPES = {".jpg": "image/jpeg", ".mp4": "video/mp4"}
 _HEADERS = {
-    # Nothing but the picture itself is loaded, and no other site can show it in a frame.
+    # The page loads only the photo or film, and no other site can show it in a frame.
     "Content-Security-Policy": "default-src 'none'; img-src 'self'; media-src 'self'; "
     "style-src 'unsafe-inline'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
     "X-Content-Type-Options": "nosniff",
@@ -51,7 +50,7 @@ _HEADERS = {
     "Cache-Control": "private, no-store",
 }
 _NOT_A_LETTER = re.compile(r"[^A-Za-z0-9_-]+")
-"""Characters that the suggested name of the file does not contain."""
+"""Matches the characters that are removed from the suggested file name."""
 
 
 class SouvenirApplication:
@@ -59,9 +58,9 @@ class SouvenirApplication:
 
     Args:
         store: the souvenirs.
-        name: the name of the kiosk, for the suggested name of the file.
+        name: the name of the kiosk, used in the suggested file name.
         notifier: reports progress to the supervisor.
-        should_stop: returns True if the program shall end, for example since its parent has ended.
+        should_stop: returns True if the server must stop, for example because its parent has ended.
         stop: ends the server.
     """
 
@@ -79,14 +78,14 @@ class SouvenirApplication:
         self._started_s, self._recorded_s = time.time(), -_RECORD_INTERVAL_S
 
     def asgi(self) -> Starlette:
-        """Returns the application for a server."""
+        """Returns the ASGI application."""
         return Starlette(routes=[Route("/{token}", self._send)], lifespan=self._lifespan)
 
     async def _send(self, request: Request) -> Response:
         path = await asyncio.to_thread(self._store.find, request.path_params["token"])
         state = None
         if path is not None:
-            # It may be deleted at this moment.
+            # The file may be deleted at this moment.
             with contextlib.suppress(OSError):
                 state = path.stat()
         if path is None or state is None:
@@ -122,7 +121,7 @@ class SouvenirApplication:
         self._stop()
 
     def _write_record(self, status: str) -> None:
-        """Writes the program's own record from time to time."""
+        """Writes this program's state record if ``_RECORD_INTERVAL_S`` has passed."""
         now = time.monotonic()
         if now - self._recorded_s < _RECORD_INTERVAL_S:
             return
@@ -139,9 +138,9 @@ def serve_souvenirs(
     """Serves the souvenirs of a kiosk until SIGTERM or Ctrl-C.
 
     Args:
-        profile: the kiosk. Its paths are relative to the current folder.
-        where: its file, for messages.
-        should_stop: returns True if the program shall end, for example since its parent has ended.
+        profile: the kiosk's profile. Its paths are relative to the current folder.
+        where: path of the profile's file, for messages.
+        should_stop: returns True if the server must stop, for example because its parent has ended.
 
     Raises:
         InputError: if the profile makes no souvenirs, no phone can open their address, or the certificate

@@ -1,4 +1,6 @@
-"""The files of souvenirs: their secret names, their expiry, and the limit of their size on the disk."""
+"""Stores the files of souvenirs. Manages their secret names, their expiry, and a limit on their
+total size.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +19,15 @@ from enliven.kiosk.profile import MAX_SOUVENIR_AGE_S, KioskProfile
 from enliven.web_server.access import is_token, make_token, tokens_match
 
 SUFFIXES = {"photo": ".jpg", "film": ".mp4"}
-"""The suffix of the file of each kind of souvenir."""
+"""File extension of each kind of souvenir."""
 MAX_FILES = 2000
 """Maximum number of souvenirs, so that listing them stays fast."""
 MAX_PART_AGE_S = 600.0
-"""Age of an unfinished file in seconds after which its program counts as killed. A film takes less."""
+"""An unfinished file older than this number of seconds is deleted, because its program must have been killed.
+A film takes less time.
+"""
 _NAME = re.compile(r"(?P<token>[A-Za-z0-9_-]{22})-(?P<end>[0-9]{1,12})(?P<suffix>\.jpg|\.mp4)")
-"""The name of a file: its token, the Unix time of its deletion in seconds, and its suffix."""
+"""Pattern of a file name: token, Unix time of the deletion in seconds, and extension."""
 
 
 @dataclass(frozen=True)
@@ -32,9 +36,9 @@ class Souvenir:
 
     Attributes:
         path: its file.
-        token: the secret in its address.
+        token: the secret part of its web address.
         end_s: Unix time of its deletion in seconds.
-        size: bytes of the file.
+        size: size of the file in bytes.
     """
 
     path: Path
@@ -46,14 +50,14 @@ class Souvenir:
 class SouvenirStore:
     """The folder with the souvenirs of this user's kiosks.
 
-    Each file's name contains the time of its deletion. So every program of a kiosk can delete it, also after
+    Each file's name contains the time of its deletion. So every program of a kiosk can delete it, even after
     the profile has changed.
 
     Args:
         folder: the folder. It is created for this user only.
         keep_s: seconds until a souvenir is deleted.
-        max_bytes: maximum size of all files together.
-        min_free_bytes: free space on the disk below which no souvenir is made.
+        max_bytes: maximum total size of the files.
+        min_free_bytes: minimum free space on the disk for a new souvenir.
         clock: returns the Unix time in seconds.
     """
 
@@ -75,7 +79,7 @@ class SouvenirStore:
             kind: one of :data:`SUFFIXES`.
 
         Raises:
-            ResourceError: if the folder cannot be made, or the disk is too full.
+            ResourceError: if the folder cannot be created, or the disk is too full.
         """
         try:
             self._folder.mkdir(parents=True, exist_ok=True, mode=0o700)
@@ -94,14 +98,15 @@ class SouvenirStore:
         return token, self._folder / f"{token}-{round(self._clock() + self._keep_s)}{SUFFIXES[kind]}"
 
     def find(self, token: str) -> Path | None:
-        """Returns the file of a souvenir. None if the token is wrong, or its time is over."""
+        """Returns the file of a souvenir, or None if the token is unknown or the souvenir has expired."""
         if not is_token(token):
             return None
         souvenir = next((each for each in self._list() if tokens_match(token, each.token)), None)
         return None if souvenir is None or self._is_over(souvenir) else souvenir.path
 
     def sweep(self) -> int:
-        """Deletes expired souvenirs, the oldest ones beyond the limits, and remains of crashes.
+        """Deletes expired souvenirs, the oldest souvenirs beyond the limits, and unfinished files of killed
+        programs.
 
         Returns:
             The number of souvenirs that are left.
@@ -122,12 +127,12 @@ class SouvenirStore:
         return sum(fits)
 
     def _is_over(self, souvenir: Souvenir) -> bool:
-        """Returns True if the time of a souvenir is over. A clock that is set back prolongs no souvenir."""
+        """Returns True if a souvenir has expired. Setting the clock back does not prolong its life."""
         left_s = souvenir.end_s - self._clock()
         return left_s <= 0.0 or left_s > MAX_SOUVENIR_AGE_S + 1.0
 
     def _list(self) -> Iterator[Souvenir]:
-        """Yields the souvenirs in the folder. Other files and links are left out."""
+        """Yields the souvenirs in the folder. Ignores other files and links."""
         with contextlib.suppress(OSError):
             for path in self._folder.iterdir():
                 match = _NAME.fullmatch(path.name)
@@ -147,7 +152,7 @@ class SouvenirStore:
 
 
 def make_store(profile: KioskProfile) -> SouvenirStore:
-    """Returns the store of a kiosk's souvenirs, in the user's folder for data."""
+    """Returns the store of a kiosk's souvenirs, in the user's data folder."""
     settings = profile.souvenir
     return SouvenirStore(
         user_data_folder() / "souvenirs",

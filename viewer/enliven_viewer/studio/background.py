@@ -16,7 +16,7 @@ class Cancelled(EnlivenError):
 
 
 class WorkProgress:
-    """The progress of a computation; shared by its thread and the window.
+    """The progress of a computation, shared by its thread and the window.
 
     Attributes:
         share: finished fraction, 0 to 1; None if unknown.
@@ -41,7 +41,7 @@ class WorkProgress:
 
 
 class BackgroundTask:
-    """A runner for one computation at a time. Its result is taken between two frames.
+    """Runs one computation at a time. :meth:`poll` passes on its result between two frames.
 
     Args:
         toasts: shows messages about starts and errors.
@@ -52,7 +52,7 @@ class BackgroundTask:
         self._toasts, self._busy = toasts, busy
         self._pool: ThreadPoolExecutor | None = None
         self._running_work: tuple[Future[Any], Callable[[Any], object]] | None = None
-        self.progress: WorkProgress | None = None  # This is None if the work cannot be cancelled.
+        self.progress: WorkProgress | None = None  # None if the work cannot be cancelled.
         self.message = ""
 
     @property
@@ -94,7 +94,7 @@ class BackgroundTask:
         )
 
     def poll(self) -> None:
-        """Takes a finished result, or shows its error. Call once per frame."""
+        """Passes on a finished result, or shows its error. Call once per frame."""
         if self._running_work is None or not self._running_work[0].done():
             return
         (work, then), self._running_work = self._running_work, None
@@ -106,7 +106,9 @@ class BackgroundTask:
             self._toasts.tell(error, tr("Nothing was changed."))
 
     def finish(self) -> None:
-        """Waits for the computation: before the window closes, and in sessions without a window."""
+        """Waits until the computation has finished. Used before the window closes, and in sessions without a
+        window.
+        """
         if self._running_work is not None:
             self._running_work[0].exception()
             self.poll()

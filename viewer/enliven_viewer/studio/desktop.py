@@ -1,8 +1,8 @@
 """The window's connection to the desktop: its title, dropped files, and display scaling.
 
 High-density screens and a larger text size are handled in the same way. The whole window is laid out in
-logical pixels, each of several screen pixels. ImGui supports this for the screens of Macs, so panels, views
-and pointer use logical pixels everywhere, and no other code depends on the scale.
+logical pixels. Each of them covers several screen pixels. ImGui supports this for the screens of Macs. So
+panels, views and pointer use logical pixels everywhere, and no other code depends on the scale.
 """
 
 from __future__ import annotations
@@ -58,9 +58,8 @@ class Desktop:
         io.display_framebuffer_scale = view.framebuffer_scale = density
 
     def _find_density(self) -> float:
-        """Returns the number of window pixels per logical pixel.
-
-        It is 1 on Macs, where windows use logical pixels anyway.
+        """Returns the number of window pixels per logical pixel. It is 1 on Macs, because their windows
+        already use logical pixels.
         """
         dense = glfw.get_window_content_scale(self._window)[0]
         across = glfw.get_window_size(self._window)[0]
@@ -80,7 +79,7 @@ class Desktop:
 
         The pointer stays in the window while a button is held.
         """
-        library = glfw._glfw  # Use the library itself, because only it knows ImGui's callbacks.
+        library = glfw._glfw  # Use the C library directly, because only it can return ImGui's callbacks.
         before: list[Any] = []
 
         def move(window: Any, x: float, y: float) -> None:

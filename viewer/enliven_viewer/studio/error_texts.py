@@ -1,6 +1,6 @@
-"""Translates errors of the library, which is written in English, for the window.
+"""Translates the library's English error messages for the window.
 
-Only the errors of exports and live outputs are listed. All others stay in English.
+Only the messages of exports and live outputs are listed. All others stay in English.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _PROBLEMS = (
     later("{0} is not a scale"),
     later("the output loses packets: {0}"),
 )
-"""Problems. Values are inserted for {0} and {1}."""
+"""Texts of problems. {0} and {1} are placeholders for values."""
 _ADVICE = (
     later("Check the folder's permissions and the space on the disk."),
     later("Its card or disk may be failing: check it, and copy what can still be read to another one."),
@@ -66,7 +66,7 @@ _ADVICE = (
     later("Give a number from {0} to {1}."),
     later("Start the receiving program, and compare its address and port with the output's."),
 )
-"""Remedies."""
+"""Texts of advice."""
 _REASONS = (
     later("No space left on device"),
     later("Disk quota exceeded"),
@@ -86,7 +86,7 @@ _REASONS = (
 )
 """Reasons that the operating system and the network give."""
 _PLACES = (later("character {0}"),)
-"""The places of errors that are not files."""
+"""Texts for the location of errors that are not in a file."""
 
 
 def translate_error(error: EnlivenError) -> EnlivenError:
@@ -101,7 +101,9 @@ def list_known_texts() -> Iterator[LazyText]:
 
 
 def find_pattern(text: str) -> tuple[LazyText, tuple[str, ...]] | None:
-    """Returns the known text that an English text follows, and the values in it. None: it follows none."""
+    """Returns the known text that an English text matches, and the inserted values. Returns None if it
+    matches no known text.
+    """
     if text in _PLAIN_TEXTS:
         return _PLAIN_TEXTS[text], ()
     for expression, pattern in _EXPRESSIONS:
@@ -120,7 +122,9 @@ def _translate(text: str) -> str:
 
 
 def _compile_pattern(pattern: str) -> re.Pattern[str]:
-    """Returns the expression for a text with values. Each value appears once, in order."""
+    """Returns a regular expression that matches a text with values. Each placeholder must occur once, in
+    order.
+    """
     return re.compile("(.+)".join(map(re.escape, re.split(r"\{\d\}", pattern))), re.DOTALL)
 
 

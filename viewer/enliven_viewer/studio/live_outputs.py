@@ -1,4 +1,4 @@
-"""Live outputs of a window: sends the characters and performers that it shows to other programs."""
+"""Live outputs of a window: sends the shown characters and performers to other programs."""
 
 from __future__ import annotations
 
@@ -20,15 +20,14 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 
 
 class WindowOutputs(Closeable):
-    """Hands each picture of a window to its outputs. It never waits for a receiver.
+    """Sends the state of each drawn frame to the outputs. It never waits for a receiver.
 
     Characters of the project are sent in their poses at the playhead. Characters of an edge or a take are
-    sent in their poses at the shown moment. While playback is paused, the same pose is sent again with every
-    picture. The time of the frames is this computer's clock, so that it also runs on then.
+    sent in their poses at the shown moment. While playback is paused, the same pose is sent with every drawn
+    frame. The frames have times of this computer's clock, which also advances during a pause.
 
     Args:
-        workspace: of the window.
-        outputs: the open outputs. It closes them.
+        workspace: the window's workspace. outputs: the open outputs. This object closes them.
     """
 
     def __init__(self, workspace: Workspace, outputs: OutputSet) -> None:
@@ -40,7 +39,7 @@ class WindowOutputs(Closeable):
         self._failing = frozenset[str]()
 
     def send(self) -> None:
-        """Hands the shown stage to every output. Call it once for each picture. It returns at once."""
+        """Sends the shown stage to every output. Call once per frame. Does not block."""
         if not self._outputs.statuses:
             return
         frame = self._frame(time.monotonic_ns())
@@ -49,11 +48,11 @@ class WindowOutputs(Closeable):
         self._show_troubles()
 
     def close(self) -> None:
-        """Sends the last frame, and ends the process that sends."""
+        """Sends the last frame, and ends the sender process."""
         self._outputs.close()
 
     def _frame(self, now_ns: int) -> LiveFrame:
-        """Returns the shown stage."""
+        """Returns the shown stage as a live frame."""
         project = find_shown_characters(self._workspace)
         scene = find_shown_scene(self._workspace) or Scene()
         drawn = {standing.id: self._drawn(standing) for standing in project}
@@ -79,7 +78,9 @@ class WindowOutputs(Closeable):
         return LiveFrame(now_ns, numbered, tuple(poses.values()), infos, held, scene.props, events)
 
     def _drawn(self, standing: StageCharacter) -> Character | None:
-        """Returns the constant parts of a character of the project, also of a skeleton without a surface."""
+        """Returns the constant data of a character of the project. A skeleton without a surface
+        is allowed.
+        """
         if standing.drawn is not None or not isinstance(standing.character, Shape):
             return standing.drawn
         name, skeleton = standing.id, standing.character.skeleton
@@ -114,7 +115,7 @@ def _live_skeleton(character: Character) -> Skeleton | None:
         return None
     try:
         return skeleton_from_bones(character)
-    except InputError:  # Its bones are not connected, so it is sent without a skeleton.
+    except InputError:  # The bones are not connected, so the character is sent without a skeleton.
         return None
 
 

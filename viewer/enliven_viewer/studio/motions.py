@@ -1,7 +1,7 @@
 """A small library of motions on chains of a few joints, generated from formulas by scripts/make_samples.py.
 
-All but the last begin and end in the same pose, so that they can loop. They are ordinary takes: map a chain
-of one to a chain of a shape.
+All but the last begin and end in the same pose, so that they can loop. They are ordinary takes. To use one,
+map its chain to a chain of a shape.
 """
 
 from __future__ import annotations

@@ -29,11 +29,11 @@ _HIDDEN_PANELS: dict[str, tuple[str, ...]] = {
 
 
 def make_panel_layout(workspace: Workspace, *, bare: bool) -> PanelLayout:
-    """Returns the layout of the panels at the window's size; for a bare window, only the view."""
+    """Returns the layout of the panels at the window's size. A bare window has only the view."""
     size, active_workspace = imgui.get_io().display_size, workspace.perform.active_workspace
     without = ("menu", "tools", "side", "timeline") if bare else _HIDDEN_PANELS[active_workspace]
     if active_workspace == "Play" and workspace.perform.live is not None:
-        # Leave out the timeline panel, because the timeline of the live stage is drawn over the view.
+        # Hide the timeline panel, because the timeline of the live stage is drawn over the view.
         without = (*without, "timeline")
     options = {
         "puppet": workspace.find_panel(active_workspace, "beside view") is not None,
@@ -45,7 +45,7 @@ def make_panel_layout(workspace: Workspace, *, bare: bool) -> PanelLayout:
 
 
 def has_tool(workspace_name: str) -> bool:
-    """Returns whether a workspace has tools."""
+    """Returns True if a workspace has tools."""
     return workspace_name in ("Animate", "Model")
 
 
@@ -87,8 +87,8 @@ def _draw_side(workspace: Workspace, places: PanelLayout, pictures: WindowPictur
     above, below = split_outliner(column, workspace.outliner.share)
     chosen = workspace.editor.selection
     if chosen.character is None or (column is not places.side and chosen.layer is None):
-        # Nothing is selected, or there is only room for the tree and the source. So the tree takes the whole
-        # column.
+        # Nothing is selected, or there is room only for the tree and the source view. So the tree takes the
+        # whole column.
         above = column
     elif (selection := workspace.find_panel(workspace.perform.active_workspace, "selection")) is not None:
         selection.draw(below)

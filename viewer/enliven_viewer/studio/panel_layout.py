@@ -1,4 +1,6 @@
-"""The layout of the panels in a window, in pixels. Panels lie around the viewport and do not cover it."""
+"""Computes the layout of the panels in a window, in pixels. Panels are around the viewport and do not cover
+it.
+"""
 
 from __future__ import annotations
 
@@ -14,20 +16,20 @@ SIDE_PANEL_WIDTH = 288.0
 TIMELINE_HEIGHT = 196.0
 """Height of the timeline in pixels: the transport, the ruler and five lanes."""
 MAX_TIMELINE_FRACTION = 0.75
-"""Maximum fraction of the window's height that an artist can give the timeline."""
+"""Maximum height of the timeline as a fraction of the window's height."""
 MIN_TIMELINE_HEIGHT = 118.0
 """Minimum height of the timeline in pixels, in a low window: the transport, the ruler, and one lane."""
 MIN_VIEW_HEIGHT = 270.0
-"""Height of the view in pixels below which the view takes space from the timeline."""
+"""Minimum height of the view in pixels. In a low window, the timeline shrinks to leave this height."""
 CURVES_HEIGHT = 178.0
-"""Height of the curve area in pixels: as much as three lines of values need."""
+"""Height of the curve area in pixels. It fits three labelled values."""
 STRIP_HEIGHT = 142.0
 """Height in pixels of a puppet's strip of key poses: a title and a row of tiles."""
 MIN_VIEW_HEIGHT_WITH_STRIP = 190.0
 """Minimum height in pixels of a puppet's view. In a lower window the strip of key poses is hidden."""
 MIN_PERFORMER_WIDTH = 150.0
-"""Minimum width in pixels of the performer's view, so that its take can be chosen. It takes at most half of a
-narrow view.
+"""Minimum width in pixels of the performer's view, so that its take can be chosen. In a narrow view, it takes
+at most half of the width.
 """
 PERFORMER_WIDTH_FRACTION = 0.36
 """Fraction of the view's width for the performer, so that the puppet stays larger."""
@@ -80,14 +82,15 @@ def lay_out_panels(
     Tools are at the left, properties at the right, the timeline is at the bottom, and the view takes the
     rest.
 
-    With a puppet, the performer is at the left of the view, and the strip of key poses below both. In a low
-    window there is no strip, since the timeline also shows the key poses. Curves lie above the timeline, if
-    that is shown. In a low window the timeline leaves the view a minimum height.
+    With a puppet, the performer is at the left of the view, and the strip of key poses is below both. A low
+    window has no strip, because the timeline also shows the key poses. Curves are above the timeline if it is
+    shown. In a low window, the timeline shrinks so that the view keeps its minimum height.
 
     Args:
         timeline_height: height of the timeline chosen by the artist, in pixels.
-        hinted: whether the tool has a hint. Below a narrow view the hint has its own strip.
-        without: hidden panels, of "menu", "tools", "side" and "timeline"; they have no width or height.
+        hinted: True if the tool has a hint. A narrow view has a separate strip for the hint below it.
+        without: hidden panels, any of "menu", "tools", "side" and "timeline". Their areas have zero width or
+            height.
     """
     menu, left = MENU_HEIGHT * ("menu" not in without), TOOLBAR_WIDTH * ("tools" not in without)
     right = SIDE_PANEL_WIDTH * ("side" not in without)

@@ -1,4 +1,4 @@
-"""All pointer positions between two frames. ImGui reports only the last one."""
+"""Collects all pointer positions between two frames. ImGui reports only the last position."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ _MAX_POSITIONS = 4096
 
 
 class PointerPath:
-    """The positions from the window's own events, consumed frame by frame up to ImGui's current position.
-
-    ImGui processes moves and buttons in order. In one frame it goes no further than the next button change.
-    Later positions are kept for the next frame, so that a stroke begins where the button was pressed.
+    """The positions from the window's events. Each frame takes the positions up to ImGui's current position.
+    ImGui processes moves and button changes in order, and stops at the next button change of a frame. Later
+    positions are kept for the next frame, so that a stroke begins at the position of the button press.
     """
 
     def __init__(self) -> None:
@@ -26,9 +25,9 @@ class PointerPath:
         del self._positions[:-_MAX_POSITIONS]
 
     def take(self, at: PointerPosition) -> list[PointerPosition]:
-        """Returns the positions up to ImGui's current one, which comes last."""
+        """Returns and removes the positions up to ImGui's current position ``at``, which comes last."""
         if at not in self._positions:
-            # The pointer was moved without an event, for example by a test, so the older positions do not
+            # The pointer was moved without an event, for example by a test. So the older positions do not
             # belong to its path.
             self._positions.clear()
             return [at]

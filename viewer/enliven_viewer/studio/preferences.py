@@ -21,17 +21,19 @@ log = logging.getLogger(__name__)
 
 _FILE_NAME = "preferences.json"
 _DAMAGED_SUFFIX = ".damaged"
-"""File extension of a damaged file that was moved aside."""
+"""Suffix that is added to the name of a damaged file."""
 _VERSION = 1
-"""Version of the file format. An added field or value needs no new version; a changed meaning does."""
+"""Version of the file format. It must increase if the meaning of a field changes, but not if fields or values
+are added.
+"""
 _VERSION_KEY = "version"
 """Key of the version. The file of enliven 0.1 lacks it and counts as version 1."""
 _MAX_FILE_BYTES = 1 << 20
 """Maximum number of bytes read from the file. A valid file contains a few hundred short lines."""
 TEXT_SIZES = (0.8, 0.9, 1.0, 1.15, 1.3, 1.5, 1.75, 2.0)
-"""Offered text sizes relative to the default: visible steps, up to double."""
+"""The available text sizes, relative to the default."""
 _MAX_RECENT_FILES = 10
-"""Number of recent files: as many as can be read at a glance."""
+"""Maximum number of recent files. A longer list would be hard to read."""
 
 
 class _StoredPreferences(msgspec.Struct):
@@ -53,7 +55,7 @@ class _StoredPreferences(msgspec.Struct):
 class Preferences:
     """An artist's preferences, stored in a file.
 
-    A damaged file is moved aside, and the defaults apply. A file of a later version is not changed: the
+    A damaged file is renamed, and the defaults apply. A file of a later version is not changed. Then the
     defaults and new choices apply until the program ends. Unknown entries are preserved.
 
     Args:
@@ -64,12 +66,13 @@ class Preferences:
         recent: paths of the projects and models opened or saved most recently, newest first.
         text_size: size of text and layout relative to the default.
         less_motion: if True, the view turns instantly, without animation.
-        toured: whether the tour was finished or closed. tour_step: number of the step at which it resumes.
+        toured: True if the tour was finished or closed. tour_step: number of the step at which the tour
+            resumes.
         performer: whether the camera previews of performers are shown in a corner of the view.
         theme: "dark" or "light". colours: the palette that distinguishes limbs, performers and takes.
         language: the code of the window's language.
         timeline_height: height of the timeline in pixels; 0 for the default.
-        refusal: why the file is not used; None if it is used.
+        refusal: the reason why the file is not used; None if it is used.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -92,8 +95,8 @@ class Preferences:
         if self.refusal is not None:
             return
         chosen = self._current_choices()
-        # Write unchanged values back exactly, because a later version may have stored values
-        # that are unknown here.
+        # Write unchanged values back exactly, because a later version may have stored values that this
+        # version does not know.
         changed = {name: value for name, value in chosen.items() if value != self._initial_choices[name]}
         kept = {_VERSION_KEY: _VERSION, **chosen, **self._stored, **changed}
         try:
@@ -113,7 +116,7 @@ class Preferences:
         self.save()
 
     def set_colours(self, theme: str = "", colours: str = "") -> None:
-        """Changes the theme or the palette immediately; an empty argument keeps the current one."""
+        """Changes the theme or the palette immediately. An empty argument keeps the current value."""
         use_theme(theme or self.theme, colours or self.colours)
         self.theme, self.colours = get_theme()
         self.save()
@@ -174,7 +177,7 @@ class Preferences:
             self.refusal = error
 
     def _put_aside(self) -> None:
-        """Renames a damaged file. If it cannot be renamed, it is neither used nor replaced."""
+        """Renames a damaged file. If that fails, the file is neither used nor replaced."""
         try:
             self.path.replace(self.path.with_suffix(_DAMAGED_SUFFIX))
         except OSError as error:

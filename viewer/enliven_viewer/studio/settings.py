@@ -1,4 +1,4 @@
-"""Every number of the studio that an artist may want to change."""
+"""The settings of the studio that an artist may change."""
 
 from __future__ import annotations
 

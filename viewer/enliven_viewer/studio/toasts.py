@@ -1,4 +1,4 @@
-"""Short-lived messages (toasts): finished commands, errors, and how to fix them."""
+"""Short-lived messages (toasts) about finished commands and errors, with advice."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Toast:
-    """One message: its text, the advice (or empty), whether it is an error, and the remaining seconds."""
+    """One message: its text, the advice or an empty text, an error flag, and the remaining seconds."""
 
     text: str
     remedy: str
@@ -27,7 +27,7 @@ class Toasts:
     """The messages on the screen, newest last.
 
     Args:
-        seconds: how long a message stays; errors stay twice as long.
+        seconds: duration of a message. Errors stay twice as long.
     """
 
     def __init__(self, seconds: float) -> None:
@@ -35,7 +35,7 @@ class Toasts:
         self.shown: tuple[Toast, ...] = ()
 
     def say(self, text: str, remedy: str = "") -> None:
-        """Shows a message about something that was done."""
+        """Shows a message about a finished action."""
         self._add(Toast(text, remedy, False, self._seconds))
 
     def complain(self, error: EnlivenError) -> None:
@@ -45,7 +45,7 @@ class Toasts:
         self._add(Toast(message, translated.remedy, True, 2 * self._seconds))
 
     def tell(self, error: BaseException, remedy: str = "") -> EnlivenError:
-        """Shows any error. Internal errors are shown too, since they must not close the window."""
+        """Shows any error. Internal errors are shown too, because they must not close the window."""
         if not isinstance(error, EnlivenError):
             log.error("internal error of enliven", exc_info=error)
             message = tr("an internal error of enliven{0}; the log has the details", error_location(error))

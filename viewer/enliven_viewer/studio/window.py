@@ -34,20 +34,19 @@ from enliven_viewer.window import WindowRectangle, is_minimised, toggle_full_scr
 
 _MAX_STEP_S = 2.0
 """Maximum time step in seconds. The playhead follows the clock even at low frame rates. After a longer pause,
-such as a suspended computer, it continues from where it was.
+for example of a suspended computer, it continues from its last position.
 """
 _FRAMEBUFFER_SAMPLES = 0
-"""Multisampling of the window's own framebuffer; ImGui's default would be 8. Panels smooth their own edges,
-and the 3D view has its own samples. More samples here would cost a third of the frame time.
+"""Samples per pixel of the window's framebuffer. ImGui's default is 8. Panels smooth their edges without
+multisampling, and the 3D view has a separate multisampled framebuffer. More samples would cost a third of the
+frame time.
 """
 
 
 _DEFAULT_CORNER = (80, 80)
-"""Position in pixels, from the screen's corner, of a window that leaves the full screen in which it
-started.
-"""
+"""Position in pixels from the screen's corner of a window that was started in full screen and leaves it."""
 _DEFAULT_START = WindowStart()
-"""Default start: a window with panels, which asks before unsaved work is lost."""
+"""Default start options: a window with panels, which asks before unsaved work is lost."""
 _MINIMISED_SLEEP_S = 0.05
 """Sleep per frame in seconds while the window is minimised."""
 
@@ -64,7 +63,8 @@ class StudioWindow:
         workspace: the workspace to edit.
         step: fixed duration of each frame in seconds, for films. None uses the clock.
         opening: the start options.
-        outputs: other programs that receive the shown motion. None: there are none. The caller closes them.
+        outputs: live outputs, which send the shown motion to other programs; None if there are none. The
+            caller closes them.
     """
 
     def __init__(
@@ -76,9 +76,9 @@ class StudioWindow:
     ) -> None:
         self.workspace, self.step, self.opening = workspace, step, opening
         self._outputs = outputs
-        self.pace = 0.0  # This is the number of frames per second, smoothed.
-        # This is the rectangle that F11 restores. A window that starts in full screen has no earlier
-        # rectangle, so it gets a default rectangle.
+        self.pace = 0.0  # Smoothed frame rate in frames per second.
+        # Rectangle of the window that F11 restores. A window that starts in full screen has no earlier
+        # rectangle, so it gets a default.
         settings = workspace.editor.settings
         self._window_rectangle: WindowRectangle | None = (
             (*_DEFAULT_CORNER, settings.width, settings.height) if opening.full_screen else None
@@ -104,7 +104,8 @@ class StudioWindow:
 
         Args:
             seconds: close the window after this time.
-            before, after: called before and after every frame, to inject input and to capture the image.
+            before, after: called before and after every frame, for example to inject input or to capture the
+                image.
             register_tests: registers scripted tests of the window with ImGui's test engine.
         """
         settings = self.workspace.editor.settings
@@ -120,7 +121,7 @@ class StudioWindow:
             runner.app_window_params.window_geometry.full_screen_mode = mode
         runner.fps_idling.enable_idling = False
         runner.ini_disable = True
-        # Do not scale again, because the scale of the desktop is used.
+        # Do not let ImGui scale the window, because Desktop does.
         runner.dpi_aware_params.dpi_window_size_factor = 1.0
         calls = runner.callbacks
         calls.default_icon_font = hello_imgui.DefaultIconFont.font_awesome4
@@ -172,7 +173,7 @@ class StudioWindow:
             # Disconnecting turns a running recording into an edit.
             self.workspace.perform.disconnect()
             if not self.workspace.ended:
-                # Save a recovery file, because the user was not asked whether to save.
+                # Write a recovery file, because the user was not asked whether to save.
                 self.workspace.store.autosave_now()
 
     def close(self) -> None:
@@ -194,7 +195,7 @@ class StudioWindow:
 
     @property
     def gl_error(self) -> str:
-        """Returns the OpenGL error since the last call; "GL_NO_ERROR" if there was none."""
+        """Returns the name of the OpenGL error since the last call; "GL_NO_ERROR" if there was none."""
         assert self._pictures is not None
         return str(self._pictures.viewport.renderer.ctx.error)
 
@@ -205,7 +206,9 @@ class StudioWindow:
 
     @property
     def audience(self) -> bool:
-        """Returns True if only the performance is shown, since the window fills an audience's screen."""
+        """Returns True if the window fills a screen for an audience, so that only the
+        performance is shown.
+        """
         return self.opening.audience and self._window_rectangle is not None
 
     @property
@@ -265,8 +268,7 @@ class StudioWindow:
             draw_live(self.workspace, places.viewport, self.pace)
             for overlay in self.workspace.overlays:
                 overlay.draw(places.viewport)
-        # Read this before the dialogue is drawn, so that Escape closes only the dialogue and nothing behind
-        # it.
+        # Read this before the dialogue is drawn, so that Escape only closes the dialogue.
         asking = self.workspace.asking
         draw_dialogs(self.workspace)
         if not (self.audience or self.opening.bare):
@@ -305,7 +307,7 @@ class StudioWindow:
                     self._handle_key(modifiers + name)
 
     def _handle_key(self, key: str) -> None:
-        """Handles a key: for the window itself, or for the workspace."""
+        """Handles a key, first for the window itself, then for the workspace."""
         if key == "f11":
             self._window_rectangle = toggle_full_screen(glfw_window_hello_imgui(), self._window_rectangle)
         elif (

@@ -1,4 +1,4 @@
-"""The rendered images of a window: the stage, and the panels' images of takes and performers."""
+"""Renders the images of a window: the stage, and the panels' images of takes and performers."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ class WindowPictures:
     """The renderers of a window. They draw into the framebuffer that is bound when the object is created.
 
     Args:
-        films: if True, every image waits until it is complete, however long it takes.
+        films: if True, every image waits until all textures and surfaces are complete. Used for films.
 
     Attributes:
         source: draws the source take of a mapping, or the side view of a limb.
-        glances: draws the camera previews of performers.
+        glances: textures of the camera previews.
     """
 
     def __init__(self, workspace: Workspace, *, films: bool) -> None:
         self.workspace = workspace
         settings, context = workspace.editor.settings, get_window_context()
-        # Detect the framebuffer now, while the window's own one is bound.
+        # Detect the framebuffer now, while the window's framebuffer is bound.
         self._screen: Any = context.detect_framebuffer()
         passes = [layer.make_pass(context) for layer in workspace.view_layers]
         self.viewport = Viewport(context, (64, 64), settings.render, passes)
@@ -50,7 +50,7 @@ class WindowPictures:
         """Returns (H, W, 3) sRGB of the screen, top row first. Call after a frame."""
         width, height = _find_framebuffer_size()
         raw = self._screen.read(viewport=(0, 0, width, height), components=3, alignment=1)
-        # Reading clears the error. moderngl causes it, because it queries buffers that the window lacks.
+        # Reading the error clears it. moderngl causes it, because it queries buffers that the window lacks.
         _ = self.viewport.renderer.ctx.error
         return np.ascontiguousarray(np.frombuffer(raw, np.uint8).reshape(height, width, 3)[::-1])
 
@@ -86,7 +86,7 @@ class WindowPictures:
         self._screen.viewport = (0, 0, width, height)
 
     def _draw_source(self) -> None:
-        """Draws the take during mapping."""
+        """Draws the take in the source view."""
         tool = self.workspace.input.tool
         posed = tool.source.posed_skeleton() if isinstance(tool, MapTool) else None
         if isinstance(tool, MapTool) and posed is not None:
@@ -94,9 +94,8 @@ class WindowPictures:
             self.source.draw([posed], tool.source.lens, tool.source.selection, tool.source.overlay())
 
     def _draw_side(self, area: Area, stage: Sequence[StageCharacter], live: Scene | None) -> None:
-        """Draws the side view of the limb that is about to be attached.
-
-        While performing, the source view is not needed.
+        """Draws the side view of the limb that the next possession attaches. It uses the source view's
+        renderer, which is free while performing.
         """
         workspace = self.workspace
         place = find_side_view_area(workspace, area)
@@ -126,7 +125,7 @@ def find_shown_scene(workspace: Workspace) -> Scene | None:
 
 
 def _hides_characters(workspace: Workspace) -> bool:
-    """Returns True if a feature shows something in place of the characters, such as a growing scan."""
+    """Returns True if a feature hides the characters, for example to show a growing scan."""
     return any(layer.hides_characters() for layer in workspace.view_layers)
 
 

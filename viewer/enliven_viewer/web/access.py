@@ -1,4 +1,6 @@
-"""Decides which people may open the page: users of this machine, users that know the address, or everyone."""
+"""Determines which people may open the page: users of this machine, users that know the
+address, or everyone.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,7 @@ class WebAccess:
 
     Attributes:
         host: network address to listen on.
-        token: text that the page's address must contain. Empty if no token is needed.
+        token: secret text that the page's address must contain; empty if no token is needed.
         certificate, key: files of TLS (PEM). None for plain HTTP.
     """
 
@@ -36,7 +38,7 @@ class WebAccess:
 
     @property
     def is_local(self) -> bool:
-        """True if only this machine can open the page."""
+        """Returns True if only this machine can open the page."""
         return is_loopback(self.host)
 
     def address(self, port: int) -> str:
@@ -44,7 +46,9 @@ class WebAccess:
         return format_address(self.host, port, uses_tls=self.certificate is not None)
 
     def link(self, port: int) -> str:
-        """Returns the complete address of the page. Browsers do not send the part after the # to servers."""
+        """Returns the complete address of the page. The token is after the #, because browsers do not send
+        this part to servers.
+        """
         return self.address(port) + (f"#token={self.token}" if self.token else "")
 
     def admits(self, token: str, host: str, origin: str) -> bool:
@@ -89,8 +93,8 @@ def load_access(
 
 
 def read_token(folder: Path) -> str:
-    """Returns this user's token in a folder. The first call creates it. It stays the same, so that open pages
-    can connect again.
+    """Returns this user's token, which is stored in a folder. The first call creates it. The token never
+    changes, so that open pages can reconnect.
 
     Raises:
         ResourceError: if its file cannot be read or written.

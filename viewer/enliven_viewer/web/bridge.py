@@ -1,6 +1,6 @@
-"""The bridge between one edge and the pages: a viewer that forwards the messages of the edge to web pages.
+"""The bridge between one edge and web pages: a viewer that forwards the edge's messages to the pages.
 
-A thread reads from the edge. It passes the data for the pages to the thread of the web server, which puts it
+A thread reads from the edge, and passes the data to the thread of the web server. That thread puts the data
 into the queue of each page. A page that joins late gets all characters, and the newest message of each kind.
 """
 
@@ -34,9 +34,11 @@ from enliven_viewer.web.surfaces import pack_surface
 _FORWARDED_TOPICS = (POSE, BODIES, CUES, PROPS)
 """Topics that the page shows."""
 _MAX_WAIT_S = 0.02
-"""Maximum wait for a message in seconds. The state and settling surfaces are checked in this interval."""
+"""Maximum time in seconds to wait for a message. The state and settling surfaces are checked at least this
+often.
+"""
 _STATE_INTERVAL_S = 0.25
-"""Interval in seconds of checking the edge's state."""
+"""Seconds between two checks of the edge's state."""
 
 
 class Bridge:
@@ -75,7 +77,7 @@ class Bridge:
 
     @property
     def page_count(self) -> int:
-        """Number of connected pages."""
+        """Returns the number of connected pages."""
         return len(self._pages)
 
     def close(self) -> None:
@@ -101,7 +103,7 @@ class Bridge:
         """Puts messages into the queues of all pages.
 
         Args:
-            removed_ids: ids of characters that have left.
+            removed_ids: ids of removed characters.
             state: the new state as JSON, or empty.
         """
         for character in removed_ids:
@@ -133,13 +135,13 @@ class Bridge:
             self._link.close()
 
     def _take(self, message: Any) -> None:
-        """Keeps the newest message of each kind until the end of the poll."""
+        """Stores the newest message of each kind until the end of the poll."""
         topic = BY_TYPE[type(message)]
         if topic in _FORWARDED_TOPICS:
             self._received[f"{topic.name} {topic.key(message)}"] = pack_stream(message)
 
     def _forward_messages(self) -> None:
-        """Sends everything that is new since the last call to the thread of the web server."""
+        """Passes all data that is new since the last call to the thread of the web server."""
         entries, removed_ids = self._find_characters()
         entries += self._received.items()
         self._received.clear()
@@ -151,7 +153,7 @@ class Bridge:
                 self._loop.call_soon_threadsafe(self._publish, entries, removed_ids, state)
 
     def _find_characters(self) -> tuple[list[Entry], list[str]]:
-        """Returns the messages of new and changed characters, and the ids of those that have left."""
+        """Returns the messages of new and changed characters, and the ids of removed characters."""
         held_characters = self._link.edges[0].held
         removed_ids = [name for name in self._revisions if name not in held_characters]
         for name in removed_ids:

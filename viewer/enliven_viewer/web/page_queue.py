@@ -1,4 +1,4 @@
-"""The messages that wait for one page: only the newest of each kind and character."""
+"""The queue of messages for one page. It contains only the newest message of each kind and character."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import msgspec
 
 _MAX_UNANSWERED = 2
-"""Maximum number of batches that were sent but not drawn by the page yet. One is drawn while the next one is
+"""Maximum number of sent batches that the page has not drawn yet. The page draws one batch while the next is
 in transit.
 """
 _ENCODER = msgspec.msgpack.Encoder()
@@ -16,14 +16,14 @@ _ENCODER = msgspec.msgpack.Encoder()
 Entry = tuple[str, bytes]
 """A key and the bytes of a message. A later message replaces an earlier one with the same key."""
 CHARACTER_PREFIX = "0 "
-"""Start of the keys of characters. A batch is sorted by keys, so characters precede their poses."""
+"""Prefix of the keys of characters. A batch is sorted by key, so that characters precede their poses."""
 
 
 class PageQueue:
     """Messages for one page. A slow page gets fewer messages, but always the newest.
 
     Attributes:
-        sent_bytes: bytes of all batches since the start.
+        sent_bytes: total size in bytes of all batches since the start.
     """
 
     def __init__(self) -> None:
@@ -39,12 +39,12 @@ class PageQueue:
         self._update()
 
     def put_state(self, state: str) -> None:
-        """Sets the state of the edge as JSON. The state is sent without waiting for answers of the page."""
+        """Sets the state of the edge as JSON. It is sent even while batches are unanswered."""
         self._state = state
         self._update()
 
     def forget(self, keys: Iterable[str]) -> None:
-        """Removes messages of characters that have left."""
+        """Removes messages of removed characters."""
         for key in keys:
             self._pending.pop(key, None)
 

@@ -1,4 +1,4 @@
-"""The web server: the files of the page, the code for phones, and the WebSocket of each page."""
+"""The web server: serves the files of the page, the QR code for phones, and a WebSocket for each page."""
 
 from __future__ import annotations
 
@@ -31,14 +31,17 @@ MAX_CONNECTIONS = 200
 page.
 """
 _MAX_ANSWER_BYTES = 64
-"""Maximum bytes of a message of a page: the number of a batch."""
+"""Maximum size in bytes of a message from a page. It contains only the number of a batch."""
 _DENIED = 4401
-"""Close code of a connection with a wrong token, from the private range 4000 to 4999. Similar to HTTP's 401.
+"""WebSocket close code of a connection with a wrong token. It is from the private range 4000 to 4999, and
+resembles HTTP's 401.
 """
 _FULL = 1013
-"""Close code "try again later" of a connection beyond the limit of pages (IANA's registry of close codes)."""
+"""WebSocket close code "try again later" (IANA's registry) of a connection that exceeds the
+limit of pages.
+"""
 _INVALID = 1003
-"""Close code "unexpected data" of a connection that sent an invalid message (RFC 6455)."""
+"""WebSocket close code "unexpected data" (RFC 6455) of a connection that sent an invalid message."""
 _HEADERS = {
     # The page loads nothing from other servers, and no other site can show it in a frame.
     "Content-Security-Policy": "default-src 'self'; style-src 'self' 'unsafe-inline'; "
@@ -55,7 +58,7 @@ class WebServer:
     Args:
         edge: address of the edge.
         access: the address to listen on, and the rules for requests.
-        port: port of the page. 0: any free port.
+        port: port of the page; 0 for any free port.
 
     Attributes:
         port: the port in use.
@@ -86,7 +89,7 @@ class WebServer:
 
     @property
     def link(self) -> str:
-        """The complete address of the page, with its token."""
+        """Returns the complete address of the page, with its token."""
         return self._access.link(self.port)
 
     def run(self) -> None:
@@ -96,7 +99,7 @@ class WebServer:
             raise self._bridge.failure
 
     def stop(self) -> None:
-        """Ends :meth:`run`. Other threads may call it."""
+        """Ends :meth:`run`. Thread-safe."""
         self._server.should_exit = True
 
     @contextlib.asynccontextmanager
@@ -115,8 +118,8 @@ class WebServer:
         return Response(read_page_file(name), 200, _HEADERS, PAGE_FILES[name])
 
     async def _send_share(self, request: Request) -> Response:
-        """Sends the address for other machines and its QR code; the address is empty if they cannot open
-        it.
+        """Sends the address for other machines and its QR code. The address is empty if other machines cannot
+        open the page.
         """
         if not self._admits(request):
             return Response("The token in the address is wrong.", 403, _HEADERS)
@@ -135,7 +138,7 @@ class WebServer:
         await page.accept()
         bridge = self._bridge
         if not self._admits(page):
-            # Accept the connection first, because browsers do not report why a connection was refused.
+            # Accept the connection first, because browsers do not report the reason for a refused connection.
             await page.close(_DENIED)
         elif bridge is None or bridge.page_count >= MAX_PAGES:
             await page.close(_FULL)

@@ -1,4 +1,6 @@
-"""Messages with solved surfaces. Pages cannot solve the meshes that are driven by control points."""
+"""Messages with solved surfaces. They are needed because pages cannot solve meshes that control
+points drive.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +11,13 @@ from enliven.arrays import Float32
 from enliven.wire import pack_topic
 
 _STEPS = 65535
-"""Largest number of a quantised coordinate. A surface of 2 m is then exact to 0.03 mm."""
+"""Largest value of a quantised coordinate. The resolution of a surface of 2 m is 0.03 mm."""
 _MIN_STEP_M = 1e-9
 """Minimum step in metres, so that a flat surface needs no special case."""
 
 
 def pack_surface(character: str, revision: int, vertices: Float32) -> bytes:
-    """Returns the message of solved vertices (V, 3) in metres, world frame.
+    """Returns the message with the solved vertices (V, 3), in metres of the world.
 
     The message contains the topic "surface", a zero byte, the version, and an array in MessagePack: the
     character's id, its revision, the lowest corner (3 metres), the step in metres, and (V, 3) uint16 steps

@@ -20,7 +20,7 @@ INSTALL_HINTS = {
 
 
 def create_offscreen_context() -> moderngl.Context:
-    """Returns an offscreen context: EGL on Linux, the system's own API elsewhere.
+    """Returns an offscreen context. It uses EGL on Linux, and the system's own API elsewhere.
 
     Raises:
         ResourceError: if OpenGL 3.3 is missing.

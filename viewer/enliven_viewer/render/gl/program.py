@@ -1,4 +1,6 @@
-"""Shader programs from the files in ``shaders/``; resolves includes, uniform blocks and texture units."""
+"""Loads shader programs from the files in ``shaders/``. Resolves includes, uniform blocks and
+texture units.
+"""
 
 from __future__ import annotations
 

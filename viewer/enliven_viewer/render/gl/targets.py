@@ -1,4 +1,6 @@
-"""Framebuffers: an image that is multisampled only where it has edges, and blurred maps for soft shadows."""
+"""Framebuffers: an image that is multisampled only in regions with edges, and blurred maps for
+soft shadows.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,7 @@ class RenderTarget:
             colour = ctx.renderbuffer(size, 4, samples=self.samples)
             depth = ctx.depth_renderbuffer(size, samples=self.samples)
             self.drawn = ctx.framebuffer([colour], depth)
-            # This framebuffer has no depth buffer, because the copy would average depths, too.
+            # This framebuffer has no depth buffer, because the copy would average depths as well.
             self.resolved = ctx.framebuffer([self.texture])
             self._own += [colour, depth, self.drawn, self.resolved]
 
@@ -57,7 +59,7 @@ class RenderTarget:
         self.drawn.use()
 
     def widen(self) -> None:
-        """Allows drawing anywhere in the image until the next :meth:`resolve`."""
+        """Removes the restriction to the region until the next :meth:`resolve`."""
         for outer_region in regions_around(self.region, self.size):
             self._take_over(outer_region)
         self.region = self.drawn.scissor = full_region(self.size)
@@ -79,8 +81,8 @@ class RenderTarget:
             self.resolved.use()
 
     def behind(self) -> moderngl.Texture:
-        """Returns the current image as a texture that transparent meshes can sample when they are drawn
-        next.
+        """Returns the current image as a texture, which the next transparent meshes sample as their
+        background.
         """
         if self.drawn is not self.ground:
             self.resolve()
@@ -114,7 +116,7 @@ def flip_rows(raw: UInt8) -> UInt8:
 
 
 def _limit_samples(ctx: moderngl.Context, wanted: int) -> int:
-    """Returns the largest supported number of samples up to ``wanted``; 0 for none."""
+    """Returns the largest supported number of samples up to ``wanted``, or 0 for none."""
     limit = min(wanted, int(ctx.info.get("GL_MAX_SAMPLES", 0) or ctx.max_samples))
     return 0 if limit < 2 else 1 << (limit.bit_length() - 1)
 
@@ -150,7 +152,7 @@ class SoftMap:
         """Applies nine-tap Gaussian blurs one after the other, with taps ``widths`` texels apart.
 
         Args:
-            drawn: region of the drawing, enlarged by :func:`count_spread_texels` the widths.
+            drawn: region that contains the drawing after the blur, enlarged by :func:`count_spread_texels`.
         """
         self.ctx.enable_only(moderngl.NOTHING)
         for buffer in self._buffers:
@@ -164,5 +166,5 @@ class SoftMap:
 
 
 def count_spread_texels(widths: tuple[float, ...]) -> int:
-    """Returns the spread of a drawing by :meth:`SoftMap.blur`, in texels."""
+    """Returns the distance in texels over which :meth:`SoftMap.blur` spreads a drawing."""
     return sum(math.ceil(_OUTER_TAP_DISTANCE * width) + 1 for width in widths)

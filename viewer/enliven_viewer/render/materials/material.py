@@ -16,9 +16,9 @@ IDENTITY_TRANSFORM: TextureTransform = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 MAP_NAMES = ("base", "finish", "normal", "occlusion", "emissive")
 """The textures of a material, by their names in the shaders."""
 _MAX_EMISSION = 1000.0
-"""Maximum emission relative to white. Beyond it, every colour appears white."""
+"""Maximum emission relative to white. Stronger emission appears white in any colour."""
 _MAX_REPEATS = 1e4
-"""Maximum number of texture repeats. Beyond it, the image is not recognisable."""
+"""Maximum number of texture repeats. With more, the image is not recognisable."""
 
 
 @dataclass(frozen=True)
@@ -44,10 +44,10 @@ class SurfaceMaterial:
         base: linear base colour and opacity.
         metallic, roughness: 0..1.
         emissive: linear emitted light.
-        alpha: how opacity is drawn.
-        cutoff: minimum opacity that is drawn, for "MASK".
+        alpha: glTF's alphaMode, "OPAQUE", "MASK" or "BLEND".
+        cutoff: minimum opacity of drawn pixels in the mode "MASK".
         double_sided: whether back faces are visible.
-        unlit: whether it shows its colour without lighting.
+        unlit: True if it is drawn without lighting.
         normal_scale: strength of the normal map.
         occlusion_strength: strength of the occlusion map, 0..1.
         maps: the textures by the names in :data:`MAP_NAMES`.
@@ -123,7 +123,7 @@ def _read_map(value: dict[str, Any], name: str) -> Map | None:
 
 
 def _read_table(value: dict[str, Any], name: str) -> dict[str, Any]:
-    """Returns a nested JSON object; empty if the value is something else."""
+    """Returns a nested JSON object, or an empty result if the value is something else."""
     inner = value.get(name)
     return inner if isinstance(inner, dict) else {}
 

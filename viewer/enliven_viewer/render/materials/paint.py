@@ -16,16 +16,16 @@ from enliven_viewer.render.surface import DrawnSurface
 DEFAULT_COLOUR = (226, 142, 84)
 """sRGB of a mesh without colours: warm, in contrast to the cold colours of the stage."""
 _DEFAULT_MATERIAL = SurfaceMaterial()
-"""The material of faces without a material of their own: like skin, wood or matt paint."""
+"""The material of faces without a material: diffuse, like skin, wood or matt paint."""
 
 
 @dataclass(frozen=True)
 class PaintedFaces:
-    """A surface with its colours.
+    """The faces of a surface in drawing order, with their colours.
 
     Attributes:
         order: (F,) the faces in drawing order.
-        parts: each part with its first face and number of faces in that order.
+        parts: each batch with its first face and its number of faces in ``order``.
         rows: (N, 13) float32 per drawn vertex: two sets of texture coordinates; linear colour and opacity;
             metallic and roughness; emitted light.
     """
@@ -36,10 +36,8 @@ class PaintedFaces:
 
 
 def paint_keys(character: Character) -> Int32 | None:
-    """Returns (3 F, K) sort keys of face corners. Two corners of a vertex with different keys need separate
-    drawn vertices.
-
-    None if all corners are alike.
+    """Returns (3 F, K) keys of the face corners. Corners of one vertex with different keys need separate
+    drawn vertices. Returns None if all corners have the same key.
     """
     mesh_materials = character.materials
     if mesh_materials is None:

@@ -22,9 +22,9 @@ class Part:
     """The draw state of a batch of faces. Materials that differ only in numbers share a batch.
 
     Attributes:
-        maps: name and number of each texture, and which of the two texture mappings it uses.
+        maps: map name and index of each texture, and the index of its texture mapping (0 or 1).
         texture_mappings: at most two sets of texture coordinates with their transforms.
-        glows: whether any material in it emits light.
+        glows: True if any material in the batch emits light.
     """
 
     alpha: Alpha = "OPAQUE"
@@ -39,12 +39,12 @@ class Part:
 
     @property
     def rank(self) -> int:
-        """Returns the part's rank in the drawing order: opaque parts first, transparent parts last."""
+        """Returns the batch's rank in the drawing order: opaque batches first, transparent batches last."""
         return _ALPHA_ORDER.index(self.alpha)
 
     @property
     def defines(self) -> tuple[str, ...]:
-        """Returns the preprocessor defines of the part's shaders."""
+        """Returns the preprocessor defines of the batch's shaders."""
         places = ("uv.xy", "uv.zw")
         map_defines = tuple(f"{name.upper()}_MAP {places[at]}" for name, _, at in self.maps)
         flags = ("UNLIT",) * self.unlit + ("EMISSIVE",) * self.glows
@@ -52,14 +52,13 @@ class Part:
 
     @property
     def shadow_defines(self) -> tuple[str, ...]:
-        """Returns the preprocessor defines of the part's shadow shader, which only needs the opacity."""
+        """Returns the preprocessor defines of the batch's shadow shader, which only needs the opacity."""
         return (*(define for define in self.defines if define.startswith("BASE_MAP")), self.alpha)
 
 
 def make_parts(materials: list[SurfaceMaterial], textures: Sequence[Texture], sets: int) -> list[Part]:
-    """Returns the part of each material.
-
-    A texture with a third texture mapping uses the first one. A texture without coordinates is left out.
+    """Returns the batch of each material. A texture with a third texture mapping uses the first mapping. A
+    texture without coordinates is omitted.
 
     Args:
         textures: the textures that the materials refer to.

@@ -16,7 +16,7 @@ from enliven.errors import InputError, plain_reason
 from enliven.meshes import Texture, open_picture
 
 _ANISOTROPY = 4.0
-"""Number of samples of anisotropic filtering: more is not visible on characters."""
+"""Number of samples of anisotropic filtering. More samples make no visible difference on characters."""
 
 
 log = logging.getLogger(__name__)
@@ -45,7 +45,7 @@ _Key = tuple[int, bool]
 class SharedTexture:
     """A texture on the GPU with its number of users.
 
-    The object keeps the source alive, since the texture's key contains the source's id.
+    The object keeps the source alive, because the cache key contains the source's ``id()``.
 
     Attributes:
         texture: white until the image is decoded.
@@ -129,9 +129,8 @@ class Textures:
 
 
 def find_mirrored_axes(source: Texture) -> tuple[bool, bool]:
-    """Returns whether a texture is repeated mirrored in x and in y.
-
-    Such a texture is stored together with its mirror image, twice as large.
+    """Returns whether a texture uses mirrored repeat in x and in y. It is then stored together with its
+    mirror image along that axis.
     """
     sampler = _read_sampler(source)
     return sampler.get("wrapS") == _GL_MIRRORED_REPEAT, sampler.get("wrapT") == _GL_MIRRORED_REPEAT
@@ -150,7 +149,7 @@ def _unfold_mirrored(pixels: UInt8, sampler: dict[str, object]) -> UInt8:
 
 
 def _decode_pixels(source: Texture, max_side: int) -> UInt8:
-    """Returns (H, W, 4): a decoded texture with limited sides; white if it cannot be read."""
+    """Returns (H, W, 4): a decoded texture with limited sides, or white if it cannot be read."""
     try:
         with open_picture(np.asarray(source.image, np.uint8).tobytes()) as picture:
             if picture.width * picture.height > _MAX_IMAGE_PIXELS:

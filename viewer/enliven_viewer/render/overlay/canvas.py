@@ -14,7 +14,7 @@ from enliven_viewer.theme import FONT, Colour
 
 
 class Pen:
-    """A pen for an ImGui draw list; positions are pixels from an origin.
+    """A pen for an ImGui draw list. Positions are pixels from an origin.
 
     Args:
         draw: the draw list.
@@ -45,7 +45,8 @@ class Pen:
     def text(
         self, x: float, y: float, text: str, size: int, colour: Colour, align: float = 0.0, wrap: float = 0.0
     ) -> float:
-        """Draws text below ``y``. It starts at ``x`` (``align`` 0), is centred there (0.5) or ends there (1).
+        """Draws text with its top at ``y``. It starts at ``x`` (``align`` 0), is centred at ``x`` (0.5) or
+        ends at ``x`` (1).
 
         Args:
             wrap: maximum line width in pixels, broken between words; 0 for one line.
@@ -73,7 +74,7 @@ class Pen:
 
 
 class Canvas(Pen):
-    """An ImGui context for one OpenGL context; positions are pixels from the image's top left.
+    """An ImGui context for one OpenGL context. Positions are pixels from the image's top left.
 
     Shapes and text are added inside :meth:`over`, which draws them when it ends.
     """

@@ -21,11 +21,13 @@ NODE_TINT = (0.30, 0.62, 1.0)
 EDGE_TINT = (0.30, 0.62, 1.0, 0.34)
 """Linear RGB and opacity of a graph's edges: fainter than its nodes."""
 CUE_RADIUS = 0.030
-"""Radius in metres of an attachment point at full strength: as thick as a wrist."""
+"""Radius in metres of an attachment point at full strength: about half the width of a wrist."""
 NODE_RADIUS = 0.012
 """Radius of a node in metres. It is small, since a graph has hundreds of nodes."""
 POINT_RADIUS = 0.020
-"""Radius in metres of a puppet's control point. It is larger than a node, since a puppet has only a few."""
+"""Radius in metres of a puppet's control point. It is larger than a node's, because a puppet has only a few
+control points.
+"""
 _SQUARE = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], np.float32)
 
 
@@ -50,9 +52,8 @@ def make_cue_rows(actor: SceneCharacter, strength: float, bodies: Sequence[int] 
 
 
 def find_cue_tints(cues: CueFrame, bodies: Sequence[int] = ()) -> Float32:
-    """Returns (A, 3) linear RGB of attachment points, as in :func:`make_cue_rows`.
-
-    They have the colours of their performers' skeletons.
+    """Returns (A, 3) linear RGB of attachment points: the colours of their performers' skeletons. ``bodies``
+    is as in :func:`make_cue_rows`.
     """
     owners = cues.owners.tolist() if len(cues.owners) == len(cues.nodes) else [0] * len(cues.nodes)
     everybody = dict.fromkeys([*bodies, *sorted(owners)]) if len(cues.owners) else {0: None}
@@ -62,9 +63,8 @@ def find_cue_tints(cues: CueFrame, bodies: Sequence[int] = ()) -> Float32:
 
 
 def make_node_rows(actor: SceneCharacter, strength: float) -> Float32:
-    """Returns (N, 8) float32 rows of an actor's nodes, as in :func:`make_cue_rows`.
-
-    For a puppet, they are its control points.
+    """Returns (N, 8) float32 rows of an actor's graph nodes, in the format of :func:`make_cue_rows`. For a
+    puppet, the rows are its control points.
     """
     points = actor.character.kind == "points"
     places = actor.pose.positions[1:] if points else actor.pose.positions
@@ -90,7 +90,7 @@ class Marks:
         self._lines = ctx.vertex_array(self._line, [(self._points, "3f", "in_position")])
 
     def draw(self, scene: Scene) -> None:
-        """Draws graphs with the style's strength, then attachment points. Occluded ones are fainter."""
+        """Draws graphs with the style's strength, then attachment points. Occluded marks are fainter."""
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
         self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
         if scene.style.graph > 0:

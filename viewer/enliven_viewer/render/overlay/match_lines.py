@@ -1,4 +1,4 @@
-"""The matched bones on the model: a tube along each chain, with one colour per limb."""
+"""The matched bones drawn on the model: a tube along each chain of bones, with one colour per limb."""
 
 from __future__ import annotations
 
@@ -15,13 +15,15 @@ Tint = tuple[float, float, float]
 _TUBE_RADIUS = 0.012
 """Tube radius as a fraction of the longest chain. It is halved once the chain is driven."""
 _VISIBLE_DEPTH = 0.3
-"""Depth below the surface up to which a tube is visible, as a fraction of the longest chain: as deep as the
+"""Depth below the surface up to which a tube is visible, as a fraction of the longest chain. It includes the
 bone of a thick limb.
 """
 
 
 def make_match_rows(boards: dict[str, MatchList]) -> tuple[Float32, float]:
-    """Returns (N, 12) rows for ``Tubes``, and the depth in metres up to which they show through."""
+    """Returns (N, 12) rows for ``Tubes``, and the depth in metres below a surface up to which they are
+    visible.
+    """
     rows, deepest = [np.zeros((0, 12), np.float32)], 0.0
     for board in boards.values():
         for row in find_highlighted_rows(board):
@@ -35,8 +37,8 @@ def make_match_rows(boards: dict[str, MatchList]) -> tuple[Float32, float]:
 
 
 def find_highlighted_rows(board: MatchList) -> tuple[MatchRow, ...]:
-    """Returns the match that drives the character, or the highlighted candidate. Empty if there is
-    neither.
+    """Returns the match that drives the character, or the highlighted candidate, as a tuple. It is empty if
+    there is neither.
     """
     if board.state == "off" or board.shown < 0:
         return ()
@@ -44,8 +46,8 @@ def find_highlighted_rows(board: MatchList) -> tuple[MatchRow, ...]:
 
 
 def find_tints(row: MatchRow) -> tuple[Tint, ...]:
-    """Returns the colour of each line of a match: that of the performer's limb, or a colour by order if it is
-    unknown.
+    """Returns the colour of each line of a match: the colour of the performer's limb, or a colour by index if
+    the limb is unknown.
     """
     limbs = row.limbs if len(row.limbs) == len(row.lines) else range(len(row.lines))
     tints = [(red, green, blue) for red, green, blue in LIMB_COLOURS]
@@ -53,13 +55,13 @@ def find_tints(row: MatchRow) -> tuple[Tint, ...]:
 
 
 def find_limb_tints(boards: dict[str, MatchList]) -> dict[int, dict[int, Tint]]:
-    """Returns the colours of bones by their outer joint for each performer's id, as shown on the model."""
+    """Returns the colours of bones as shown on the model, by performer id and by the bone's outer joint."""
     tints: dict[int, dict[int, Tint]] = {}
     for row in (row for board in boards.values() for row in find_highlighted_rows(board)):
         if len(row.limbs) != len(row.lines):
             continue
         for limb, line, tint in zip(row.limbs, row.lines, find_tints(row), strict=True):
-            if len(line):  # Skip limbs that drive nothing, which have no line.
+            if len(line):  # A limb that drives nothing has an empty line.
                 tints.setdefault(row.body, {}).update(dict.fromkeys(joints_of_limb(limb), tint))
     return tints
 

@@ -1,4 +1,4 @@
-"""Draws a graph as tubes and balls over a finished image, fainter where the mesh occludes it."""
+"""Draws a graph as tubes and balls over a finished image. Parts that the mesh occludes are fainter."""
 
 from __future__ import annotations
 

@@ -16,17 +16,18 @@ class Action:
     """A command that an artist can run.
 
     Attributes:
-        id: a permanent name, used in saved shortcuts: menu and command, such as "file.save".
+        id: a permanent name that saved shortcuts refer to. It consists of menu and command, such as
+            "file.save".
         menu: the menu that shows it.
         label: its name in menus, in the command palette and on buttons.
         keys: default shortcuts; the first is displayed.
         do: runs the action. An EnlivenError that it raises is shown.
-        why_not: returns why it is unavailable now, with advice; empty if it is available.
+        why_not: returns the reason why the action is unavailable now, with advice; empty if it is available.
         is_on: for a toggle, returns whether it is on.
         about: one sentence about its effect, for the tooltip.
         icon: its glyph in Font Awesome 4, for buttons.
-        apart: whether a separator is drawn above it in the menu.
-        group: the submenu that shows it, or empty. There, the part of the label before the colon is left out.
+        apart: True to draw a separator above it in the menu.
+        group: the submenu that shows it, or empty. The submenu omits the part of the label before the colon.
         workspaces: the workspaces in which its shortcuts are active and take precedence over general ones;
             empty for all.
     """
@@ -46,17 +47,16 @@ class Action:
 
     @property
     def entry(self) -> str:
-        """Returns its name in its menu: "legs" for "With: legs" in the submenu "With"."""
+        """Returns its label in its menu, such as "legs" for "With: legs" in the submenu "With"."""
         return self.label.removeprefix(f"{self.group}: ") if self.group else self.label
 
     @property
     def place(self) -> str:
-        """Returns its menu path: "Perform/With/legs"."""
+        """Returns its menu path, such as "Perform/With/legs"."""
         return "/".join(part for part in (self.menu, self.group, self.entry) if part)
 
     def conflicts_with(self, other: Action) -> bool:
-        """Returns True if both cannot have the same shortcut.
-
-        This applies if they share a workspace, or if both are active everywhere.
+        """Returns True if the two actions cannot have the same shortcut, because they share a workspace or
+        are both active everywhere.
         """
         return not (self.workspaces or other.workspaces) or bool({*self.workspaces} & {*other.workspaces})

@@ -1,4 +1,4 @@
-"""ImGui's keys by their names, and the held modifiers."""
+"""The ImGui key codes by key name, and the pressed modifier keys."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ KEYS = {
 
 
 def find_held_modifiers() -> str:
-    """Returns the held modifiers as a shortcut prefix: "ctrl+shift+", or empty."""
+    """Returns the currently pressed modifiers as a shortcut prefix, such as "ctrl+shift+", or empty."""
     io = imgui.get_io()
     held = (io.key_ctrl, io.key_shift, io.key_alt)
     return "".join(f"{name}+" for name, down in zip(MODIFIERS, held, strict=True) if down)

@@ -1,4 +1,4 @@
-"""Names of shortcuts, such as "ctrl+shift+z": as saved in files, and as displayed."""
+"""Converts shortcuts between their saved form, such as "ctrl+shift+z", and their displayed form."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _KEY_LABELS = {
     "left_bracket": "[",
     "right_bracket": "]",
 }
-"""Keys with a displayed name that differs from the saved one."""
+"""Displayed names of the keys that are saved under other names."""
 
 
 def format_key(key: str) -> str:

@@ -14,8 +14,8 @@ class PaletteSearch:
 
     Attributes:
         typed: the search text.
-        highlighted: number of the highlighted result, which Enter runs.
-        refused: whether Enter was pressed on an unavailable action, so that the text field needs the focus
+        highlighted: index of the highlighted result, which Enter runs.
+        refused: True if Enter was pressed on an unavailable action. Then the text field needs the focus
             again.
     """
 
@@ -38,7 +38,7 @@ class PaletteSearch:
             self.typed, self.highlighted, self._matches = typed, 0, None
 
     def move_highlight(self, count: int) -> None:
-        """Moves the highlight down by `count`, or up if negative; wraps around."""
+        """Moves the highlight down by `count`, or up if negative. It wraps around."""
         self.highlighted = (self.highlighted + count) % max(len(self.matches), 1)
 
     def highlighted_action(self) -> Action | None:

@@ -18,9 +18,8 @@ _OTHER_TEXT_PENALTY = 50.0
 
 
 def score_match(typed: str, name: str) -> float | None:
-    """Returns how well typed letters match a name; larger is better.
-
-    None if the name does not contain them in order.
+    """Returns a score of how well typed letters match a name. Larger is better. Returns None if the name does
+    not contain the letters in order.
     """
     typed_letters, text = typed.lower().replace(" ", ""), name.lower()
     if not typed_letters:
@@ -50,9 +49,8 @@ def score_match(typed: str, name: str) -> float | None:
 
 
 def _find_best_score(typed: str, *texts: str) -> float | None:
-    """Returns the best :func:`score_match` to any of several texts.
-
-    Letters must match within one text, so languages are not mixed.
+    """Returns the highest :func:`score_match` among several texts, or None if no text matches. All letters
+    must match within one text, so that languages are not mixed.
     """
     return max((score for text in {*texts} if (score := score_match(typed, text)) is not None), default=None)
 

@@ -9,18 +9,19 @@ from enliven_viewer.studio.actions.table import ActionTable
 
 @dataclass
 class ShortcutCapture:
-    """The action with a shortcut being changed, and the key pressed for it.
+    """The action of the shortcut that the artist is changing, and the pressed key.
 
     Attributes:
         action: its id; empty if no change is in progress.
-        key: a pressed key that belongs to another action, until the artist confirms or cancels; else empty.
+        key: a pressed key that is the shortcut of another action, until the artist confirms or cancels;
+            otherwise empty.
     """
 
     action: str = ""
     key: str = ""
 
     def begin(self, action: str) -> None:
-        """Starts waiting for the shortcut of an action; an empty id cancels."""
+        """Starts waiting for the shortcut of an action. An empty id cancels."""
         self.action, self.key = action, ""
 
     def press(self, table: ActionTable, key: str) -> None:
@@ -34,6 +35,6 @@ class ShortcutCapture:
             self.key = key
 
     def assign_key(self, table: ActionTable) -> None:
-        """Assigns the key to the action, and removes it from the other one."""
+        """Assigns the key to the action, and removes it from the action that had it."""
         table.set_shortcut(self.action, self.key)
         self.begin("")

@@ -15,14 +15,14 @@ from enliven_viewer.studio.toasts import Toasts
 
 _LAST_MENU = "Help"
 _MAX_RECENT = 8
-"""Maximum number of recent actions that the empty palette shows first."""
+"""Maximum number of recent actions, which the palette lists first while its search text is empty."""
 
 
 class ActionTable:
     """All actions: for menus, shortcuts and the command palette.
 
     Args:
-        toasts: shows why an action is unavailable, or its errors.
+        toasts: shows the reason why an action is unavailable, or its error.
         preferences: stores changed shortcuts.
 
     Attributes:
@@ -40,13 +40,14 @@ class ActionTable:
         """Adds actions to their menus.
 
         Args:
-            after: id of the action that they follow in the menus and in the palette; empty for the end.
+            after: id of the action after which they are inserted in the menus and in the palette; empty for
+                the end.
 
         Raises:
             InputError: if an id already exists, a shortcut is taken, or the action ``after`` does not exist.
         """
         if after and after not in self:
-            remedy = tr("Give the id of an action that is there.")
+            remedy = tr("Give the id of an existing action.")
             raise InputError(
                 tr("the action {0} is unknown", after), where=f"action {actions[0].id}", remedy=remedy
             )
@@ -54,7 +55,7 @@ class ActionTable:
             rivals = [other for other in self if other.conflicts_with(action)]
             taken = [(key, other) for key in action.keys for other in rivals if key in other.keys]
             if action.id in self._actions or taken:
-                problem = f"{taken[0][0]} is {taken[0][1].id}'s" if taken else "it is there already"
+                problem = f"{taken[0][0]} is {taken[0][1].id}'s" if taken else "it exists already"
                 raise InputError(problem, where=f"action {action.id}", remedy="Give it another id or key.")
             self._actions[action.id] = action
         if after:
@@ -75,13 +76,13 @@ class ActionTable:
 
     @property
     def menus(self) -> dict[str, list[Action]]:
-        """Returns the actions of each menu, in the order of the menu bar; Help is last."""
+        """Returns the actions of each menu, in the order of the menu bar. Help is last."""
         names = dict.fromkeys(action.menu for action in self)
         order = [name for name in names if name != _LAST_MENU] + [_LAST_MENU] * (_LAST_MENU in names)
         return {name: [action for action in self if action.menu == name] for name in order}
 
     def do(self, action_id: str) -> bool:
-        """Runs an action, or shows why it is unavailable. Returns whether it was run."""
+        """Runs an action, or shows the reason why it is unavailable. Returns True if it was run."""
         action = self._actions[action_id]
         first, _, rest = tr(action.why_not()).partition(". ")
         if first:
@@ -97,10 +98,10 @@ class ActionTable:
         return True
 
     def press(self, key: str, *, workspace_only: bool = False) -> bool:
-        """Runs the action with a shortcut. Returns whether there is one.
+        """Runs the action with a shortcut. Returns False if no action has this shortcut.
 
         Args:
-            workspace_only: if True, only consider shortcuts of the current workspace. These take precedence
+            workspace_only: if True, consider only shortcuts of the current workspace, which take precedence
                 over the active tool.
         """
         workspace = self.workspace() if workspace_only else ""
@@ -110,15 +111,17 @@ class ActionTable:
         return action is not None
 
     def find_shortcuts(self, action: Action) -> tuple[str, ...]:
-        """Returns the shortcuts of an action: those set by the artist, or the defaults."""
+        """Returns the shortcuts of an action: the artist's own, or the defaults."""
         return self._preferences.keys.get(action.id, action.keys)
 
     def format_shortcut(self, action: Action) -> str:
-        """Returns the first shortcut of an action as displayed; empty for an action without a shortcut."""
+        """Returns the first shortcut of an action as displayed, or an empty text for an action without a
+        shortcut.
+        """
         return format_key(self.find_shortcuts(action)[0]) if self.find_shortcuts(action) else ""
 
     def find_by_shortcut(self, key: str, workspace: str = "") -> Action | None:
-        """Returns the action with a shortcut in a workspace, or everywhere if none is named."""
+        """Returns the action with a shortcut in a workspace, or everywhere if ``workspace`` is empty."""
         with_key = (action for action in self if key in self.find_shortcuts(action))
         return next(
             (

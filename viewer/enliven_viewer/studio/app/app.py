@@ -1,4 +1,4 @@
-"""The application as features see it: the registry of everything that they add to the studio."""
+"""The application interface for features: the registry of everything that features add to the studio."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ class App:
 
     Args:
         editor: the editor of the project.
-        folder: the folder of the preferences; None for the user's own.
+        folder: the folder of the preferences; None for the user's default folder.
 
     Attributes:
         preferences: the artist's lasting preferences.
         actions: every action, for menus, shortcuts, buttons and the command palette.
-        input: the input over the view; its ``handles`` come before the active tool.
+        input: the input over the view; its ``handles`` take precedence over the active tool.
         time_axis: the visible span of time of the timeline, curves and sounds.
         selection_transform: position and size of the selection. typing: unfinished text in their fields.
         open_key_pose: opens a key pose of the selected puppet by its number.
         begin_key_pose: begins a key pose of the selected puppet at a time of a take.
         panels: panels around the view.
-        tool_options: functions that draw the options of a tool in the panel at the right, by the tool's name.
+        tool_options: functions that draw the options of a tool in the right panel, by the tool's name.
         perform_sections: functions that draw a section of the Perform panel.
-        layer_sections: functions that draw options of the selected layer, at the right. They take its
+        layer_sections: functions that draw options of the selected layer in the right panel. They take its
             character and its number.
-        transport_sections: functions that draw in the row of the timeline's transport.
+        transport_sections: functions that draw controls next to the timeline's play buttons.
         panel_pictures: functions that take the renderer of small images. They return a function that draws
             the images of panels, once per frame.
         overlays: marks and text over the view.
@@ -52,7 +52,8 @@ class App:
         ruler_layers: functions that draw on the timeline's ruler. They take its left and top in pixels.
         file_types: the types of files that can be opened.
         frame_tasks: functions called once per frame, before the frame is drawn.
-        key_handlers: functions called with each key before the tool. They return True if they have used it.
+        key_handlers: functions called with each key before the tool. They return True if they have handled
+            the key.
         closing_tasks: functions called when the window closes.
         widgets: the last drawn rectangle of each widget, by name, so that a scripted session can click it.
         drawn: the same rectangles, with the frame in which each was drawn, for the tour.
@@ -92,7 +93,7 @@ class App:
         """
         name = type(state).__name__
         if type(state) in self._states:
-            problem, remedy = tr("it is there already"), tr("Register the feature once.")
+            problem, remedy = tr("it exists already"), tr("Register the feature once.")
             raise InputError(problem, where=f"state {name}", remedy=remedy)
         self._states[type(state)] = state
         return state
@@ -125,7 +126,7 @@ class App:
         return tool
 
     def find_panel(self, workspace: str, place: PanelPlace = "right") -> Panel | None:
-        """Returns the open panel of a workspace in a place; None if there is none."""
+        """Returns the open panel of a workspace in a place, or None if there is none."""
         panels = (panel for panel in self.panels if panel.place == place)
         panels = (panel for panel in panels if not panel.workspaces or workspace in panel.workspaces)
         return next((panel for panel in panels if panel.is_shown()), None)

@@ -18,15 +18,16 @@ PanelPlace = Literal["right", "selection", "bottom", "above timeline", "beside v
 
 @dataclass(frozen=True)
 class Panel:
-    """A panel of the window. At the right it takes the place of a workspace's usual panel.
+    """A panel of the window. At the right, it replaces a workspace's usual panel.
 
     Attributes:
         name: a permanent name.
         draw: draws the panel in an area of the window.
         is_shown: returns whether the panel is open.
         workspaces: names of the workspaces that can show it; empty for all.
-        back: name of the widget that closes it. The tour points at it if the panel hides its target.
-        place: where the panel is; "selection" is below the outliner.
+        back: name of the widget that closes the panel. The tour points at this widget if the panel hides the
+            tour's target.
+        place: position of the panel in the window; "selection" is below the outliner.
     """
 
     name: str
@@ -43,8 +44,8 @@ class ViewOverlay:
 
     Attributes:
         draw: draws the overlay in the area of the view.
-        find_bottom: returns the distance in pixels from the top of the view to the lower end of its large
-            text, so that other text leaves the space free; 0 without text.
+        find_bottom: returns the distance in pixels from the top of the view to the bottom of its large text,
+            so that other text is drawn below; 0 without text.
     """
 
     draw: Callable[[Area], object]
@@ -54,7 +55,7 @@ class ViewOverlay:
 class RenderPass:
     """Geometry that is drawn into the image of the 3D view, with its camera and depth buffer.
 
-    A method that draws something resolves the image. The methods of this class draw nothing.
+    A method that draws must resolve the image. The methods of this base class draw nothing.
     """
 
     def draw(self, picture: RenderTarget) -> None:
@@ -70,7 +71,7 @@ class ViewLayer:
 
     Attributes:
         make_pass: makes the render pass, with the window's OpenGL context.
-        hides_characters: returns whether only this layer is visible, without characters.
+        hides_characters: returns True if only this layer is drawn, without characters.
     """
 
     make_pass: Callable[[moderngl.Context], RenderPass]

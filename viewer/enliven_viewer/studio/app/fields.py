@@ -1,4 +1,6 @@
-"""Panel fields that edit the project, such as numbers, switches and names, and buttons of actions."""
+"""Panel widgets that edit the project, such as sliders, checkboxes and name fields, and buttons
+of actions.
+"""
 
 from __future__ import annotations
 
@@ -24,9 +26,8 @@ def draw_tooltip(text: str) -> None:
 def draw_slider(
     app: App, name: str, value: float, low: float, high: float, number_format: str, change: Change
 ) -> None:
-    """Draws a slider: a draft during the drag, one edit at its end.
-
-    Integer bounds make it an integer slider.
+    """Draws a slider. A drag shows a draft of the project, and its end adds one edit to the history. Integer
+    bounds make it an integer slider.
     """
     imgui.set_next_item_width(-1)
     if isinstance(low, int):
@@ -44,7 +45,7 @@ def draw_slider(
 
 
 def draw_switch(app: App, label: str, on: bool, change: Change, tip: str = "") -> None:
-    """Draws a checkbox; a click is one edit."""
+    """Draws a checkbox. A click makes one edit."""
     toggled, wanted = imgui.checkbox(f"{tr(label)}###{label}", on)
     app.remember(label)
     draw_tooltip(tip)
@@ -53,7 +54,7 @@ def draw_switch(app: App, label: str, on: bool, change: Change, tip: str = "") -
 
 
 def draw_name_field(app: App, key: str, name: str, rename: Callable[[str], object]) -> None:
-    """Draws an editable name; ``rename`` is called with a changed name."""
+    """Draws an editable name. ``rename`` is called with a changed name."""
     imgui.set_next_item_width(-1)
     flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
     typed, wanted = imgui.input_text(f"##{key}", name, flags)
@@ -77,7 +78,7 @@ def draw_character_name(app: App, character: RigBase) -> None:
 def draw_action_button(app: App, action_id: str, width: float = 0.0) -> None:
     """Draws a button that runs an action.
 
-    If the action is unavailable, the button is grey and the tooltip says why.
+    If the action is unavailable, the button is grey and its tooltip shows the reason.
 
     Args:
         width: width in pixels; 0 fits the label.
@@ -92,7 +93,7 @@ def draw_action_button(app: App, action_id: str, width: float = 0.0) -> None:
 
 
 def draw_action_tooltip(app: App, action_id: str) -> None:
-    """Shows the tooltip of an action on the last widget, even if that is disabled."""
+    """Shows the tooltip of an action on the last widget, even if the widget is disabled."""
     flags = imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.allow_when_disabled
     if imgui.is_item_hovered(flags):
         imgui.set_tooltip(app.actions.make_tooltip(app.actions[action_id]))

@@ -11,12 +11,12 @@ from enliven_viewer.theme import GLASS
 
 
 def _find_window_points(mark: Line | Fill, area: Area) -> list[ImVec2Like]:
-    """Returns a mark's points in pixels of the window."""
+    """Returns a mark's points in window pixels."""
     return [ImVec2(area.x + x, area.y + y) for x, y in mark.points]
 
 
 def draw_mark(draw_list: imgui.ImDrawList, area: Area, mark: Disc | Fill | Line | Label) -> None:
-    """Draws one mark; its pixels count from the area's top left corner."""
+    """Draws one mark. Its coordinates are pixels from the area's top left corner."""
     if isinstance(mark, Line):
         points = _find_window_points(mark, area)
         closed = imgui.ImDrawFlags_.closed if mark.closed else 0

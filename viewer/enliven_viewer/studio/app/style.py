@@ -32,9 +32,9 @@ from enliven_viewer.theme import (
 BODY_TEXT_SIZE = 15.0
 """Default text size in pixels."""
 SMALL_TEXT_SIZE = 12.5
-"""Size in pixels of small text, such as labels of lanes."""
+"""Size in pixels of small text, such as the labels of timeline rows."""
 EYE_ICON, CLOSED_EYE_ICON = "\uf06e", "\uf070"
-"""Icons of Font Awesome 4: an audible layer, and a muted one."""
+"""Font Awesome 4 icons of an active layer and of a muted layer."""
 _PADDING = 6.0
 """Pixels above the first line of a list and below its last."""
 ACCENT_OPACITY_UNDER_TEXT = 0.40
@@ -70,7 +70,7 @@ def apply_style() -> None:
 
 
 def apply_colours() -> None:
-    """Gives the widgets the colours of the theme in use."""
+    """Sets the widgets' colours to those of the current theme."""
     style, kind = imgui.get_style(), imgui.Col_
     if is_light():
         imgui.style_colors_light()
@@ -112,13 +112,13 @@ def apply_colours() -> None:
 
 
 def pack_colour(colour: Colour, opacity: float = 1.0) -> int:
-    """Returns a colour in the format of draw lists."""
+    """Returns a colour as the packed 32-bit integer of ImGui draw lists."""
     return imgui.get_color_u32(ImVec4(colour[0], colour[1], colour[2], colour[3] * opacity))
 
 
 @contextmanager
 def open_panel(name: str, area: Area, flags: int = 0) -> Iterator[None]:
-    """Opens a window with a fixed place and size."""
+    """Opens an ImGui window with a fixed position and size."""
     imgui.set_next_window_pos(ImVec2(area.x, area.y))
     imgui.set_next_window_size(ImVec2(area.width, area.height))
     imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
@@ -130,7 +130,7 @@ def open_panel(name: str, area: Area, flags: int = 0) -> Iterator[None]:
 
 @contextmanager
 def open_list_box(name: str, height: float) -> Iterator[float]:
-    """Opens a scrolling box of fixed height, so that contents that appear late move nothing below it.
+    """Opens a scrolling box of fixed height, so that new contents do not move the widgets below it.
 
     Yields:
         The width in pixels of its lines, the same with and without a scrollbar.
@@ -154,7 +154,7 @@ def push_colours(colour: Colour, *which: int) -> Iterator[None]:
 
 @contextmanager
 def push_fill(colour: Colour) -> Iterator[None]:
-    """Fills every button inside with ACCENT, GOOD, WAIT or BAD, with readable text on it."""
+    """Fills every button inside the context with ACCENT, GOOD, WAIT or BAD, and makes its text readable."""
     kinds = (imgui.Col_.button, imgui.Col_.button_hovered, imgui.Col_.button_active)
     with push_colours(colour, *kinds), push_colours(ON_FILL, imgui.Col_.text):
         yield
@@ -197,6 +197,6 @@ def draw_note(text: str) -> None:
 
 
 def to_screen_pixels(width: float, height: float) -> tuple[int, int]:
-    """Returns the size in screen pixels for a size in logical pixels; at least 1."""
+    """Returns the size in screen pixels for a size in logical pixels. It is at least 1."""
     scale = imgui.get_io().display_framebuffer_scale.y
     return max(round(width * scale), 1), max(round(height * scale), 1)

@@ -11,17 +11,17 @@ LABEL_WIDTH = 190.0
 RULER_HEIGHT = 26.0
 """Height of the ruler in pixels."""
 END_MARGIN = 12.0
-"""Margin at the right in pixels, so that the end of the last bar can be grabbed."""
+"""Margin at the right in pixels, so that the pointer can grab the end of the last bar."""
 _MIN_VISIBLE_S = 0.25
-"""Minimum time span of the track, in seconds: a few frames."""
+"""Minimum visible time span in seconds: a few frames."""
 _MAX_VISIBLE_FACTOR = 1.25
-"""Maximum time span of the track as a multiple of the project's length: leaves room to drag the last clip's
+"""Maximum visible time span as a multiple of the project's length. It leaves room to drag the last clip's
 end.
 """
 _ZOOM_PER_NOTCH = 0.85
 """Factor of the visible time span per notch of the wheel."""
 _TICK_INTERVALS_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 60.0, 300.0)
-"""Time intervals between two numbers on the ruler, in seconds."""
+"""Possible intervals in seconds between two numbers on the ruler."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class TimeScale:
         return LABEL_WIDTH + self.track_width * (time - self.start) / self.visible_s
 
     def time(self, x: float) -> float:
-        """Returns the time of an x coordinate, in seconds; extrapolates outside the track."""
+        """Returns the time of an x coordinate, in seconds. It is extrapolated outside the track."""
         return self.start + (x - LABEL_WIDTH) / self.track_width * self.visible_s
 
     def ticks(self) -> tuple[tuple[float, bool], ...]:

@@ -18,7 +18,7 @@ _AXES = ("x", "y", "z")
 _LABEL_WIDTH = 46.0
 """Width in pixels of the labels at the left of the fields."""
 _FIELD_WIDTH = 67.0
-"""Width of a field in pixels: "-12.345 m", three of them side by side."""
+"""Width of a field in pixels. It fits "-12.345 m", and three fields fit side by side."""
 
 
 def draw_transform_fields(app: App) -> None:
@@ -27,7 +27,7 @@ def draw_transform_fields(app: App) -> None:
     place, height = figures.place, figures.height
     if place is None or height is None:
         return
-    _draw_label(tr("Place"), tr("Position of its middle; height of its lowest point above the floor"))
+    _draw_label(tr("Place"), tr("Position of its centre; height of its lowest point above the floor"))
     for axis, name in enumerate(_AXES):
         imgui.same_line(_LABEL_WIDTH + 12 + axis * (_FIELD_WIDTH + 4))
         coordinate = float(place[axis])
@@ -82,7 +82,7 @@ def draw_number_field(
     ``change`` gets the value on Enter, Tab, or a click elsewhere.
 
     Args:
-        more: further units that may be typed.
+        more: further accepted units, with their factors.
     """
     shown, typing = quantity.write(value), app.typing
     imgui.set_next_item_width(_FIELD_WIDTH)

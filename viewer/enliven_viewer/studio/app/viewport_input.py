@@ -1,4 +1,4 @@
-"""Routes mouse buttons, wheel and keys over the viewport to the active tool, the camera or an action."""
+"""Passes mouse buttons, wheel and keys over the viewport to the active tool, the camera or an action."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Handles(Protocol):
     """Draggable handles over the viewport that take precedence over the active tool."""
 
     def press(self, at: Point) -> bool:
-        """Handles a press of the left button. Returns whether a handle was grabbed."""
+        """Handles a press of the left button. Returns True if a handle was grabbed."""
 
     def drag(self, at: Point) -> None:
         """Handles pointer movement while a handle is held."""
@@ -35,11 +35,11 @@ class Handles(Protocol):
 
 
 class ViewportInput:
-    """The input over the viewport, passed to the active tool, the camera or an action.
+    """Passes the input over the viewport to the active tool, the camera or an action.
 
     Args:
         editor: the editor that the input changes.
-        actions: the actions of keys that the active tool does not use.
+        actions: the actions for keys that the active tool does not handle.
 
     Attributes:
         key_filter: called with every key before the tool. Returns True if it has handled the key.
@@ -110,9 +110,8 @@ class ViewportInput:
         return self._held_button is not None
 
     def key(self, key: str) -> bool:
-        """Handles a key such as "c", "space", "ctrl+z" or "ctrl+shift+v".
-
-        Returns whether it had an effect.
+        """Handles a key such as "c", "space", "ctrl+z" or "ctrl+shift+v". Returns True if it
+        had an effect.
         """
         return self.key_filter(key) or self.tool.type(key) or self.actions.press(key)
 
@@ -122,7 +121,7 @@ class ViewportInput:
         self._release_button()
 
     def _release_button(self) -> None:
-        """Releases the button. Playback that a stroke of a tool interrupted continues."""
+        """Releases the button. Resumes playback if a stroke of the tool paused it."""
         if self._is_tool_drag and self._resumes_playback:
             self.editor.playing = True
         self._held_button, self._grabbed_handles, self._is_tool_drag, self._resumes_playback = (

@@ -34,7 +34,7 @@ from enliven_viewer.studio.viewport.stage_character import StageCharacter
 Edit = Callable[[Project], Project]
 R = TypeVar("R", bound=RigBase)
 SHORTEST_RANGE_S = 0.1
-"""Minimum length of the marked range in seconds. A shorter range is an accident."""
+"""Minimum length of the marked range in seconds. A shorter range is probably unintended."""
 _FRAMING_MARGIN = 1.25
 """Framing margin: size of the view relative to the shapes, which leaves room to drag their ends."""
 
@@ -43,7 +43,7 @@ class Editor:
     """The project with its history, the time, the camera and the selection.
 
     An edit is a function Project -> Project. :meth:`edit` applies it and stores the result in the history.
-    During a drag :attr:`draft` is shown, and nothing is stored until the drag ends.
+    During a drag, :attr:`draft` is shown. It is stored only at the end of the drag.
     """
 
     def __init__(self, settings: StudioSettings | None = None, project: Project | None = None) -> None:
@@ -60,10 +60,10 @@ class Editor:
         self.scrubbing = False
         self.show_bones, self.show_meshes = True, True
         self.is_auto_key = False  # Auto-key mode: posing a bone sets a key at the playhead.
-        self.recorded_until_s = 0.0  # This is the time in seconds that a running recording has reached.
-        # These are the seconds at which recordings begin and end (punch-in and punch-out).
+        self.recorded_until_s = 0.0  # End time in seconds of the running recording.
+        # Times in seconds at which recordings begin and end (punch-in and punch-out).
         self.marked_range: tuple[float, float] | None = None
-        self.live_box: Box | None = None  # The bounds of the live characters, in metres.
+        self.live_box: Box | None = None  # Bounding box of the live characters in metres.
         self.less_motion: Callable[[], bool] = lambda: False
         self.puppets = PuppetEditor(self)
         self.motion_solver = MotionSolver(self.toasts)
@@ -72,7 +72,7 @@ class Editor:
 
     @property
     def project(self) -> Project:
-        """Returns the project as shown: the draft during a drag, else the newest state of the history."""
+        """Returns the shown project: the draft during a drag, otherwise the current state of the history."""
         return self.draft if self.draft is not None else self.history.project
 
     @property
@@ -151,7 +151,7 @@ class Editor:
         """Applies an edit and adds it to the history. If it fails, shows the reason and changes nothing.
 
         Args:
-            over_locks: if True, locked characters may change too. For results that must not be lost.
+            over_locks: if True, locked characters may change too. Used for results that must not be lost.
         """
         self.draft = None
         after = self._try_edit(change, over_locks)
@@ -167,9 +167,8 @@ class Editor:
         self.draft = self._try_edit(change)
 
     def _try_edit(self, change: Edit, over_locks: bool = False) -> Project | None:
-        """Returns the project after an edit. If the edit fails, shows a message and returns None.
-
-        Internal errors are also shown instead of raised, so that they do not close the artist's window.
+        """Returns the project after an edit. If the edit fails, shows a message and returns None. Shows
+        internal errors instead of raising them, so that they do not close the window.
         """
         try:
             before = self.history.project
@@ -202,7 +201,7 @@ class Editor:
         )
 
     def go_to(self, step: int) -> None:
-        """Shows the project after a step of the history; step 0 is the state when it was opened."""
+        """Shows the project after a step of the history. Step 0 is its state when it was opened."""
         self.draft = None
         self.history.go(step)
         self._clean_selection()
@@ -216,7 +215,7 @@ class Editor:
         self.selection = Selection(character, handle)
 
     def choose_all(self, *characters: str) -> None:
-        """Selects these characters; the last one is the active one."""
+        """Selects these characters. The last one is active."""
         self.selection = Selection.from_ids(*characters)
 
     def toggle(self, character: str) -> None:
@@ -236,10 +235,8 @@ class Editor:
             self._advance_playhead(seconds * self.speed)
 
     def _advance_playhead(self, seconds: float) -> None:
-        """Advances the playhead. Within the marked range it loops back to the in point.
-
-        A playhead beyond the out point continues to the end, so that the rest can be played without removing
-        the range.
+        """Advances the playhead. Inside the marked range, it loops from the out point to the in point. A
+        playhead beyond the out point continues to the end of the project.
         """
         first, last = 0.0, self.length
         if (
@@ -280,9 +277,8 @@ class Editor:
         self._frame_box(self.measure_bounds(), at_once=at_once, reset=reset)
 
     def frame_path(self) -> None:
-        """Moves the camera so that all characters are visible on the whole path of the selection.
-
-        Without a selection, the paths of all characters are visible.
+        """Moves the camera so that all characters and the whole path of the selected characters are visible.
+        Without a selection, shows the paths of all characters.
         """
         box = self.measure_bounds()
         if box is None:
@@ -326,7 +322,7 @@ class Editor:
         return find_bounds([character.extent for character in chosen or visible])
 
     def measure_bounds(self) -> Box | None:
-        """Returns the bounding box of all visible and live characters; None if there are none."""
+        """Returns the bounding box of all visible and live characters, or None if there are none."""
         points = [
             find_visible_points(character.handles, character.vertices)
             for character in self.visible_characters
@@ -346,6 +342,6 @@ class Editor:
         self.toasts.say(tr(pattern, tr(name)))
 
     def _clean_selection(self) -> None:
-        """Removes from the selection what the project no longer contains."""
+        """Removes items from the selection that the project no longer contains."""
         self.selection = self.selection.restricted_to(self.project)
         self.time = float(np.clip(self.time, 0.0, self.length))

@@ -1,4 +1,4 @@
-"""The space that characters occupy during playback, for framing them with the camera."""
+"""Computes the space that characters occupy during playback, for framing them with the camera."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from enliven_viewer.studio.viewport.picking import Lens
 _COPY_GAP_M = 0.3
 """Gap in metres between a character and the copy next to it, so that both are visible."""
 _PATH_SAMPLES = 40
-"""Number of sampled times on a character's path: several per step of a walk."""
+"""Number of sampled times on a character's path. A walk gets several samples per step."""
 
 _MAX_JOINT_DISTANCE = 0.5
 """Maximum distance of a joint from the surface, as a fraction of the surface's longest side. Joints farther
@@ -57,8 +57,8 @@ def find_visible_points(extent: AnyArray, vertices: AnyArray) -> AnyArray:
 
 
 def _find_near_points(places: AnyArray, extent: AnyArray) -> AnyArray:
-    """Returns a mask of the places (N, 3) within half of the surface's size from it; all True without a
-    surface.
+    """Returns an (N,) mask of the points ``places`` (N, 3) that are within half of the surface's size of the
+    surface. All are True without a surface.
     """
     low, high = extent.min(0), extent.max(0)
     air = _MAX_JOINT_DISTANCE * float((high - low).max())

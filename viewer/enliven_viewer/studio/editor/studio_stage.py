@@ -19,16 +19,16 @@ class ShownState(Protocol):
 
     @property
     def project(self) -> Project:
-        """Returns the project as shown."""
+        """Returns the shown project."""
 
 
 class StudioStage:
-    """All characters of an editor's project; cached while nothing changes.
+    """All characters of an editor's project. They are cached while nothing changes.
 
     Args:
         editor: the editor with the project and the time.
-        solved: for rig kinds with surfaces solved in the background, the function that returns a standing
-            character.
+        solved: for each rig kind that is solved in the background, a function that returns a character with
+            its newest solved surface.
     """
 
     def __init__(self, editor: ShownState, solved: Mapping[str, Callable[[RigBase], StageCharacter]]) -> None:
@@ -64,8 +64,8 @@ class StudioStage:
 
     def _place_character(self, project: Project, character: RigBase, time: float) -> StageCharacter:
         cached, played = self._players.get(character.id), character.needed().items()
-        # Compare the takes too. Editing a key replaces a take under the same name, and leaves the character
-        # unchanged.
+        # Compare the takes too. Editing a key replaces a take under the same name, but does not change the
+        # character.
         takes = (getattr(project, held)[name] for held, names in played for name in sorted(names))
         needs = (character, *takes)
         if cached is None or [*map(id, cached[0])] != [*map(id, needs)]:

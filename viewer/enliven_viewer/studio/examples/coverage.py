@@ -1,4 +1,5 @@
-"""Distance of every frame of a take from the examples, for the strip and the timeline.
+"""Computes the distance of every frame of a take from the examples, for the strip of key poses and the
+timeline.
 
 Distances are measured between poses of the performer in the body frame, over the paired joints.
 """
@@ -27,9 +28,8 @@ class TakeCoverage:
         distances: (F,) distance of each frame from the nearest example, relative to the largest distance
             without examples; zeros without examples.
         frames: frames of the missing key poses, most needed first.
-        needed: number of these that are sufficient.
-        remaining_distance: largest distance that remains with these key poses, in the unit of
-            ``distances``.
+        needed: number of the first entries of ``frames`` that are sufficient.
+        remaining_distance: largest distance after adding these key poses, in the unit of ``distances``.
         step: seconds between frames.
     """
 
@@ -42,7 +42,7 @@ class TakeCoverage:
 
     @property
     def times(self) -> tuple[float, ...]:
-        """Returns the times, in seconds of the take, of the key poses that are still needed."""
+        """Returns the times in the take, in seconds, at which key poses are still needed."""
         return tuple(frame * self.step for frame in self.frames[: self.needed])
 
 
@@ -54,7 +54,7 @@ class CoverageCache:
         self._suggestions: dict[tuple[object, ...], tuple[Clip, SuggestedPoses | None, Float]] = {}
 
     def find_coverage(self, project: Project, puppet: Puppet, take: str) -> TakeCoverage | None:
-        """Returns the coverage of a take by the puppet's examples; None if the performer never moves."""
+        """Returns the coverage of a take by the puppet's examples, or None if the performer never moves."""
         clip = project.takes[take]
         shown = tuple(project.takes[pose.take] for pose in puppet.poses)
         marks = tuple((pose.take, pose.time) for pose in puppet.poses)
@@ -101,7 +101,9 @@ class CoverageCache:
         )
 
     def _suggest_poses(self, clip: Clip, joints: tuple[str, ...]) -> tuple[SuggestedPoses | None, Float]:
-        """Returns the suggested key poses of a clip without any examples, and its poses."""
+        """Returns the suggested key poses of a clip if it has no examples, and the poses of the clip's
+        frames.
+        """
         key = (clip.id, joints)
         cached = self._suggestions.get(key)
         if cached is None or cached[0] is not clip:
@@ -116,15 +118,14 @@ class CoverageCache:
 
 
 def _choose_joints(puppet: Puppet, clip: Clip) -> tuple[str, ...]:
-    """Returns the paired joints that the clip has; all of the clip's joints if there are none."""
+    """Returns the paired joints that the clip has, or all of the clip's joints if there are none."""
     names = set(clip.skeleton.names)
     paired = tuple(dict.fromkeys(point.joint for point in puppet.points if point.joint in names))
     return paired or clip.skeleton.names
 
 
 def _find_solver_points(project: Project, puppet: Puppet, take: str) -> tuple[Float, Float] | None:
-    """Returns the examples (n, P, 3) and the take (F, P, 3) as the solver sees them.
-
+    """Returns the examples (n, P, 3) and the take's frames (F, P, 3) in the solver's normalised coordinates.
     Returns None if the puppet does not play the take yet.
     """
     number = next((k for k, layer in enumerate(puppet.layers) if layer.take == take), None)
@@ -149,6 +150,6 @@ def _find_performer_poses(project: Project, puppet: Puppet, joints: tuple[str, .
 
 
 def _get_frame_joints(clip: Clip, frame: int, joints: tuple[str, ...]) -> Float:
-    """Returns (J, 3): one frame in the body frame."""
+    """Returns the joints (J, 3) of one frame of a clip, in the body frame."""
     frame_clip = clip.mapped(lambda track: track[frame : frame + 1])
     return np.asarray(performed(frame_clip, joints).poses[0])

@@ -1,4 +1,4 @@
-"""Edits of the examples panel that need more than one call of :mod:`enliven.modeling.puppet.edits`."""
+"""Edits of the examples panel that combine several calls of :mod:`enliven.modeling.puppet.edits`."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def turn_quarter(project: Project, puppet_id: str, axis: str) -> Project:
             front.
 
     Raises:
-        InputError: if it has control points, since its examples would be lost.
+        InputError: if it has control points, because turning it would invalidate its examples.
     """
     puppet = project.puppet(puppet_id)
     if puppet.points:
@@ -195,10 +195,11 @@ def move_switch(switches: Sequence[Switch], number: int, frame: int, frames: int
 
 
 def add_switch(switches: Sequence[Switch], frame: int, frames: int) -> tuple[Switch, ...]:
-    """Returns the switches with one added at a frame: from there the kind is reversed until the next switch.
+    """Returns the switches with one added at a frame. From this frame, the kind of phase is reversed until
+    the next switch.
 
-    This splits a phase in three: the old kind, the opposite kind, and the old kind again. The opposite kind
-    lasts a fortieth of all frames, at least 3, or up to the next switch.
+    This splits a phase into three: the old kind, the opposite kind, and the old kind again. The opposite
+    phase lasts a fortieth of all frames, but at least 3 frames and at most until the next switch.
     """
     frames_of_switches = [switch.frame for switch in switches]
     if frame in frames_of_switches or not 0 < frame < frames:
@@ -231,7 +232,7 @@ def remove_switch(switches: Sequence[Switch], number: int) -> tuple[Switch, ...]
 def find_layer_number(puppet: Puppet, chosen: int | None, take: str = "") -> int | None:
     """Returns the number of the selected layer, or of the first unmuted one.
 
-    ``take`` restricts the search to its layers.
+    A non-empty ``take`` restricts the search to layers of that take.
     """
     numbers = [k for k, layer in enumerate(puppet.layers) if take in ("", layer.take)]
     if chosen in numbers:

@@ -1,4 +1,4 @@
-"""Solves the motions of puppets in the background. Meanwhile the last valid motion is shown.
+"""Solves the motions of puppets in the background. Until a solution is ready, the last valid motion is shown.
 
 solving = MotionSolver(editor.toasts)
 project, puppet = solving.newest_solution(project, "cactus")       # the newest with solved motions
@@ -48,7 +48,7 @@ class _SolveState:
 
 
 class MotionSolver:
-    """A solver in a separate thread. It solves one puppet after another, always the newest request.
+    """A solver in a separate thread. It solves one puppet after another, and always uses the newest request.
 
     Args:
         toasts: shows errors, each once.
@@ -69,9 +69,9 @@ class MotionSolver:
         return project, project.character(character_id)
 
     def newest_solution(self, project: Project, puppet_id: str) -> tuple[Project, Puppet]:
-        """Returns the newest solved project and puppet; without layers if nothing has been solved yet.
-
-        The returned puppet may have other control points than the project's, so draw the returned one.
+        """Returns the newest solved project and puppet. If nothing has been solved yet, the puppet has no
+        layers. The returned puppet may differ from the project's in its control points, so draw the returned
+        puppet.
         """
         request = _Request(project, project.puppets[puppet_id])
         solved = self._states.setdefault(puppet_id, _SolveState())
@@ -89,7 +89,7 @@ class MotionSolver:
         return solved.solved.project, solved.solved.puppet
 
     def problem(self, puppet_id: str) -> EnlivenError | None:
-        """Returns the error of a puppet's newest motions; None if they can be solved."""
+        """Returns the error of solving a puppet's newest motions, or None if no error occurred."""
         solved = self._states.get(puppet_id)
         return solved.problem if solved else None
 
@@ -99,7 +99,7 @@ class MotionSolver:
         return solved is not None and solved.future is not None
 
     def settle(self, project: Project, character_id: str) -> tuple[Project, RigBase]:
-        """Returns the same as :meth:`find_shown`, but waits until the motion is solved or refused.
+        """Returns the same as :meth:`find_shown`, but waits until the motion is solved or has failed.
 
         For sessions without a window.
         """
@@ -118,15 +118,14 @@ class MotionSolver:
             self._pool = None
 
     def _request_solution(self, solved: _SolveState, request: _Request) -> None:
-        """Starts solving a request unless it was refused before.
-
-        Waits for it at most as long as a frame may take.
+        """Starts to solve a request unless it has failed before. Waits for the result for at most
+        ``patience`` seconds.
         """
         if solved.future is None:
             if request.matches(solved.requested) and solved.problem is not None:
                 return
             solved.requested, solved.future = request, self._begin(request)
-            # Wait only once, because other panels request the result in the same frame.
+            # Wait only once per request, because several panels request the result in the same frame.
             wait_for([solved.future], timeout=self.patience)
         if not solved.future.done():
             return
@@ -150,8 +149,9 @@ class MotionSolver:
 
 
 def _solve(request: _Request) -> None:
-    """Solves every audible motion into the cache of
-    :func:`enliven.examples.puppet_motion.solve_layer_motion`."""
+    """Solves the motion of every unmuted layer. The results are stored in the cache of
+    :func:`enliven.examples.puppet_motion.solve_layer_motion`.
+    """
     for number, layer in enumerate(request.puppet.layers):
         if not layer.muted and layer.weight > 0.0:
             solve_layer_motion(request.project, request.puppet, number)

@@ -1,8 +1,9 @@
-"""The features of the studio: the features of this package, and features that other packages add by entry
+"""Registers the features of the studio: those of this package, and those that other packages add by entry
 points.
 
-A new feature is one package with a ``register`` function, and one line here. In another package it is an
-entry point of the group ``enliven.studio_features``, which refers to its ``register`` function.
+A new feature needs a package with a ``register`` function, and one line in this module. A feature of another
+package needs an entry point of the group ``enliven.studio_features`` that refers to its ``register``
+function.
 """
 
 from __future__ import annotations
@@ -33,21 +34,23 @@ FEATURES: tuple[Register, ...] = (
     puppets.register,
     timeline.register,
 )
-"""The register function of each feature of this package, in the order of their actions in menus."""
+"""The register function of each feature of this package. Their order is the order of their
+actions in menus.
+"""
 
 
 def register_features(app: App) -> None:
     """Registers all features.
 
-    If one of another package raises an error, the studio shows it and starts. Contributions from before the
-    error stay.
+    If a feature of another package raises an error, the studio shows the error and starts anyway.
+    Contributions that the feature made before the error stay.
     """
     for register in FEATURES:
         register(app)
     for entry in entry_points(group=ENTRY_POINTS):
         try:
             entry.load()(app)
-        except Exception as error:  # Any error of another package must not keep the studio from starting.
+        except Exception as error:  # No error of another package may prevent the studio from starting.
             reason = f"{error.where}: {error.what}" if isinstance(error, EnlivenError) else str(error)
             problem = tr("the feature {0} cannot be loaded: {1}", entry.name, reason)
             remedy = tr("Update or remove the package {0}.", entry.dist.name if entry.dist else entry.value)

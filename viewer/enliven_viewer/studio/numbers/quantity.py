@@ -11,9 +11,9 @@ from enliven.errors import InputError
 from enliven_viewer.language import tr
 
 _TOKEN = re.compile(r"\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+)|([^\W\d_]+|[%°])|([-+*/()]))")
-"""A number, a unit, or an operator."""
+"""Matches a number, a unit, or an operator."""
 _MAX_LETTERS = 200
-"""Maximum number of parsed characters: a sum of a dozen lengths."""
+"""Maximum number of parsed characters, enough for a sum of a dozen lengths."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Quantity:
 
     Attributes:
         unit: unit of numbers without a unit, and of displayed numbers.
-        units: the value of each unit, in `unit`.
+        units: the value of each accepted unit, expressed in `unit`.
         digits: number of decimals shown.
     """
 
@@ -31,7 +31,7 @@ class Quantity:
     digits: int
 
     def write(self, value: float) -> str:
-        """Returns a value as displayed: "1.25 m"."""
+        """Returns a value in its displayed form, such as "1.25 m"."""
         shown = f"{value:.{self.digits}f}".rstrip("0").rstrip(".")
         return f"{'0' if shown in ('-0', '') else shown} {self.unit}"
 
@@ -40,7 +40,7 @@ class Quantity:
 
         Args:
             typed: numbers with or without units, + - * / and brackets; a comma counts as a decimal point.
-            more: the values of further units; "percent" is the sign %.
+            more: the values of further units; "percent" stands for the sign %.
 
         Raises:
             InputError: if the text is not a number, or divides by zero.

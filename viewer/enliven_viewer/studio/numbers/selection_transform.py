@@ -37,7 +37,7 @@ class SelectionTransform:
         same = cached is not None and cached[0] is editor.project and cached[1] == editor.selection
         if cached is None or not same or not (editor.playing or cached[2] == editor.time):
             # During playback, do not update the numbers in each frame. They would be unreadable, and skinning
-            # would cost frames.
+            # would lower the frame rate.
             cached = self._bounds_cache = (
                 editor.project,
                 editor.selection,
@@ -71,7 +71,7 @@ class SelectionTransform:
 
     @property
     def height(self) -> float | None:
-        """Returns the height of the selection in metres; None without a selection."""
+        """Returns the height of the selection in metres, or None without a selection."""
         box = self.box
         return None if box is None else float(box[1][1] - box[0][1])
 
@@ -132,8 +132,6 @@ class SelectionTransform:
 
 
 def _find_fixed_point(project: Project, names: tuple[str, ...]) -> Float:
-    """Returns the point that scaling does not move, (3,) in metres. For several characters, it is on the
-    floor.
-    """
+    """Returns the centre of scaling (3,) in metres. For several characters, it is on the floor."""
     middle = group_centre(project, names)
     return middle if len(names) == 1 else middle * [1.0, 0.0, 1.0]

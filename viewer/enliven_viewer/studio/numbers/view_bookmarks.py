@@ -13,7 +13,9 @@ from enliven_viewer.studio.editor.editor import Editor
 _VIEW_NUMBERS = (1, 2, 3, 4)
 """The bookmarks with a shortcut."""
 _FUNCTION_KEY_OFFSET = 4
-"""Offset from bookmark to function key: the first is F5, since F1 is help and F2 renames."""
+"""Offset from a bookmark's number to its function key. The first is F5, because F1 opens the help and F2
+renames.
+"""
 
 
 def make_view_actions(editor: Editor) -> Iterator[Action]:

@@ -12,9 +12,8 @@ from enliven_viewer.studio.outliner.outliner import Outliner
 
 
 def require_single_shape(action: Action, editor: Editor) -> Action:
-    """Returns the action of a single shape with a check.
-
-    If several shapes are selected, the action is unavailable and says so.
+    """Returns the action with an additional check: if several shapes are selected, it is unavailable and
+    gives this reason.
     """
 
     def lacks() -> str:
@@ -25,7 +24,7 @@ def require_single_shape(action: Action, editor: Editor) -> Action:
 
 
 def make_choosing_actions(editor: Editor) -> Iterator[Action]:
-    """Yields the actions that select all, nothing, or the others."""
+    """Yields the actions that select all, select nothing, or invert the selection."""
 
     def empty() -> str:
         return (

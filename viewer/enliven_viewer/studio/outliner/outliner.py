@@ -11,7 +11,9 @@ from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.outliner.tree import CHARACTER, GROUP, HANDLE, TAKE, Row, make_rows
 
 _HEIGHT_FRACTION = 0.46
-"""Fraction of the side panel's height: eight rows at 1280x720, and the rest for the selection."""
+"""Initial fraction of the side panel's height for the tree: eight rows in a window of 1280x720 pixels. The
+selection takes the rest.
+"""
 
 
 class Outliner:
@@ -22,7 +24,7 @@ class Outliner:
 
     Args:
         editor: the editor with the project.
-        live: returns one line per object on the stage of an edge.
+        live: a function that returns one line per object on the stage of an edge.
 
     Attributes:
         typed: filter text for names; empty shows all.
@@ -68,7 +70,7 @@ class Outliner:
         return row.kind == CHARACTER and row.id in chosen.characters
 
     def click(self, row: Row, *, shift: bool = False, ctrl: bool = False) -> None:
-        """Selects the object of a row. Ctrl toggles it; Shift selects the range up to it."""
+        """Selects the object of a row. Ctrl adds or removes it, Shift selects the range up to it."""
         editor = self.editor
         if row.kind == HANDLE:
             handled = row.number < len(editor.project.characters[row.id].handles)
@@ -111,7 +113,7 @@ class Outliner:
             self.renaming, self.draft = row.key, row.id
 
     def is_leading(self, row: Row) -> bool:
-        """Returns True if it is the active character, that is, the one selected last."""
+        """Returns True if the row's object is the active character, which was selected last."""
         return row.id == self.editor.selection.character
 
     def end_rename(self, row: Row, *, keep: bool) -> None:

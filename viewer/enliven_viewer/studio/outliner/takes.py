@@ -1,4 +1,4 @@
-"""The takes of the project: those that nothing plays, and deleting takes."""
+"""Lists the takes of the project that no layer plays, and deletes takes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from enliven_viewer.studio.editor.editor import Editor
 
 
 def delete_take_row(editor: Editor, name: str) -> None:
-    """Deletes the take of a row of the list: an alternative of a lane, or a take that nothing plays."""
+    """Deletes the take of a row: an alternative take of a lane, or a take that no layer plays."""
     project = editor.project
     played = [layer for character in project.characters.values() for layer in character.playing]
     layers_of_take = [layer for layer in played if (layer.source, layer.take) == ("takes", name)]
@@ -24,14 +24,14 @@ def delete_take_row(editor: Editor, name: str) -> None:
 
 
 def list_unused_takes(editor: Editor) -> list[str]:
-    """Returns the takes that nothing plays."""
+    """Returns the takes that no layer plays."""
     project = editor.project
     used = set[str]().union(*(character.needed()["takes"] for character in project.characters.values()))
     return [name for name in project.takes if name not in used]
 
 
 def delete_takes(editor: Editor, *names: str) -> None:
-    """Deletes takes that nothing plays."""
+    """Deletes takes that no layer plays."""
 
     def change(project: Project) -> Project:
         for name in names:

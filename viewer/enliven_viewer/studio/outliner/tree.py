@@ -14,7 +14,7 @@ from enliven_viewer.language import later, tr
 GROUP, CHARACTER, HANDLE, TAKE, LIVE = "group", "character", "handle", "take", "live"
 """The kinds of rows."""
 _HANDLE_WORDS = {Puppet.kind: later("point"), GraphShape.kind: later("part")}
-"""The word for a character's child rows, by rig; "bone" for other rigs."""
+"""The displayed word for a handle, by rig kind; "bone" for other rigs."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def make_rows(
     if matches is not None:
         return tuple(matches)
     shown: list[Row] = []
-    closed = 99  # This value is larger than any depth, so no row is hidden at first.
+    closed = 99  # Larger than any depth, so that no row is hidden at first.
     for row in _make_all_rows(project, live):
         if row.depth > closed:
             continue
@@ -106,12 +106,14 @@ def _make_all_rows(project: Project, live: tuple[str, ...]) -> Iterator[Row]:
 
 
 def _is_onlooker(name: str) -> bool:
-    """Returns True if the name says that the take's performer controlled nothing while others did."""
+    """Returns True if the take's name marks a performer that controlled nothing while others did."""
     return name.rstrip("0123456789").rstrip().endswith(ONLOOKER_SUFFIX)
 
 
 def _make_handle_rows(character: RigBase) -> Iterator[Row]:
-    """Yields the joints below their parents, the points in order, or the parts of a possessed mesh."""
+    """Yields the rows of a character's handles: joints below their parents, control points in order, or parts
+    of a possessed mesh.
+    """
     handle_label = _HANDLE_WORDS.get(character.kind, later("bone"))
     if isinstance(character, GraphShape):
         for number, part in enumerate(character.parts) if len(character.parts) > 1 else ():
@@ -140,5 +142,5 @@ def _make_handle_rows(character: RigBase) -> Iterator[Row]:
 
 
 def _is_bone_root(parents: np.ndarray, number: int) -> bool:
-    """Returns True if a joint is the root of bones."""
+    """Returns True if a joint is the root of a skeleton."""
     return bool(parents[number] < 0 and (parents >= 0).any())

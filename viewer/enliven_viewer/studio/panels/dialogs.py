@@ -1,4 +1,4 @@
-"""Dialogues: files, unsaved work, recovery, and those drawn by other modules."""
+"""Draws the dialogues for files and recovery, and calls the modules that draw other dialogues."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from enliven_viewer.theme import WAIT
 
 _FOLDER_ICON = "\uf07b"
 _DIALOG_SIZE = (720.0, 480.0)
-"""Size in pixels of a file dialogue: places at the left, files in the middle."""
+"""Size in pixels of a file dialogue with bookmarked folders at the left and files in the middle."""
 _MIN_WIDTH_WITH_PLACES = 480.0
-"""Minimum width in pixels of a dialogue that shows places at the left."""
+"""Minimum width in pixels of a dialogue that shows bookmarked folders at the left."""
 _PLACES_WIDTH = 150.0
-"""Width in pixels of the list of places: a folder's name."""
+"""Width in pixels of the list of bookmarked folders."""
 _ORDER_WIDTH = 120.0
-"""Width in pixels of the sort order field: its longest label."""
+"""Width in pixels of the sort order field. It fits the longest label."""
 _CANCEL_WIDTH = 84.0
-"""Space in pixels to the right of a new folder's name, for the button that cancels it."""
+"""Space in pixels to the right of the new folder's name, for the Cancel button."""
 _TITLES = {
     "open": "Open",
     "save as": "Save the project",
@@ -171,7 +171,7 @@ def _finish(workspace: Workspace, browser: FileBrowser) -> None:
 
 
 def _draw_recovery(workspace: Workspace) -> None:
-    """Offers the unsaved work of a studio that crashed."""
+    """Offers to recover the unsaved work of a crashed studio."""
     recovery_files = workspace.store.list_recoverable()
     if not recovery_files:
         workspace.asking = ""

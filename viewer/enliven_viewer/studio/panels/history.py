@@ -1,4 +1,4 @@
-"""The list of all history steps; a click goes to a step."""
+"""Draws the list of all history steps. A click goes to a step."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import FAINT, INK
 
 _LIST_SIZE = 250.0, 300.0
-"""Size in pixels: a dozen steps."""
+"""Size in pixels. It fits a dozen steps."""
 _INITIAL_RIGHT_DISTANCE = 300.0
 """Initial distance in pixels from the right of the window: next to the side panel."""
 _TOP_DISTANCE = 36.0
@@ -18,7 +18,7 @@ _TOP_DISTANCE = 36.0
 
 
 def draw_history(workspace: Workspace) -> None:
-    """Draws the list in a separate window; undone steps are faint."""
+    """Draws the list in an ImGui window. Undone steps are faint."""
     editor, width = workspace.editor, imgui.get_main_viewport().size.x
     imgui.set_next_window_size(ImVec2(_LIST_SIZE[0], _LIST_SIZE[1]), imgui.Cond_.appearing)
     corner = ImVec2(width - _INITIAL_RIGHT_DISTANCE, _TOP_DISTANCE)

@@ -11,11 +11,11 @@ from enliven_viewer.studio.panels.modal import draw_button, open_modal
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 _DIALOG_SIZE = (1000.0, 580.0)
-"""Size in pixels: three columns, at the height of the longest."""
+"""Size of the dialogue in pixels. It fits three columns, and the longest column without scrolling."""
 _COLUMN_WIDTH = 320.0
-"""Width of a column in pixels: the longest name next to its shortcut."""
+"""Width of a column in pixels. It fits the longest name next to its shortcut."""
 _KEY_WIDTH = 122.0
-"""Width of a shortcut in pixels: Ctrl+Shift+Z."""
+"""Width of a shortcut in pixels. It fits Ctrl+Shift+Z."""
 _COLUMN_GAP = 20.0
 """Gap in pixels between a name, which wraps if it is long, and the next column."""
 _MOUSE_ACTIONS = (
@@ -52,7 +52,7 @@ def draw_key_list(workspace: Workspace) -> None:
 
 
 Part = tuple[str, list[tuple[str, str]]]
-"""A title, and lines with a shortcut and a name."""
+"""A title, and a list of (shortcut, name)."""
 
 
 def make_parts(actions: ActionTable) -> list[Part]:

@@ -69,7 +69,7 @@ def _draw_entries(workspace: Workspace, group: str, actions: list[Action], *, fi
 
 
 def _draw_entry(workspace: Workspace, action: Action) -> None:
-    """Draws one menu entry; grey if the action is unavailable."""
+    """Draws one menu entry. It is grey if the action is unavailable."""
     actions, on = workspace.actions, action.is_on is not None and action.is_on()
     key, possible = actions.format_shortcut(action), not action.why_not()
     if imgui.menu_item(f"{tr(action.entry)}###{action.entry}", key, on, possible)[0]:
@@ -79,7 +79,7 @@ def _draw_entry(workspace: Workspace, action: Action) -> None:
 
 
 def _draw_recent_files(workspace: Workspace) -> None:
-    """Draws the recently opened or saved files; the tooltip shows the folder."""
+    """Draws the recently opened or saved files. The tooltip shows the folder."""
     paths = [Path(name) for name in workspace.preferences.recent]
     if not imgui.begin_menu(f"{tr('Open recent')}###Open recent", bool(paths)):
         return

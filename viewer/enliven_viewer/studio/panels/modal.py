@@ -19,7 +19,7 @@ _MARGIN = 24.0
 
 @contextmanager
 def open_modal(title: str, width: float, height: float = 0.0, flags: int = 0) -> Iterator[bool]:
-    """Opens a centred dialogue with a size in pixels; 0 fits the contents. Yields True if it is drawn."""
+    """Opens a centred dialogue with a size in pixels. 0 fits the contents. Yields True if it is drawn."""
     title = f"{tr(title)}###{title}"
     imgui.open_popup(title)
     view = imgui.get_main_viewport()
@@ -33,7 +33,7 @@ def open_modal(title: str, width: float, height: float = 0.0, flags: int = 0) ->
 
 
 def draw_button(workspace: Workspace, label: str) -> bool:
-    """Draws a dialogue button and records its place. Returns True if it was pressed."""
+    """Draws a dialogue button and records its rectangle. Returns True if it was pressed."""
     width = max(imgui.calc_text_size(tr(label)).x + 20.0, 110.0)
     pressed = imgui.button(f"{tr(label)}###{label}", ImVec2(width, 0))
     workspace.remember(f"dialog {label}")
@@ -41,9 +41,8 @@ def draw_button(workspace: Workspace, label: str) -> bool:
 
 
 def draw_choice(workspace: Workspace, yes: str, no: str) -> bool:
-    """Draws two buttons.
-
-    Returns whether the first was pressed. The second, and Escape, close the dialogue.
+    """Draws two buttons. Returns True if the first was pressed. The second button, and Escape, close the
+    dialogue.
     """
     pressed = draw_button(workspace, yes)
     imgui.same_line()

@@ -12,7 +12,7 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import FAINT, INK, QUIET
 
 _DIALOG_SIZE = (600.0, 420.0)
-"""Size in pixels: a dozen rows with name, menu and shortcut side by side."""
+"""Size of the palette in pixels. It fits a dozen rows with name, menu and shortcut."""
 
 
 def draw_palette(workspace: Workspace) -> None:
@@ -61,7 +61,7 @@ def _run_highlighted(workspace: Workspace) -> None:
 
 
 def _draw_row(workspace: Workspace, action: Action, marked: bool, follow: bool) -> bool:
-    """Draws one action: its name, its menu or why it is unavailable, and its shortcut.
+    """Draws one action: its name, its shortcut, and its menu or the reason why it is unavailable.
 
     Returns True if it was clicked.
     """

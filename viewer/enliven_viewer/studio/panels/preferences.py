@@ -17,11 +17,11 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import WAIT
 
 _DIALOG_SIZE = (620.0, 520.0)
-"""Size in pixels: fifteen rows with action, shortcut and button side by side."""
+"""Size of the dialogue in pixels. It fits fifteen rows with action, shortcut and button."""
 _KEY_WIDTH = 150.0
-"""Width in pixels of a shortcut's button: Ctrl+Shift+PgDn."""
+"""Width in pixels of a shortcut's button. It fits Ctrl+Shift+PgDn."""
 _THEME_WIDTH = 130.0
-"""Width in pixels of the theme field: its longest name."""
+"""Width in pixels of the theme field. It fits the longest theme name."""
 _THEME_LABELS = Texts({"dark": "Dark", "light": "Light"})
 _PALETTE_LABELS = Texts({"usual": "Standard", "okabe-ito": "For colour-blind people (Okabe-Ito)"})
 """Names of the palettes; the second also suits people with red-green colour blindness."""
@@ -129,7 +129,9 @@ def _make_reassign_label(action: Action) -> str:
 
 
 def _handle_capture(workspace: Workspace) -> None:
-    """Assigns the pressed key. If it belongs to another action, shows which one and asks."""
+    """Assigns the pressed key. If it is another action's shortcut, names that action and asks for
+    confirmation.
+    """
     wanted, actions = workspace.wanted_key, workspace.actions
     if wanted.action and not wanted.key:
         for name, key in KEYS.items():

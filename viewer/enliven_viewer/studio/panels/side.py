@@ -1,4 +1,4 @@
-"""The panel at the right: the selection, and its layer."""
+"""Draws the right panel: the properties of the selection and of its layer."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 _BUTTON_WIDTH = 126.0
-"""Width of a button in pixels: two are side by side."""
+"""Width of a button in pixels. Two buttons fit side by side."""
 _CHARACTER_ACTIONS = (
     "edit.duplicate",
     "shape.mirror",
@@ -34,11 +34,11 @@ _SELECTION_ACTIONS = (
 )
 """Actions on the whole selection."""
 _NO_CLIP, _OTHER_MOTION = later("no clip"), later("other motion")
-"""Labels of the clip field if none of the clips plays."""
+"""Labels of the clip field if none of the model's clips plays."""
 _BONE_ACTIONS = ("motion.spread", "motion.clear")
 """Actions of characters with bones only."""
 _KIND_LABELS = Texts({"possessed mesh": "possessed character", "puppet": "puppet", "shape": "shape"})
-"""Names of the kinds of characters for artists, by the word of the rig."""
+"""Displayed names of the kinds of characters, by the rig's name for them."""
 
 
 def draw_side(workspace: Workspace, area: Area) -> None:
@@ -75,7 +75,7 @@ def _draw_selection(workspace: Workspace, character: RigBase) -> None:
 
 
 def describe_parts(character: RigBase) -> str:
-    """Returns the number of a character's bones, and whether it lacks a surface."""
+    """Returns a text with the number of a character's bones or parts, and a note if it lacks a surface."""
     bones = int((character.parents >= 0).sum())
     parts = [tr_n("{0} bone", "{0} bones", bones) if bones else tr("bends anywhere")]
     if character.mesh is None or not len(character.mesh.vertices):
@@ -100,7 +100,7 @@ def _draw_clips(workspace: Workspace, shape: Shape) -> None:
             workspace.remember(f"play {name or 'none'}")
         imgui.end_combo()
     workspace.remember("clip")
-    draw_tooltip("The model's clip that plays instead of its other motion; keys stay")
+    draw_tooltip("The model's clip to play instead of its other motion. Keys still apply")
 
 
 def _play_clip(workspace: Workspace, name: str, clip: str | None) -> None:

@@ -31,13 +31,13 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, QUIET, UNTINTED
 
 _HEIGHT_FRACTION = 0.56
-"""Fraction of the side panel's height for the source view, so that the list of shapes still fits above."""
+"""Fraction of the side panel's height for the source view. The list of shapes takes the rest."""
 _BUTTONS_HEIGHT = 34.0
 """Height in pixels of the row of buttons below the view."""
 _QUALITY_HEIGHT = 4 * 20.0
 """Height in pixels of the lines about the quality of a motion."""
 _MIN_SPLIT_HEIGHT = 340.0
-"""Panel height in pixels below which the source view takes all of it."""
+"""In a panel lower than this, in pixels, the source view takes the whole height."""
 _THUMBNAIL_SIZE = ImVec2(92, 92)
 
 
@@ -49,7 +49,7 @@ def split_side(side: Area) -> tuple[Area, Area]:
 
 
 def draw_source(workspace: Workspace, tool: MapTool, area: Area, viewport: Area, texture: int | None) -> None:
-    """Draws the source view; ``texture`` is the rendered take."""
+    """Draws the source view. ``texture`` is the OpenGL name of the rendered take."""
     with open_panel("source", area, imgui.WindowFlags_.no_scrollbar):
         draw_heading("Source")
         _draw_takes(workspace, tool)
@@ -87,8 +87,8 @@ _WHOLE_BODY_OPTIONS = (
         later("Steps"),
         later("Let legs of other proportions step where the performer's feet step"),
     ),
-    ("travel", later("Travels"), later("Let it go where the performer goes")),
-    ("pin", later("Feet hold"), later("Hold feet in their place while they stand")),
+    ("travel", later("Travels"), later("Let it travel with the performer")),
+    ("pin", later("Feet hold"), later("Keep feet in place while they are on the floor")),
     (
         "stretch",
         later("Bones stretch"),
@@ -133,9 +133,9 @@ def _list_quality_lines(plan: Plan, quality: MotionQuality) -> list[str]:
     """Returns the quality of a retargeted motion, line by line."""
     worst = ", ".join(limb.limb for limb in quality.worst_limbs[:2])
     if not quality.worst_limbs:
-        pose_line = tr("Limbs point as the performer's do")
+        pose_line = tr("Limb directions match the performer's")
     else:
-        pose_line = tr("Limbs point elsewhere than the performer's: see {0}", worst)
+        pose_line = tr("Limb directions differ from the performer's: see {0}", worst)
     lines = [pose_line] if quality.limbs else []
     if quality.stretch > MAX_STRETCH:
         lines.append(tr("The surface stretches too much, at {0}", ", ".join(quality.joints[:2])))
@@ -238,7 +238,7 @@ def _draw_matches(workspace: Workspace, tool: MapTool, viewport: Area) -> None:
 def _draw_thumbnail(
     workspace: Workspace, offer: MotionMatch, corner_position: ImVec2, is_highlighted: bool
 ) -> None:
-    """Draws the shape's bones as currently seen, with the driven ones in colour."""
+    """Draws the shape's bones from the current viewing direction, with the driven bones in colour."""
     draw_list = imgui.get_window_draw_list()
     corner = ImVec2(corner_position.x + _THUMBNAIL_SIZE.x, corner_position.y + _THUMBNAIL_SIZE.y)
     draw_list.add_rect_filled(corner_position, corner, pack_colour(DARK), 6.0)

@@ -1,4 +1,4 @@
-"""The tools at the left: one button each."""
+"""Draws the toolbar at the left, with one button per tool."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, INK, QUIET, Colour
 
 _BUTTON_WIDTH = 72.0
-"""Width of a button in pixels: the longest name."""
+"""Width of a button in pixels. It fits the longest name."""
 _BUTTON_HEIGHTS = (13.0, 50.0)
-"""Minimum and maximum height of a button in pixels. In a low window buttons are lower, so that all are
+"""Minimum and maximum height of a button in pixels. Buttons are lower in a low window, so that all are
 visible.
 """
 _MIN_STACKED_HEIGHT = 34.0
-"""Height in pixels below which a button shows the name next to the icon instead of below it."""
+"""A button lower than this, in pixels, shows the name next to the icon instead of below it."""
 _BUTTON_GAP = 4.0
-"""Gap in pixels between two buttons; half of it in a low window."""
+"""Gap in pixels between two buttons. It is halved in a low window."""
 _LOW_PADDING = 3.0
 """Margin in pixels above the first and below the last button in a low window."""
 _ICON_SIZE = 18.0
-"""Size in pixels of an icon above its name: recognisable at a glance."""
+"""Size in pixels of an icon above its name."""
 _NAME_TEXT_SIZE = 12.0
-"""Text size in pixels of a name below its icon: the longest name fits the button."""
+"""Text size in pixels of a name below its icon. The longest name fits the button."""
 _LOW_ICON_SIZE = 13.0
-"""Size in pixels of an icon next to its name: as tall as the letters."""
+"""Size in pixels of an icon next to its name. It is as tall as the letters."""
 _LOW_NAME_TEXT_SIZE = 11.0
-"""Text size in pixels of a name next to its icon: the smallest readable size."""
+"""Text size in pixels of a name next to its icon. Smaller text is not readable."""
 _ICON_WIDTH = 19.0
-"""Width in pixels of the icon's space in a low button, left of the name."""
+"""Width in pixels of the space for the icon in a low button, left of the name."""
 
 
 def draw_toolbar(workspace: Workspace, area: Area) -> None:
@@ -61,7 +61,7 @@ def draw_toolbar(workspace: Workspace, area: Area) -> None:
 
 
 def _draw_button_face(position: ImVec2, size: ImVec2, action: Action, chosen: bool, hovered: bool) -> None:
-    """Draws icon and name: one below the other, or side by side in a low button."""
+    """Draws the icon above the name, or next to the name in a low button."""
     draw_list = imgui.get_window_draw_list()
     if chosen or hovered:
         tint = pack_colour(ACCENT, 0.22 if chosen else 0.08)
@@ -93,7 +93,7 @@ def _draw_button_face(position: ImVec2, size: ImVec2, action: Action, chosen: bo
 def _draw_centred(
     text: str, height: float, left: float, max_width: float, top: float, colour: Colour
 ) -> None:
-    """Draws a centred line of text in a given width, with smaller letters if it is too wide."""
+    """Draws a centred line of text. Uses a smaller text size if the line is wider than ``max_width``."""
     width = imgui.calc_text_size(text).x * height / imgui.get_font_size()
     height *= min(max_width / max(width, 1e-3), 1.0)
     place = ImVec2(left + max(max_width - width, 0.0) / 2, top)

@@ -23,14 +23,14 @@ _BRACKET_LENGTH = 10.0
 _MIN_HINT_TEXT_SIZE = 9.0
 """Minimum text size in pixels of a long hint in the strip below a narrow view."""
 _MAX_MESSAGE_WIDTH = 380.0
-"""Maximum width in pixels of a message line: about sixty letters, easy to read."""
+"""Maximum width in pixels of a message line: about sixty letters."""
 
 
 def draw_overlay(workspace: Workspace, area: Area, *, tool: bool = True, hint: Area | None = None) -> None:
-    """Draws marks and the hint, if tools are available, then messages; below every panel.
+    """Draws marks and the hint if tools are available, then messages. Panels are drawn over them.
 
     Args:
-        hint: the strip for the hint, if it is not over the view.
+        hint: the strip for the hint; None to draw the hint over the view.
     """
     draw_list = imgui.get_background_draw_list()
     if tool and hint is not None:
@@ -134,7 +134,7 @@ def _draw_warning(warning: str, draw_list: imgui.ImDrawList, x: float, y: float)
 
 
 def _draw_session_caption(workspace: Workspace, draw_list: imgui.ImDrawList, area: Area) -> None:
-    """Draws the caption of a scripted session at the top, with the key that it presses."""
+    """Draws the caption of a scripted session at the top, with the key that the session presses."""
     font, size = imgui.get_font(), 19.0
     grown = size / imgui.get_font_size()
     width = imgui.calc_text_size(workspace.caption).x * grown
@@ -157,8 +157,8 @@ def _draw_toasts(workspace: Workspace, draw_list: imgui.ImDrawList, area: Area) 
     live = perform.active_workspace == "Play" and perform.live is not None
     bottom = area.y + area.height - (70 if live else 14)  # Leave room for the live timeline.
     if perform.active_workspace in ("Perform", "Play"):
-        # Also leave room for the lines about performers, and for the line that shows what a press of Possess
-        # waits for.
+        # Also leave room for the lines about performers, and for the line with the condition for which
+        # Possess waits.
         bottom -= HOLDER_LINE_HEIGHT * (len(perform.holders) + perform.possession_requests.waits)
     for toast in reversed(workspace.editor.toasts.shown):
         bottom = _draw_toast(draw_list, area, toast, bottom) - 8

@@ -1,1 +1,1 @@
-"""Performing in the studio: the link to an edge, the characters on its stage, and recordings."""
+"""Performing in the studio: the connection to an edge, the characters on its stage, and recordings."""

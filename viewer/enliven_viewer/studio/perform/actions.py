@@ -23,7 +23,7 @@ class PerformAction:
     The shortcut of an action without workspaces is active in all of them.
 
     Attributes:
-        live: whether it applies to the followed stage or take, so that it is unavailable if none is followed.
+        live: True if the action applies to the followed stage or take. It is unavailable if none is followed.
     """
 
     label: str
@@ -45,7 +45,9 @@ class PerformAction:
         return "perform." + re.sub(r"[^a-z]+", "_", self.label.lower()).strip("_")
 
     def lacks(self, session: PerformSession) -> str:
-        """Returns why it is unavailable now, with advice; empty if it is available."""
+        """Returns the reason why the action is unavailable now, with advice, or an empty text if it is
+        available.
+        """
         return (NO_STAGE if self.live and session.live is None else "") or self.why_not(session)
 
 
@@ -85,7 +87,9 @@ def _make_possess_function(mode: Mode) -> Callable[[PerformSession], object]:
 def _make_group(
     group: str, rooms: tuple[str, ...], *rows: tuple[str, str, Callable[[LiveStage], object]]
 ) -> Iterator[PerformAction]:
-    """Yields actions on the followed stage for one submenu: label, shortcut and function of each."""
+    """Yields actions on the followed stage for one submenu. Each row contains label, shortcut
+    and function.
+    """
     for label, key, act in rows:
         yield PerformAction(label, key, _require_live_stage(act), rooms, group=group)
 
@@ -117,7 +121,7 @@ PERFORM_ACTIONS = (
         apart=True,
     ),
     PerformAction(
-        "Take the chosen character from the stage",
+        "Remove the chosen character from the stage",
         "",
         PerformSession.remove_from_stage,
         why_not=PerformSession.lacks_to_take_off,
@@ -136,7 +140,7 @@ PERFORM_ACTIONS = (
         why_not=PerformSession.lacks_edge,
     ),
     PerformAction(
-        "Record beside what was recorded last",
+        "Record an alternative take",
         "ctrl+shift+r",
         lambda session: session.recording.record_again(keeps_last=True),
         why_not=PerformSession.lacks_recording,
@@ -156,18 +160,18 @@ PERFORM_ACTIONS = (
         live=False,
     ),
     PerformAction("Possess alone", "p", _make_possess_function("alone"), _LIVE_WORKSPACES, apart=True),
-    PerformAction("Possess beside others", "j", _make_possess_function("join"), _LIVE_WORKSPACES),
+    PerformAction("Possess together with others", "j", _make_possess_function("join"), _LIVE_WORKSPACES),
     PerformAction("Hold with these parts as well", "e", _make_possess_function("extend"), _LIVE_WORKSPACES),
     PerformAction("Release", "r", _require_live_stage(LiveStage.release), _LIVE_WORKSPACES),
     PerformAction(
-        "Scale with both hands, or let it stay",
+        "Scale with both hands, or end scaling",
         "x",
         _require_live_stage(LiveStage.scale_by_hands),
         _LIVE_WORKSPACES,
         why_not=PerformSession.lacks_edge,
     ),
     PerformAction(
-        "Its own size again",
+        "Reset its size",
         "z",
         lambda session: session.live and session.sizes.reset(session.target, session.live.feed.ask),
         _LIVE_WORKSPACES,
@@ -190,17 +194,17 @@ PERFORM_ACTIONS = (
         ("Next performer", "b", LiveStage.choose_performer),
         ("Less smoothed", "comma", lambda live: live.change_smoothing(-1)),
         ("More smoothed", "period", lambda live: live.change_smoothing(1)),
-        ("Only who is here now performs", "k", LiveStage.toggle_lock),
+        ("Only people here now may perform", "k", LiveStage.toggle_lock),
         ("Learn the room again", "", LiveStage.learn_room),
     ),
     *_make_group(
         "Matches",
         _LIVE_WORKSPACES,
-        ("Next match with the pose", "n", lambda live: live.show_other_match(1)),
+        ("Next match", "n", lambda live: live.show_other_match(1)),
         ("Match before", "m", lambda live: live.show_other_match(-1)),
     ),
     PerformAction(
-        "Open the microphone, or close it",
+        "Open or close the microphone",
         "",
         lambda session: session.voice.toggle(session.client),
         why_not=PerformSession.lacks_voice,
@@ -228,29 +232,30 @@ PERFORM_ACTIONS = (
     *_make_group(
         "See",
         _LIVE_WORKSPACES,
-        ("Graph of the meshes", "g", lambda live: live.switch("graph")),
+        ("Deformation graph of the meshes", "g", lambda live: live.switch("graph")),
         ("Performers' skeletons", "s", lambda live: live.switch("body", "reveal", "cues")),
     ),
     PerformAction(
-        "Close to the limb that takes hold",
+        "Zoom to the limb before possession",
         "c",
         lambda session: session.close_up.toggle(),
         _LIVE_WORKSPACES,
         is_on=lambda session: session.close_up.is_on,
-        about="The view moves to the limb while a pose chooses it, shows its side too, and then moves back.",
+        about="While a pose chooses a limb, the view moves to the limb and also shows "
+        "it from the side. Then it moves back.",
         group="See",
     ),
     *_make_group(
-        "Playing back", _LIVE_WORKSPACES, ("Back to what is live", "l", lambda live: live.playhead.go_live())
+        "Playing back", _LIVE_WORKSPACES, ("Back to live", "l", lambda live: live.playhead.go_live())
     ),
     *_make_group(
         "Playing back",
         ("Play",),
         ("Pause the stage", "space", lambda live: live.playhead.toggle_pause()),
-        ("A pose back", "left", lambda live: live.playhead.step(-1)),
-        ("A pose on", "right", lambda live: live.playhead.step(1)),
+        ("One pose back", "left", lambda live: live.playhead.step(-1)),
+        ("One pose forward", "right", lambda live: live.playhead.step(1)),
         ("Faster", "up", lambda live: live.playhead.faster(1)),
         ("Slower", "down", lambda live: live.playhead.faster(-1)),
     ),
 )
-"""Every action; those of all workspaces come first."""
+"""All actions. Actions without a specific workspace come first."""

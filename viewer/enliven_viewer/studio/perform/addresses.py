@@ -1,4 +1,4 @@
-"""The addresses of edges that the window was connected to, newest first."""
+"""Stores the addresses of edges to which the window was connected, newest first."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from pathlib import Path
 from enliven.files import user_data_folder
 
 _MAX_ADDRESSES = 6
-"""Maximum number of stored addresses: a list that can be read at a glance."""
+"""Maximum number of stored addresses. A longer list would be hard to read."""
 
 
 class Addresses:
-    """A small file of addresses.
+    """A file with the most recently used addresses.
 
     Args:
         folder: folder of the file. None means the user's own data folder.
@@ -24,7 +24,7 @@ class Addresses:
 
     @property
     def addresses(self) -> tuple[str, ...]:
-        """Returns the addresses, newest first; the file is read once."""
+        """Returns the addresses, newest first. The file is read only once."""
         if self._addresses is None:
             self._addresses = ()
             with contextlib.suppress(OSError, UnicodeDecodeError):

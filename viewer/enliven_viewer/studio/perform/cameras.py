@@ -1,4 +1,4 @@
-"""The cameras of this machine, as listed by the edge's program, and test images of them."""
+"""Lists the cameras of this machine with the edge's program, and takes test images."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from enliven_viewer.language import later, tr
 log = logging.getLogger(__name__)
 
 _TEST_DURATION_S = "0.6"
-"""Duration in seconds of a test: enough for some images, and the frame rate."""
+"""Duration in seconds of a test. It is enough for some images and for measuring the frame rate."""
 _MAX_ANSWER_BYTES = 1 << 20
-"""Maximum number of bytes read of the edge's answer: a thousand cameras."""
+"""Maximum number of bytes read from the program's output: enough for a thousand cameras."""
 _MISSING_EDGE = later(
     "The camera program is not installed here, so only cameras of other computers can be used."
 )
@@ -36,9 +36,9 @@ class Camera(msgspec.Struct, frozen=True):
         title: name shown to people.
         sensor: name of the driver; empty if there is none.
         options: options of the driver.
-        trouble, remedy: why it cannot be used, and what to do; empty if it can.
-        hint: a note although it can be used; or empty.
-        depth: whether it measures depth, so that a test image can be made.
+        trouble, remedy: the reason why it cannot be used, and advice; empty if it can be used.
+        hint: a note about a camera that can be used; or empty.
+        depth: True if it measures depth, which test images need.
     """
 
     title: str
@@ -51,7 +51,7 @@ class Camera(msgspec.Struct, frozen=True):
 
     @property
     def words(self) -> tuple[str, ...]:
-        """Returns the arguments of ``enliven edge`` that start it."""
+        """Returns the arguments of ``enliven edge`` that start this camera."""
         settings = (word for name, value in self.options.items() for word in ("--set", f"{name}={value}"))
         return "--sensor", self.sensor, *settings
 
@@ -66,10 +66,10 @@ class CameraSearch:
 
     Attributes:
         cameras: the result of the last search; None before the first search has ended.
-        problem: why the search failed, or empty.
-        test_result: the last tested camera, and the result in words.
-        picture: (H, W, 3) sRGB of its depth image; None before the first image.
-        number: number of images so far, so that a panel can detect a new one.
+        problem: the reason why the search failed, or empty.
+        test_result: the last tested camera, and a sentence about the result.
+        picture: (H, W, 3) sRGB of the last test's depth image; None before the first image.
+        number: number of test images so far, so that a panel can detect a new image.
     """
 
     def __init__(self) -> None:
@@ -89,7 +89,7 @@ class CameraSearch:
 
     @property
     def tested_camera(self) -> Camera | None:
-        """Returns the camera that is being tested; None if no test is running."""
+        """Returns the camera that is being tested, or None if no test is running."""
         return None if self._search_process is None else self._search_process[2]
 
     def begin(self) -> None:
@@ -125,7 +125,7 @@ class CameraSearch:
         self._search_process = start_process(arguments, stderr=output, stdout=output), output, camera, path
 
     def poll(self) -> None:
-        """Takes the results of finished searches and tests. Call once per frame."""
+        """Fetches the results of finished searches and tests. Call once per frame."""
         if self._search is not None and self._search[0].poll() is not None:
             (process, out), self._search = self._search, None
             self._handle_search(_read_and_close(out), bool(process.returncode))

@@ -18,18 +18,19 @@ from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.studio.editor.editor import Editor
 
 _SIZE_TOLERANCE = 0.005
-"""Relative difference below which two sizes count as equal; an edge ignores it too."""
+"""Relative difference below which two sizes count as equal. An edge ignores such a difference too."""
 _RESEND_INTERVAL_S = 1.0
-"""Time after which a size is sent once more, in seconds. A restarted edge has lost it."""
+"""Seconds after which a size is sent again, because a restarted edge has lost it."""
 _TEXT_S = 3.0
-"""Time for which the text stays after scaling has ended, in seconds."""
+"""Seconds for which the text stays after scaling has ended."""
 
 
 class CharacterSizes:
-    """The character sizes read from the edge, and those of the project, which are sent to it.
+    """Synchronises character sizes: reads them from the edge, and sends the project's sizes to the edge.
 
     Attributes:
-        text: large text: the character with its size, and the effect of the hands; None for no text.
+        text: the large text: the character with its size, and the effect of moving the hands; None for no
+            text.
     """
 
     def __init__(self, editor: Editor) -> None:
@@ -41,19 +42,21 @@ class CharacterSizes:
 
     @property
     def scaled_character(self) -> str | None:
-        """Returns the character that hands are scaling; None for none."""
+        """Returns the character that a performer is scaling with the hands, or None if there is none."""
         return next((name for name, message in self._edge_sizes.items() if message.body >= 0), None)
 
     def find_size(self, name: str) -> float:
-        """Returns the size of a character on the stage, relative to its own size."""
+        """Returns the scale factor of a character on the stage, relative to its original size."""
         return self._edge_sizes[name].size if name in self._edge_sizes else 1.0
 
     def wanted_size(self, name: str) -> float:
-        """Returns the size that a character of the project should have there, relative to its own size."""
+        """Returns the scale factor that a character of the project should have on the stage."""
         return self._editor.project.handling.get(name, FREE).size
 
     def advance(self, client: EdgeClient, standing: Collection[str]) -> None:
-        """Reads sizes from the edge, stores those set by hands, and sends the project's where they differ."""
+        """Reads sizes from the edge, stores sizes set by gestures, and sends the project's sizes if they
+        differ.
+        """
         client.take(SIZES)
         before, self._edge_sizes = self._edge_sizes, {}
         for message in client.latest(SIZES).values():
@@ -74,24 +77,26 @@ class CharacterSizes:
                 self._send_value(client, Resize("set", name, size=size), size)
 
     def forget(self) -> None:
-        """Discards the edge's sizes after the link was closed."""
+        """Discards the edge's sizes after the connection was closed."""
         self.text, self._edge_sizes, self._sent_values = None, {}, {}
 
     def reset(self, name: str | None, ask: Callable[[Order], object]) -> None:
-        """Resets the size of a character; as an edit if the character is in the project."""
+        """Resets the size of a character. This is an edit if the character is in the project."""
         if name in self._editor.project.characters:
             self._edit(name, 1.0)
         elif name is not None:
             ask(Resize("set", name))
 
     def lacks_size(self, name: str | None) -> str:
-        """Returns why the size cannot be reset, with advice; empty if it can."""
+        """Returns the reason why the size cannot be reset, with advice, or an empty text if it
+        can be reset.
+        """
         if (
             name is not None
             and max(abs(self.find_size(name) - 1.0), abs(self.wanted_size(name) - 1.0)) > _SIZE_TOLERANCE
         ):
             return ""
-        return "It has its own size. Scale it with both hands first"
+        return "It already has its original size. Scale it with both hands first"
 
     def _update_text(self, before: dict[str, SizeMessage]) -> None:
         """Updates the displayed text."""
@@ -109,7 +114,7 @@ class CharacterSizes:
                 self.text = None
 
     def _store_size(self, name: str) -> None:
-        """Stores a size set by hands as an edit of the project."""
+        """Stores a size that was set by a gesture as an edit of the project."""
         if abs(self.find_size(name) / self.wanted_size(name) - 1.0) > _SIZE_TOLERANCE:
             self._edit(name, self.find_size(name))
 
@@ -121,7 +126,9 @@ class CharacterSizes:
         )
 
     def _send_exaggeration(self, name: str, client: EdgeClient) -> None:
-        """Sends the exaggeration of soft parts if the project, or a current drag, differs from the edge."""
+        """Sends the exaggeration of soft parts if the value of the project, or of a current drag, differs
+        from the edge's.
+        """
         project = self._editor.draft or self._editor.project
         edge_exaggeration = self._edge_sizes[name].exaggeration if name in self._edge_sizes else None
         wanted = project.handling.get(name, FREE).exaggeration
@@ -129,9 +136,8 @@ class CharacterSizes:
             self._send_value(client, Resize("exaggerate", name, exaggeration=wanted), wanted)
 
     def _send_value(self, client: EdgeClient, order: Resize, wanted: float | None) -> None:
-        """Sends the project's value.
-
-        Does not repeat it before the edge may have answered, or after a refusal.
+        """Sends a value of the project to the edge. Does not repeat it while an answer may still arrive, or
+        after a refusal.
         """
         key, now = (order.do, order.character or ""), time.monotonic()
         asked, when = self._sent_values.get(key, (np.nan, -_RESEND_INTERVAL_S))

@@ -1,4 +1,6 @@
-"""Moves the view to the limb that is about to be attached, and back. A second view shows it from the side."""
+"""Moves the view to the limb that the next possession attaches, and back. A second view shows the limb from
+the side.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +16,12 @@ from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.viewport.picking import Lens
 
 _FRAMING_MARGIN = 1.7
-"""Framing margin around the limb, so that neighbouring parts are visible too."""
+"""Size of the view relative to the limb, so that adjacent parts are visible too."""
 _MAX_PART_FRACTION = 0.75
 """If the part to be attached is larger than this fraction of the character, the view does not move."""
 _MIN_STAY_S = 0.7
-"""Minimum time in seconds that the view stays at a limb, so that it does not jump between two similar
-ones.
+"""Minimum time in seconds that the view stays at a limb, so that it does not jump between two limbs with
+similar scores.
 """
 _MIN_LIMB_MOVEMENT = 0.35
 """Minimum movement of a limb, as a fraction of its size, before the view follows."""
@@ -49,7 +51,9 @@ class CloseUp:
         self.is_on = not self.is_on
 
     def advance(self, seconds: float, scene: Scene | None, character_id: str | None) -> None:
-        """Moves the view to the part that is about to be attached, of a given character or of any."""
+        """Moves the view to the part that the next possession attaches. ``character_id`` restricts this to
+        one character.
+        """
         self._framed_for_s += seconds
         box = None if scene is None or not self.is_on else find_pending_limb_box(scene, character_id)
         if (
@@ -69,7 +73,9 @@ class CloseUp:
             self._go_to(box)
 
     def lens(self, width: float, height: float) -> Lens | None:
-        """Returns the side view of the limb for an image of this size in pixels; None without a limb."""
+        """Returns the side view of the limb for an image of ``width`` x ``height`` pixels, or None without a
+        limb.
+        """
         if self.box is None:
             return None
         camera = OrbitCamera(self.editor.camera.field_of_view)
@@ -126,7 +132,7 @@ def find_pending_limb_box(scene: Scene, character_id: str | None = None) -> Box 
 
 
 def _find_limb(scene: Scene, actor: SceneCharacter) -> Float | None:
-    """Returns the bones of the shown match, or the previewed nodes, (N, 3) in metres; None without a match
+    """Returns the bones of the shown match, or the previewed nodes, (N, 3) in metres, or None without a match
     and a preview.
     """
     board, cues = scene.boards.get(actor.character.id), actor.cues
@@ -136,7 +142,7 @@ def _find_limb(scene: Scene, actor: SceneCharacter) -> Float | None:
     if cues is None or cues.firm.all():
         return None
     nodes = cues.nodes[~cues.firm]
-    # Check the numbers, because an edge may send any node numbers.
+    # Check the node numbers, because an edge may send invalid numbers.
     is_valid = nodes < len(actor.pose.positions)
     return np.asarray(actor.pose.positions[nodes[is_valid]], np.float64)
 
@@ -147,6 +153,6 @@ def _measure_diagonal(box: Box) -> float:
 
 
 def _has_moved(box: Box, before: Box) -> bool:
-    """Returns True if a limb has moved, or is another one."""
+    """Returns True if a limb has moved, or is a different limb."""
     min_distance = _MIN_LIMB_MOVEMENT * max(_measure_diagonal(box), _measure_diagonal(before))
     return max(float(np.abs(box[k] - before[k]).max()) for k in (0, 1)) > min_distance

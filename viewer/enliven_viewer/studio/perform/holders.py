@@ -14,7 +14,7 @@ _PART_LABELS = {
     "hands": later("both hands"),
     "hip + right arm": later("hip and the right arm"),
 }
-"""The artist's words for body parts; others are used unchanged."""
+"""Displayed words for body parts. Names that are not listed are displayed unchanged."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Holder:
 
     @property
     def words(self) -> str:
-        """Returns a text for an audience: "Performer 1 is in the horse: both arms"."""
+        """Returns a text for an audience, such as "Performer 1 is in the horse: both arms"."""
         parts = [tr(_PART_LABELS.get(part, part)) for part in self.parts]
         return tr(
             "Performer {0} is in the {1}: {2}",
@@ -46,7 +46,9 @@ class Holder:
 
 
 class Holders:
-    """The attachments of all characters, and for each character the messages since it was last free."""
+    """Tracks the attachments of all characters. For each character, stores the messages since it was last
+    free.
+    """
 
     def __init__(self) -> None:
         self._parts: dict[str, dict[int, tuple[str, ...]]] = {}
@@ -54,7 +56,7 @@ class Holders:
 
     @property
     def now(self) -> tuple[Holder, ...]:
-        """Returns all performers that control something, by id."""
+        """Returns all performers that control a character, sorted by id."""
         holders = [
             Holder(body, name, own) for name, held in self._parts.items() for body, own in held.items()
         ]

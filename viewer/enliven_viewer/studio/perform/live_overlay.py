@@ -1,6 +1,5 @@
-"""The merge of a character that is both in the project and on an edge's stage (live overlay).
-
-The character is shown only once.
+"""Merges a character that is both in the project and on an edge's stage, so that it is shown only once (live
+overlay).
 """
 
 from __future__ import annotations
@@ -23,11 +22,11 @@ _Key = tuple[Project, frozenset[int]]
 
 @dataclass(frozen=True)
 class OverlayConditions:
-    """The conditions that decide which version is shown.
+    """The conditions that determine which version of a character is shown.
 
     Attributes:
-        is_performing: whether the workspace is for performing. In the others the project's version is edited.
-        plays_live: whether live motion counts; it does not while the project plays without a recording.
+        is_performing: True in a workspace for performing. The other workspaces edit the project's version.
+        plays_live: True if live motion is shown. It is False while the project plays without a recording.
         replaces_motion: whether a recording will replace the motion of the attached bones.
         held_ids: ids of the characters that performers control.
     """
@@ -40,7 +39,7 @@ class OverlayConditions:
 
 @dataclass
 class LiveOverlay:
-    """The merge of the live scene with the motion of the project.
+    """Merges the live scene with the motion of the project.
 
     Attributes:
         hidden: characters of the project that are currently replaced by live ones.
@@ -54,7 +53,7 @@ class LiveOverlay:
     def merge(self, scene: Scene, conditions: OverlayConditions) -> Scene:
         """Returns the scene without duplicates.
 
-        A rigged character plays its own motion at its place on the stage, with live motion added.
+        A rigged character plays its own motion at its position on the stage, with live motion added.
         """
         project_characters, actors, boards, hidden = (
             self.editor.project.characters,
@@ -89,7 +88,9 @@ class LiveOverlay:
     def _add_live_motion(
         self, shape: Shape, actor: SceneCharacter, conditions: OverlayConditions
     ) -> tuple[SceneCharacter, Float]:
-        """Returns a rigged character with its own motion and the live motion added, and its joints."""
+        """Returns a rigged character with its own motion plus the live motion, and its joints (N, 3) in
+        metres.
+        """
         replaced = frozenset[int]()
         if conditions.replaces_motion and conditions.plays_live and actor.cues is not None:
             replaced = frozenset(actor.cues.nodes[actor.cues.firm].tolist())
@@ -107,7 +108,7 @@ class LiveOverlay:
         return performed and _has_same_surface(shape, actor) and has_motion(self.editor.project, shape)
 
     def _add_performance(self, shape: GraphShape, actor: SceneCharacter) -> SceneCharacter:
-        """Returns a possessed mesh with its own motion and the live motion added."""
+        """Returns a possessed mesh with its own motion plus the live motion."""
         cached = self._performances.get(shape.id)
         if cached is None or cached[0] is not self.editor.project or cached[1] is not actor.character:
             live_over = LiveOverdub(self.editor.project, shape.id, actor.character)
@@ -115,8 +116,8 @@ class LiveOverlay:
         posed = self.editor.stage_character(shape.id)
         pose, drawn = cached[2].pose(actor.pose, posed.pose), posed.drawn
         assert drawn is not None
-        # Drop the cues. They refer to nodes of the mesh on the stage, which differ from the nodes of this
-        # mesh.
+        # Drop the cues, because they refer to nodes of the mesh on the stage, which differ from this mesh's
+        # nodes.
         return replace(actor, character=drawn, pose=pose, cues=None)
 
 
@@ -128,14 +129,16 @@ def _has_same_surface(character: RigBase, actor: SceneCharacter) -> bool:
 def _replaces_own(
     character: RigBase, actor: SceneCharacter, conditions: OverlayConditions, *, playing: bool
 ) -> bool:
-    """Returns True if the live version replaces the project's: it is being controlled, or nothing plays."""
+    """Returns True if the live version replaces the project's, because it is being controlled or the project
+    does not play.
+    """
     return conditions.plays_live and (
         not playing or (_has_same_surface(character, actor) and character.id in conditions.held_ids)
     )
 
 
 def _move_match_lines(board: MatchList, shape: Shape, actor: SceneCharacter, joints: Float) -> MatchList:
-    """Returns a character's matches with their lines moved to its joints (N, 3) as shown."""
+    """Returns a character's matches with their lines moved to its shown joints (N, 3)."""
     pose = actor.pose
     live = pose.positions + np.einsum("nij,nj->ni", pose.linear, shape.skeleton.vectors)
 

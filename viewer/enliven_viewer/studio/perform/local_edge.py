@@ -14,7 +14,7 @@ from enliven.wire import Endpoint, free_ports
 from enliven_viewer.language import tr
 
 _CLOSE_TIMEOUT_S = 5.0
-"""Seconds that an edge has to close its sensor before it is killed."""
+"""Seconds that an ending edge may take to close its sensor before it is killed."""
 
 
 class LocalEdge:
@@ -24,7 +24,7 @@ class LocalEdge:
         arguments: command line arguments, such as "--sensor", "synthetic".
 
     Attributes:
-        endpoint: address on which it will listen.
+        endpoint: address on which the edge will listen.
 
     Raises:
         ResourceError: if the edge's program is not installed.
@@ -42,7 +42,9 @@ class LocalEdge:
 
     @property
     def ended(self) -> str | None:
-        """Returns the last line of its output as the reason, if it has ended; None while it runs."""
+        """Returns the last line of the edge's output if the edge has ended, as the reason, or None while it
+        runs.
+        """
         if self._process.poll() is None:
             return None
         self._log.seek(0)
@@ -62,5 +64,5 @@ class LocalEdge:
 
 
 def start_replay(recording: Path | None) -> LocalEdge:
-    """Returns an edge that plays a recording in a loop; by default the bundled one."""
+    """Returns an edge that plays a recording in a loop, by default the bundled recording."""
     return LocalEdge("--loop", *(("--recording", str(recording)) if recording else ()))

@@ -13,7 +13,7 @@ from enliven_viewer.studio.perform.topic_state import NOT_READY_TEXT, TopicState
 LooseWorld = Literal["none", "boxes", "dodgeball"]
 LOOSE_WORLDS: tuple[LooseWorld, ...] = get_args(LooseWorld)
 LOOSE_LABELS = (later("Nothing loose"), later("Towers of boxes"), later("Dodgeball"))
-"""The artist's name for each of :data:`LOOSE_WORLDS`."""
+"""Displayed name of each of :data:`LOOSE_WORLDS`."""
 _OLD_EDGE = later("This stage's program is older: start it with --physics boxes.")
 _STATE_HINTS = {
     "off": later("Boxes and balls that a character can knock over."),
@@ -34,23 +34,25 @@ class StagePhysics:
         self._state.advance(client)
 
     def forget(self) -> None:
-        """Discards the edge's state after the link was closed."""
+        """Discards the edge's state after the connection was closed."""
         self._state.forget()
 
     @property
     def state(self) -> PhysicsMessage | None:
-        """Returns the state of the physics; None before the edge has sent it."""
+        """Returns the state of the physics, or None before the edge has sent it."""
         return self._state.message
 
     @property
     def number(self) -> int:
-        """Returns the number of the current entry of :data:`LOOSE_WORLDS`."""
+        """Returns the index of the current entry of :data:`LOOSE_WORLDS`."""
         on = self.state is not None and self.state.state in ("preparing", "on")
         return LOOSE_WORLDS.index(self.state.world) if on and self.state is not None else 0
 
     @property
     def words(self) -> str:
-        """Returns how to get objects, or why there are none, in at most two sentences."""
+        """Returns advice on how to get objects, or the reason why there are none, in at most
+        two sentences.
+        """
         state = self.state
         if state is None:
             return _OLD_EDGE if self._state.is_unsupported else NOT_READY_TEXT
@@ -60,11 +62,11 @@ class StagePhysics:
 
     @property
     def has_problem(self) -> bool:
-        """Returns True if the words describe a problem."""
+        """Returns True if :meth:`words` describes a problem."""
         return self.state is not None and self.state.state in ("missing", "failed")
 
     def ask(self, client: EdgeClient | None, number: int) -> None:
-        """Puts one of :data:`LOOSE_WORLDS` on the stage."""
+        """Requests entry ``number`` of :data:`LOOSE_WORLDS` on the stage."""
         if client is not None and self.state is not None:
             client.ask(PlayPhysics(LOOSE_WORLDS[number]), self._handle_answer)
 

@@ -1,4 +1,6 @@
-"""A press of *Possess*: carried out at once, as soon as possible, or refused with advice."""
+"""Handles a press of the *Possess* button: executes it immediately or once it is possible, or refuses it with
+advice.
+"""
 
 from __future__ import annotations
 
@@ -15,18 +17,22 @@ from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.perform.stage_sender import StageSender
 
 MAX_WAIT_S = 120.0
-"""Longest time that a press waits while the stage, a character or a performer is missing, in seconds. Kernels
-are compiled at the first start, and an artist alone walks from the keyboard to the camera."""
+"""Maximum seconds that a press waits for a stage, a character or a performer. The first start compiles
+kernels, and an artist that works alone walks from the keyboard to the camera.
+"""
 MIN_TIME_IN_VIEW_S = 0.8
-"""Time for which a new performer must be in view before the possession, in seconds. By then, the performer is
-completely visible and still."""
+"""Seconds for which a new performer must be in view before the possession. By then, the performer is
+completely visible and still.
+"""
 
 _BUSY_DELAY_S = 0.3
-"""Seconds without an answer after which the stage is reported as busy. Most answers take one frame."""
+"""If the edge has not answered after this number of seconds, the stage is reported as busy. Most answers take
+one frame.
+"""
 
 
 class FollowedStage(Protocol):
-    """The session that a press applies to, which follows a stage."""
+    """The session to which a press applies. It follows a stage."""
 
     editor: Editor
     live: LiveStage | None
@@ -39,7 +45,7 @@ class FollowedStage(Protocol):
 
     @property
     def client(self) -> EdgeClient | None:
-        """Returns the link to the edge."""
+        """Returns the client of the edge, or None if there is none."""
 
     @property
     def stage_ids(self) -> tuple[str, ...]:
@@ -50,23 +56,23 @@ class FollowedStage(Protocol):
         """Returns the ids of the performers in view."""
 
     def lacks_edge(self) -> str:
-        """Returns why no edge can be used; empty if an edge can be used."""
+        """Returns the reason why no edge can be used, or an empty text if one can be used."""
 
 
 @dataclass
 class _PendingPress:
-    """A press that is not answered yet.
+    """A press that is neither executed nor refused yet.
 
     Attributes:
-        mode: what happens to earlier attachments.
+        mode: treatment of existing attachments: keep or release them.
         character: id of the selected character; empty to let the edge choose.
         until: time at which the press expires, as returned by time.monotonic().
         asked: whether a request to the edge is unanswered.
         since: monotonic time of the first request.
-        of_scan: whether it applies to the character of a running scan.
-        had_to_wait: whether no performer was in view at some time.
+        of_scan: True if the press applies to the character of a running scan.
+        had_to_wait: True if at some time no performer was in view.
         seen_since: monotonic time since which a performer is in view.
-        is_accepted: whether it could be carried out, or could wait, at some time.
+        is_accepted: True if the press was not refused immediately.
     """
 
     mode: Mode
@@ -81,10 +87,10 @@ class _PendingPress:
 
 
 class PossessionRequests:
-    """Requests to possess a character now, or as soon as stage, character and performer are there.
+    """Executes requests to possess a character once the stage, the character and a performer are available.
 
     Attributes:
-        words: the condition that a press waits for, shown as large text; empty if it does not wait.
+        words: the condition for which a press waits, shown as large text; empty if no press waits.
     """
 
     def __init__(self, stage: FollowedStage) -> None:
@@ -94,7 +100,7 @@ class PossessionRequests:
 
     @property
     def waits(self) -> bool:
-        """Returns True if a press is waiting; the next press cancels it."""
+        """Returns True if a press is waiting. The next press cancels it."""
         return bool(self.words)
 
     def press(self, mode: Mode = "alone") -> None:
@@ -117,7 +123,7 @@ class PossessionRequests:
         self._press, self.words = None, ""
 
     def advance(self) -> None:
-        """Advances a press as far as possible. Call once per frame."""
+        """Executes a waiting press if its conditions are met. Call once per frame."""
         press = self._press
         if press is None:
             return
@@ -131,17 +137,20 @@ class PossessionRequests:
         press.is_accepted = True
         self.words = self._describe_missing(press)
         if self.words and time.monotonic() > press.until:
-            self._refuse(tr("Possess has waited too long") + ". " + self.words)
+            self._refuse(tr("Possess has timed out") + ". " + self.words)
         elif not self.words:
             self._send_request(press)
 
     def _find_refusal(self, press: _PendingPress) -> str:
-        """Returns why the button press can never be carried out; empty if it may still be carried out."""
+        """Returns the reason why the press can never be executed, or an empty text if it may still be
+        executed.
+        """
         stage, live = self._stage, self._stage.live
         if live is None:
             return stage.lacks_edge()
         if not stage.connected:
-            # An edge is silent for seconds while it prepares a character. An earlier press outlasts this.
+            # An edge is silent for seconds while it prepares a character. A press from before stays valid
+            # during this time.
             is_coming = press.is_accepted or (live.is_local and not len(live.document.timeline))
             return "" if is_coming else stage.lacks_edge()
         name, phase = press.character, self._scan_message.phase
@@ -161,11 +170,11 @@ class PossessionRequests:
             )
         is_known = stage.client is not None and stage.client.edges[0].complete
         is_coming = bool(stage.sender.states) or press.of_scan or phase == "finishing" or not is_known
-        nothing = tr("Nothing stands on the stage. Choose a character, and put it there")
+        nothing = tr("The stage has no character. Choose one, and put it there")
         return "" if stage.stage_ids or is_coming else nothing
 
     def _describe_missing(self, press: _PendingPress) -> str:
-        """Returns what is still missing; empty if nothing is."""
+        """Returns a text about the missing condition, or an empty text if all are met."""
         stage, live = self._stage, self._stage.live
         if live is None or stage.client is None:
             return ""
@@ -192,7 +201,7 @@ class PossessionRequests:
     def _describe_missing_character(self, press: _PendingPress) -> str:
         """Puts the character on the stage if it is missing.
 
-        Returns a text while it is awaited, else empty.
+        Returns a text while the character is not there yet, otherwise an empty text.
         """
         stage, name = self._stage, press.character
         project_characters = stage.editor.project.characters
@@ -205,7 +214,7 @@ class PossessionRequests:
         return tr("{0} is being made ready for the stage", name) if name else tr("A character is on its way")
 
     def _describe_busy_stage(self, press: _PendingPress) -> str:
-        """Returns a text if the edge has not answered for a while."""
+        """Returns a text if the edge has not answered for a while, otherwise an empty text."""
         lasts = press.since is not None and time.monotonic() - press.since > _BUSY_DELAY_S
         return tr("The stage is busy. Please wait a moment") if lasts else ""
 
@@ -221,7 +230,7 @@ class PossessionRequests:
         stage.client.ask(order, lambda answer: self._handle_answer(press, answer))
 
     def _handle_answer(self, press: _PendingPress, answer: Answer) -> None:
-        """Handles the edge's answer. A busy edge is asked again."""
+        """Handles the edge's answer. If the edge is busy, the request is sent again."""
         if press is not self._press:
             return
         if isinstance(answer, Refused) and answer.reason.endswith(NO_ANSWER_TEXT):

@@ -1,4 +1,6 @@
-"""The performers as seen by their camera, in the corner of the view that covers the characters least."""
+"""Computes the camera preview of the performers, and places it in the corner where it covers the characters
+least.
+"""
 
 from __future__ import annotations
 
@@ -12,37 +14,39 @@ from enliven.person import BONES, Body
 from enliven.wire import CameraMessage
 
 ASSUMED_CAMERA_HEIGHT = 1.1
-"""Height in metres of an assumed camera, as on a table, if the messages do not contain the camera's
+"""Assumed height of the camera in metres, as on a table. Used if the messages do not contain the camera's
 position.
 """
 _TAN_HALF_FOV = np.tan(np.radians(29.0))
-"""Tangent of half the vertical field of view: depth cameras have 56 to 60 degrees."""
+"""Tangent of half the assumed vertical field of view. Depth cameras have 56 to 60 degrees."""
 DEFAULT_ASPECT = 1.2
-"""Aspect ratio of the view: that of depth cameras, slightly cropped."""
+"""Default aspect ratio of the preview: that of depth cameras, slightly cropped."""
 _MIN_CAMERA_DISTANCE = 0.6
-"""Minimum distance in metres of a depth camera. If performers are nearer, an assumed camera in front of them
-is used.
+"""Minimum working distance of a depth camera in metres. If performers are nearer to the assumed camera, the
+camera is moved back.
 """
 _ASSUMED_CAMERA_DISTANCE = 2.5
-"""Distance in metres of that assumed camera: the usual distance."""
+"""Distance in metres from the performers to the moved camera: the usual distance."""
 _HEIGHT_FRACTION = 0.3
-"""Fraction of the view's height, so that the character stays the main subject."""
+"""Height of the inset as a fraction of the view's height, so that the character stays the main subject."""
 _MIN_HEIGHT = 104.0
-"""Minimum height in pixels: poses are recognisable from this size on."""
+"""Minimum height in pixels. Poses are not recognisable in a smaller image."""
 _MAX_HEIGHT = 400.0
-"""Maximum height in pixels: a larger image shows no more detail."""
+"""Maximum height in pixels. A larger image shows no more detail."""
 _MAX_WIDTH_FRACTION = 0.45
-"""Maximum fraction of the view's width for all insets side by side."""
+"""Maximum total width of all insets side by side, as a fraction of the view's width."""
 _MARGIN = 14.0
 """Distance in pixels from the border of the view."""
 _BOTTOM_SPACE = 62.0
-"""Space in pixels at the bottom for the live timeline in Play, and for messages elsewhere."""
+"""Space in pixels below the inset, for the live timeline in the Play workspace and for messages in others."""
 _MIN_CORNER_GAIN = 0.25
-"""Minimum improvement, as a fraction of the inset, for moving to another corner, so that it does not jump
-about.
+"""The inset moves to another corner only if this reduces the covered area by at least this fraction of the
+inset.
 """
 _CORNER_SEARCH_FRAMES = 20
-"""Number of frames between two searches for a free corner, since that needs the characters' vertices."""
+"""Number of frames between two searches for a free corner. The search is slow, because it needs the
+characters' vertices.
+"""
 
 Rectangle = tuple[float, float, float, float]
 """Left, top, width and height in pixels."""
@@ -53,12 +57,12 @@ class ProjectedBody:
     """A performer as seen by a camera.
 
     Attributes:
-        id: number of the performer in the window.
-        places: (20, 2) position in the view: 0 to the aspect ratio to the right, 0 to 1 down; NaN behind the
-            camera.
-        depth: (20,) metres in front of the camera.
-        confidence: (20,) in [0, 1].
-        focal: focal length in view heights.
+        id: id of the performer in this window.
+        places: (20, 2) joint positions in the image. x runs to the right from 0 to the aspect ratio, y runs
+            down from 0 to 1. NaN behind the camera.
+        depth: (20,) depth of the joints in front of the camera in metres.
+        confidence: (20,) tracking confidence of the joints in [0, 1].
+        focal: focal length as a multiple of the image height.
     """
 
     id: int
@@ -69,11 +73,11 @@ class ProjectedBody:
 
     @property
     def bones(self) -> list[tuple[int, int]]:
-        """Returns the bones, farthest first."""
+        """Returns the bones as pairs of joint indices, farthest first."""
         return sorted(BONES, key=lambda bone: -float(self.depth[list(bone)].sum()))
 
     def pixels(self, metres: float, joint: int) -> float:
-        """Returns the size of a length at a joint, as a fraction of the view's height."""
+        """Returns the projected size of a length at a joint, as a fraction of the image height."""
         return float(metres * self.focal / max(self.depth[joint], _MIN_CAMERA_DISTANCE))
 
 
@@ -118,7 +122,9 @@ def _project_body(camera: CameraMessage, body: Body) -> ProjectedBody:
 
 
 class PreviewPlacement:
-    """The place of the inset. It stays in a corner until another one covers much less."""
+    """Chooses the corner of the inset. The inset stays in a corner until it would cover much less in another
+    corner.
+    """
 
     def __init__(self) -> None:
         self._corner, self._frame_count = 0, 0
@@ -131,8 +137,9 @@ class PreviewPlacement:
         Several cameras are side by side.
 
         Args:
-            views: total width of the camera views, in units of one with aspect ratio :data:`DEFAULT_ASPECT`.
-            covered: returns the rectangles of the characters in pixels; called only now and then.
+            views: total width of the camera images, as a multiple of an image with aspect ratio
+                :data:`DEFAULT_ASPECT`.
+            covered: returns the rectangles of the characters in pixels. It is called only every few frames.
         """
         fits = min(
             _MAX_HEIGHT,
@@ -157,7 +164,7 @@ class PreviewPlacement:
 
 
 def find_rectangle(pixels: Float) -> Rectangle | None:
-    """Returns the bounding rectangle of pixels (N, 2); None if one is behind the camera."""
+    """Returns the bounding rectangle of pixels (N, 2), or None if one is behind the camera."""
     if not len(pixels) or not np.isfinite(pixels).all():
         return None
     low, high = pixels.min(0), pixels.max(0)

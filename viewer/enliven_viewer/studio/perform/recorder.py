@@ -1,4 +1,4 @@
-"""Collects an edge's messages from a start time on, together with the required history."""
+"""Records an edge's messages from a start time on, together with the required earlier messages."""
 
 from __future__ import annotations
 
@@ -14,18 +14,19 @@ from enliven_viewer.studio.perform.holders import Holders
 from enliven_viewer.studio.perform.stillness import Stillness
 
 _MAX_EARLIER_FRAMES = 18_000
-"""Maximum number of body frames stored from before a recording: ten minutes, since an attachment may be that
-old.
+"""Maximum number of body frames from before a recording: ten minutes. A recording needs the body at the time
+of each attachment.
 """
 
 
 class LiveRecorder:
-    """A recorder that receives all messages. It keeps those between :meth:`begin` and :meth:`end`.
+    """A recorder that receives all messages, and records those between :meth:`begin` and :meth:`end`.
 
     Attributes:
-        holders: the performers, each with the character that it controls.
-        stillness: how long all performers have held still in this recording.
-        is_cut_short: whether the sensor's clock restarted during the recording. Later messages are left out.
+        holders: the performers and the characters that they control.
+        stillness: measures how long all performers have held still in this recording.
+        is_cut_short: True if the sensor's clock restarted during the recording. Later messages are not
+            recorded.
     """
 
     def __init__(self) -> None:
@@ -48,7 +49,9 @@ class LiveRecorder:
 
     @property
     def still_s(self) -> float:
-        """Returns for how many seconds all performers have held still, after they moved in this recording."""
+        """Returns the seconds for which all performers have held still, since they last moved in this
+        recording.
+        """
         return self.stillness.seconds(self.newest_ns or 0)
 
     @property
@@ -59,7 +62,7 @@ class LiveRecorder:
         return max(self.newest_ns - self._recording.since_ns, 0) / NS_PER_S
 
     def begin(self, name: str, delay_ns: int = 0) -> None:
-        """Starts recording now, or at the first message if the sensor's clock is not known yet.
+        """Starts recording now, or at the first message if the sensor's clock is still unknown.
 
         Args:
             delay_ns: latency from a performer's movement to its arrival here.
@@ -86,7 +89,7 @@ class LiveRecorder:
         return kept
 
     def copy_unfinished(self) -> PerformedMotion | None:
-        """Returns a copy of the unfinished recording, which continues; None without a recording."""
+        """Returns a copy of the unfinished recording, which continues, or None without a recording."""
         if self._recording is None:
             return None
         kept = self._recording
@@ -117,7 +120,7 @@ class LiveRecorder:
                 self._recording.events.append(value)
 
     def handle_restart(self) -> None:
-        """Handles a restart: a new clock begins, and all attachments are gone."""
+        """Handles a restart of the edge: a new clock begins, and all attachments are gone."""
         self.newest_ns, self.is_cut_short = None, self.recording and self._delay_ns is None
         self._earlier_frames.clear()
         self.holders.forget()
@@ -132,7 +135,7 @@ class LiveRecorder:
         kept.poses.setdefault(key, []).append(pose)
 
     def _follow_clock(self, time_ns: int) -> None:
-        """Follows the sensor's clock, and starts a recording that waits for it.
+        """Updates the known sensor time, and starts a recording that waits for it.
 
         After a slow frame, many messages arrive at once, topic by topic, so their times are not in order.
         """

@@ -18,35 +18,38 @@ from enliven_viewer.studio.perform.secondary_edges import SecondaryEdge
 _COUNT_IN_S = 3.0
 """Length of the count-in in seconds: one beat per second."""
 _SILENCE_TIMEOUT_S = 4.0
-"""Seconds without messages from an edge after which a recording ends. A weak link recovers sooner."""
+"""Seconds without messages from an edge after which a recording ends. Short network interruptions are
+shorter.
+"""
 _MIN_SPAN_S = 0.05
-"""Minimum length of the marked span in seconds. A shorter one is an accident."""
+"""Minimum length of the marked span in seconds. A shorter span is probably unintended."""
 _RECORD_PREFIX = "record "
-"""Prefix of the history name of a recording."""
+"""Prefix of a recording's name in the undo history."""
 _MUTE_PREFIX = "silence "
-"""Prefix of the history name of an edit that mutes takes before recording an alternative."""
+"""Prefix of the name in the undo history of the edit that mutes takes before recording an alternative."""
 Phase = Literal["idle", "counting", "recording"]
 
 
 class StageRecording:
-    """A recording of a stage for as long as the artist wants, stored as one edit of the project.
+    """Records a stage until the artist stops it, and stores the recording as one edit of the project.
 
     Args:
         editor: the editor; recordings become edits of its project.
-        live: returns the followed stage; None without a link.
+        live: returns the followed stage; None without a connection.
         connected: returns whether messages arrive from an edge.
-        may: takes a text about a missing condition, shows it, and returns True if the text is empty.
-        lacks: returns why the edge cannot be used; empty if it can.
+        may: a function that takes a text about a missing condition, shows it, and returns True if the text is
+            empty.
+        lacks: returns the reason why the edge cannot be used; empty if it can be used.
         guests: secondary edges that are recorded too, each by its own clock.
 
     Attributes:
         recorder: receives all messages.
-        phase: whether a recording is counting in or running.
-        replaces: whether a recording replaces the existing motion of the moved bones, instead of being added
+        phase: the state: no recording, counting in, or running.
+        replaces: True if a recording replaces the existing motion of the moved bones. Otherwise it is added
             (overdub).
         count_in: whether three beats precede a recording.
         hold_still: seconds of stillness of all performers that end a recording; 0 disables this.
-        loops: whether the span is recorded repeatedly, each pass as another alternative.
+        loops: True to record the span repeatedly. Each pass becomes an alternative take.
         phase_when_pressed: the phase at the time when the mouse button went down on the record button.
     """
 
@@ -83,7 +86,7 @@ class StageRecording:
             if self._count_in_left_s <= 0.0:
                 self._begin()
         elif self.phase == "recording":
-            # Move the playhead by the sensor's clock, regardless of the frame rate.
+            # Set the playhead from the sensor's clock, so that it does not depend on the frame rate.
             self.editor.recorded_until_s = self.editor.time = self._start_time + self.seconds
             is_connected = self._connected() or any(guest.connected for guest in self._secondary_edges)
             self._silent_s = 0.0 if is_connected else self._silent_s + seconds
@@ -102,7 +105,7 @@ class StageRecording:
 
     @property
     def seconds(self) -> float:
-        """Returns the recorded length in seconds, by the clock of the edge that is furthest."""
+        """Returns the recorded length in seconds: the maximum over all edges."""
         return max(
             recorder.seconds
             for recorder in (self.recorder, *(guest.recorder for guest in self._secondary_edges))
@@ -110,7 +113,7 @@ class StageRecording:
 
     @property
     def beat(self) -> int:
-        """Returns the current beat of the count-in: 3, 2, 1; 0 if no count-in is running."""
+        """Returns the current beat of the count-in: 3, 2, 1, or 0 if no count-in is running."""
         return int(self._count_in_left_s) + 1 if self.phase == "counting" else 0
 
     @property
@@ -141,10 +144,11 @@ class StageRecording:
             self.phase, self._count_in_left_s = "counting", _COUNT_IN_S if self.count_in else 0.0
 
     def record_again(self, *, keeps_last: bool = False) -> None:
-        """Starts again where the recording began. A running recording is dropped; a finished one is undone.
+        """Starts again where the recording began. Drops a running recording, and undoes a finished recording.
 
         Args:
-            keeps_last: whether to keep the finished one, muted, as an alternative of the new one.
+            keeps_last: True to keep the finished recording, muted, as an alternative take of the new
+                recording.
         """
         if self.phase == "idle":
             if not self.last_recording:
@@ -165,12 +169,12 @@ class StageRecording:
 
     @property
     def last_recording(self) -> str:
-        """Returns the name of the recording if it was the last edit; else empty."""
+        """Returns the name of the recording if it was the last edit, otherwise an empty text."""
         name = self.editor.history.undo_name or ""
         return name.removeprefix(_RECORD_PREFIX) if name.startswith(_RECORD_PREFIX) else ""
 
     def _mute_alternatives(self, alternatives: str) -> None:
-        """Mutes all takes of a group, before another one is recorded."""
+        """Mutes all takes of a group of alternatives, before another take is recorded."""
         self.editor.edit(
             later("silence {0}", alternatives), lambda p: choose_take(p, alternatives, ""), over_locks=True
         )
@@ -220,7 +224,8 @@ class StageRecording:
             editor.playing, self._new_take = True, shown_names[-1]
 
     def make_unfinished_edit(self) -> Callable[[Project], Project] | None:
-        """Returns the edit that stores the unfinished recording, which continues; None without a recording.
+        """Returns the edit that stores the unfinished recording, which continues, or None without a
+        recording.
 
         The edit has its own copy of the recording, so it may run in another thread.
         """
@@ -244,12 +249,14 @@ class StageRecording:
             self.editor.undo()
 
     def take_last_character(self) -> str:
-        """Returns the character that was recorded last, only once; empty if it was requested already."""
+        """Returns the character that was recorded last, and forgets it, so that the next call returns an
+        empty text.
+        """
         fresh, self._new_take = self._new_take, ""
         return fresh
 
     def _end_recorders(self) -> list[PerformedMotion]:
-        """Ends all recorders and returns their recordings, the primary edge's first."""
+        """Ends all recorders and returns their recordings. The primary edge's recording comes first."""
         return [
             recorder.end()
             for recorder in (self.recorder, *(g.recorder for g in self._secondary_edges))
@@ -266,7 +273,7 @@ class StageRecording:
             self._begin()
 
     def _begin(self) -> None:
-        """Starts recording, while the project plays from the playhead on."""
+        """Starts recording, and plays the project from the playhead on."""
         editor, live = self.editor, self._live()
         assert live is not None
         self.phase, self._silent_s = "recording", 0.0

@@ -1,4 +1,4 @@
-"""Secondary edges in addition to the primary one. Their performers are shown and recorded too."""
+"""Secondary edges. Their performers are shown and recorded in addition to those of the primary edge."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from enliven_viewer.studio.perform.recorder import LiveRecorder
 
 
 class SecondaryEdge(FollowedEdge):
-    """A secondary edge, which is shown and recorded in addition to the primary one.
+    """A secondary edge, which is shown and recorded in addition to the primary edge.
 
     Its characters are called "edge/name", so that two chairs have different ids.
 
     Args:
         address: HOST or HOST:PORT.
         number: number of the secondary edge, from 1.
-        prefix: returns the first part of its characters' ids, for its name.
+        prefix: returns the prefix of its characters' ids, given the edge's name.
 
     Attributes:
-        recorder: receives everything that arrives from it.
+        recorder: receives all messages from this edge.
 
     Raises:
         InputError: if the address is invalid.
@@ -47,7 +47,7 @@ class SecondaryEdge(FollowedEdge):
 
     @property
     def performers(self) -> tuple[int, ...]:
-        """Returns the ids of its performers, as assigned by that edge."""
+        """Returns the edge's own ids of its performers."""
         return tuple(sorted(body.id for body in self.live.scene.bodies)) if self.connected else ()
 
     @property
@@ -69,7 +69,7 @@ class SecondaryEdge(FollowedEdge):
         return round(1e6 * (edge.sensor_to_pose_ms + (edge.pose_to_screen_ms or 0.0)))
 
     def advance(self, seconds: float) -> None:
-        """Processes received messages, and makes its scene."""
+        """Processes received messages, and makes the edge's scene."""
         self.receive(seconds)
         self.live.compose(seconds)
 

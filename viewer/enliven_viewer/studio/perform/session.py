@@ -43,7 +43,7 @@ WORKSPACES = ("Perform", "Animate", "Model", "Play")
 
 
 class PerformSession:
-    """The window's link to one edge or to a take, and the recording from it.
+    """The window's connection to one edge or to a take, and the recordings from it.
 
     Args:
         editor: the editor; recordings become edits of its project.
@@ -51,8 +51,8 @@ class PerformSession:
 
     Attributes:
         active_workspace: the current workspace, one of :data:`WORKSPACES`.
-        live: the followed stage or take; None without a link.
-        scene: the live scene, shown next to the project's characters; None without a link.
+        live: the followed stage or take; None without a connection.
+        scene: the live scene, shown next to the project's characters; None without a connection.
         stage_selection: the character selected in the stage's list, if it is not in the project.
         recording: records from the stage onto the timeline.
         secondary_edges: secondary edges, which are shown and recorded too.
@@ -60,7 +60,7 @@ class PerformSession:
         possession_requests: handles requests to possess a character, now or as soon as possible.
         voice: spoken commands.
         physics: loose objects on the stage.
-        close_up: the view of the limb that is about to be attached.
+        close_up: moves the view to the limb that the next possession attaches.
         address: text in the address field.
         cameras: the cameras of this machine.
         edge_search: the edges on the network.
@@ -90,13 +90,12 @@ class PerformSession:
         self._feed: EdgeFeed | None = None
         self._local_edge: LocalEdge | None = None
         self._framed_objects: tuple[str, ...] = ()
-        self._awaiting_stage: tuple[str, ...] = ()  # These characters wait for a stage.
+        self._awaiting_stage: tuple[str, ...] = ()  # Characters that wait for a stage.
 
     @property
     def shortcut_workspace(self) -> str:
-        """Returns the workspace with its own shortcuts.
-
-        Returns an empty string in *Play* without a stage, where the project plays.
+        """Returns the name of the workspace that determines the active shortcuts. Returns an empty string in
+        *Play* without a stage, because there the general shortcuts play the project.
         """
         return "" if self.active_workspace == "Play" and self.live is None else self.active_workspace
 
@@ -112,7 +111,7 @@ class PerformSession:
         self.addresses.remember(address.strip())
 
     def _follow_edge(self, address: str, settings: PlaybackSettings | None = None) -> None:
-        """Follows the edge at an address in place of the current one."""
+        """Disconnects the current edge, and follows the edge at an address."""
         client = EdgeClient([address], "enliven window")
         self.disconnect()
         self._client, self._feed = client, (feed := EdgeFeed(client))
@@ -123,7 +122,7 @@ class PerformSession:
         """Adds a secondary edge. Its performers are shown and recorded next to the others.
 
         Raises:
-            InputError: if the address is invalid, or is followed already.
+            InputError: if the address is invalid, or already followed.
         """
         wanted = address.strip()
         if self._client is None:
@@ -135,7 +134,7 @@ class PerformSession:
         ]
         if parse_endpoint(wanted) in endpoints:
             remedy = tr("Give the address of another camera's computer.")
-            raise InputError(tr("that stage is here already"), where=wanted, remedy=remedy)
+            raise InputError(tr("that stage is already followed"), where=wanted, remedy=remedy)
         # Use the smallest free number, so that no two edges have the same number.
         taken = {guest.number for guest in self.secondary_edges}
         number = next(n for n in range(1, len(taken) + 2) if n not in taken)
@@ -157,12 +156,12 @@ class PerformSession:
             self.add_secondary(address, settings)
 
     def remove_secondary(self, guest: SecondaryEdge) -> None:
-        """Disconnects a secondary edge. Its part of a running recording is kept."""
+        """Disconnects a secondary edge. Keeps its part of a running recording."""
         guest.close()
         self.secondary_edges.remove(guest)
 
     def connect_local(self, *words: str) -> None:
-        """Starts an edge on this machine and follows it; ``words`` are its command line arguments.
+        """Starts an edge on this machine and follows it. ``words`` are its command line arguments.
 
         Raises:
             ResourceError: if the edge's program is not installed.
@@ -186,9 +185,8 @@ class PerformSession:
         )
 
     def disconnect(self) -> None:
-        """Disconnects the edge. The recording so far is kept.
-
-        A local edge ends together with its stage. Its characters go onto the next stage.
+        """Disconnects the edge. Keeps the recording made so far. Ends a local edge together with its stage.
+        The project's characters on the stage are put onto the next stage.
         """
         self.recording.stop()
         if self._local_edge is not None:
@@ -227,17 +225,17 @@ class PerformSession:
 
     @property
     def client(self) -> EdgeClient | None:
-        """Returns the link to the edge; None without an edge, and while a take is played."""
+        """Returns the client of the edge, or None without an edge, and while a take is played."""
         return self._client
 
     @property
     def camera(self) -> CameraMessage | None:
-        """Returns the position and the image of the edge's camera; None if it does not send them."""
+        """Returns the pose and the image of the edge's camera, or None if the edge does not send them."""
         return None if self._client is None else get_camera(self._client)
 
     @property
     def stage(self) -> StageLink | None:
-        """Returns the stage of the edge; None without an edge."""
+        """Returns the stage of the edge, or None without an edge."""
         return None if self._client is None else self._client.stage
 
     @property
@@ -278,12 +276,12 @@ class PerformSession:
 
     @property
     def hidden(self) -> frozenset[str]:
-        """Returns the characters of the project that are replaced on screen by their live versions."""
+        """Returns the hidden characters of the project: their live versions are shown instead."""
         return self._live_overlay.hidden if self.scene is not None else frozenset()
 
     @property
     def target(self) -> str | None:
-        """Returns the character that orders apply to: the selected one; None if it is not on the stage."""
+        """Returns the selected character, to which orders apply, or None if it is not on the stage."""
         chosen = self.editor.selection.character or self.stage_selection
         return chosen if chosen in self.stage_ids else None
 
@@ -322,7 +320,7 @@ class PerformSession:
             self._framed_objects = self.live.present
 
     def _advance_stages(self, live: LiveStage, seconds: float) -> None:
-        """Processes the messages of all edges, and makes their scenes of one moment."""
+        """Processes the messages of all edges, and makes the scenes of all edges for the same moment."""
         if self._client is not None and self._client.status is not None and self.secondary_edges:
             self.shared_space.place(self._client.edges[0].name, self.secondary_edges)
         live.receive(seconds)
@@ -357,7 +355,7 @@ class PerformSession:
             self.sender.send_all_again(self._client.stage, self.editor.project)
 
     def _handle_message(self, topic: Topic, value: Any) -> None:
-        """Handles commands from a pedal or a voice, and passes all other messages to the recorder."""
+        """Handles commands from a pedal or the microphone, and passes all other messages to the recorder."""
         if topic is not CALLS:
             self.recording.recorder.record(topic, value)
         elif value.word == "again":
@@ -368,7 +366,9 @@ class PerformSession:
     # Characters on the stage ------------------------------------------------------------------------------
 
     def lacks_edge(self) -> str:
-        """Returns why no edge can be used, with advice; empty if an edge can be used."""
+        """Returns the reason why no edge can be used, with advice, or an empty text if an edge
+        can be used.
+        """
         if self.connected:
             return ""
         if self.live is not None and self.live.is_local and not len(self.live.document.timeline):
@@ -376,22 +376,28 @@ class PerformSession:
         return "The stage is silent. Check that its camera's program runs"
 
     def lacks_voice(self) -> str:
-        """Returns why the microphone cannot be switched, with advice; empty if it can."""
+        """Returns the reason why the microphone cannot be switched, with advice, or an empty
+        text if it can.
+        """
         return self.lacks_edge() or (self.voice.status if self.voice.state is None else "")
 
     def lacks_physics(self) -> str:
-        """Returns why the physics cannot be switched, with advice; empty if they can."""
+        """Returns the reason why the physics cannot be switched, with advice, or an empty text
+        if they can.
+        """
         return self.lacks_edge() or (self.physics.words if self.physics.state is None else "")
 
     def lacks_recording(self) -> str:
-        """Returns why no alternative of the last recording can be recorded, with advice; empty if this is
-        possible.
+        """Returns the reason why no alternative of the last recording can be recorded, with advice. The text
+        is empty if this is possible.
         """
         last = self.recording.last_recording or self.recording.phase == "recording"
         return self.lacks_edge() or ("" if last else "Nothing was recorded yet. Record first")
 
     def lacks_to_put(self) -> str:
-        """Returns why the selected character cannot be put on the stage, with advice; empty if it can."""
+        """Returns the reason why the selected character cannot be put on the stage, with advice. The text is
+        empty if it can.
+        """
         character = self.editor.find_selected()
         if character is None:
             return self.lacks_edge() or "Nothing is chosen. Click the character that you want to perform"
@@ -399,7 +405,9 @@ class PerformSession:
         return self.lacks_edge() or no_surface_text
 
     def lacks_to_take_off(self) -> str:
-        """Returns why the selected character cannot leave the stage, with advice; empty if it can."""
+        """Returns the reason why the selected character cannot leave the stage, with advice, or an empty
+        text if it can.
+        """
         is_on_stage = self.editor.selection.character in self.stage_ids
         return self.lacks_edge() or ("" if is_on_stage else "It is not on the stage. Choose one that is")
 
@@ -409,10 +417,10 @@ class PerformSession:
             self.sender.send(self.stage, self.editor.project, self.editor.selection.character or "")
 
     def put_when_ready(self, name: str) -> None:
-        """Puts a character on the stage, or on the next one that is connected."""
+        """Puts a character on the stage, or on the next connected stage if there is none now."""
         self._awaiting_stage = (*(other for other in self._awaiting_stage if other != name), name)
         if not self.connected:
-            message = tr("{0} goes onto the stage as soon as there is one", name)
+            message = tr("{0} will be put on the stage once one is connected", name)
             self.editor.toasts.say(message, tr("Connect to a camera at the right, or to a recorded person."))
 
     @property
@@ -430,19 +438,19 @@ class PerformSession:
                 self.sender.send(self.stage, self.editor.project, name)
 
     def remove_from_stage(self, name: str = "") -> None:
-        """Removes a character from the stage; by default the selected one."""
+        """Removes a character from the stage, by default the selected character."""
         if self._check_availability("" if name else self.lacks_to_take_off()) and self.stage is not None:
             self.sender.remove(self.stage, name or self.editor.selection.character or "")
 
     def _check_availability(self, lacking: str) -> bool:
-        """Returns True if nothing is missing; otherwise shows what is."""
+        """Returns True if ``lacking`` is empty. Otherwise shows it as a message."""
         if lacking:
             self.editor.toasts.say(*tr(lacking).split(". "))
         return not lacking
 
 
 def _number_holders(live: LiveStage, recorder: LiveRecorder) -> tuple[Holder, ...]:
-    """Returns the performers that control a character on one edge, with the numbers shown to people."""
+    """Returns the performers that control a character on one edge, with their displayed numbers."""
     return tuple(
         replace(holder, number=live.numbers.number_of(holder.body)) for holder in recorder.holders.now
     )

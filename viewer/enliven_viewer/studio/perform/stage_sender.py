@@ -1,4 +1,4 @@
-"""Characters of the project on the stage of an edge: sends, updates after edits, and removes them."""
+"""Sends characters of the project to the stage of an edge, updates them after edits, and removes them."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from enliven_viewer.language import later, tr
 from enliven_viewer.link.stage_link import StageLink
 
 _SEND_DELAY_S = 0.25
-"""Seconds without another edit after which an edited character is sent, so that a dragged slider sends
-once.
+"""An edited character is sent after this number of seconds without another edit, so that dragging a slider
+sends it only once.
 """
 
 
 class StageSender:
-    """The characters of a project that are on the stage.
+    """Keeps the characters on the stage equal to those of the project.
 
     Args:
-        tell: shows a message and an advice.
+        tell: a function that shows a message and advice.
 
     Attributes:
-        states: by character, the state shown to the artist.
+        states: the displayed state of each character, by its id.
     """
 
     def __init__(self, tell: Callable[[str, str], None]) -> None:
@@ -74,7 +74,7 @@ class StageSender:
             self.send(stage, project, name)
 
     def forget(self) -> None:
-        """Discards the state of the stage after the link was closed."""
+        """Discards the state of the stage after the connection was closed."""
         self.states, self._sent, self._edited = {}, {}, {}
 
     def _handle_answer(self, name: str, again: bool, answer: Answer) -> None:
@@ -93,7 +93,8 @@ class StageSender:
         if texture_bytes(self._sent[name]) > MAX_TEXTURE_BYTES:
             most = MAX_TEXTURE_BYTES >> 20
             return tr(
-                "Its textures stay here: they have more than {0} MB. Make their pictures smaller.", most
+                "Its textures are not sent, because they have more than {0} MB. Make their images smaller.",
+                most,
             )
         return tr("It follows every edit.")
 
@@ -101,13 +102,13 @@ class StageSender:
         if isinstance(answer, Refused):
             self._show_message(tr("{0} was not removed from the stage", name), answer.reason)
         else:
-            self._show_message(tr("{0} is gone from the stage", name), "")
+            self._show_message(tr("{0} was removed from the stage", name), "")
 
 
 def _differs_in_motion_only(character: RigBase, sent: RigBase) -> bool:
     """Returns True if an edit of a possessed mesh changed only its motion.
 
-    On the stage the mesh is at rest.
+    The edge needs only the rest pose, so such an edit is not sent.
     """
     kinds = isinstance(character, GraphShape) and isinstance(sent, GraphShape)
     return kinds and all(

@@ -1,4 +1,4 @@
-"""Measures how long all performers have held still, which can end a recording without a key."""
+"""Measures how long all performers have held still. This can end a recording without a key press."""
 
 from __future__ import annotations
 
@@ -9,19 +9,20 @@ from enliven.frames import BodyFrame
 from enliven_viewer.playback.timeline import NS_PER_S
 
 _MAX_MOVEMENT_M = 0.06
-"""Maximum movement of a joint in metres while a performer holds still: breathing and sensor noise."""
+"""Maximum movement of a joint in metres of a performer that holds still. It allows for breathing and sensor
+noise.
+"""
 _MIN_CONFIDENCE = 0.3
-"""Minimum confidence of a joint. Unseen joints are guesses that jump."""
+"""Joints below this confidence are ignored. Positions of occluded joints are guesses that jump."""
 
 
 class Stillness:
-    """A measurement of the stillness of the performers in view.
-
-    It counts only after at least one of them has moved.
+    """Measures the stillness of the performers in view. It starts only after at least one performer has
+    moved.
 
     Attributes:
-        since_ns: time on the sensor's clock when the last of them came to rest; None if one moves or none is
-            in view.
+        since_ns: time on the sensor's clock since which all performers are still; None if one moves or none
+            is in view.
     """
 
     def __init__(self) -> None:
@@ -47,7 +48,9 @@ class Stillness:
             self.since_ns = frame.time_ns
 
     def seconds(self, now_ns: int) -> float:
-        """Returns for how long all have held still since the last movement; 0 before the first."""
+        """Returns the seconds for which all performers have held still since the last movement, or 0 before
+        the first movement.
+        """
         if self.since_ns is None or not self._has_moved:
             return 0.0
         return max(now_ns - self.since_ns, 0) / NS_PER_S

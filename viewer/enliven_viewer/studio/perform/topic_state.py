@@ -1,4 +1,6 @@
-"""The last state that an edge published on a topic, and whether an edge is too old to publish it."""
+"""Stores the last state that an edge published on a topic, and detects an edge that is too old
+to publish it.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +12,10 @@ from enliven_viewer.language import later
 from enliven_viewer.link.edge_client import EdgeClient
 
 NOT_READY_TEXT = later("Waiting for the stage")
-"""Shown instead of a state that an edge has not sent yet."""
+"""Text that is shown while the edge has not sent the state yet."""
 MAX_FIRST_STATE_DELAY_S = 3.0
-"""Seconds from an edge's first message after which a missing state means an older edge.
-
-An edge sends its states at once; the subscription and a loaded machine delay them by up to a second.
+"""If the state is still missing this number of seconds after an edge's first message, the edge is too old. A
+new edge sends its states immediately. The subscription and a busy machine delay them by up to a second.
 """
 Message = TypeVar("Message")
 
@@ -41,12 +42,12 @@ class TopicState(Generic[Message]):
             self._instance, self._connected_since = instance, time.monotonic()
 
     def forget(self) -> None:
-        """Discards the state after the link was closed."""
+        """Discards the state after the connection was closed."""
         self.message = self._instance = None
 
     @property
     def is_unsupported(self) -> bool:
-        """Returns True if an edge is connected that does not publish this state, so it is older."""
+        """Returns True if a connected edge does not publish this state, because it is an older version."""
         waited = (
             self._instance is not None and time.monotonic() - self._connected_since > MAX_FIRST_STATE_DELAY_S
         )

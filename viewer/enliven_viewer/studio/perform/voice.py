@@ -11,7 +11,9 @@ from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.perform.topic_state import NOT_READY_TEXT, TopicState
 
 UTTERANCE_DISPLAY_S = 5.0
-"""Seconds for which an utterance is shown: long enough to read across the room, gone before the next one."""
+"""Seconds for which an utterance is shown: long enough to read, and usually shorter than the time to the next
+utterance.
+"""
 _OLD_EDGE = later("This stage's program is older and has no switch for the microphone. Update it")
 _STATE_TEXTS = {
     "off": later("The microphone is off"),
@@ -25,7 +27,7 @@ class StageVoice:
     """The state of an edge's voice control, and the commands that open or close its microphone.
 
     Attributes:
-        wanted_state: whether to open the microphone of a stage started by this window once it runs.
+        wanted_state: True to open the microphone of an edge that this window starts, once that edge runs.
     """
 
     def __init__(self, editor: Editor) -> None:
@@ -37,7 +39,9 @@ class StageVoice:
         self._asked_edge: object = None
 
     def advance(self, client: EdgeClient, *, is_near: bool) -> None:
-        """Processes the edge's messages. Opens the microphone of a stage started by this window if wanted."""
+        """Processes the edge's messages. Opens the microphone of an edge that this window has started, if
+        requested.
+        """
         for message in client.take(HEARD):
             self._heard, self._heard_until = message, time.monotonic() + UTTERANCE_DISPLAY_S
         self._state.advance(client)
@@ -47,13 +51,13 @@ class StageVoice:
             self._send_request(client, True)
 
     def forget(self) -> None:
-        """Discards the edge's state after the link was closed."""
+        """Discards the edge's state after the connection was closed."""
         self._state.forget()
         self._heard = self._asked_edge = None
 
     @property
     def state(self) -> VoiceMessage | None:
-        """Returns the state of the microphone; None before the edge has sent it."""
+        """Returns the state of the microphone, or None before the edge has sent it."""
         return self._state.message
 
     @property
@@ -68,7 +72,7 @@ class StageVoice:
 
     @property
     def words(self) -> str:
-        """Returns the words heard in the last seconds; empty for none."""
+        """Returns the words recognised in the last seconds, or an empty text if there are none."""
         heard = self._heard
         if heard is None or time.monotonic() > self._heard_until:
             return ""
@@ -78,7 +82,7 @@ class StageVoice:
 
     @property
     def status(self) -> str:
-        """Returns the state of the microphone in words."""
+        """Returns a displayed text about the state of the microphone."""
         if self.state is None:
             return _OLD_EDGE if self._state.is_unsupported else NOT_READY_TEXT
         reason = f": {self.state.what}" if self.state.what else ""
@@ -86,7 +90,7 @@ class StageVoice:
 
     @property
     def advice(self) -> str:
-        """Returns advice: how to fix the microphone, or what to say."""
+        """Returns advice on fixing the microphone, or about what to say."""
         if self.state is None:
             return ""
         if self.state.state == "missing":

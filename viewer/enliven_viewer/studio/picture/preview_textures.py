@@ -10,7 +10,9 @@ from enliven.wire import CameraMessage
 from enliven_viewer.theme import DEPTH_FAR, DEPTH_NEAR, get_theme
 
 _NEARNESS_EXPONENT = 1.7
-"""Exponent of the nearness, so that a person two metres in front of a wall contrasts with it."""
+"""Exponent of the tone curve from depth to brightness. A person two metres in front of a wall contrasts with
+the wall.
+"""
 
 
 class PreviewTextures:
@@ -45,7 +47,7 @@ class PreviewTextures:
 
 
 def draw_depth_image(camera: CameraMessage) -> UInt8:
-    """Returns (height, width, 3) sRGB: near surfaces bright, far and unknown ones dark."""
+    """Returns (height, width, 3) sRGB. Near surfaces are bright, far surfaces and unknown pixels are dark."""
     near = np.frombuffer(camera.nearness, np.uint8).reshape(camera.height, camera.width, 1) / 255.0
     far = np.array(DEPTH_FAR) / 255.0
     return np.asarray(

@@ -1,4 +1,4 @@
-"""Skeletons as tubes for the renderer: bones taper from parent to child; joints are balls."""
+"""Makes skeletons as tubes for the renderer. Bones taper from parent to child, and joints are balls."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from enliven_viewer.theme import (
 )
 
 _BONE_RADIUS_PX = 2.3
-"""Radius in pixels of a bone at its parent: thin, so that the mesh stays visible."""
+"""Radius in pixels of a bone at its parent joint. It is thin, so that the mesh stays visible."""
 _JOINT_RADIUS_PX = 3.9
-"""Radius in pixels of a joint: large enough to hit with the pointer."""
+"""Radius in pixels of a joint. It is large enough to hit with the pointer."""
 _ROOT_RADIUS_PX = 5.4
-"""Radius in pixels of the root, which moves the whole shape: larger than other joints."""
+"""Radius in pixels of the root joint. It is larger than other joints, because it moves the whole shape."""
 
 
 _MAX_BONE_RADIUS = 0.012
@@ -35,7 +35,7 @@ _MAX_BONE_RADIUS = 0.012
 surface.
 """
 _MAX_JOINT_RADIUS = 0.02
-"""Maximum radius of a joint as a fraction of the skeleton's size: a little thicker than a bone."""
+"""Maximum radius of a joint as a fraction of the skeleton's size, slightly more than that of a bone."""
 _MAX_JOINT_PER_BONE = 0.45
 """Maximum radius of a joint as a fraction of its longest bone, so that the joints of a hand do not
 overlap.
@@ -88,7 +88,7 @@ def _find_longest_bones(handles: Float, above: AnyArray, below: AnyArray) -> Flo
 
 
 def _highlight_chain(posed: StageCharacter, chain: tuple[int, ...], bones: Float32, joints: Float32) -> None:
-    """Highlights the bones between neighbours of a chain."""
+    """Highlights the joints of a chain and the bones between them."""
     parents = posed.character.parents
     for a, b in itertools.pairwise(chain):
         bones[b if parents[b] == a else a] = CHAINED_BONE

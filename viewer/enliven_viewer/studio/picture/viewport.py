@@ -29,7 +29,7 @@ class Viewport:
     Args:
         ctx: an OpenGL context that is current in this thread.
         size: width and height of the image in pixels.
-        passes: drawn over the characters in each image.
+        passes: render passes that draw over the characters in each image.
     """
 
     def __init__(

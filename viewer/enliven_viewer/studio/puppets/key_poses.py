@@ -20,7 +20,8 @@ class KeyPoses(PuppetSelection):
     """The key pose of the selected puppet that is being edited.
 
     Attributes:
-        start_state: state of the puppet when editing began; it stays there while the key pose is edited.
+        start_state: state of the puppet when editing began. The puppet stays at this position while the key
+            pose is edited.
     """
 
     def __init__(self, editor: EditorProtocol, stage: PuppetStage) -> None:
@@ -31,7 +32,7 @@ class KeyPoses(PuppetSelection):
         self._edited_time = 0.0
 
     def leave_elsewhere(self) -> None:
-        """Stops editing the key pose during playback, at another time, or with another puppet."""
+        """Stops editing the key pose if the project plays, or the time or the selected puppet has changed."""
         elsewhere = self.editor.playing or abs(self.editor.time - self._edited_time) > 1e-9
         if self._edited_pose is not None and (
             elsewhere or self.editor.selection.character != self._edited_pose[0]
@@ -40,7 +41,7 @@ class KeyPoses(PuppetSelection):
 
     @property
     def number(self) -> int | None:
-        """Returns the number of the edited key pose; None while the puppet plays."""
+        """Returns the number of the edited key pose, or None while the puppet plays."""
         puppet = self.puppet
         if self._edited_pose is None or puppet is None or self._edited_pose[0] != puppet.id:
             return None
@@ -59,16 +60,17 @@ class KeyPoses(PuppetSelection):
 
     @property
     def previous(self) -> KeyPose | None:
-        """Returns the key pose before the edited one, for comparison. For the first one, returns the next."""
+        """Returns the key pose before the edited key pose, for comparison. For the first key pose, returns
+        the next.
+        """
         puppet, number = self.puppet, self.number
         if puppet is None or number is None or len(puppet.poses) < 2:
             return None
         return puppet.poses[number - 1 if number else 1]
 
     def begin_pose(self, take: str, time: float) -> bool:
-        """Adds a key pose at a time of a take, in the puppet's current shape.
-
-        An existing key pose there is edited instead.
+        """Adds a key pose at a time of a take, in the puppet's current pose. If there is already a key pose
+        at this time, edits it instead.
         """
         puppet = self._selected_puppet()
         if puppet is None:
@@ -93,7 +95,7 @@ class KeyPoses(PuppetSelection):
         return True
 
     def accept(self) -> None:
-        """Keeps the key pose and stops editing it; the puppet plays again."""
+        """Keeps the key pose and stops editing it. The puppet plays again."""
         self._edited_pose = self._states_before = self.start_state = None
         self.clear_drag()
 

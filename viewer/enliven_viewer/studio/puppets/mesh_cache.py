@@ -17,11 +17,11 @@ from enliven.modeling.mesh.mirror_plane import plane_of_symmetry
 
 Cached = TypeVar("Cached")
 _MAX_MESHES = 8
-"""Maximum number of meshes with cached results. A stage seldom has more puppets."""
+"""Maximum number of meshes with cached results. A stage rarely has more puppets."""
 
 
 def cache_by_mesh(find: Callable[[Mesh], Cached]) -> Callable[[Mesh], Cached]:
-    """Returns the function with a cache for the last few meshes. Meshes are compared by identity."""
+    """Decorates a function with a cache for the last few meshes. Meshes are compared by identity."""
     cache: OrderedDict[int, tuple[Mesh, Cached]] = OrderedDict()
 
     @wraps(find)

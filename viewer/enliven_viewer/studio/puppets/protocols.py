@@ -1,4 +1,4 @@
-"""Protocols between the studio's puppets and the editor that holds the project."""
+"""Protocols between the studio's puppets and the project's editor."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class EditorProtocol(Protocol):
 
     @property
     def project(self) -> Project:
-        """Returns the project as shown, including a draft."""
+        """Returns the shown project, including a draft."""
 
     def edit(self, name: str, change: Callable[[Project], Project]) -> bool:
         """Applies an edit and adds it to the history. Returns False if it failed."""
@@ -43,7 +43,7 @@ class EditorProtocol(Protocol):
 
 
 class PoseEditState(Protocol):
-    """The key pose being edited, or the control point being dragged, as the stage shows it."""
+    """The edited key pose, or the dragged control point, as far as the stage must show it."""
 
     silhouette: bool
     start_state: State | None
@@ -54,15 +54,15 @@ class PoseEditState(Protocol):
 
     @property
     def number(self) -> int | None:
-        """Returns the number of the key pose; None while the puppet plays."""
+        """Returns the number of the key pose, or None while the puppet plays."""
 
     @property
     def previous(self) -> KeyPose | None:
-        """Returns the key pose to compare it with."""
+        """Returns the key pose to show for comparison."""
 
     @property
     def places(self) -> Float | None:
-        """Returns the control points (P, 3) in metres of the mesh's frame; None while the puppet plays."""
+        """Returns the control points (P, 3) in metres of the mesh's frame, or None while the puppet plays."""
 
     @property
     def is_dragging(self) -> bool:

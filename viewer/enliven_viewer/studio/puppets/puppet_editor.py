@@ -26,10 +26,10 @@ from enliven_viewer.studio.puppets.self_intersection import SelfIntersectionSear
 from enliven_viewer.studio.puppets.symmetry import mirror_places
 
 _LARGE_MESH_FACES = 200_000
-"""Number of faces above which self-intersections are searched only after a drag, not during it."""
+"""In meshes with more faces than this, self-intersections are searched only after a drag, not during it."""
 _MAX_DRAG_DISTANCE = 50.0
-"""Maximum distance of a dragged control point from the mesh's centre, in mesh sizes. Beyond it the drag is an
-accident.
+"""Maximum distance of a dragged control point from the mesh's centre, as a multiple of the mesh's size.
+Larger distances are unintended.
 """
 
 
@@ -37,9 +37,9 @@ class PuppetEditor(KeyPoses):
     """The state of editing puppets, shared by the stage and the examples panel.
 
     Attributes:
-        moment: the take, and the time in it, that the performer's view shows. A drag begins a key pose there.
-            None means the lowest layer at the project's time.
-        silhouette: whether the previous key pose is outlined while one is edited.
+        moment: the take and the time in seconds that the performer's view shows. A drag begins a key pose at
+            this moment. None means the moment that the lowest layer plays.
+        silhouette: True to outline the previous key pose while a key pose is edited.
         warn: whether self-intersecting faces are shown.
     """
 
@@ -51,7 +51,7 @@ class PuppetEditor(KeyPoses):
         self._dragged: Float | None = None
 
     def advance(self) -> None:
-        """Advances one frame: surfaces relax towards rest.
+        """Advances one frame, in which surfaces converge.
 
         Another time or another puppet ends the editing of a key pose.
         """
@@ -90,7 +90,9 @@ class PuppetEditor(KeyPoses):
         return self._dragged is not None
 
     def drag(self, point: int, place: Float) -> None:
-        """Previews a control point at a place (3,) in the mesh's frame. With symmetry its partner follows."""
+        """Previews a control point at a position (3,) in metres of the mesh's frame. With symmetry, its
+        mirror point moves too.
+        """
         puppet, place = self.puppet, np.asarray(place, np.float64)
         if puppet is None or not 0 <= point < len(puppet.points) or not np.isfinite(place).all():
             return
@@ -119,7 +121,7 @@ class PuppetEditor(KeyPoses):
     def nudge(self, offset: Float) -> bool:
         """Moves the selected control point by (3,) metres in the mesh's frame.
 
-        With symmetry, its partner moves too.
+        With symmetry, its mirror point moves too.
         """
         puppet, point = self.puppet, self.point
         if puppet is None or point is None:
@@ -136,7 +138,7 @@ class PuppetEditor(KeyPoses):
         return self.drop(later("reset {0}", puppet.points[point].name))
 
     def remove_point(self) -> bool:
-        """Removes the selected control point, also from all key poses, as one edit."""
+        """Removes the selected control point from the puppet and from all key poses, as one edit."""
         puppet, point = self.puppet, self.point
         if puppet is None or point is None:
             return False
@@ -147,7 +149,10 @@ class PuppetEditor(KeyPoses):
         if used:
             self.editor.toasts.say(
                 tr_n(
-                    "{1} is gone, also from {0} key pose", "{1} is gone, also from {0} key poses", used, name
+                    "{1} was removed, also from {0} key pose",
+                    "{1} was removed, also from {0} key poses",
+                    used,
+                    name,
                 ),
                 tr("Ctrl+Z brings it back."),
             )
@@ -156,7 +161,7 @@ class PuppetEditor(KeyPoses):
     def _start(self, puppet: Puppet) -> Float:
         """Returns the positions (P, 3) in metres at the start of a drag.
 
-        They come from the key pose at this moment, or else from the shown pose.
+        They come from the key pose at this moment if there is one, otherwise from the shown pose.
         """
         if self.places is not None:
             return self.places
@@ -165,7 +170,9 @@ class PuppetEditor(KeyPoses):
         return self.current_places(puppet) if pose_number is None else puppet.poses[pose_number].places
 
     def current_places(self, puppet: Puppet) -> Float:
-        """Returns the current positions of its control points, (P, 3) in metres of the mesh's frame."""
+        """Returns the current positions (P, 3) of the puppet's control points in metres of the
+        mesh's frame.
+        """
         standing = self.stage.find(puppet.id)
         return puppet.rest if standing is None else standing.state.places
 
@@ -174,7 +181,7 @@ class PuppetEditor(KeyPoses):
         moment = self._find_moment(puppet)
         if moment is None:
             self.editor.toasts.say(
-                tr("No take is shown, so this pose means nothing yet"),
+                tr("No take is shown, so this pose belongs to no moment"),
                 tr("Choose a take in the performer's view, go to a moment of it, and drag again."),
             )
             return False
@@ -185,7 +192,7 @@ class PuppetEditor(KeyPoses):
         return self.editor.edit("pose", lambda p: change_key_pose(p, puppet.id, pose_number, places=places))
 
     def _find_moment(self, puppet: Puppet) -> tuple[str, float] | None:
-        """Returns the shown take and the time in it; None if no take is shown."""
+        """Returns the shown take and the time in it, or None if no take is shown."""
         takes, moment = self.editor.project.takes, self.moment
         if moment is None and puppet.layers:
             layer = puppet.layers[0]

@@ -1,4 +1,6 @@
-"""Overlays on the rendered meshes: another pose's outline, self-intersecting faces, painted stiffness."""
+"""Draws overlays on the rendered meshes: the outline of another pose, self-intersecting faces, and painted
+stiffness.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +15,7 @@ from enliven_viewer.theme import GHOST, WARNING, Paint
 _OUTLINE_WIDTH_PX = 2.0
 """Line width of the outline in pixels."""
 _MIN_DEPTH_STEP = 0.06
-"""Depth step, as a fraction of the mesh's size, above which a line is drawn between a nearer and a farther
-part.
-"""
+"""The outline is drawn at depth discontinuities larger than this fraction of the mesh's size."""
 
 
 class PuppetOverlay:

@@ -53,7 +53,7 @@ class PuppetSelection:
         taken = [point.vertex for point in puppet.points]
         if vertex in taken:
             self.editor.choose(puppet.id, taken.index(vertex))
-            self.editor.toasts.say(tr("{0} is there already", puppet.points[taken.index(vertex)].name))
+            self.editor.toasts.say(tr("{0} exists already", puppet.points[taken.index(vertex)].name))
             return False
         other = find_partner_vertex(puppet, vertex) if self.symmetric else None
         wanted = [vertex] if other is None or other in (vertex, *taken) else [vertex, other]
@@ -81,7 +81,9 @@ class PuppetSelection:
         return True
 
     def set_symmetric(self, on: bool) -> None:
-        """Turns symmetric control points on or off. Reports if the mesh has no plane of symmetry."""
+        """Turns symmetric editing of control points on or off. Shows a message if the mesh has no plane of
+        symmetry.
+        """
         puppet = self.puppet
         self.symmetric = on
         if on and puppet is not None and find_plane(puppet) is None:

@@ -27,7 +27,7 @@ class StagePuppet(StageCharacter):
     """A puppet on the stage at one time.
 
     Attributes:
-        surface: (V, 3) metres, its vertices in the mesh's own frame.
+        surface: (V, 3) vertices in metres of the mesh's frame.
     """
 
     character: Puppet
@@ -75,7 +75,7 @@ class StagePuppet(StageCharacter):
 
 
 class PuppetStage:
-    """All puppets of an editor's project in their current poses; cached while nothing changes."""
+    """All puppets of an editor's project in their current poses. They are cached while nothing changes."""
 
     def __init__(self, editor: EditorProtocol, posing: PoseEditState) -> None:
         self.editor, self.posing = editor, posing
@@ -87,8 +87,8 @@ class PuppetStage:
 
     @property
     def ghost(self) -> StagePuppet | None:
-        """Returns the puppet in the previous key pose; None without a previous key pose, or while it is being
-        solved.
+        """Returns the puppet in the previous key pose, or None without a previous key pose, or while it is
+        being solved.
         """
         posing, puppet = self.posing, self.posing.puppet
         pose, now = posing.previous, self.find(puppet.id) if puppet is not None else None
@@ -127,7 +127,7 @@ class PuppetStage:
         return self._cache[1]
 
     def find(self, puppet_id: str) -> StagePuppet | None:
-        """Returns one of the puppets; None for an unknown id."""
+        """Returns one of the puppets, or None for an unknown id."""
         return next((s for s in self.puppets if s.id == puppet_id), None)
 
     def stage_puppet(self, puppet: RigBase) -> StagePuppet:
@@ -135,7 +135,9 @@ class PuppetStage:
         return next(candidate for candidate in self.puppets if candidate.id == puppet.id)
 
     def improve(self) -> None:
-        """Settles dragged surfaces further, and fetches solved ones. Call once per frame."""
+        """Continues to settle dragged surfaces, and fetches surfaces solved in the background. Call once per
+        frame.
+        """
         self.surfaces.improve()
         if any(self.editor.motion_solver.busy(name) for name in self.editor.project.puppets):
             self._version += 1
@@ -170,9 +172,8 @@ def _is_unchanged(before: tuple[object, ...], after: tuple[object, ...]) -> bool
 
 
 def create_puppet_meshes() -> DrawnMeshes:
-    """Returns the render meshes of puppets, each as one rigid piece.
-
-    The vertices are solved on the CPU.
+    """Returns the cache of the puppets' render meshes. Each mesh has one rigid transform, because its
+    vertices are solved on the CPU.
     """
     return DrawnMeshes(_make_rigid_mesh)
 

@@ -18,7 +18,7 @@ def make_rest_state(puppet: Puppet) -> State:
 
 
 def find_playback_state(editor: EditorProtocol, puppet: Puppet) -> tuple[Puppet, State]:
-    """Returns the puppet and its state at the editor's time; the rest state if it cannot move yet.
+    """Returns the puppet and its state at the editor's time, or its rest state if it cannot move yet.
 
     While the newest motion is being solved, the previously solved version of the puppet is returned.
     """
@@ -38,7 +38,7 @@ def find_start_places(project: Project, puppet: Puppet, take: str, time: float) 
     """Returns the initial positions of a new key pose at a time of a take, (P, 3) in metres of the mesh's
     frame.
 
-    They come from the existing examples if the motion can be solved, or else from the last key pose.
+    They come from the existing examples if the motion can be solved, otherwise from the last key pose.
     """
     start = np.array(puppet.poses[-1].places if puppet.poses else puppet.rest)
     for number, layer in enumerate(puppet.layers):

@@ -14,15 +14,16 @@ from enliven.meshes import Mesh
 from enliven_viewer.language import tr
 
 _MAX_IGNORED_FACES = 2
-"""Maximum number of self-intersecting faces that is ignored as a rounding effect of the surface."""
+"""Up to this number of self-intersecting faces is ignored as a numerical error."""
 
 
 class SelfIntersectionSearch:
-    """A search for faces that intersect in the pose but not at rest, always for the newest requested pose.
+    """Searches for faces that intersect in a pose but not in the rest pose. It always checks the newest
+    requested pose.
 
     Attributes:
         faces: (K,) faces of the mesh that intersect in the last checked pose.
-        message: one line about them, or empty.
+        message: one line about the intersecting faces, or empty.
     """
 
     def __init__(self) -> None:
@@ -74,7 +75,7 @@ class SelfIntersectionSearch:
 def describe_intersection(puppet: Puppet, faces: Int) -> str:
     """Returns a sentence about the intersecting parts.
 
-    Each of the faces (K,) belongs to the control point nearest at rest.
+    Each of the faces (K,) is assigned to the control point that is nearest in the rest pose.
     """
     if not puppet.points:
         return tr("the surface passes through itself")

@@ -15,16 +15,16 @@ from enliven_viewer.studio.puppets.mesh_cache import measure_mesh
 from enliven_viewer.studio.toasts import Toasts
 
 MAX_VERTICES_AT_ONCE = 4000
-"""Maximum number of vertices of a mesh that is prepared without a thread, in less than 0.1 s."""
+"""Meshes with at most this number of vertices are prepared without a thread, which takes less than 0.1 s."""
 MIN_BACKGROUND_VERTICES = 30_000
-"""Number of vertices above which changed control points are also applied in the background."""
+"""For meshes with more vertices than this, changed control points are applied in the background."""
 MIN_ANNOUNCED_VERTICES = 150_000
-"""Number of vertices above which the preparation is announced, and scrubbing does not fully settle every
-frame.
+"""For meshes with more vertices than this, a message announces the preparation, and scrubbing does not fully
+settle every frame.
 """
 _SETTLED_MOVEMENT = 1e-4
-"""Movement per frame, as a fraction of the mesh's size, below which the surface counts as settled: less than
-a pixel.
+"""The surface has settled if it moves less than this per frame, as a fraction of the mesh's size. That is
+less than a pixel.
 """
 _MAX_SETTLING_FRAMES = 60
 """Maximum number of frames for settling the surface after a drag: one or two seconds."""
@@ -53,7 +53,7 @@ class Solver:
         if self._vertex_count > MIN_ANNOUNCED_VERTICES:
             toasts.say(
                 tr("{0} is a very fine mesh: it takes a moment until it can be dragged", puppet.id),
-                tr("Everything else goes on meanwhile."),
+                tr("You can continue to work in the meantime."),
             )
 
     def solve(self, puppet: Puppet, places: Float, *, warm: bool) -> Float:
@@ -76,7 +76,7 @@ class Solver:
         if self._refused == held or (self._preparation is not None and not self._preparation.done()):
             return None
         try:
-            # The control points have changed, so the ones that were refused no longer matter.
+            # The control points have changed, so forget that earlier control points were refused.
             if self._refused is not None:
                 self._refused, self._held_points, self._places = None, held, None
                 self._preparation = self._begin(puppet)
@@ -92,15 +92,15 @@ class Solver:
         return self._surface if self._preparation is None else None
 
     def has_result(self) -> bool:
-        """Returns True if the preparation has finished and its result was not fetched yet."""
+        """Returns True if the preparation has finished but its result has not been fetched yet."""
         return self._preparation is not None and self._preparation.done()
 
     def forget(self) -> None:
-        """Discards the last positions, so that the next surface is settled independently of its history."""
+        """Discards the last positions, so that the next surface does not depend on earlier poses."""
         self._places, self._remaining_frames = None, 0
 
     def improve(self) -> bool:
-        """Solves one more frame of settling. Returns whether anything moved."""
+        """Solves one more frame of settling. Returns True if anything has moved."""
         if (
             self._remaining_frames <= 0
             or self._surface is None
@@ -133,7 +133,7 @@ class Solver:
             ):
                 surface.set_control_points(
                     *_split_points(self._held_points)
-                )  # This is the rest pose, which needs no solving.
+                )  # The rest pose needs no solving.
                 return surface.pose
             return surface.solve_from_rest(places) if small and not warm else surface.solve(places)
         except EnlivenError as error:
@@ -163,7 +163,7 @@ class Solver:
             self._toasts.say(tr("{0} can be dragged now", self._name), *surface.notes[:1])
 
     def _change_points(self, held: HeldPoints) -> None:
-        """Changes the control points; in the background if that takes long."""
+        """Changes the control points. This happens in the background if it takes long."""
         surface, self._held_points, self._places = self._surface, held, None
         assert surface is not None
 

@@ -19,7 +19,7 @@ class PuppetSurfaces:
         toasts: shows messages about waiting times and errors.
 
     Attributes:
-        version: changes whenever a surface has moved by itself.
+        version: changes whenever a surface has moved without a request, because it settles.
     """
 
     def __init__(self, toasts: Toasts) -> None:
@@ -36,15 +36,14 @@ class PuppetSurfaces:
         last valid surface.
 
         Args:
-            warm: if True, continue from the previous frame of a drag or performance. If False, the result
-                does not depend on history.
+            warm: if True, start from the previous frame of a drag or performance. If False, the result does
+                not depend on earlier frames.
         """
         return self._get_solver(puppet).solve(puppet, places, warm=warm)
 
     def solve_in_background(self, puppet: Puppet, places: Float) -> Future[Float] | None:
-        """Returns the future of the settled surface (V, 3) at other positions (P, 3); or None.
-
-        The drag is not affected.
+        """Returns the future of the settled surface (V, 3) at positions (P, 3), or None. A current drag is
+        not affected.
         """
         surface = self._get_solver(puppet).find_prepared(puppet)
         if surface is None or not puppet.points:
@@ -63,15 +62,12 @@ class PuppetSurfaces:
             return None
 
     def improve(self) -> None:
-        """Settles dragged surfaces further, and fetches prepared ones."""
+        """Continues to settle dragged surfaces, and fetches prepared surfaces."""
         moved = [solver.improve() or solver.has_result() for solver in self._solvers.values()]
         self.version += any(moved)
 
     def settle(self) -> None:
-        """Makes every surface settle from its rest state at the next request.
-
-        Called after a drag over many times.
-        """
+        """Makes every surface settle from its rest pose at the next request. Called after scrubbing."""
         for solver in self._solvers.values():
             solver.forget()
         self.version += 1

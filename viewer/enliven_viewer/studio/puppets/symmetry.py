@@ -1,4 +1,4 @@
-"""Symmetric control points: the mirror image of a vertex, of a control point, and of positions."""
+"""Symmetric control points: finds the mirror image of a vertex, of a control point, and of positions."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ _MIRROR_TOLERANCE = 0.05
 
 
 def find_plane(puppet: Puppet) -> Plane | None:
-    """Returns the puppet's own plane of symmetry, or else that of its mesh; None if there is none."""
+    """Returns the plane of symmetry of the puppet, otherwise that of its mesh, or None if there is none."""
     return puppet.symmetry if puppet.symmetry is not None else find_mesh_plane(puppet.mesh)
 
 
 def find_partner_vertex(puppet: Puppet, vertex: int) -> int | None:
-    """Returns the vertex nearest to a vertex's mirror image, or None.
-
-    Near the plane it is the vertex itself.
+    """Returns the vertex nearest to a vertex's mirror image, or None. For a vertex near the plane, returns
+    the vertex itself.
     """
     plane = find_plane(puppet)
     if plane is None:
@@ -35,7 +34,9 @@ def find_partner_vertex(puppet: Puppet, vertex: int) -> int | None:
 
 
 def find_partner_point(puppet: Puppet, point: int) -> int | None:
-    """Returns the control point that mirrors another one, or None. On the plane it is the point itself."""
+    """Returns the mirror point of a control point, or None. For a point on the plane, returns the point
+    itself.
+    """
     plane = find_plane(puppet)
     if plane is None:
         return None
@@ -45,11 +46,8 @@ def find_partner_point(puppet: Puppet, point: int) -> int | None:
 
 
 def mirror_places(puppet: Puppet, places: Float, point: int) -> Float:
-    """Returns (P, 3) positions with the movement of ``point`` mirrored to its partner.
-
-    Movements are measured from the rest positions.
-
-    A control point that is its own partner moves only within the plane.
+    """Returns (P, 3) positions in which the movement of ``point`` is mirrored to its mirror point. Movements
+    are measured from the rest positions. A control point on the plane moves only within the plane.
     """
     plane, other = find_plane(puppet), find_partner_point(puppet, point)
     if plane is None or other is None:

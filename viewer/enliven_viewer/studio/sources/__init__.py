@@ -1,1 +1,3 @@
-"""Sources of motion: a take's skeleton next to the shapes, and the parts of shapes that it could drive."""
+"""Sources of motion: shows a take's skeleton next to the shapes, and finds parts of shapes that the take
+could drive.
+"""

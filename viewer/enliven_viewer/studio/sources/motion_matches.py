@@ -18,7 +18,9 @@ Chain = tuple[int, ...]
 
 @dataclass(frozen=True)
 class MotionMatch:
-    """A match: the pairs of chains of the take and of the shape that it drives, and a similarity score."""
+    """A match: pairs of a chain of the take and the chain of the shape that it drives, and a similarity
+    score.
+    """
 
     shape: str
     take: str
@@ -34,9 +36,8 @@ class MotionMatch:
 def rank_matches(
     clip: Clip, time: float, shape: Shape, joints: Float, lens: Lens, source_lens: Lens, max_matches: int
 ) -> list[MotionMatch]:
-    """Returns the best matches of a take's pose at a time with a shape with joints (N, 3).
-
-    Both are compared as seen in their views.
+    """Returns the best matches of a take's pose at a time with a shape that has the joints ``joints`` (N, 3).
+    Both are compared as projected in their views.
 
     Raises:
         InputError: if one of the skeletons cannot be abstracted.
@@ -61,7 +62,7 @@ def rank_matches(
 
 
 def apply_match(project: Project, offer: MotionMatch, lens: Lens, source_lens: Lens, loop: bool) -> Project:
-    """Returns the project with every chain of a match driven."""
+    """Returns the project with a layer for every chain of a match, so that the take drives it."""
     for source, target in offer.pairs:
         project = bind_chain(
             project,

@@ -15,7 +15,7 @@ from enliven_viewer.studio.viewport.selection import Selection
 from enliven_viewer.studio.viewport.stage_character import StageCharacter
 
 _ROTATION_PER_PIXEL = 0.01
-"""Rotation in radians per pixel of a drag: more than on the stage, since the view is small."""
+"""Rotation in radians per pixel of a drag. It is more than on the stage, because the view is small."""
 SOURCE_ID = "source"
 """Id of the shape that represents a take's skeleton."""
 
@@ -61,14 +61,13 @@ class SourceView:
             self.camera.frame(
                 (bounds[0] - 0.05, bounds[1] + 0.05), aspect, at_once=True, reset=True, margin=1.25
             )
-            # Start with the front view, because a chain is mapped as seen on the screen.
+            # Start with the front view, because a chain is mapped as it appears on the screen.
             self.camera.orbit(-0.56, 0.0)
             self.camera.advance(10.0)
 
     def posed_skeleton(self) -> StageCharacter | None:
-        """Returns the take's skeleton at the project's time; the take is looped.
-
-        While playback is stopped at 0, this is its first frame.
+        """Returns the take's skeleton at the project's time. The take is looped. While playback is stopped at
+        time 0, returns its first frame.
         """
         clip = self.clip
         if clip is None:
@@ -76,7 +75,9 @@ class SourceView:
         return pose_take(clip, self.editor.time % max(clip.duration, clip.step))
 
     def press(self, pixel: Point) -> None:
-        """Chooses the joint where a chain begins, then the one where it ends."""
+        """Chooses the joint at the start of a chain with the first click, and the joint at its end with the
+        second.
+        """
         hit = self._find_joint(pixel)
         clip = self.clip
         if hit is None or clip is None:
@@ -106,7 +107,7 @@ class SourceView:
 
     @property
     def is_choosing(self) -> bool:
-        """Returns True if the end of the chain still has to be clicked."""
+        """Returns True if the start of a chain is chosen, but not its end."""
         return self._chain_start is not None
 
     @property

@@ -1,1 +1,1 @@
-"""The first minutes: a tour that points at each step, and detects or demonstrates it."""
+"""The tour for new users. It points at each step, and detects or demonstrates it."""

@@ -1,4 +1,6 @@
-"""Finds the leg of a chair in the image: where to cut it, and where to drag it afterwards."""
+"""Finds the leg of a chair in the image, a stroke that cuts it off, and a path to drag it to
+another place.
+"""
 
 from __future__ import annotations
 
@@ -16,39 +18,43 @@ Stroke = tuple[Point, Point]
 """Both ends of a stroke, in pixels of the image."""
 
 _SEARCH_HEIGHTS = np.linspace(0.05, 0.4, 15)
-"""Fractions of a chair's height below which legs are searched. Seats are higher."""
+"""Heights below which legs are searched, as fractions of the chair's height. Seats are higher."""
 _MAX_FLOOR_GAP = 0.02
 """Maximum height of a leg's lowest point above the floor, as a fraction of the chair's height."""
 _MIN_VERTICES = 12
-"""Minimum number of vertices of a leg. A smaller part is only a fragment."""
+"""Minimum number of vertices of a leg. Smaller parts are only fragments."""
 _CUT_HEIGHTS = (0.72, 0.6, 0.5, 0.4, 0.3)
-"""Fractions of a leg's height at which it may be cut. The highest one that cuts nothing else is used."""
+"""Possible cutting heights as fractions of a leg's height. The highest cut that crosses nothing
+else is used.
+"""
 _BAND_COUNT = 8
-"""Number of bands of a leg's vertices. The band at the cut determines how wide the leg is there."""
+"""Number of height bands into which a leg's vertices are sorted. The band at the cut gives the leg's width
+there.
+"""
 _LEG_MARGIN_PX = 10.0
 """Margin in pixels around a leg."""
 _STROKE_OVERHANG_PX = 14.0
-"""Length in pixels of the stroke beyond each side of the leg, so that it cuts all of it."""
+"""Length in pixels of the stroke beyond each side of the leg, so that it cuts the whole leg."""
 _MIN_LENGTH_PX = 4.0
-"""Minimum projected length in pixels of a leg, between the centres of its halves. A shorter one points at the
-camera.
+"""Minimum projected length in pixels of a leg, between the centres of its halves. A leg with a shorter
+projection points at the camera.
 """
 _STROKE_MARGIN_PX = 2 * _STROKE_OVERHANG_PX
 """Margin in pixels around a leg's box that contains its stroke, including the ends beyond both sides."""
 _FREE_DISTANCE_PX = 3.0
-"""Distance in pixels on both sides of a stroke that must be free of other parts, since people do not draw
+"""Distance in pixels on both sides of a stroke that must be free of other parts, because people do not draw
 straight.
 """
 _ATTACH_HEIGHT = 0.35
-"""Fraction of a chair's height above which the part is attached: above the seat."""
+"""The part is attached above this fraction of the chair's height, that is, above the seat."""
 _MAX_DEPTH_DIFFERENCE = 0.03
-"""Maximum depth difference of that place, as a fraction of the chair's height, so that part and chair
-still touch.
+"""Maximum depth difference between the part and its new position, as a fraction of the chair's height, so
+that part and chair touch.
 """
 # The legs of the last surfaces are cached, because they are needed in every frame.
 _LEG_CACHE: list[tuple[Mesh, tuple[Int, ...]]] = []
 _MAX_CACHED_SURFACES = 4
-"""Number of cached surfaces: the chair, and parts that were cut off."""
+"""Number of cached surfaces: those of the chair and of parts that were cut off."""
 
 
 def find_legs(mesh: Mesh) -> tuple[Int, ...]:
@@ -75,7 +81,8 @@ def _search_legs(mesh: Mesh) -> tuple[Int, ...]:
             if heights[leg].min() < _MAX_FLOOR_GAP * height
         ]
         if len(parts) >= max(len(best), 2):
-            # Heights are tried from low to high. If two have the same number of legs, take the greater one.
+            # Heights are tried from low to high. If two heights give the same number of legs, take the
+            # greater height.
             best = tuple(parts)
     if best:
         return best
@@ -97,9 +104,9 @@ def _find_parts(mesh: Mesh, low: np.ndarray) -> tuple[Int, ...]:
 def find_leg_to_cut(editor: Editor, chair: GraphShape) -> Target:
     """Returns a leg in the image, and a stroke across it that crosses nothing else.
 
-    The leg nearest to the camera is tried first. A stroke cuts everything that it crosses in the image. So if
-    every leg has other parts of the chair behind it, no stroke is returned. A dancing chair soon moves on;
-    for a still one the user can turn the view.
+    The leg nearest to the camera is tried first. A stroke cuts everything that it crosses in the image. So no
+    stroke is returned if every leg has other parts of the chair behind it. A dancing chair soon moves. If the
+    chair is still, the user can turn the view.
     """
     rest, chair_pixels = chair.mesh.vertices, _find_pixels(editor, chair)
     legs = sorted(find_legs(chair.mesh), key=lambda leg: float((rest[leg] @ editor.lens.forward).mean()))
@@ -125,7 +132,8 @@ def _find_other_triangles(mesh: Mesh, leg: Int, pixels: Float) -> Float:
     near = ~(inside[mesh.faces[:, 0]] & inside[mesh.faces[:, 1]] & inside[mesh.faces[:, 2]])
     low, high = pixels[leg].min(0) - _STROKE_MARGIN_PX, pixels[leg].max(0) + _STROKE_MARGIN_PX
     for axis in (0, 1):
-        # Process corner by corner, because NumPy's reductions over three elements take ten times as long.
+        # Process the three corners separately, because NumPy's reductions over three elements take ten times
+        # as long.
         first, second, third = (pixels[mesh.faces[:, corner], axis] for corner in range(3))
         near &= np.maximum(np.maximum(first, second), third) > low[axis]
         near &= np.minimum(np.minimum(first, second), third) < high[axis]
@@ -133,11 +141,11 @@ def _find_other_triangles(mesh: Mesh, leg: Int, pixels: Float) -> Float:
 
 
 def _make_stroke(heights: Float | Float32, pixels: Float, fraction: float) -> Stroke | None:
-    """Returns the ends of a stroke perpendicular to a leg; None if the leg is seen end-on.
+    """Returns the ends of a stroke perpendicular to a leg, or None if the leg is seen end-on.
 
     Args:
         heights: (N,) rest heights of the leg's vertices in metres.
-        pixels: (N, 2) their positions in the image.
+        pixels: (N, 2) positions of the vertices in the image.
         fraction: fraction of the leg's height at which it is cut.
     """
     heights = (heights - heights.min()) / max(float(np.ptp(heights)), 1e-6)
@@ -180,9 +188,8 @@ def _crosses_any(path: Stroke, triangles: Float) -> bool:
 
 
 def find_piece_to_carry(editor: Editor, piece: GraphShape, chair: GraphShape) -> Target:
-    """Returns the cut-off part, and the drag from it to a high place of the chair at the same depth.
-
-    A drag keeps the depth, so the two touch only at such a place.
+    """Returns the cut-off part, and the drag path from it to a high point of the chair at the same depth. A
+    drag keeps the depth, so the part touches the chair only at such a point.
     """
     piece_pixels, distance = editor.lens.project(editor.stage_character(piece.id).vertices)
     chair_pixels, distances = editor.lens.project(editor.stage_character(chair.id).vertices)
@@ -196,7 +203,7 @@ def find_piece_to_carry(editor: Editor, piece: GraphShape, chair: GraphShape) ->
             else heights
         )
     )
-    # The path starts at a point on the surface, so take the vertex nearest to the mean.
+    # The path must start on the surface, so take the vertex nearest to the mean.
     start = piece_pixels[np.argmin(np.linalg.norm(piece_pixels - piece_pixels.mean(0), axis=1))]
     path = tuple((float(x), float(y)) for x, y in (start, chair_pixels[end]))
     return Target(box=_add_margin(_find_box(piece_pixels)), path=path)
@@ -214,7 +221,7 @@ def find_chair_in_image(editor: Editor, extent: Float | Float32 | None) -> Targe
 
 
 def _find_pixels(editor: Editor, shape: GraphShape) -> Float:
-    """Returns the (V, 2) pixels of its vertices in the image."""
+    """Returns the (V, 2) pixels of a shape's vertices in the image."""
     return editor.lens.project(editor.stage_character(shape.id).vertices)[0]
 
 

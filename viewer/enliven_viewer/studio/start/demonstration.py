@@ -1,4 +1,4 @@
-"""Demonstrates one part of a tour step: an animated hand moves to the target, and the real action runs."""
+"""Demonstrates one part of a tour step. An animated hand moves to the target, and the action is executed."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ stroke coarse.
 
 
 class Demonstration:
-    """The animated hand of the tour, which demonstrates one part.
+    """The animated hand of the tour, which demonstrates one part of a step.
 
     Args:
-        toured: the studio as the tour sees it.
+        toured: the tour's interface to the studio.
         part: the part to demonstrate.
         start: initial position of the hand, in the window's pixels.
 
     Attributes:
         hand: current position of the hand, in the window's pixels.
-        presses: whether it holds the button.
-        shift: whether it holds Shift.
+        presses: True while it holds the mouse button.
+        shift: True while it holds the Shift key.
         ended: whether the demonstration is over.
         typed: letters to type into the focused field; :meth:`take_typed` fetches them.
     """
@@ -52,7 +52,7 @@ class Demonstration:
 
         Args:
             target: the current target of the part.
-            place: centre of the target, in the window's pixels; None if it is not visible.
+            place: centre of the target, in the window's pixels; None if the target is not visible.
             origin: the top left corner of the image, in the window's pixels.
         """
         if self.ended:
@@ -89,13 +89,13 @@ class Demonstration:
         self._end()
 
     def _find_path_start(self, target: Target) -> Point | None:
-        """Returns the start of the path, in the window's pixels; None without a path."""
+        """Returns the start of the path, in the window's pixels, or None without a path."""
         if not target.path:
             return None
         return target.path[0][0] + self._origin[0], target.path[0][1] + self._origin[1]
 
     def _begin(self, target: Target) -> None:
-        """Presses the button. Playback pauses from then on, so that the path stays valid."""
+        """Presses the mouse button. Pauses playback, so that the path stays valid."""
         self._path, self._elapsed_s, self.shift = target.path, 0.0, self.part.shift
         hands = self._state.workspace.input
         hands.press(self._path[0], shift=False)
@@ -128,7 +128,7 @@ class Demonstration:
 
 
 def _find_free_name(toured: TourState, name: str) -> str:
-    """Returns a file name that does not exist yet, so that nothing is replaced."""
+    """Returns a file name that does not exist yet, so that no file is replaced."""
     browser, number, free = toured.workspace.browser, 1, name
     while browser is not None and (browser.folder / f"{free}.enliven").exists():
         number += 1
@@ -141,7 +141,7 @@ def _interpolate(start: Point, end: Point, fraction: float) -> Point:
 
 
 def _find_path_point(path: tuple[Point, ...], fraction: float) -> Point:
-    """Returns the point at a fraction of a path. All its segments take equal time."""
+    """Returns the point at a fraction of a path. All segments of the path take the same time."""
     position = fraction * (len(path) - 1)
     index = min(int(position), len(path) - 2)
     return _interpolate(path[index], path[index + 1], position - index)

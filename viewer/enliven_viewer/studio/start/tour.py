@@ -1,4 +1,6 @@
-"""The state of the tour: it detects finished steps, moves forward and back, and can be left and resumed."""
+"""The state of the tour. It detects finished steps and moves forward and back. The user can leave and resume
+it.
+"""
 
 from __future__ import annotations
 
@@ -12,34 +14,30 @@ from enliven_viewer.studio.start.tour_steps import ENDING, TOUR_STEPS, TourPart,
 from enliven_viewer.studio.viewport.overlay import Point
 
 _DONE_DISPLAY_S = 1.2
-"""Seconds that a finished step stays on screen with a tick before the next one."""
+"""Seconds for which a finished step stays on the screen with a tick, before the next step."""
 _REPEAT_DELAY_S = 6.0
-"""Seconds without an effect after which a part is demonstrated again: the stage may have been busy."""
+"""After this number of seconds, a demonstration without effect is repeated. The stage may have been busy."""
 _PAUSE_DISTANCE_PX = 30.0
 """Distance in pixels from the target within which the pointer pauses a dancing chair."""
 _MISSING_TIMEOUT_S = 2.0
-"""Seconds for which a precondition must be missing before the tour goes back. A dancer may be lost for a
-moment.
+"""The tour goes back if a precondition is missing for this number of seconds. Tracking of the dancer may fail
+for a moment.
 """
 
 
 class Tour:
-    """The tour.
-
-    Args:
-        desk: the workspace.
-        widgets: the places of widgets.
-        number: number of the step to resume at. If its preconditions are missing, the tour starts at an
-            earlier one.
+    """The tour through the studio. Args: desk: the workspace. widgets: the rectangles of widgets.
+        number: number of the step at which to resume. If its preconditions are missing, the tour starts at an
+            earlier step.
 
     Attributes:
         number: number of the current step; the number of steps once all are done.
-        done_display_s: remaining seconds for which the finished step stays.
-        reviewing: whether an earlier, finished step is shown again; it stays until *Next*.
+        done_display_s: remaining seconds for which the finished step stays on the screen.
+        reviewing: True if an earlier, finished step is shown again. It stays until *Next* is pressed.
         is_demonstrating: whether the tour demonstrates the step.
         demonstration: the animated hand while it moves.
         target: the current target.
-        card: last position of the card, in the window's pixels. card_key: its content at that time.
+        card: last position of the card, in the window's pixels. card_key: content of the card at that time.
     """
 
     def __init__(self, desk: TourWorkspace, widgets: DrawnWidgets, number: int = 0) -> None:
@@ -60,12 +58,12 @@ class Tour:
 
     @property
     def step(self) -> TourStep | None:
-        """Returns the current step; None once all are done."""
+        """Returns the current step, or None once all are done."""
         return TOUR_STEPS[self.number] if self.number < len(TOUR_STEPS) else None
 
     @property
     def part(self) -> TourPart | None:
-        """Returns the current part of the step; None once the step or the tour is done."""
+        """Returns the current part of the step, or None once the step or the tour is done."""
         step = self.step
         return (
             None if step is None or self.done_display_s > 0.0 else step.part(self._state, self._counts_before)
@@ -78,7 +76,7 @@ class Tour:
 
     @property
     def text(self) -> str:
-        """Returns the current instruction; empty while a tick is shown."""
+        """Returns the current instruction, or an empty text while a tick is shown."""
         if self.step is None:
             return ENDING[1]
         part = self.part
@@ -95,7 +93,7 @@ class Tour:
         return self.is_demonstrating or self.done_display_s > 0.0
 
     def outline(self, origin: Point) -> Rectangle | None:
-        """Returns the bounding box of the target, in the window's pixels; None if it is not visible.
+        """Returns the bounding box of the target, in the window's pixels, or None if it is not visible.
 
         Args:
             origin: the top left corner of the image, in the window's pixels.
@@ -107,7 +105,7 @@ class Tour:
         return None if widget is None else widget[1]
 
     def chair_rectangle(self, origin: Point) -> Rectangle | None:
-        """Returns the bounding box of the chair, in the window's pixels, so that nothing covers it.
+        """Returns the bounding box of the chair in the window's pixels, which the card must not cover.
 
         Returns None without a chair.
         """
@@ -117,7 +115,7 @@ class Tour:
         return box[0] + origin[0], box[1] + origin[1], box[2] + origin[0], box[3] + origin[1]
 
     def watch(self, seconds: float, origin: Point = (0.0, 0.0)) -> None:
-        """Checks if the step is done. Call once per frame with the time since the last one."""
+        """Checks if the step is done. Call once per frame with the seconds since the last call."""
         step = self.step
         if step is None:
             self.target = Target()
@@ -158,7 +156,7 @@ class Tour:
             self.is_demonstrating, self._hand, self._demonstrated_part = True, start, None
 
     def _pause_near_target(self) -> None:
-        """Pauses playback while the pointer is near the target, since a dancing leg is hard to hit."""
+        """Pauses playback while the pointer is near the target, because a dancing leg is hard to hit."""
         editor, hands = self._state.workspace.editor, self._state.workspace.input
         if hands.busy or self.demonstration is not None:
             return
@@ -217,7 +215,7 @@ class Tour:
             self._hand, self.demonstration, self._idle_s = self.demonstration.hand, None, 0.0
 
     def _demonstrate_next(self, seconds: float) -> None:
-        """Starts to demonstrate the next part of the step once the last one had its effect."""
+        """Starts to demonstrate the next part of the step once the previous part had its effect."""
         part, self._idle_s = self.part, self._idle_s + seconds
         if part is None or part.waits or (part is self._demonstrated_part and self._idle_s < _REPEAT_DELAY_S):
             return

@@ -1,4 +1,4 @@
-"""The studio as the tour sees it: the chair, its performer, whether it dances, and cuts and merges."""
+"""The tour's interface to the studio: the chair, its performer, its motion, and counts of cuts and merges."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class TourInput(Protocol):
 
 
 class TourFileField(Protocol):
-    """The part of a file dialogue that the tour fills in."""
+    """The interface to the file dialogue that the tour fills in."""
 
     folder: Path
     name: str
@@ -67,7 +67,7 @@ class TourFileField(Protocol):
 
 
 class TourWorkspace(Protocol):
-    """The part of the workspace that the tour reads and uses."""
+    """The interface to the workspace that the tour uses."""
 
     @property
     def editor(self) -> Editor:
@@ -83,7 +83,7 @@ class TourWorkspace(Protocol):
 
     @property
     def perform(self) -> PerformSession:
-        """Returns the link to a stage."""
+        """Returns the session that is connected to a stage."""
 
     @property
     def input(self) -> TourInput:
@@ -95,7 +95,7 @@ class TourWorkspace(Protocol):
 
     @property
     def asking(self) -> str:
-        """Returns the open dialogue, or empty."""
+        """Returns the name of the open dialogue, or an empty text."""
 
     @property
     def browser(self) -> TourFileField | None:
@@ -118,7 +118,7 @@ class TourCounts:
 
 @dataclass(frozen=True)
 class TourState:
-    """The state of the studio in the terms of the tour.
+    """Answers the tour's questions about the state of the studio.
 
     Attributes:
         workspace: the workspace.
@@ -128,7 +128,7 @@ class TourState:
 
     @property
     def chairs(self) -> tuple[GraphShape, ...]:
-        """Returns the characters that a dancer can possess, and the parts cut off them."""
+        """Returns the characters that a dancer can possess, and the parts that were cut off."""
         return tuple(self.workspace.editor.project.graphs.values())
 
     @property
@@ -139,14 +139,16 @@ class TourState:
 
     @property
     def chair(self) -> GraphShape | None:
-        """Returns the chair of the tour: the possessed chair, or else the largest; None without a chair."""
+        """Returns the chair of the tour: the possessed chair, otherwise the largest chair, or None without a
+        chair.
+        """
         held = self._held_characters()
         chairs = sorted(self.chairs, key=lambda shape: (shape.id in held, _measure_size(shape)))
         return chairs[-1] if chairs else None
 
     @property
     def piece(self) -> GraphShape | None:
-        """Returns the smallest part that was cut off the chair; None if there is none."""
+        """Returns the smallest part that was cut off the chair, or None if there is none."""
         pieces = [chair for chair in self.chairs if chair is not self.chair]
         return min(pieces, key=_measure_size) if pieces else None
 
@@ -185,7 +187,7 @@ class TourState:
 
     @property
     def recorded_s(self) -> float:
-        """Returns the length of the running recording in seconds; 0 if no recording is running."""
+        """Returns the length of the running recording in seconds, or 0 if no recording is running."""
         recording = self.workspace.perform.recording
         return recording.seconds if recording.phase == "recording" else 0.0
 
@@ -196,7 +198,9 @@ class TourState:
 
     @property
     def extent(self) -> Float | Float32 | None:
-        """Returns points (N, 3) in metres on the chair as shown, live or playing; None without a chair."""
+        """Returns points (N, 3) in metres on the shown chair, which is live or played back, or None without a
+        chair.
+        """
         chair, perform = self.chair, self.workspace.perform
         if chair is None:
             return None
@@ -207,7 +211,7 @@ class TourState:
         return self.workspace.editor.stage_character(chair.id).extent
 
     def has_tool(self, name: str) -> bool:
-        """Returns True if a tool is the active one."""
+        """Returns True if a tool is active."""
         return self.workspace.input.tool.name == name
 
     def _held_characters(self) -> Sequence[str]:

@@ -1,4 +1,4 @@
-"""The steps of the tour: a table of their sentences, targets, conditions and commands."""
+"""The steps of the tour as a table of sentences, targets, conditions and commands."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from enliven_viewer.studio.start.chair_legs import find_chair_in_image, find_leg
 from enliven_viewer.studio.start.tour_state import TourCounts, TourState
 
 _DANCE_S = 3.0
-"""Seconds of dancing before the tour explains how to stop: one swing of the arms."""
+"""Seconds of dancing before the tour explains how to stop. In this time the dancer swings the arms once."""
 _FRAMING_MARGIN = 1.5
-"""Framing margin around the chair before a leg is cut."""
+"""Size of the view relative to the chair before a leg is cut."""
 _FILE_NAME = "My dancing chair"
 """File name that the tour types if it demonstrates that step."""
 
 
 def _do_nothing(toured: TourState) -> None:
-    """Does nothing: the part only waits."""
+    """Does nothing. Used for a part that only waits."""
 
 
 @dataclass(frozen=True)
@@ -29,10 +29,10 @@ class TourPart:
 
     Attributes:
         text: one sentence.
-        target: returns where the tour points.
-        is_done: returns whether it is done, given the counts at the start of the step.
-        command: has the same effect as a click on the target.
-        shift: whether Shift is held during the drag along the target's path.
+        target: returns the target at which the tour points.
+        is_done: returns True if the part is done, given the counts at the start of the step.
+        command: a function with the same effect as a click on the target.
+        shift: True if the drag along the target's path needs the Shift key.
         types: text to type into a field; empty for none.
     """
 
@@ -45,7 +45,7 @@ class TourPart:
 
     @property
     def waits(self) -> bool:
-        """Returns True if the part only waits for something that happens by itself."""
+        """Returns True if the part only waits for an event and needs no user action."""
         return self.command is _do_nothing and not self.types
 
 
@@ -57,7 +57,7 @@ class TourStep:
         title: a few words.
         icon: its glyph in Font Awesome 4.
         parts: its instructions.
-        ready: returns whether its preconditions are met; if not, the tour returns to an earlier step.
+        ready: returns True if its preconditions are met. Otherwise the tour returns to an earlier step.
         begin: called when the step starts.
     """
 
@@ -68,7 +68,7 @@ class TourStep:
     begin: Callable[[TourState], object] = _do_nothing
 
     def part(self, toured: TourState, before: TourCounts) -> TourPart | None:
-        """Returns the first part that is not done; None once the step is done."""
+        """Returns the first part that is not done, or None once the step is done."""
         if self.parts[-1].is_done(toured, before):
             return None
         return next(part for part in self.parts if not part.is_done(toured, before))
@@ -79,7 +79,9 @@ def _target_widget(*names: str) -> Callable[[TourState], Target]:
 
 
 def _target_perform_widget(*names: str) -> Callable[[TourState], Target]:
-    """Targets a widget of the Perform panel, or the one that leads back to that panel from another one."""
+    """Returns a function that targets a widget of the Perform panel. If another panel hides it, the target is
+    the widget that closes that panel.
+    """
     return lambda toured: Target((*names, *(panel.back for panel in toured.workspace.panels if panel.back)))
 
 
@@ -143,7 +145,7 @@ def _has_name(toured: TourState) -> bool:
 
 
 def _drag_along_path(toured: TourState) -> None:
-    """Does nothing: the demonstration drags along the target's path."""
+    """Does nothing. Used for a part with a demonstration that drags along the target's path."""
 
 
 _ANIMATE_PART = TourPart(

@@ -12,7 +12,9 @@ from enliven_viewer.studio.viewport.overlay import Overlay, Point
 from enliven_viewer.studio.viewport.picking import Hit, find_bone_at, find_joint_at, find_surface_at
 
 _DISTANCE_TOLERANCE_PX = 3.0
-"""Tolerance in pixels within which two joints count as equally near: after a cut, two joints coincide."""
+"""Joints count as equally near if their distances differ by less than this in pixels. After a cut, two joints
+coincide.
+"""
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ class ToolPicture:
         ghost: vertices (V, 3), faces, and size in metres of a mesh to outline, or None.
         shade: vertices (V, 3) metres in the world, faces, and (V, 4) uint8 sRGB and opacity to overlay; or
             None.
-        tubes: rows of :class:`~enliven_viewer.render.overlay.tubes.Tubes` and their bias, metres.
+        tubes: rows of :class:`~enliven_viewer.render.overlay.tubes.Tubes`, and their depth bias in metres.
     """
 
     self_intersection: tuple[Float32, Int32] | None = None
@@ -54,8 +56,9 @@ class Tool:
         label: text of its button.
         key: the shortcut that activates it.
         icon: its glyph in Font Awesome 4.
-        hint: what to do next, in one line.
-        hides_performer: if True, the performer and the key poses of a puppet are hidden meanwhile.
+        hint: one line about the user's next action.
+        hides_performer: if True, the performer and the key poses of a puppet are hidden while the tool is
+            active.
         plays_on: if True, playback only pauses during a drag and continues afterwards.
     """
 
@@ -72,16 +75,16 @@ class Tool:
 
     @property
     def hint(self) -> str:
-        """Returns what to do next, in one line."""
+        """Returns one line about the user's next action."""
         return ""
 
     @property
     def warning(self) -> str:
-        """Returns a one-line warning about the current work; empty if there is none."""
+        """Returns a one-line warning about the current work, or an empty text if there is none."""
         return ""
 
     def hover(self, pointer: Pointer) -> None:
-        """Handles pointer movement without a held button."""
+        """Handles pointer movement without a pressed button."""
         self.hovered = self.handle_at(pointer)
 
     def press(self, pointer: Pointer) -> bool:
@@ -112,9 +115,8 @@ class Tool:
         return EMPTY_PICTURE
 
     def handle_at(self, pointer: Pointer) -> Hit | None:
-        """Returns the handle, or else the bone, under the pointer.
-
-        If two are equally near, the selected character wins.
+        """Returns the handle under the pointer, or the bone if no handle is there. If two hits are equally
+        near, the selected character's is returned.
         """
         reach, lens, stage = self.editor.settings.reach, self.editor.lens, self.editor.editable_characters
         chosen = [character for character in stage if character.id == self.editor.selection.character]

@@ -26,8 +26,8 @@ from enliven_viewer.studio.viewport.picking import Hit
 _ROTATION_PER_PIXEL = 0.01
 """Rotation in radians per pixel."""
 _PIVOT_RADIUS_PX = 24.0
-"""Radius in pixels around the pivot. A drag that starts within it turns the character by sideways movement
-instead.
+"""A drag that starts closer to the pivot than this, in pixels, turns the character by sideways movement
+instead of movement around the pivot.
 """
 _UP_AXIS = np.array([0.0, 1.0, 0.0])
 
@@ -37,9 +37,9 @@ class CharacterDrag:
 
     Attributes:
         character: id of the dragged character.
-        characters: ids of all characters that move along: the selection, if it contains the dragged one.
-        rooted: whether its first handle (the root) is shown and follows the pointer.
-        handles: (H, 3) metres in the world, its handle positions at the start.
+        characters: ids of all characters that move: the selection if it contains the dragged character.
+        rooted: True if its first handle (the root) is visible and follows the pointer.
+        handles: (H, 3) positions of its handles at the start of the drag, in metres of the world.
     """
 
     def __init__(self, editor: Editor, hit: Hit, start: Pointer) -> None:
@@ -47,7 +47,7 @@ class CharacterDrag:
         self.editor, self.character, self._start_pointer = editor, hit.character, start
         self.handles = posed.handles
         self.rooted = len(posed.handles) > 0 and not posed.has_own_tool
-        # Move the root in a plane parallel to the image, whichever part was grabbed.
+        # Move the root in a plane parallel to the image, regardless of the grabbed part.
         self._grabbed_point = (
             posed.handles[0] if self.rooted else editor.lens.view.eye + hit.depth * editor.lens.ray(start.at)
         )
@@ -68,11 +68,11 @@ class CharacterDrag:
 
     @property
     def description(self) -> str:
-        """Returns what is dragged, for the name of an edit."""
+        """Returns a description of the dragged characters, for the name of an edit."""
         return later("{0} shapes", len(self.characters)) if self.has_several else self.character
 
     def move(self, project: Project, pointer: Pointer) -> Project:
-        """Returns the project with the characters moved along with the pointer."""
+        """Returns the project with the characters moved by the pointer's movement."""
         lens = self.editor.lens
         offset = lens.intersect_plane(pointer.at, self._grabbed_point) - lens.intersect_plane(
             self._start_pointer.at, self._grabbed_point
@@ -86,7 +86,7 @@ class CharacterDrag:
 
         The angle is the pointer's movement around the root.
 
-        With Shift, or without a visible root, they turn about the vertical axis by sideways pointer movement.
+        With Shift, or without a visible root, sideways pointer movement turns them about the vertical axis.
         """
         turn = from_rotation_vector(self._find_rotation(pointer))
         return self._move_characters(project, np.zeros(3), turn, self._pivot)
@@ -106,7 +106,7 @@ class CharacterDrag:
     def merge(self, project: Project, host: Hit, notes: list[str]) -> Project:
         """Returns the project with the character merged into another.
 
-        A handle of the other character, or a point on one of its bones, then carries it.
+        It is then attached to a handle of the other character, or to a point on one of its bones.
         """
         bone_fraction = host.along if host.handle > 0 and host.along < 1.0 else 1.0
         node = host.handle if host.handle >= 0 else None
@@ -126,7 +126,7 @@ class CharacterDrag:
         return axis * (snapping.snap_angle(radians) if snapping.is_active(pointer.ctrl) else radians)
 
     def _turn_characters(self, pointer: Pointer) -> tuple[Float, float]:
-        """Returns the (3,) unit axis, and the rotation in radians."""
+        """Returns the unit axis (3,) and the angle in radians of the rotation."""
         lens, start = self.editor.lens, self._start_pointer
         across = _ROTATION_PER_PIXEL * (pointer.at[0] - start.at[0])
         if pointer.shift or not self.rooted:

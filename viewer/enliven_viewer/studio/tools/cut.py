@@ -1,4 +1,4 @@
-"""The cut tool: a stroke across a bone splits a shape in two, and both parts keep moving."""
+"""The cut tool. A stroke across a bone splits a shape into two, and both parts keep their motion."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class CutTool(StrokeTool):
         if len(self._stroke) == count:
             return
         hits = find_crossings(editor.editable_characters, editor.lens, np.array(self._stroke))
-        # If the stroke crosses the selected shape, do not cut shapes behind it or in front of it.
+        # If the stroke crosses the selected shape, cut only that shape, not those behind or in front of it.
         self._crossed_bones = [hit for hit in hits if hit.character == editor.selection.character] or hits
 
     def release(self, pointer: Pointer) -> None:
@@ -77,7 +77,7 @@ class CutTool(StrokeTool):
                 try:
                     project, pieces = cut_character(project, name, surface, time, notes=notes)
                     parts.extend(pieces[1:])
-                # If the surface does not pass through a character, the character stays whole.
+                # If the cut surface does not pass through a character, the character is not cut.
                 except EnlivenError as error:
                     refused = error
             if refused is not None and (crossed or not parts):
@@ -92,7 +92,9 @@ class CutTool(StrokeTool):
             )
 
     def _list_boneless_characters(self, stroke: list[Point]) -> list[str]:
-        """Returns the characters without bones that a stroke may cut: the selected one, or else all."""
+        """Returns the characters without bones that a stroke may cut: the selected character,
+        otherwise all.
+        """
         if len(stroke) < 2:
             return []
         boneless = [character.id for character in self.editor.pickable_characters if not character.bones]

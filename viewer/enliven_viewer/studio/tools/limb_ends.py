@@ -22,9 +22,9 @@ from enliven_viewer.studio.viewport.ray import find_hit_vertex
 from enliven_viewer.theme import ACCENT, MARK, QUIET
 
 _END_WORDS = (later("head"), later("left hand"), later("right hand"), later("left foot"), later("right foot"))
-"""Names of the ends within a sentence."""
+"""Names of the limb ends within a sentence."""
 END_NAMES = (later("Head"), later("Left hand"), later("Right hand"), later("Left foot"), later("Right foot"))
-"""Labels of the ends, in order."""
+"""Labels of the limb ends, in the order of their numbers."""
 _FIGURE_JOINTS = [Joint.HEAD, Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIGHT]
 _MARK_RADIUS_PX = 8.0
 """Radius of a mark in pixels."""
@@ -48,7 +48,7 @@ class LimbEndsTool(Tool):
     def hint(self) -> str:
         shape = self.editor.find_selected(GraphShape)
         if shape is None:
-            return "Click a character that performers hold, to name its head, hands and feet."
+            return "Click a possessed character to mark its head, hands and feet."
         if self._held_mark is not None:
             return tr(
                 "Let go where the performer's {0} should be; Esc drops it.", _END_WORDS[self._held_mark[0]]
@@ -59,9 +59,8 @@ class LimbEndsTool(Tool):
 
     @property
     def marks(self) -> Int:
-        """Returns the vertices (5,) at the ends.
-
-        Returns an empty array while they are being searched, or if nothing is selected.
+        """Returns the vertices (5,) at the limb ends. Returns an empty array while the search for them runs,
+        or if nothing is selected.
         """
         shape = self.editor.find_selected(GraphShape)
         if shape is None:
@@ -143,7 +142,7 @@ class LimbEndsTool(Tool):
         return Overlay(tuple(end_marks))
 
     def wait(self) -> None:
-        """Waits until the ends are found. For sessions without a window."""
+        """Waits until the limb ends are found. For sessions without a window."""
         if self._search is not None:
             self._search.result()
 
@@ -152,7 +151,7 @@ class LimbEndsTool(Tool):
         return self.editor.lens.project(self.editor.stage_character(character).vertices[vertices])[0]
 
     def _suggest_ends(self, mesh: Mesh) -> Int:
-        """Returns the vertices at the ends as detected on the mesh; empty while the search runs."""
+        """Returns the detected vertices (5,) at the limb ends, or an empty result while the search runs."""
         if self._mesh is not mesh:
             self._mesh = mesh
             self._threads = self._threads or ThreadPoolExecutor(1, "suggested ends")
@@ -170,11 +169,11 @@ class LimbEndsTool(Tool):
 def suggest_ends(mesh: Mesh) -> Int:
     """Returns the vertices (5,) at a mesh's head, hands and feet.
 
-    If the mesh is not a person, a standing figure of its size is used.
+    If the mesh does not look like a person, the vertices nearest to a standing figure of its size are used.
     """
     try:
         person = find_person_in_mesh(mesh)
-    except EnlivenError:  # The mesh has no area, so it shows no person.
+    except EnlivenError:  # The mesh has no area, so no person can be fitted.
         person = None
     if person is not None:
         ends = person.ends

@@ -21,12 +21,12 @@ from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.viewport.overlay import Overlay
 
 _MAX_MATCHES = 6
-"""Maximum number of thumbnails of matches: a row of the panel."""
+"""Maximum number of thumbnails of matches. They fit into one row."""
 
 
 @dataclass(frozen=True)
 class MappedChain:
-    """The chains that were mapped last, so that they can be flipped."""
+    """The chains that were mapped last, which the user can flip."""
 
     shape: str
     target: Chain
@@ -37,7 +37,7 @@ class MappedChain:
 
 @dataclass
 class WholeBody:
-    """The settings of a whole-body retargeting, as in :class:`Plan`."""
+    """The settings of a whole-body retargeting. Their meaning is documented in :class:`Plan`."""
 
     floor: bool = True
     steps: bool = True
@@ -56,7 +56,7 @@ class MapTool(Tool):
         whole_body: settings of whole-body retargeting.
         gentle: if True, limbs that would stretch the surface move less.
         last_mapping: the last whole-body retargeting: shape, take, plan, and quality.
-        offered: suggested matches that one click accepts. The first is highlighted unless another one is.
+        offered: suggested matches, which a click accepts. The first match is highlighted by default.
     """
 
     name, label, key, icon = "map", "Map motion", "m", "\uf0ec"
@@ -127,7 +127,7 @@ class MapTool(Tool):
     def rank(self) -> None:
         """Finds matches between the take's current pose and the selected shape.
 
-        Both are compared as they appear in their views.
+        Both are compared as projected in their views.
         """
         clip, shape = self.source.clip, self.editor.find_selected(Shape)
         self.offered = []
@@ -164,7 +164,7 @@ class MapTool(Tool):
             return
 
         def fitted(project: Project) -> RetargetedShape:
-            """Returns the shape with the take in place of all its previous motion."""
+            """Returns the shape with the take in place of its previous motion."""
             still = mute_takes(project, shape.id)
             still_shape = still.shape(shape.id)
             if itself:
@@ -224,7 +224,7 @@ class MapTool(Tool):
             )
 
     def _map_chain(self, mapping: MappedChain) -> None:
-        """Maps one chain to another, as both appear in their views now."""
+        """Maps one chain to another, as both are currently projected in their views."""
         lens, other = self.editor.lens, self.source.lens
 
         def change(project: Project) -> Project:
@@ -255,7 +255,7 @@ class MapTool(Tool):
 def _remove_clip(project: Project, shape_id: str) -> Project:
     """Returns a project in which a shape no longer plays its own clip.
 
-    Otherwise new motion would be added to the motion of the clip.
+    Otherwise new motion would be added to the clip's motion.
     """
     plays = played_clip(project, project.shape(shape_id)) is not None
     return mute_takes(project, shape_id) if plays else project

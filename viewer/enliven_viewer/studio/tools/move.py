@@ -19,11 +19,15 @@ from enliven_viewer.studio.viewport.picking import Hit, find_bone_at, find_joint
 from enliven_viewer.theme import GOOD, INK, STROKE
 
 _SNAP_PX = 26.0
-"""Maximum distance in pixels at which a dragged root snaps to a node and is merged. Bones need half of it."""
+"""Maximum distance in pixels at which a dragged root snaps to a node and merges. For bones, half of this
+distance applies.
+"""
 _MERGE_DISTANCE = 0.05
-"""Maximum distance to another character, as a fraction of the dragged one's size, for a merge with Shift."""
+"""Maximum distance to another character for a merge with Shift, as a fraction of the dragged character's
+size.
+"""
 _MAX_COMPARED_VERTICES = 4000
-"""Maximum number of vertices of the dragged mesh that are compared with the others, so that dragging a scan
+"""Maximum number of vertices of the dragged mesh that are compared with other meshes, so that dragging a scan
 stays smooth.
 """
 
@@ -89,9 +93,8 @@ class MoveTool(Tool):
             self._merge_host = self._find_merge_target(pointer) if pointer.shift else None
 
     def release(self, pointer: Pointer) -> None:
-        """Merges at the playhead if there is a target; else moves the character.
-
-        A merge keeps the pose, and both characters keep moving.
+        """Merges at the playhead if there is a target, otherwise moves the character. A merge keeps the pose
+        and the motion of both characters.
         """
         (held, host), self._held_character, self._merge_host = (
             (self._held_character, self._merge_host),
@@ -112,7 +115,7 @@ class MoveTool(Tool):
         other = host
 
         def change(project: Project) -> Project:
-            # A merge at a node also positions the character, so do not move it before.
+            # A merge at a node also positions the character, so do not move it first.
             moved = project if other.handle >= 0 else held.move(project, pointer)
             return held.merge(moved, other, notes)
 
@@ -125,14 +128,16 @@ class MoveTool(Tool):
                 editor.toasts.say(note)
 
     def _find_merge_target(self, pointer: Pointer) -> Hit | None:
-        """Returns the target of a merge with Shift: the character under the pointer, or the nearest."""
+        """Returns the target of a merge with Shift: the character under the pointer, or the nearest
+        character.
+        """
         held = self._held_character
         if held is None:
             return None
         return self.character_at(pointer, without=held.character) or self._find_touched_character(held)
 
     def _find_touched_character(self, held: CharacterDrag) -> Hit | None:
-        """Returns the character that the dragged one touches or nearly touches."""
+        """Returns the character that the dragged character touches or nearly touches."""
         vertices = self.editor.stage_character(held.character).vertices
         if not len(vertices):
             return None
@@ -158,7 +163,7 @@ class MoveTool(Tool):
         return Hit(name) if gap < max_gap else None
 
     def _report_no_merge(self, held: CharacterDrag) -> None:
-        """Reports why a drop with Shift merged nothing."""
+        """Shows a message with the reason why a drop with Shift did not merge."""
         if held.has_several:
             problem, remedy = (
                 tr("Several were moved, and none merged"),
@@ -211,5 +216,7 @@ class MoveTool(Tool):
 
 
 def _add_face_centres(vertices: Float, faces: Int32) -> Float:
-    """Returns vertices and face centres, (V + F, 3) in metres, so that large faces also count as near."""
+    """Returns vertices and face centres, (V + F, 3) in metres. The centres make distances to large faces
+    accurate enough.
+    """
     return np.concatenate([vertices, vertices[faces].mean(1)])

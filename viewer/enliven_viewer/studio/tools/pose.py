@@ -1,6 +1,7 @@
 """The pose tool.
 
-Dragging a handle poses what it moves. Dragging the root or the surface turns the whole character.
+Dragging a handle poses the bone or node that it moves. Dragging the root or the surface turns the whole
+character.
 """
 
 from __future__ import annotations
@@ -97,7 +98,9 @@ class PoseTool(Tool):
         return Overlay((*base_overlay.marks, *dots), base_overlay.chain, base_overlay.hovered)
 
     def _node_at(self, pointer: Pointer) -> tuple[str, int, Float] | None:
-        """Returns the possessed mesh's dot under the pointer: character, node, and position."""
+        """Returns the possessed mesh's dot under the pointer as (character id, node number, position (3,) in
+        metres).
+        """
         editor, candidates = self.editor, list[tuple[float, str, int, Float]]()
         for character in editor.pickable_characters if editor.is_auto_key else ():
             nodes = np.asarray(character.nodes, np.float64)

@@ -23,4 +23,4 @@ TOOLS: tuple[type[Tool], ...] = (
     MapTool,
     LimbEndsTool,
 )
-"""The tools of the studio itself. Features add others."""
+"""The built-in tools of the studio. Features add further tools."""

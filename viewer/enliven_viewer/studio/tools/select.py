@@ -12,13 +12,14 @@ from enliven_viewer.studio.viewport.overlay import Fill, Line, Overlay, Point
 from enliven_viewer.theme import ACCENT
 
 _MAX_TESTED_VERTICES = 500
-"""Maximum number of surface vertices tested against a selection box: enough to find every limb."""
+"""Maximum number of surface vertices that are tested against a selection box. It is enough to find every
+limb.
+"""
 
 
 class SelectTool(Tool):
-    """A click selects.
-
-    Ctrl toggles. Shift adds a character, or extends the selection to the chain up to the clicked joint.
+    """A tool that selects characters and joints. A click selects. Ctrl toggles. Shift adds a character, or
+    extends the selection to the chain up to the clicked joint.
 
     A drag with Ctrl draws a selection box, which selects every character that it touches. Shift adds them to
     the selection.
@@ -61,7 +62,7 @@ class SelectTool(Tool):
             editor.select(chain=shape.skeleton.path(start, hit.handle))
         else:
             editor.choose(hit.character, hit.handle if joint else None)
-        return joint  # Return False for a drag that starts on a surface, which then orbits the camera.
+        return joint  # Return False for a drag that starts on a surface, because it orbits the camera.
 
     def drag(self, pointer: Pointer) -> None:
         if self._box is not None:

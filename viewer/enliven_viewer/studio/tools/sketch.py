@@ -13,9 +13,9 @@ from enliven_viewer.studio.viewport.overlay import Disc, Line, Overlay, Point
 from enliven_viewer.theme import GOOD, STROKE
 
 _CLOSING_DISTANCE_PX = 22.0
-"""Distance in pixels from its start within which a stroke counts as closed."""
+"""A stroke counts as closed if its end is within this distance in pixels of its start."""
 _MIN_POINTS = 8
-"""Minimum number of points of a stroke. Fewer are an accidental click and outline nothing."""
+"""Minimum number of points of a stroke. A shorter stroke is an accidental click."""
 
 
 class SketchTool(StrokeTool):

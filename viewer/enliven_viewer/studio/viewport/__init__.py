@@ -1,1 +1,1 @@
-"""Display and picking in the viewport: lens, hits, overlays, colours, playback length and the selection."""
+"""Display and picking in the viewport: camera lens, hit testing, overlays, colours, and the selection."""

@@ -1,4 +1,4 @@
-"""Small world axes in a corner of a view: x red, y green, z blue, like the arrows of the gizmo."""
+"""Draws small world axes in a corner of a view: x red, y green, z blue, like the arrows of the gizmo."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ _AXIS_LENGTH_PX = 24.0
 
 
 def make_axes_marks(lens: Lens, at: Point) -> tuple[Line | Disc | Label, ...]:
-    """Returns the world axes as seen in a view, at a pixel. Axes that point away are drawn first."""
+    """Returns marks of the world axes as seen in a view, centred at a pixel. Axes that point
+    away come first.
+    """
     seen = lens.view.camera_from_world[:3, :3]
     marks: list[Line | Disc | Label] = []
     for axis in sorted(range(3), key=lambda k: seen[2, k]):

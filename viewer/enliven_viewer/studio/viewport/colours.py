@@ -14,13 +14,13 @@ from enliven_viewer.theme import DEFAULT_COLOURS, Paint, get_theme
 
 
 def choose_default_colour(character_id: str) -> Paint:
-    """Returns the sRGB colour of a mesh without its own colours; always the same for a name."""
+    """Returns the sRGB colour for a mesh without colours. It depends only on the character's id."""
     colour: Paint = DEFAULT_COLOURS[zlib.crc32(character_id.encode()) % len(DEFAULT_COLOURS)]
     return colour
 
 
 class DrawnMeshes:
-    """The render meshes of characters. The same object is returned while the rest surface stays the same.
+    """A cache of the render meshes of characters. It returns the same object until the rest surface changes.
 
     Args:
         draw: creates a render mesh; by default through the character's rig.

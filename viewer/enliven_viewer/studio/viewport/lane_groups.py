@@ -1,4 +1,4 @@
-"""The layers that share a lane of the timeline, since they play one take in the same way."""
+"""Groups layers that share a row (lane) of the timeline, because they play the same take in the same way."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Collection, Sequence
 from enliven.document import LayerBase, Project
 
 _MAX_TAKE_LANES = 12
-"""Maximum number of layers of one take that get a lane each. Models with one layer per bone have more, and
-these share lanes.
+"""Up to this number of layers of one take have a lane each. Models with one layer per bone have more layers,
+and these share lanes.
 """
 
 
@@ -19,8 +19,8 @@ def group_layers(
 
     Args:
         project: the project with the layers.
-        opened: groups of alternatives that show a lane for every take. Others show only the audible take.
-            None: all of them.
+        opened: groups of alternative takes that show a lane for every take. Other groups show only the active
+            take. None means all groups.
     """
     groups: dict[tuple[object, ...], list[int]] = {}
     for key, character in project.characters.items():
@@ -43,10 +43,7 @@ def find_lane_layers(project: Project, character: str, number: int) -> tuple[int
 
 
 def _find_hidden_layers(playing: Sequence[LayerBase], opened: Collection[str]) -> set[int]:
-    """Returns the layers without a lane.
-
-    They are inaudible takes in a closed group of alternatives.
-    """
+    """Returns the numbers of the layers without a lane: muted takes in a closed group of alternatives."""
     takes_by_group: dict[str, dict[str, list[int]]] = {}
     for number, layer in enumerate(playing):
         if layer.alternatives and layer.alternatives not in opened:

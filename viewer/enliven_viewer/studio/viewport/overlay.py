@@ -11,7 +11,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Line:
-    """A polyline; ``closed`` joins its last point to its first."""
+    """A polyline. ``closed`` joins its last point to its first."""
 
     points: tuple[Point, ...]
     colour: Colour
@@ -39,7 +39,7 @@ class Fill:
 
 @dataclass(frozen=True)
 class Label:
-    """A line of text. `at` is the middle of its left side."""
+    """A line of text. `at` is the centre of its left edge in pixels."""
 
     at: Point
     text: str
@@ -51,7 +51,7 @@ class Overlay:
     """All marks of a tool.
 
     Attributes:
-        marks: lines, discs, areas and labels, bottom first.
+        marks: lines, discs, areas and labels in drawing order.
         chain: the character and the joints of highlighted bones, or None.
         hovered: the character and the handle under the pointer, or None.
     """

@@ -1,6 +1,5 @@
-"""Picking: joints, points on bones and surfaces under the pointer, and bones that a stroke crosses.
-
-Pixels count from the viewport's top left corner, x to the right and y down.
+"""Picking: finds joints, bones and surfaces under the pointer, and bones that a stroke crosses. Pixels are
+measured from the viewport's top left corner, x to the right and y down.
 """
 
 from __future__ import annotations
@@ -18,16 +17,16 @@ from enliven_viewer.studio.viewport.ray import NEAREST, find_first_hit
 from enliven_viewer.studio.viewport.stage_character import StageCharacter
 
 _TUBE_DEPTH_BIAS = 0.4
-"""Depth bias of bones and trails as a fraction of the camera distance. They are visible through geometry that
-covers them by less.
+"""Depth bias of bones and trails as a fraction of the camera distance. Up to this depth below a surface they
+are visible.
 """
 _MIN_TUBE_DISTANCE_M = 0.05
-"""Camera distance in metres below which the depth bias does not shrink further."""
+"""For smaller camera distances than this, in metres, the depth bias does not shrink further."""
 
 
 @dataclass(frozen=True)
 class Lens:
-    """A view with the size (width, height) in pixels at which it is shown."""
+    """A camera view, and the size (width, height) in pixels of the viewport that shows it."""
 
     view: CameraView
     size: tuple[float, float]
@@ -51,7 +50,9 @@ class Lens:
         return np.asarray(direction / np.linalg.norm(direction))
 
     def intersect_plane(self, pixel: Point, through: Float) -> Float:
-        """Returns (3,) where a pixel's ray meets the plane through a point, parallel to the image."""
+        """Returns the intersection (3,) in metres of a pixel's ray with the plane through a point, parallel
+        to the image.
+        """
         forward, way = -self.view.camera_from_world[2, :3], self.ray(pixel)
         return np.asarray(self.view.eye + way * ((through - self.view.eye) @ forward) / (way @ forward))
 
@@ -72,7 +73,7 @@ class Lens:
         return np.asarray(-self.view.camera_from_world[2, :3])
 
     def tube_bias(self, positions: Float | Float32) -> float:
-        """Returns the depth in metres up to which tubes are visible through the geometry that covers them.
+        """Returns the depth in metres below a surface up to which tubes are visible.
 
         Args:
             positions: (N, 3) metres on the tubes.
@@ -96,7 +97,7 @@ class Hit:
         along: position on the bone, 0 at its start and 1 at the handle.
         pixels: distance from the pointer in pixels.
         depth: depth in front of the camera in metres.
-        face: face of the mesh, if on the surface; else -1.
+        face: index of the mesh's face if the hit is on the surface; otherwise -1.
     """
 
     character: str
@@ -110,7 +111,7 @@ class Hit:
 def find_joint_at(stage: Iterable[StageCharacter], lens: Lens, pixel: Point, reach: float) -> Hit | None:
     """Returns the handle nearest to a pixel within ``reach`` pixels.
 
-    If two are equally near, the one in front wins.
+    If two handles are equally near to the pixel, returns the handle nearer to the camera.
     """
     hits = []
     for character in stage:
@@ -147,7 +148,9 @@ def find_surface_at(stage: Iterable[StageCharacter], lens: Lens, pixel: Point) -
 
 
 def find_crossings(stage: Iterable[StageCharacter], lens: Lens, stroke: Float) -> list[Hit]:
-    """Returns the bones that a stroke (P, 2) in pixels crosses, each once, with the crossing's position."""
+    """Returns the bones that a stroke (P, 2) in pixels crosses, with the position of the crossing. Each bone
+    is listed once.
+    """
     hits: list[Hit] = []
     for character in stage:
         pixels, depth = lens.project(character.handles)
@@ -163,9 +166,8 @@ def find_crossings(stage: Iterable[StageCharacter], lens: Lens, stroke: Float) -
 
 
 def _find_nearest_parameter(a: Float, b: Float, p: Float) -> tuple[float, float]:
-    """Returns the parameter of the point on a-b nearest to p, all (2,), and its distance.
-
-    NaN counts as far away.
+    """Returns (parameter, distance) of the point on the segment a-b that is nearest to p. All points are
+    (2,). NaN gives an infinite distance.
     """
     segment = b - a
     length = float(segment @ segment)
@@ -181,7 +183,9 @@ def _correct_perspective(fraction: float, near: float, far: float) -> float:
 
 
 def _find_crossing(a: Float, b: Float, c: Float, d: Float) -> float | None:
-    """Returns the parameter on a-b where it crosses c-d, all (2,); None if they do not cross."""
+    """Returns the parameter on the segment a-b at which it crosses the segment c-d, or None if they do not
+    cross. All points are (2,).
+    """
     first, second = b - a, d - c
     determinant = first[0] * second[1] - first[1] * second[0]
     if not np.isfinite(determinant) or abs(determinant) < 1e-12:

@@ -6,9 +6,8 @@ from enliven.document import Project, closing_time
 
 
 def measure_project_length(project: Project, shortest: float) -> float:
-    """Returns the duration in seconds: until each layer and sound has played once, at least ``shortest``.
-
-    With looping layers it is slightly longer, so that all of them restart together.
+    """Returns the duration in seconds in which each layer and sound plays once, but at least ``shortest``.
+    With looping layers it is slightly longer, so that all loops restart together.
     """
     layers = [layer for character in project.characters.values() for layer in character.playing]
     sounds = [sound.end for sound in project.sounds.values()]

@@ -1,6 +1,6 @@
-"""Fast transformation and ray picking of a mesh with a million vertices, within one frame.
+"""Transformation and ray picking, fast enough for a mesh of a million vertices within one frame.
 
-Compiled plain loops: a BLAS product with a 3x3 matrix would start threads that wait for each other.
+The kernels are compiled loops. A BLAS product with a 3x3 matrix would start threads that wait for each other.
 """
 
 from __future__ import annotations
@@ -17,16 +17,15 @@ NEAREST = 1e-3
 
 
 def find_first_hit(vertices: Float, faces: Int32, eye: Float, way: Float) -> tuple[int, float]:
-    """Returns the nearest face hit by a ray and its distance in metres (Moeller and Trumbore 1997).
-
-    Returns -1 for none.
+    """Returns (index of the nearest face that a ray hits, its distance in metres), after Moeller and Trumbore
+    1997. The index is -1 if the ray hits no face.
     """
     face, distance = _first_hit(vertices, faces, np.asarray(eye, np.float64), np.asarray(way, np.float64))
     return int(face), float(distance)
 
 
 def find_hit_vertex(vertices: Float, face: Int, place: Float) -> int:
-    """Returns the vertex of a face (3,) nearest to a place (3,)."""
+    """Returns the vertex index of a face (3,) that is nearest to a position (3,) in metres."""
     return int(face[np.linalg.norm(vertices[face] - place, axis=1).argmin()])
 
 

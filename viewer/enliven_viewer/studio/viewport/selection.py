@@ -27,7 +27,9 @@ class Selection:
 
     @property
     def characters(self) -> tuple[str, ...]:
-        """Returns the ids of all selected characters; the one selected last comes last."""
+        """Returns the ids of all selected characters in the order of selection. The active character is the
+        last.
+        """
         return (*self.others, self.character) if self.character is not None else ()
 
     @property
@@ -37,14 +39,13 @@ class Selection:
 
     @classmethod
     def from_ids(cls, *characters: str) -> Selection:
-        """Returns a selection of these characters; the last one is the active one."""
+        """Returns a selection of these characters. The last one is active."""
         ids = tuple(dict.fromkeys(characters))
         return cls(ids[-1], others=ids[:-1]) if ids else cls()
 
     def with_active(self, character: str) -> Selection:
-        """Returns the selection with another character as the active one.
-
-        If it was not selected, selects it alone.
+        """Returns the selection with another active character. If that was not selected, it becomes the only
+        selected character.
         """
         if character == self.character:
             return self

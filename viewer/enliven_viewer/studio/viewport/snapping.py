@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import Float
 
 _MOVEMENT_TOLERANCE_M = 1e-9
-"""Movement in metres below which a coordinate counts as unmoved and keeps its value."""
+"""A coordinate that moves less than this in metres keeps its value."""
 
 
 @dataclass
@@ -18,7 +18,7 @@ class Snapping:
     """The snapping settings of drags.
 
     Attributes:
-        is_on: whether snapping is on; a held modifier key inverts it.
+        is_on: True if snapping is on. A pressed modifier key inverts this.
         grid: grid spacing in metres.
         angle: angle step in degrees.
     """
@@ -28,15 +28,15 @@ class Snapping:
     angle: float = 15.0
 
     def is_active(self, held: bool) -> bool:
-        """Returns True if snapping is active. ``held`` says if the modifier key is down."""
+        """Returns True if snapping is active. ``held`` is True if the modifier key is pressed."""
         return self.is_on != held
 
     def snap_offset(self, start: Float, way: Float) -> Float:
         """Returns the vector (3,) in metres nearest to ``way`` that leads from ``start`` (3,) to a grid
         point.
 
-        The floor lies on the grid. So if ``start`` is the lowest point of the object, it can snap to stand on
-        the floor.
+        The floor is on the grid. So if ``start`` is the object's lowest point, the object can snap to the
+        floor.
         """
         end = np.round((start + way) / self.grid) * self.grid
         return np.where(np.abs(way) > _MOVEMENT_TOLERANCE_M, end - start, way)

@@ -18,9 +18,9 @@ class StageCharacter:
     """A character at one time.
 
     Attributes:
-        character: the character as shown; an older version while its newest motion is being solved.
+        character: the shown character. It is an older version while the newest motion is being solved.
         drawn: its render mesh, or None if it has no surface.
-        pose: its transforms.
+        pose: the transforms of its current pose.
         handles: (H, 3) metres in the world, the positions of its joints or control points.
     """
 
@@ -30,7 +30,7 @@ class StageCharacter:
     handles: Float
 
     has_own_tool = False
-    """Whether a special tool shows and edits its handles. Other tools then ignore them."""
+    """True if a special tool shows and edits its handles. All other tools ignore them."""
 
     @property
     def id(self) -> str:
@@ -39,42 +39,44 @@ class StageCharacter:
 
     @property
     def solved(self) -> Float32 | None:
-        """Returns (V, 3) float32 metres in the world if a solver has computed the vertices.
-
-        Returns None if the transforms do.
+        """Returns the vertices (V, 3) float32 in metres of the world if a solver has computed them. Returns
+        None if the pose's transforms move the vertices.
         """
         return None
 
     @cached_property
     def vertices(self) -> Float:
-        """Returns the vertices (V, 3) in metres of the world; empty without a surface."""
+        """Returns the vertices (V, 3) in metres of the world, or an empty result without a surface."""
         return np.zeros((0, 3)) if self.drawn is None else skin_vertices(self.drawn, self.pose).astype(float)
 
     @property
     def extent(self) -> Float | Float32:
-        """Returns the cheapest available points (N, 3) in metres with about the character's extent."""
+        """Returns points (N, 3) in metres with about the character's extent. They are the points that are
+        fastest to compute.
+        """
         return (
             self.solved if self.solved is not None else self.handles if len(self.handles) else self.vertices
         )
 
     @cached_property
     def bones(self) -> tuple[tuple[int, int], ...]:
-        """Returns the handles at both ends of each bone, the parent first; empty without bones."""
+        """Returns the numbers of the handles at both ends of each bone, the parent first, or an empty result
+        without bones.
+        """
         parents = () if self.has_own_tool else enumerate(self.character.parents)
         return tuple((int(parent), handle) for handle, parent in parents if parent >= 0)
 
     @property
     def nodes(self) -> Float | Float32:
-        """Returns the nodes that can have keys, (N, 3) in metres of the world.
-
-        Returns an empty array if the handles have the keys.
+        """Returns the positions (N, 3) of the nodes that can have keys, in metres of the world. Returns an
+        empty array if the handles have the keys instead.
         """
         count = 0 if len(self.handles) else self.character.keyable
         return self.pose.positions[:count]
 
     def on_bone(self, handle: int, along: float) -> Float:
-        """Returns a point (3,) in metres on the bone that ends at a handle: 0 at its start, 1 at the
-        handle.
+        """Returns a point (3,) in metres on the bone that ends at a handle. ``along`` is 0 at the start of
+        the bone and 1 at the handle.
         """
         start = self.handles[max(int(self.character.parents[handle]), 0)]
         return np.asarray(start + along * (self.handles[handle] - start))

@@ -29,13 +29,15 @@ _SINGLE_SHAPE_ACTIONS = (
     "shape.solve",
     "view.best",
 )
-"""Actions that work on a single shape. If several shapes are selected, these actions are disabled and report
-why.
+"""Actions that work on a single shape. If several shapes are selected, these actions are disabled and show
+the reason.
 """
 _TIME_SHIFT_S = 0.1
-"""Time shift in seconds per key press: clearly visible, yet fine enough to stagger copies."""
+"""Time shift in seconds per key press: clearly visible, but small enough to stagger copies."""
 OpenDialog = Callable[[str], None]
-"""Opens the dialogue of that name in the window, or runs the command directly if it needs no dialogue."""
+"""A function that opens the dialogue of a given name, or runs the command directly if it needs
+no dialogue.
+"""
 
 
 def make_studio_actions(
@@ -70,7 +72,7 @@ def _make_actions(
         "Take the tour",
         (),
         lambda: ask("tour"),
-        about="A chair dances, loses a leg, and is saved. You do each step, and go on where you left.",
+        about="Make a chair dance, cut off a leg, and save it. You can leave the tour and resume it later.",
     )
     yield Action(
         "help.start",
@@ -99,7 +101,7 @@ def _make_file_actions(ask: OpenDialog, preferences: Preferences) -> Iterator[Ac
         lambda: ask("open"),
         about="A project, a model, a mesh, or a take.",
     )
-    again = "Open the last again"
+    again = "Reopen the last file"
     yield Action("file.again", "File", again, ("ctrl+shift+o",), lambda: ask("again"), lacks_recent)
     yield Action("file.save", "File", "Save", ("ctrl+s",), lambda: ask("save"), apart=True)
     yield Action("file.save_as", "File", "Save as...", ("ctrl+shift+s",), lambda: ask("save as"))
@@ -123,7 +125,8 @@ def _make_export_actions(commands: Commands, ask: OpenDialog) -> Iterator[Action
         ("ctrl+e",),
         lambda: ask("export"),
         lacks_export,
-        about="All shapes with their motion, for other programs: GLB, or BVH for one with bones.",
+        about="Exports all shapes with their motion for other programs: as GLB, or as "
+        "BVH for one shape with bones.",
         apart=True,
     )
     yield Action(
@@ -133,7 +136,7 @@ def _make_export_actions(commands: Commands, ask: OpenDialog) -> Iterator[Action
         ("ctrl+shift+f",),
         lambda: ask("film"),
         lacks_export,
-        about="All shapes in motion, as an MP4.",
+        about="Renders all shapes in motion as an MP4 film.",
     )
     yield Action(
         "file.session",
@@ -173,7 +176,7 @@ def _make_edit_actions(commands: Commands, user_input: ViewportInput, ask: OpenD
         ("delete", "backspace"),
         c.delete,
         c.lacks_character,
-        about="The chosen node, or else the whole shape.",
+        about="Deletes the chosen node, or the whole shape if no node is chosen.",
     )
     yield Action(
         "edit.drop", "Edit", "Cancel the current operation", ("escape",), user_input.cancel_tool, apart=True
@@ -184,7 +187,10 @@ def _make_snap_action(editor: Editor) -> Action:
     def toggle() -> None:
         editor.snapping.is_on = not editor.snapping.is_on
 
-    about = "Moves go to a grid of 10 cm and the floor, turns by 15 degrees. Ctrl held does the opposite."
+    about = (
+        "Moves snap to a grid of 10 cm and to the floor, rotations to steps of 15 degrees. "
+        "Hold Ctrl to invert this."
+    )
     on = lambda: editor.snapping.is_on  # noqa: E731
     return Action("edit.snap", "Edit", "Snap", ("shift+n",), toggle, is_on=on, about=about, apart=True)
 
@@ -197,7 +203,7 @@ def _make_motion_actions(c: Commands) -> Iterator[Action]:
         ("ctrl+shift+c",),
         c.motion.copy,
         c.motion.lacks_copy,
-        about="Motion of the chosen chain, or the performance of the chosen character.",
+        about="Copies the motion of the chosen chain, or the performance of the chosen character.",
     )
     yield Action(
         "motion.paste",
@@ -206,7 +212,7 @@ def _make_motion_actions(c: Commands) -> Iterator[Action]:
         ("ctrl+shift+v",),
         c.motion.paste,
         c.motion.lacks_paste,
-        about="Onto the chosen chain; or the performers step into the chosen character.",
+        about="Pastes motion onto the chosen chain, or a performance onto the chosen character.",
     )
     yield Action(
         "motion.spread",
@@ -234,7 +240,7 @@ def _make_motion_actions(c: Commands) -> Iterator[Action]:
             (f"ctrl+alt+{'right' if seconds > 0 else 'left'}",),
             lambda seconds=seconds: c.shift(seconds),
             c.lacks_playing,
-            about="All motion of the selection, by a tenth of a second.",
+            about="Shifts all motion of the selection by a tenth of a second.",
             apart=seconds > 0,
         )
     yield Action("motion.mute", "Motion", "Mute", ("shift+u",), c.toggle_mute, c.lacks_playing, c.is_muted)
@@ -260,7 +266,7 @@ def _make_key_actions(c: Commands) -> Iterator[Action]:
         about="Posing (R) or moving (G) sets a key at the playhead: for a joint, a dot, or the whole.",
         apart=True,
     )
-    about = "Keeps its current pose at this moment; drag the key in the curves."
+    about = "Sets a key with the current pose at the playhead. You can drag the key in the curves."
     yield Action(
         "motion.key", "Motion", "A key at the playhead", ("ctrl+j",), c.keys.set, c.keys.lacks, about=about
     )
@@ -281,7 +287,7 @@ def _make_shape_actions(c: Commands) -> Iterator[Action]:
         ("ctrl+m",),
         c.mirror,
         c.lacks_character,
-        about="Left to right, as you look at it.",
+        about="Swaps left and right, as seen from the camera.",
     )
     yield Action(
         "shape.larger",
@@ -309,7 +315,7 @@ def _make_shape_actions(c: Commands) -> Iterator[Action]:
             (f"ctrl+{key}",),
             lambda degrees=degrees: c.turn(degrees),
             c.lacks_character,
-            about=f"By {abs(degrees):.0f} degrees, as you look at it.",
+            about=f"By {abs(degrees):.0f} degrees, as seen from the camera.",
         )
     yield Action(
         "shape.solve",
@@ -318,6 +324,6 @@ def _make_shape_actions(c: Commands) -> Iterator[Action]:
         ("ctrl+shift+p",),
         c.motion.solve_again,
         c.motion.lacks_possessed,
-        about="Applies the recorded performance again to the changed shape, as after a cut.",
+        about="Applies the recorded performance again to the changed shape, for example after a cut.",
         apart=True,
     )

@@ -1,6 +1,6 @@
 """The commands behind the studio's actions.
 
-Some methods run actions; others return why a command is unavailable.
+Some methods run commands. The methods ``lacks_...`` return the reason why a command is unavailable.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Commands:
         self.editor.show_bones = not self.editor.show_bones
 
     def delete(self) -> None:
-        """Removes the selected joint, or else the selected characters."""
+        """Removes the selected joint if there is one, otherwise the selected characters."""
         names, joint = self._selected_names, self.editor.selection.handle
         if len(names) == 1 and joint and self.editor.find_selected(Shape) is not None:
             remove_joint(self.editor, names[0], joint)
@@ -109,18 +109,18 @@ class Commands:
         )
 
     def toggle_mute(self) -> None:
-        """Mutes all motion of the selection, or unmutes it if all of it is muted."""
+        """Mutes all motion of the selection, or unmutes it if everything is muted."""
         on = not self.is_muted()
         edit_name = later("mute {0}") if on else later("unmute {0}")
         self._edit_selection(edit_name, lambda project, names: mute_characters(project, names, on))
 
     def is_muted(self) -> bool:
-        """Returns True if the selection has motion and all of it is muted."""
+        """Returns True if the selection has motion, and all its motion is muted."""
         layers = [layer for character in self.editor.selected_characters for layer in character.playing]
         return bool(layers) and all(layer.muted for layer in layers)
 
     def spread(self) -> None:
-        """Copies the motion of the selected limb to all limbs that are equal to it."""
+        """Copies the motion of the selected limb to all limbs of equal shape."""
         limb = self._find_limb()
         if limb is None:
             return
@@ -131,19 +131,22 @@ class Commands:
             )
         elif self.editor.edit("same on equal limbs", lambda p: spread_motion(p, shape.id, group, joint)):
             self.editor.toasts.say(
-                tr("{0} limbs move alike", len(group.limbs)), tr("Move their bars for a delay.")
+                tr("{0} limbs move alike", len(group.limbs)),
+                tr("Move their clips on the timeline to delay them."),
             )
 
     def pin(self) -> None:
-        """Pins the selected foot, so that it does not slide while it touches the floor; or unpins it."""
+        """Pins the selected foot, so that it does not slide while it touches the floor. Unpins
+        a pinned foot.
+        """
         shape, joint = self.editor.find_selected(Shape), self.editor.selection.handle
         if shape is None or joint is None:
             return
         name = shape.handles[joint]
         if any(pin.joint == name for pin in shape.pins):
-            self.editor.edit(later("let {0} go", name), lambda project: unpin(project, shape.id, [joint]))
+            self.editor.edit(later("unpin {0}", name), lambda project: unpin(project, shape.id, [joint]))
         elif self.editor.edit(later("pin {0}", name), lambda project: pin_feet(project, shape.id, [joint])):
-            self.editor.toasts.say(tr("{0} stays where it stands", name), tr("P lets it go again."))
+            self.editor.toasts.say(tr("{0} is pinned", name), tr("P unpins it."))
 
     def show_best_view(self) -> None:
         """Turns the camera to the direction that shows most of the selected shape's bones."""
@@ -154,8 +157,8 @@ class Commands:
         starts, ends = np.array(posed.bones).T
         bones = posed.handles[ends] - posed.handles[starts]
         direction = best_view(bones, make_match_view(self.editor.lens)).direction
-        # The view from behind shows the same amount of the bones. Choose the one of the two that does not
-        # look from below the floor.
+        # The opposite view shows the bones equally well. Choose the view that does not look from below the
+        # floor.
         direction = -direction if direction[1] > 0 else direction
         azimuth, elevation = (
             np.arctan2(-direction[0], -direction[2]),
@@ -212,37 +215,43 @@ class Commands:
             self.editor.choose_all(*copy_ids)
 
     def lacks_character(self) -> str:
-        """Returns why a command on a character is unavailable; empty if it is available."""
+        """Returns the reason why a command on a character is unavailable, or an empty text if it is
+        available.
+        """
         return "" if self._selected_names else "Nothing is chosen. Click a shape first."
 
     def lacks_playing(self) -> str:
-        """Returns why a command on the motion of the selection is unavailable; empty if it is available."""
+        """Returns the reason why commands on the motion of the selection are unavailable, or an empty text if
+        they are available.
+        """
         moves = any(character.playing for character in self.editor.selected_characters)
         return self.lacks_character() or ("" if moves else "It has no motion. Map a take onto it first.")
 
     def lacks_shape(self) -> str:
-        """Returns why a command on a shape with bones is unavailable; empty if it is available."""
+        """Returns the reason why a command on a shape with bones is unavailable, or an empty text if it is
+        available.
+        """
         return "" if self.editor.find_selected(Shape) else "No shape with bones is chosen. Click one first."
 
     def lacks_copied(self) -> str:
-        """Returns why pasting a character is unavailable; empty if it is available."""
+        """Returns the reason why pasting a character is unavailable, or an empty text if it is available."""
         return "" if self._copied else "Nothing was copied. Choose something and press Ctrl+C first."
 
     def lacks_limb(self) -> str:
-        """Returns why a command on a limb is unavailable; empty if it is available."""
+        """Returns the reason why a command on a limb is unavailable, or an empty text if it is available."""
         return "" if self._find_limb() else "No limb is chosen. Click a node of the limb that moves."
 
     def lacks_foot(self) -> str:
-        """Returns why pinning a foot is unavailable; empty if it is available."""
+        """Returns the reason why pinning a foot is unavailable, or an empty text if it is available."""
         chosen = self.editor.find_selected(Shape) and self.editor.selection.handle is not None
         return "" if chosen else "No foot is chosen. Click the node of an ankle first."
 
     def lacks_undo(self) -> str:
-        """Returns why undo is unavailable; empty if it is available."""
+        """Returns the reason why undo is unavailable, or an empty text if it is available."""
         return "" if self.editor.history.undo_name else "Nothing is left to undo."
 
     def lacks_redo(self) -> str:
-        """Returns why redo is unavailable; empty if it is available."""
+        """Returns the reason why redo is unavailable, or an empty text if it is available."""
         return "" if self.editor.history.redo_name else "Nothing is left to redo."
 
     @property
@@ -255,7 +264,7 @@ class Commands:
         return names[0] if len(names) == 1 else later("{0} shapes", len(names))
 
     def _find_limb(self) -> tuple[Shape, int, EqualLimbs | None] | None:
-        """Returns the selected shape, a joint of its selected limb, and the limbs that are equal to it."""
+        """Returns the selected shape, a joint of its selected limb, and the limbs of equal shape."""
         chosen, shape = self.editor.selection, self.editor.find_selected(Shape)
         joint = chosen.handle if chosen.handle is not None else (chosen.chain[-1] if chosen.chain else None)
         if shape is None or joint is None:

@@ -18,8 +18,8 @@ from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.files import add_file
 
 _MAX_OUTPUT_LINES = 20
-"""Number of the tracker's last output lines that are kept. After a failure the last line contains the
-reason.
+"""Maximum number of stored output lines of the tracker. After a failure, the last line contains
+the reason.
 """
 
 
@@ -39,7 +39,7 @@ class DepthTracking:
     """A run of the tracker in a separate process. Its results become takes of the project.
 
     Attributes:
-        name: name of the file, or empty while nothing is being tracked.
+        name: name of the tracked file; empty if no tracker runs.
         share: finished fraction of the file, from 0 to 1.
     """
 
@@ -105,7 +105,7 @@ class DepthTracking:
                 self._editor.toasts.complain(InputError(error.what, where=name, remedy=remedy))
 
     def cancel(self) -> None:
-        """Stops the tracker; nothing is added to the project."""
+        """Stops the tracker without a change of the project."""
         child, folder = self._process, self._folder
         if child is None or folder is None:
             return

@@ -28,9 +28,11 @@ from enliven_viewer.studio.workspace.files import FILM_SUFFIX, list_exportable
 FRAME_RATES = (12, 15, 24, 25, 30, 48, 50, 60)
 """Frame rates, in frames per second, that the dialogue offers."""
 FILM_SIZES = ("640x360", "1280x720", "1920x1080", "2560x1440", "3840x2160", "1080x1080", "1080x1920")
-"""Film sizes that the dialogue offers: common screens, a square, and an upright telephone."""
+"""Film sizes that the dialogue offers: those of common screens, a square, and an upright phone."""
 _SAMPLED_FRACTION = 0.3
-"""Progress, as a fraction, at which the sampling of characters is complete, if writing reports progress."""
+"""Fraction of the progress bar that the sampling of characters takes. Writing the file takes the rest if it
+reports its progress.
+"""
 
 
 @dataclass
@@ -44,7 +46,8 @@ class ExportOptions:
         size: image size of a film.
         look: look of a film; empty for the look of the stage.
         morphs: if True, puppets are written to a .glb as morph targets instead of bones.
-        unit, scale, up, in_place: options of some formats, see :mod:`enliven.exporters.option_table`.
+        unit, scale, up, in_place: options that only some formats have, see
+            :mod:`enliven.exporters.option_table`.
     """
 
     left_out: set[str] = field(default_factory=set)
@@ -71,7 +74,7 @@ class ExportOptions:
         return included
 
     def check_range(self, length: float) -> tuple[float, float | None]:
-        """Returns the first and the last second. None as the last second means the end of the motion.
+        """Returns the first and the last time in seconds. None as the last time means the end of the motion.
 
         Raises:
             InputError: if the range contains no frame.
@@ -80,7 +83,7 @@ class ExportOptions:
             return 0.0, None
         last = min(self.last or length, length)
         if last - self.first < 1.0 / self.rate:
-            problem = tr("nothing lies between {0:.2f} and {1:.2f} s", self.first, last)
+            problem = tr("no frame is between {0:.2f} and {1:.2f} s", self.first, last)
             raise InputError(problem, where="export", remedy=tr("Choose a later end, or an earlier start."))
         return self.first, last
 
@@ -93,13 +96,14 @@ def write_export(
     length: float,
     progress: WorkProgress,
 ) -> str:
-    """Writes characters to a file or folder. An existing one is replaced only after the new one is complete.
+    """Writes characters to a file or folder. An existing file or folder is replaced only after the new one is
+    complete.
 
     Returns:
-        A sentence that says what was written, including the error of baked puppets.
+        A sentence about the written file, including the approximation error of baked puppets.
 
     Raises:
-        Cancelled: if the artist has cancelled; an existing file is unchanged.
+        Cancelled: if the artist has cancelled. An existing file is unchanged.
         InputError: if the options are invalid.
         ResourceError: if the file cannot be written.
     """
@@ -130,10 +134,10 @@ def write_export(
 
 
 def export(project: Project, path: Path, chosen: Sequence[RigBase] | None = None) -> str:
-    """Exports the motion of characters with default options; by default of all exportable characters.
+    """Exports the motion of characters with default options. By default, exports all exportable characters.
 
     Returns:
-        A sentence that says what was written.
+        A sentence about the written file.
 
     Raises:
         InputError: if there is no exportable character.
@@ -160,7 +164,7 @@ def format_options(path: Path, options: ExportOptions, chosen: Sequence[RigBase]
 
 @cache
 def list_supported_options(suffix: str) -> frozenset[str]:
-    """Returns the options that a format supports. None of them for an unknown suffix."""
+    """Returns the options that a format supports. Returns an empty set for an unknown suffix."""
     try:
         return exporter_of(Path(f"export{suffix}")).options
     except EnlivenError:

@@ -19,11 +19,11 @@ ORDER_LABELS: dict[Order, str] = {
 }
 """Every sort order, with its label in the dialogue."""
 _HOME_FOLDERS = ("Desktop", "Documents", "Downloads", "Pictures", "Videos", "Movies")
-"""Folders that desktops create in the home folder. Those that exist are offered."""
+"""Folders that desktop environments create in the home folder. The dialogue offers those that exist."""
 _MOUNT_FOLDERS = ("/media", "/run/media", "/Volumes", "/mnt")
 """Folders in which operating systems mount USB sticks and memory cards."""
 _MAX_PLACES = 14
-"""Maximum number of offered places: more do not fit next to the file list."""
+"""Maximum number of offered folders. More do not fit next to the file list."""
 
 
 def list_places(recent: list[str], working: Path | None = None) -> list[tuple[str, Path]]:
@@ -64,7 +64,7 @@ def _list_removable_drives() -> list[tuple[str, Path]]:
 
 
 def _list_entries(folder: Path) -> list[Path]:
-    """Returns the entries of a folder; none if it cannot be read."""
+    """Returns the entries of a folder, or an empty list if it cannot be read."""
     try:
         return sorted(folder.iterdir())
     except OSError:
@@ -88,9 +88,9 @@ class FileBrowser:
         name: the typed or clicked file name.
         saving: if True, the file need not exist.
         project_path: the project's own file, which may be replaced without a confirmation.
-        problem: why the folder cannot be listed, or empty.
-        refusal: why the chosen name is refused, or empty.
-        awaits_retry: True if the dialogue waits for another name, or for Enter as a confirmation.
+        problem: the reason why the folder cannot be listed, or empty.
+        refusal: the reason why the chosen name is rejected, or empty.
+        awaits_retry: True if the dialogue waits for another name, or for a confirmation with Enter.
         order: sort order of the files.
         new_folder_name: name of the new folder while it is being typed; None otherwise.
     """
@@ -141,10 +141,10 @@ class FileBrowser:
             new_folder.mkdir()
         except FileExistsError:
             raise InputError(
-                tr("{0} is there already", name), where="file", remedy=tr("Give another name.")
+                tr("{0} exists already", name), where="file", remedy=tr("Give another name.")
             ) from None
         except OSError as error:
-            problem = tr("the folder cannot be made ({0})", error.strerror)
+            problem = tr("the folder cannot be created ({0})", error.strerror)
             raise ResourceError(problem, where=str(new_folder), remedy=tr("Choose another place.")) from None
         self.new_folder_name = None
         self.enter(new_folder)
@@ -165,7 +165,7 @@ class FileBrowser:
             raise InputError(tr("no file is chosen"), where="file", remedy=tr("Click one, or type a name."))
         try:
             return self._find_path(name)
-        # The name is too long, or it begins with the home folder of an unknown user.
+        # The name is too long, or it begins with "~" and an unknown user.
         except (OSError, RuntimeError, ValueError):
             raise InputError(
                 tr("no file can have that name"), where="file", remedy=tr("Give a shorter name.")
@@ -183,14 +183,16 @@ class FileBrowser:
         if self.saving and path.exists() and path not in (self.project_path, self._warned):
             self._warned = path
             raise InputError(
-                tr("{0} is there already", path.name),
+                tr("{0} exists already", path.name),
                 where="file",
                 remedy=tr("Press Save again to replace it."),
             )
         return path
 
     def _list_folder(self) -> list[Path]:
-        """Returns the entries of the folder, sorted by name; none if the folder cannot be read."""
+        """Returns the entries of the folder, sorted by name, or an empty list if the folder
+        cannot be read.
+        """
         self.problem = ""
         try:
             entries = [path for path in self.folder.iterdir() if not path.name.startswith(".")]
@@ -201,7 +203,9 @@ class FileBrowser:
 
 
 def _read_status(path: Path) -> tuple[int, float]:
-    """Returns the size in bytes and the time of the last change; zeros for a file that has been removed."""
+    """Returns the size in bytes and the time of the last change. Both are 0 for a file that has
+    been removed.
+    """
     try:
         status = os.stat(path)
     except OSError:

@@ -38,7 +38,7 @@ EXPORT_SUFFIXES = (".glb", *(ending for ending in suffixes() if ending not in ("
 SAMPLES = {"cactus": "Dancing cactus", "chair": "Armchair", "lamp": "Desk lamp"}
 """Samples that ship with enliven, by id, with their labels."""
 _MAX_NOTE_LETTERS = 130
-"""Maximum number of characters shown of a file's note."""
+"""Maximum length of a displayed note about a file, in characters."""
 _CHARACTER_GAP_M = 0.3
 """Distance in metres between an opened model and the existing characters."""
 
@@ -71,7 +71,7 @@ def read_addable_file(
         if ending in file_type.suffixes:
             return file_type.add, file_type.read(path)
     known_endings = ", ".join(list_suffixes(types))
-    problem = tr("{0} is an unknown file type", ending) if ending else tr("its name has no ending")
+    problem = tr("{0} is an unknown file type", ending) if ending else tr("its name has no file extension")
     raise InputError(problem, where=str(path), remedy=tr("Known: {0}.", known_endings))
 
 
@@ -81,7 +81,9 @@ def list_suffixes(types: Sequence[FileType]) -> tuple[str, ...]:
 
 
 def add_sample(editor: Editor, name: str) -> None:
-    """Adds a sample of enliven: one that plays, one to possess, or one to animate by examples."""
+    """Adds a sample of enliven: a character that plays a motion, a mesh to possess, or a puppet to animate by
+    examples.
+    """
     if name == "cactus":
         _add_playing_character(editor, "cactus", dancing_cactus(), name, ())
         editor.playing = True
@@ -92,7 +94,7 @@ def add_sample(editor: Editor, name: str) -> None:
 
 
 def list_exportable(project: Project) -> list[RigBase]:
-    """Returns the characters that have a surface and everything that they need to move.
+    """Returns the characters that have a surface and all inputs that they need to move.
 
     Raises:
         InputError: if no character can be exported. The message says what the first character lacks.
@@ -102,7 +104,7 @@ def list_exportable(project: Project) -> list[RigBase]:
     movable = [character for character, lacks in zip(solid, lacking, strict=True) if not lacks]
     if not movable:
         remedy = " ".join(lacking[0]) if lacking else tr("Sketch one, or open a model.")
-        raise InputError(tr("nothing has a surface that moves"), where="export", remedy=remedy)
+        raise InputError(tr("no shape has a surface and motion"), where="export", remedy=remedy)
     return movable
 
 
@@ -118,7 +120,7 @@ def save_session(project: Project, puppet_id: str, path: Path) -> None:
 
 def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
     if rig.shape.mesh is not None and len(rig.shape.skeleton) == 2 and not rig.clips:
-        # Drop the note about the placeholder bone. A puppet has no bones, so the note would only confuse.
+        # Drop the note about the placeholder bone, because a puppet has no bones.
         _add_puppet(editor, path, rig.shape.mesh, tuple(n for n in rig.notes if "it has no rig" not in n))
         return
     size = choose_size(rig.shape.skeleton.positions if rig.shape.mesh is None else rig.shape.mesh.vertices)
@@ -143,7 +145,7 @@ def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
 
 
 def _add_clips(project: Project, clips: Sequence[Clip]) -> tuple[Project, dict[str, str]]:
-    """Returns the project with a model's clips, and the name of each clip there.
+    """Returns the project with a model's clips added, and the name in the project of each clip.
 
     Identical existing clips are not added again.
     """
@@ -159,7 +161,9 @@ def _add_clips(project: Project, clips: Sequence[Clip]) -> tuple[Project, dict[s
 
 
 def _make_clip_note(project: Project, shape_id: str) -> str:
-    """Returns a sentence about the clip that an opened model plays, and where its other clips are."""
+    """Returns a sentence about the clip that an opened model plays, and about the location of its other
+    clips.
+    """
     shape = project.shape(shape_id)
     clips, played = own_clips(project, shape), played_clip(project, shape)
     if played is None:
@@ -331,4 +335,4 @@ FILE_TYPES: tuple[FileType, ...] = (
     FileType(PERFORMANCE_SUFFIXES, _read_performance, _add_performance),
     FileType(SESSION_SUFFIXES, read_session, _add_session),
 )
-"""The types of files that the studio opens without any feature."""
+"""The file types that the studio opens without features."""

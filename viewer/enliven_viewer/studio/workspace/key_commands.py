@@ -8,13 +8,17 @@ from enliven_viewer.studio.editor.editor import Editor
 
 
 class KeyCommands:
-    """Commands for the selection's keys at the playhead: of a bone, a node, or else the whole character."""
+    """Commands for the keys at the playhead. They apply to the selected bone or node, or to the whole
+    character.
+    """
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
 
     def toggle(self) -> None:
-        """Switches auto-key mode: posing and moving either set keys, or change all times at once."""
+        """Switches auto-key mode. In this mode, posing and moving set keys. Otherwise they
+        change all times.
+        """
         self.editor.is_auto_key = not self.editor.is_auto_key
 
     def set(self) -> None:
@@ -30,18 +34,18 @@ class KeyCommands:
             self.editor.edit("remove key", lambda project: remove_key(project, name, handle, number))
 
     def lacks(self) -> str:
-        """Returns why no key can be set; empty if a key can be set."""
+        """Returns the reason why no key can be set, or an empty text if a key can be set."""
         return "" if self._find_subject()[0] else "Nothing is chosen. Click a shape, or a node of it, first."
 
     def lacks_key(self) -> str:
-        """Returns why no key can be removed; empty if a key can be removed."""
+        """Returns the reason why no key can be removed, or an empty text if a key can be removed."""
         reason = self.lacks()
         return reason or ("" if self._find_key_at_playhead() is not None else "No key is at the playhead.")
 
     def _find_subject(self) -> tuple[str, int | None]:
         """Returns the selected character and the bone or node.
 
-        Control points of puppets are left out: they have key poses instead.
+        Control points of puppets are excluded, because they have key poses instead.
         """
         chosen, handle = self.editor.find_selected(), self.editor.selection.handle
         if chosen is None:
@@ -50,7 +54,7 @@ class KeyCommands:
 
     def _find_key_at_playhead(self) -> int | None:
         name, handle = self._find_subject()
-        # Keys lie on whole frames, so half a frame finds the key of the nearest frame.
+        # Keys are at whole frames, so a tolerance of half a frame finds the key of the nearest frame.
         near = 0.501 * KEY_STEP
         keys = find_keys(self.editor.project, name, handle) if name else ()
         return next((k for k, (time, _) in enumerate(keys) if abs(time - self.editor.time) <= near), None)

@@ -1,4 +1,6 @@
-"""Chooses the size of an opened model: the file's own if it is plausible for the stage, else a likely one."""
+"""Chooses the size of an opened model. It is the size in the file if that is plausible, otherwise a likely
+size.
+"""
 
 from __future__ import annotations
 
@@ -11,16 +13,14 @@ from enliven.arrays import AnyArray
 from enliven_viewer.language import later, tr
 
 _MIN_SIZE_M = 0.25
-"""Minimum plausible size in metres. A model that is smaller in every direction is assumed to be in another
-unit.
-"""
+"""Minimum plausible size in metres. The file of a smaller model is assumed to use another unit."""
 _MAX_HEIGHT_M = 3.0
-"""Maximum plausible height in metres. A taller model is assumed to be in another unit, since the stage is
-made for people.
+"""Maximum plausible height in metres. The file of a taller model is assumed to use another unit, because the
+stage is made for people.
 """
 _MAX_LENGTH_M = 4.5
-"""Maximum plausible length in metres: twice the length of a horse. A longer or wider model is assumed to be
-in another unit.
+"""Maximum plausible length in metres: twice the length of a horse. The file of a longer or wider model is
+assumed to use another unit.
 """
 _UNITS = (
     ("centimetres", 0.01),
@@ -28,15 +28,15 @@ _UNITS = (
     ("kilometres", 1000.0),
     (later("hundreds of metres"), 100.0),
 )
-"""Units that programs write instead of metres, with their length in metres."""
+"""Units that some programs write instead of metres, with their length in metres."""
 _PLAUSIBLE_LENGTHS_M = (0.5, 3.0)
-"""Plausible range of a model's longest side in metres, from a small dog to a horse with its tail. It decides
-whether a unit fits.
+"""Plausible range of a model's longest side in metres, from a small dog to a horse with its tail. A unit is
+accepted if the size is in this range.
 """
 _PERSON_HEIGHT_M = 1.7
 """Height in metres of a model without a plausible size: the height of a person."""
 _MAX_FALLBACK_LENGTH_M = 3.5
-"""Maximum longest side, in metres, of a model without a plausible size."""
+"""Maximum length in metres of the longest side of a model that gets the height of a person."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class ModelSize:
     """The height to which an opened model is scaled.
 
     Attributes:
-        height: target height in metres.
+        height: height in metres after scaling.
         note: explanation for the user; empty if the file's own size is kept.
     """
 
@@ -67,4 +67,4 @@ def choose_size(points: AnyArray | Sequence[Sequence[float]]) -> ModelSize:
             note = tr("it was {0:.3g} m tall: read as {1}, {2:.2g} m", tall, tr(unit_name), tall * metres)
             return ModelSize(tall * metres, note)
     height = min(_PERSON_HEIGHT_M, _MAX_FALLBACK_LENGTH_M * tall / longest)
-    return ModelSize(height, tr("it was {0:.3g} m tall, and was made {1:.2g} m tall", tall, height))
+    return ModelSize(height, tr("it was {0:.3g} m tall, and was scaled to {1:.2g} m", tall, height))

@@ -1,4 +1,6 @@
-"""Copies motion to another character: the motion of a chain of bones, or how performers moved a mesh."""
+"""Copies motion to another character: the motion of a chain of bones, or the performance that
+moved a mesh.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,7 @@ class MotionClipboard:
     def paste(self) -> None:
         """Pastes the copied motion onto the selected chain.
 
-        If a performance was copied, its performers possess the selected mesh instead.
+        If a performance was copied, it is applied to the selected mesh instead.
         """
         if self._performed is not None and self.editor.find_selected() is not None:
             self._transfer_performance(self._performed)
@@ -66,7 +68,7 @@ class MotionClipboard:
         self._begin(tr("Possessing {0} again", name), work, later("solve again {0}", name), shape)
 
     def lacks_copy(self) -> str:
-        """Returns why copying motion is unavailable; empty if it is available."""
+        """Returns the reason why copying motion is unavailable, or an empty text if it is available."""
         if self._find_performed_mesh() is not None or find_selected_chain(self.editor):
             return ""
         return (
@@ -75,7 +77,7 @@ class MotionClipboard:
         )
 
     def lacks_paste(self) -> str:
-        """Returns why pasting motion is unavailable; empty if it is available."""
+        """Returns the reason why pasting motion is unavailable, or an empty text if it is available."""
         if self._performed is not None:
             return (
                 ""
@@ -88,7 +90,9 @@ class MotionClipboard:
         return "" if find_selected_chain(self.editor) else advice
 
     def lacks_possessed(self) -> str:
-        """Returns why solving a possession again is unavailable; empty if it is available."""
+        """Returns the reason why solving a possession again is unavailable, or an empty text if it is
+        available.
+        """
         chosen = self.editor.find_selected(GraphShape)
         return "" if chosen else "No possessed character is chosen. Click one first."
 
@@ -98,10 +102,7 @@ class MotionClipboard:
         return shape if shape is not None and performance_in(shape) is not None else None
 
     def _transfer_performance(self, source: str) -> None:
-        """Transfers the performance of a mesh to the selected character.
-
-        It starts from that character's current pose.
-        """
+        """Applies the performance of a mesh to the selected character, starting from its current pose."""
         target, project, time = self.editor.find_selected(), self.editor.project, self.editor.time
         performed = project.graphs.get(source)
         if target is None:
@@ -134,7 +135,7 @@ class MotionClipboard:
     def _begin(self, message: str, work: Callable[[], _SolvedMesh], edit_name: str, guarded: RigBase) -> None:
         """Starts solving a mesh in the background.
 
-        The result becomes one edit unless ``guarded`` has changed by then.
+        The result becomes one edit, unless the character ``guarded`` has changed in the meantime.
         """
         self.editor.background.begin(message, work, partial(self._insert_mesh, edit_name, guarded))
 

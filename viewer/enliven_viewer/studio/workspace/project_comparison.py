@@ -20,7 +20,7 @@ _ITEM_WORDS = {
     "views": later("view"),
     "sounds": later("sound"),
 }
-"""The word shown to the artist for an item of each part of a project."""
+"""The displayed word for an item of each part of a project."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Difference:
 
 
 def compare_projects(here: Project, saved: Project) -> tuple[Difference, ...]:
-    """Returns the differences between the window's project and the saved one, in the window's order."""
+    """Returns the differences between the window's project and the saved project, in the window's order."""
     differences = list[Difference]()
     for part in fields(Project):
         open_items, saved_items = getattr(here, part.name), getattr(saved, part.name)
@@ -53,9 +53,8 @@ def compare_projects(here: Project, saved: Project) -> tuple[Difference, ...]:
 
 
 def with_saved_items(here: Project, saved: Project) -> Project:
-    """Returns the window's project plus the items that only the saved version has.
-
-    Items in both stay as in the window.
+    """Returns the window's project plus the items that only the saved version has. Items in both keep the
+    window's version.
     """
     parts = (part.name for part in fields(Project))
     return replace(here, **{name: {**getattr(saved, name), **getattr(here, name)} for name in parts})

@@ -31,23 +31,25 @@ from enliven_viewer.studio.perform.recording import StageRecording
 PROJECT_SUFFIX = ".enliven"
 _DEFAULT_NAME = "Untitled"
 _RECOVERY_OWNER_AGE_S = 60.0
-"""On Windows, age in seconds below which a recovery file is assumed to belong to a running studio."""
+"""On Windows, a recovery file younger than this number of seconds is assumed to belong to a
+running studio.
+"""
 _MAX_WRITING_FRACTION = 0.1
-"""Maximum fraction of the time spent on writing recovery files. A project with a long recording takes seconds
-to write.
+"""Maximum fraction of the time that is spent on writing recovery files. Writing a project with a long
+recording takes seconds.
 """
 log = logging.getLogger(__name__)
 
 
 class FileChangedError(InputError):
-    """The file of the project has been saved by another window or program since it was opened here."""
+    """Raised if another window or program has saved the project's file since this window opened it."""
 
 
 class ProjectStore:
     """The file of an editor's project, and its recovery file.
 
     While there are unsaved changes, a recovery file is written every few seconds. Saving removes it. If the
-    studio crashes, the file remains, and the next studio offers it.
+    studio crashes, the file remains, and the studio offers it at the next start.
 
     Args:
         folder: folder of the recovery files. None means the user's own data folder.
@@ -65,7 +67,7 @@ class ProjectStore:
         self._autosaved: Project = self._saved
         self._saved_at = time.monotonic()
         self._pause = 0.0
-        # This is the checksum of the file's content when this window last read or wrote it.
+        # Checksum of the file's content when this window last read or wrote it.
         self._content = ""
         self._writer: ThreadPoolExecutor | None = None
         self._writing: tuple[Future[None], Project] | None = None
@@ -136,15 +138,15 @@ class ProjectStore:
     def save(self, path: Path | None = None, *, over: bool = False) -> None:
         """Writes the project to its file. If another path is given, that becomes the project's file.
 
-        The existing part of a running recording is saved too; the recording continues.
+        Also saves the existing part of a running recording, which continues.
 
         Args:
-            over: if True, overwrite the file even if another window or program has saved it since.
+            over: if True, overwrite the file even if another window or program has changed it.
 
         Raises:
-            FileChangedError: if another window or program has saved the file since; nothing is written.
-            LaterVersionError: if the file was written by a later version of enliven; nothing is written.
-            ResourceError: if the file cannot be written; the previous file stays.
+            FileChangedError: if another window or program has changed the file. Nothing is written.
+            LaterVersionError: if a later version of enliven has written the file. Nothing is written.
+            ResourceError: if the file cannot be written. The previous file stays.
         """
         target = path or self.path
         assert target is not None, "a project without a file needs a path"
@@ -157,8 +159,8 @@ class ProjectStore:
             self._refuse_changed(target, data)
         write_file(target, data, tr("Save it in another folder."))
         self.settle()  # Wait for the recovery file to be written before it is removed.
-        # The saved file contains only the part of a recording up to now, so the window counts as unsaved
-        # until the next save.
+        # The saved file contains only the first part of the recording, so the project stays unsaved until the
+        # next save.
         self._saved = self._autosaved = written
         self.path, self._content = target, _compute_checksum(data)
         self._find_recovery_path().unlink(missing_ok=True)
@@ -174,11 +176,13 @@ class ProjectStore:
         return solve_lost(read_project(self.path))
 
     def _copy_recording(self) -> Callable[[Project], Project] | None:
-        """Returns the edit that stores the unfinished recording; None without a recording."""
+        """Returns the edit that stores the unfinished recording, or None without a recording."""
         return None if self.recording is None else self.recording.make_unfinished_edit()
 
     def _refuse_changed(self, target: Path, data: bytes) -> None:
-        """Raises FileChangedError if the file differs from the last save here and from the new content."""
+        """Raises FileChangedError if the file's content is neither that of this window's last save nor the
+        new content.
+        """
         if self.path is None or not _is_same_file(target, self.path):
             return  # The file dialogue has already asked before replacing another file.
         try:
@@ -193,7 +197,7 @@ class ProjectStore:
             )
 
     def autosave(self, now: float | None = None) -> None:
-        """Starts writing the recovery file in the background, if it is due and something has changed."""
+        """Starts to write the recovery file in the background if it is due and the project has changed."""
         now = time.monotonic() if now is None else now
         if self._writing is not None:
             if self._writing[0].done():
@@ -203,7 +207,9 @@ class ProjectStore:
             self._begin_writing()
 
     def autosave_now(self) -> None:
-        """Writes the recovery file now if something has changed since the last one, and waits for it."""
+        """Writes the recovery file now if the project has changed since the last recovery file, and waits for
+        it.
+        """
         self.settle()
         self._begin_writing()
         self.settle()
@@ -213,8 +219,8 @@ class ProjectStore:
         if change is None and (project is self._autosaved or not self.dirty):
             return
         self._writer = self._writer or ThreadPoolExecutor(1, "autosave")
-        # Write in the background. The window can continue, because a project is immutable, and the change
-        # to be stored is a copy.
+        # Write in the background. The window can continue, because a project is immutable and the recording
+        # is a copy.
         self._writing = (self._writer.submit(self._write, project, change), project)
 
     def _write(self, project: Project, change: Callable[[Project], Project] | None) -> None:
@@ -227,7 +233,7 @@ class ProjectStore:
         self._pause = (time.monotonic() - began) / _MAX_WRITING_FRACTION
 
     def settle(self) -> None:
-        """Waits for the recovery file being written, and reports if writing fails."""
+        """Waits until the recovery file is written. Shows a message if that fails."""
         if self._writing is None:
             return
         (written, project), self._writing = self._writing, None
@@ -243,7 +249,7 @@ class ProjectStore:
     def list_recoverable(self) -> list[Path]:
         """Returns the recovery files of studios that are no longer running, newest first.
 
-        Partly written files of a killed studio are removed; the previous recovery file is complete.
+        Removes partly written files of a killed studio. The previous recovery file is complete.
         """
         if not self.folder.is_dir():
             return []
@@ -268,7 +274,7 @@ class ProjectStore:
         self.editor.edit("recover", lambda _: project)
         self.editor.frame_all()
         self.editor.toasts.say(tr("Recovered"), tr("Save it with Ctrl+S."))
-        # Take over the recovery file: from now on this window owns it.
+        # From now on, this window owns the recovery file.
         self.folder.mkdir(parents=True, exist_ok=True)
         path.replace(self._find_recovery_path())
 
@@ -294,7 +300,9 @@ class ProjectStore:
 
 
 def _add_unfinished_recording(project: Project, change: Callable[[Project], Project]) -> Project:
-    """Returns a project with the unfinished recording, or without it if it cannot be stored yet."""
+    """Returns the project with the unfinished recording added, or unchanged if the recording cannot be stored
+    yet.
+    """
     try:
         return change(project)
     except EnlivenError:  # The recording contains no motion yet.

@@ -1,4 +1,6 @@
-"""Size mismatches between characters: a hint when a file is opened, and an action that matches the sizes."""
+"""Detects different sizes of characters: shows a hint when a file is opened, and offers an action that makes
+them equal.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +16,13 @@ from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.editor.editor import Editor
 
 _MISMATCH_RATIO = 2.0
-"""Height ratio to the other characters, in either direction, above which a mismatch is reported."""
+"""A hint is shown if the height ratio to the other characters, or its inverse, exceeds this value."""
 _HEIGHT_TOLERANCE = 0.01
 """Relative height difference below which heights count as equal."""
 
 
 class SizeMatching:
-    """A comparison of the selected character's height with the others', and the command that matches it."""
+    """Compares the selected character's height with the other characters', and scales it to their height."""
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
@@ -35,7 +37,7 @@ class SizeMatching:
         )
 
     def _compare_heights(self, surfaces: Mapping[str, Float]) -> tuple[float, float] | None:
-        """Returns the same heights for given vertices (V, 3) of every character."""
+        """Returns the result of :meth:`heights` for given vertices (V, 3) of every character."""
         heights = {
             name: float(np.ptp(vertices[:, 1])) for name, vertices in surfaces.items() if len(vertices)
         }
@@ -44,17 +46,19 @@ class SizeMatching:
         return (selected_height, float(np.median(others))) if selected_height > 0.0 and others else None
 
     def lacks(self) -> str:
-        """Returns why the selected character cannot be fitted, with advice; empty if it can."""
+        """Returns the reason why the selected character cannot be scaled to the others, with advice, or an
+        empty text if it can.
+        """
         heights = self.heights()
         if heights is None:
             return "No other shape to compare with. Choose one that stands next to others."
         same = abs(heights[0] / heights[1] - 1.0) < _HEIGHT_TOLERANCE
-        return "It is as tall as the others. Choose a shape that is not." if same else ""
+        return "It is already as tall as the others. Choose another shape." if same else ""
 
     def fit(self) -> None:
         """Scales the selected character to the median height of the others, in place."""
         name, project, time = self.editor.selection.character, self.editor.project, self.editor.time
-        # Compute the surfaces here. A shown surface of a puppet may be outdated, because puppets are solved
+        # Compute the surfaces here, because a shown surface of a puppet may be outdated. Puppets are solved
         # in the background.
         surfaces = {
             other: compute_vertices(project, other, time)
@@ -82,8 +86,8 @@ class SizeMatching:
 
 
 def make_fitting_actions(fitting: SizeMatching) -> Iterator[Action]:
-    """Yields the action that fits the selected character to the others."""
-    about = "As tall as the shapes next to it."
+    """Yields the action that scales the selected character to the others' height."""
+    about = "Scales it to the height of the other shapes."
     yield Action(
         "shape.fit", "Shape", "Fit to the others' size", ("alt+f",), fitting.fit, fitting.lacks, about=about
     )

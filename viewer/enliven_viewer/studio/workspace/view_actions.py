@@ -14,7 +14,7 @@ from enliven_viewer.theme import is_light
 
 
 def make_reading_actions(preferences: Preferences) -> Iterator[Action]:
-    """Yields the actions of text size, theme and animation."""
+    """Yields the actions for text size, theme and animation."""
 
     def at_end(size: float, size_name: str) -> str:
         return tr("The text is as {0} as it gets.", size_name) if preferences.text_size == size else ""
@@ -26,7 +26,7 @@ def make_reading_actions(preferences: Preferences) -> Iterator[Action]:
         ("ctrl+shift+equal",),
         lambda: preferences.resize(1),
         lambda: at_end(TEXT_SIZES[-1], tr("large")),
-        about="Text, and everything around it.",
+        about="Changes the size of text and of all panels.",
         apart=True,
     )
     yield Action(
@@ -36,7 +36,7 @@ def make_reading_actions(preferences: Preferences) -> Iterator[Action]:
         ("ctrl+shift+minus",),
         lambda: preferences.resize(-1),
         lambda: at_end(TEXT_SIZES[0], tr("small")),
-        about="Text, and everything around it.",
+        about="Changes the size of text and of all panels.",
     )
     yield Action(
         "view.light_theme",
@@ -54,21 +54,21 @@ def make_reading_actions(preferences: Preferences) -> Iterator[Action]:
         (),
         preferences.set_less_motion,
         is_on=lambda: preferences.less_motion,
-        about="The view turns at once, without gliding.",
+        about="The view turns immediately, without animation.",
     )
     yield Action(
         "view.performer",
         "View",
-        "Performers in the corner",
+        "Camera preview",
         ("alt+p",),
         preferences.watch_performer,
         is_on=lambda: preferences.performer,
-        about="The picture of their camera; with several cameras, side by side.",
+        about="Shows the performers as seen by their cameras, side by side if there are several.",
     )
 
 
 def make_camera_actions(c: Commands) -> Iterator[Action]:
-    """Yields the actions of the bones and of the camera."""
+    """Yields the actions for the visibility of bones and for the camera."""
     editor, right = c.editor, np.pi / 2
     yield Action(
         "view.bones", "View", "Bones", ("b",), c.toggle_bones, is_on=lambda: editor.show_bones, apart=True
@@ -82,16 +82,16 @@ def make_camera_actions(c: Commands) -> Iterator[Action]:
         "Frame the whole path",
         ("ctrl+f",),
         editor.frame_path,
-        about="Shows everywhere that the chosen shape goes, or all shapes if none is chosen.",
+        about="Shows the whole path of the chosen shape, or of all shapes if none is chosen.",
     )
     yield Action(
         "view.follow",
         "View",
-        "Follow what moves",
+        "Follow the character",
         ("shift+f",),
         editor.camera_moves.toggle_follow,
         is_on=lambda: editor.camera_moves.follow,
-        about="The view follows the chosen character, or all of them, from the side that you chose.",
+        about="The view follows the chosen character, or all characters, and keeps its direction.",
     )
     yield Action(
         "view.turntable",
@@ -128,5 +128,5 @@ def make_camera_actions(c: Commands) -> Iterator[Action]:
         c.show_best_view,
         c.lacks_shape,
         group="From a side",
-        about="Turns the view so that the bones of the chosen shape hide one another least.",
+        about="Turns the view so that the bones of the chosen shape overlap as little as possible.",
     )

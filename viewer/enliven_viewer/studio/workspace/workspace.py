@@ -1,4 +1,6 @@
-"""The state behind the studio's window: editor, input, project store, dialogues and the places of widgets."""
+"""The state behind the studio's window: editor, input, project store, dialogues and the rectangles of
+widgets.
+"""
 
 from __future__ import annotations
 
@@ -49,30 +51,27 @@ from enliven_viewer.studio.workspace.project_comparison import (
 from enliven_viewer.studio.workspace.project_store import PROJECT_SUFFIX, FileChangedError, ProjectStore
 
 _BACKGROUND_READ_BYTES = 6_000_000
-"""File size in bytes above which a file is read in the background. Smaller files open within half a
-second.
-"""
+"""Larger files than this, in bytes, are read in the background. Smaller files open within half a second."""
 
 
 class Workspace(App):
-    """The complete state that panels draw and change. It also works without a window.
+    """The complete state of the window, which panels draw and change. It also works without a window.
 
     Attributes:
         commands: the functions behind the studio's own actions.
         outliner: the tree of all objects.
         depth: the tracker for opened depth recordings.
-        asking: the open dialogue, or empty.
+        asking: name of the open dialogue, or empty.
         browser: the state of a file dialogue.
         exporting: the options of the next export or film.
-        finding: the results in the command palette. wanted_key: the shortcut being changed in the
-            preferences.
-        history_shown: whether the history list is open. history_seen: its length and step when it was last
+        finding: the search of the command palette. wanted_key: the shortcut change in the preferences.
+        history_shown: True if the history list is open. history_seen: its length and step when it was last
             drawn.
-        starting: whether the start page is shown while the project is empty. tour: the running tour.
+        starting: True to show the start page while the project is empty. tour: the running tour.
         caption: the caption of a scripted session; empty without one.
         pressed: the key that a scripted session is pressing.
         compared: the differences between the project and its file, once they were requested.
-        ended: whether the studio should close.
+        ended: True if the studio must close.
     """
 
     def __init__(self, editor: Editor, folder: Path | None = None) -> None:
@@ -110,7 +109,7 @@ class Workspace(App):
 
     @classmethod
     def new(cls, editor: Editor, folder: Path | None = None) -> Workspace:
-        """Returns a workspace with an empty project and the library of motions."""
+        """Returns a workspace with a project that contains only the library of motions."""
         workspace = cls(editor, folder)
         workspace.store.new(Project().with_takes(*read_library()))
         return workspace
@@ -144,7 +143,7 @@ class Workspace(App):
     def _add_sample(self, name: str) -> None:
         """Adds a sample.
 
-        A mesh to be possessed also goes onto the stage, now or once a stage is connected.
+        A mesh for possession is also put onto the stage, now or once a stage is connected.
         """
         add_sample(self.editor, name)
         character = self.editor.find_selected()
@@ -199,7 +198,7 @@ class Workspace(App):
         self.editor.background.begin(tr("Opening {0}", path.name), work, add, progress)
 
     def drop(self, paths: list[Path]) -> None:
-        """Opens files that were dropped onto the window, until one of them opens a dialogue."""
+        """Opens files that were dropped onto the window. Stops at a file that opens a dialogue."""
         for path in paths:
             if not self.asking:
                 self.attempt(lambda path=path: self.open(path))
@@ -226,10 +225,7 @@ class Workspace(App):
             self.save(path)
 
     def go_on(self, *, discard: bool) -> None:
-        """Continues the command that waited for a decision about unsaved work.
-
-        The work is saved or discarded before.
-        """
+        """Saves or discards unsaved work, then continues the command that waited for this decision."""
         self.asking = ""
         if discard:
             self.store.forget()
@@ -252,7 +248,7 @@ class Workspace(App):
             over: if True, overwrite the file even if another window has saved it since.
 
         Raises:
-            EnlivenError: if the file cannot be written; the waiting command is dropped.
+            EnlivenError: if the file cannot be written. The waiting command is dropped.
         """
         self.asking = ""
         try:
@@ -279,7 +275,7 @@ class Workspace(App):
         self.attempt(lambda: setattr(self, "compared", self._find_differences()))
 
     def add_saved_items(self) -> None:
-        """Adds the items that only the file has to the project, as one edit, and updates the comparison."""
+        """Adds the items that only the file contains to the project, as one edit. Updates the comparison."""
 
         def add() -> None:
             saved = self.store.read_saved()
@@ -292,7 +288,7 @@ class Workspace(App):
         return compare_projects(self.editor.history.project, self.store.read_saved())
 
     def _begin_tour(self) -> None:
-        """Starts the tour, or resumes it where it was left. If it is already running, restarts it."""
+        """Starts the tour, or resumes it at the last step. Restarts a running tour."""
         number = 0 if self.tour is not None else self.preferences.tour_step
         self.starting, self.tour = False, Tour(self, self.drawn, number)
 
@@ -312,7 +308,7 @@ class Workspace(App):
             self.preferences.save()
 
     def end_tour(self) -> None:
-        """Closes the tour; it can be resumed later."""
+        """Closes the tour, which can be resumed later."""
         if self.tour is not None:
             self.tour.leave()
         self.tour, self.preferences.toured = None, True
@@ -330,14 +326,14 @@ class Workspace(App):
 
     @property
     def export_suffix(self) -> str:
-        """Suffix of the file name in the export dialogue. It is the default suffix if the name has no
-        suffix.
+        """Returns the suffix of the file name in the export dialogue, or the default suffix if the name has
+        none.
         """
         typed = Path(self.browser.name).suffix.lower() if self.browser is not None else ""
         return typed or EXPORT_SUFFIXES[0]
 
     def _export(self, path: Path) -> None:
-        """Writes the file in the background, since surfaces may have to be solved for it."""
+        """Writes the file in the background, because it may take long to solve surfaces."""
         project, toasts = self.editor.project, self.editor.toasts
         characters, options = list_exportable(project), replace(self.exporting)
         length, progress = self.editor.length, WorkProgress()
@@ -373,7 +369,7 @@ class Workspace(App):
         self.asking = dialogue
 
     def _go_on(self) -> None:
-        """Runs the command that waited until the work was saved or discarded."""
+        """Runs the command that waited for the decision about unsaved work."""
         after, self._after = self._after, ""
         wanted, self._path_to_open = self._path_to_open, None
         if after == "open" and wanted is not None:

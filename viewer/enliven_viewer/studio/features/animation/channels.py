@@ -22,7 +22,7 @@ from enliven.rotation import (
 
 AXES = ("x", "y", "z")
 LAYER_KEY_ATTRIBUTES: dict[str, Literal["weights", "speeds"]] = {"weight": "weights", "speed": "speeds"}
-"""The numeric groups of a layer, with the attribute that holds their keys."""
+"""The attribute of a layer that contains the keys, for each numeric group of a layer."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,12 @@ class CurveDot:
     """A key on a curve.
 
     Attributes:
-        number: number of the key among the keys of the bone or the key poses of the puppet.
-        axis: the channel.
+        number: index of the key among the keys of the bone, or among the key poses of the puppet.
+        axis: index of the channel.
         time: time in the project in seconds.
         value: value in the group's unit.
-        ease: interpolation to the next key; empty for key poses, since the solver interpolates between them.
+        ease: interpolation to the next key; empty for key poses, because the solver interpolates between
+            them.
     """
 
     number: int
@@ -46,7 +47,7 @@ class CurveDot:
 
 @dataclass(frozen=True, eq=False)
 class CurveGroup:
-    """Channels of one unit.
+    """Channels with a common unit.
 
     Attributes:
         name: "keys", "moves", "turn", "place", "weight" or "speed".
@@ -65,7 +66,7 @@ class CurveGroup:
 
 @dataclass(frozen=True)
 class CurveSubject:
-    """The object of the curves: a character, and a handle or a layer of it."""
+    """The object of the shown curves: a character, and optionally one of its handles or layers."""
 
     character: str
     handle: int | None
@@ -73,7 +74,8 @@ class CurveSubject:
 
 
 def sample_groups(project: Project, subject: CurveSubject, times: Float) -> dict[str, CurveGroup]:
-    """Returns the curves of an object at times (T,), without its keys, which :func:`make_key_groups` returns.
+    """Returns the curves of an object at times (T,). Its keys are excluded, because :func:`make_key_groups`
+    returns them.
 
     Raises:
         EnlivenError: if the character cannot be played.
@@ -122,7 +124,7 @@ def make_key_groups(project: Project, subject: CurveSubject, times: Float) -> di
 
 
 def _make_dots(keys: tuple[tuple[float, MotionKey], ...], values: str) -> tuple[CurveDot, ...]:
-    """Returns a dot for each key and axis. ``values`` names the shown attribute of the keys."""
+    """Returns a dot for each key and axis. ``values`` is the name of the shown attribute of a key."""
     return tuple(
         CurveDot(k, axis, time, getattr(key, values)[axis], key.ease)
         for k, (time, key) in enumerate(keys)
@@ -167,7 +169,7 @@ def make_layer_dots(project: Project, subject: CurveSubject, group: str) -> tupl
 
 
 def find_value_scale(project: Project, subject: CurveSubject, group: str, time: float) -> float:
-    """Returns the drawn value of a layer key with value 1: the layer's own weight or speed."""
+    """Returns the factor from a layer key's value to its drawn value: the layer's own weight or speed."""
     layer = find_layer(project, subject)
     if layer is None or group == "weight":
         return float(getattr(layer, "weight", 1.0)) or 1.0
@@ -176,13 +178,13 @@ def find_value_scale(project: Project, subject: CurveSubject, group: str, time: 
 
 
 def find_layer(project: Project, subject: CurveSubject) -> LayerBase | None:
-    """Returns the selected layer of an object, or else the first audible one."""
+    """Returns the selected layer of an object, otherwise its first unmuted layer."""
     number = find_layer_number(project, subject)
     return None if number is None else project.character(subject.character).playing[number]
 
 
 def find_layer_number(project: Project, subject: CurveSubject) -> int | None:
-    """Returns the number of that layer; None if no layer is audible."""
+    """Returns the number of the layer of :func:`find_layer`, or None if all layers are muted."""
     character = project.characters.get(subject.character)
     playing = () if character is None else character.playing
     if subject.layer is not None and subject.layer < len(playing):
@@ -191,7 +193,9 @@ def find_layer_number(project: Project, subject: CurveSubject) -> int | None:
 
 
 def _unwrap_rotations(turns: Float) -> Float:
-    """Returns (T, 3) rotation vectors in degrees of rotations (T, 4), unwrapped to avoid full turns."""
+    """Converts rotations (T, 4) to rotation vectors (T, 3) in degrees, unwrapped to avoid jumps by full
+    turns.
+    """
     vectors = to_rotation_vector(turns)
     for k in range(1, len(vectors)):
         angle = float(np.linalg.norm(vectors[k]))

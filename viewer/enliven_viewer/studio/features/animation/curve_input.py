@@ -79,7 +79,7 @@ class CurveInput:
         is_shown: whether the curves are shown.
         group: name of the shown group of channels.
         height: height of the curve area in pixels.
-        selected_key: number of the key that was clicked last, or None.
+        selected_key: index of the key that was clicked last, or None.
     """
 
     def __init__(self, editor: Editor, axis: TimeAxis) -> None:
@@ -116,7 +116,7 @@ class CurveInput:
         return np.linspace(axis.start, axis.start + axis.visible_s, _CURVE_SAMPLES)
 
     def refresh(self) -> None:
-        """Takes finished curves from the background thread, and starts sampling if they are outdated.
+        """Fetches finished curves from the background thread, and starts sampling if they are outdated.
 
         Call once per frame; does not block.
         """
@@ -166,7 +166,7 @@ class CurveInput:
         return self.groups()
 
     def shown_group(self) -> CurveGroup | None:
-        """Returns the shown group: the requested one, or else the first available one."""
+        """Returns the shown group: the requested group, or the first available group."""
         groups = self.groups()
         return groups.get(self.group) or next(iter(groups.values()), None)
 
@@ -184,7 +184,7 @@ class CurveInput:
         return "" if group is None else group.name
 
     def scale(self, group: CurveGroup) -> Scale:
-        """Returns the value scale: it fits all values until the user zooms or pans."""
+        """Returns the value scale. It fits all values until the user zooms or pans."""
         if self._last_group != (self.subject, group.name):
             self._last_group, self._scale, self.selected_key = (self.subject, group.name), None, None
         if self._held_key is not None:
@@ -211,7 +211,9 @@ class CurveInput:
             self._scale = self.scale(group).pan(pixels)
 
     def find_dot(self, x: float, y: float) -> CurveDot | None:
-        """Returns the key at a pixel; x counts from the timeline's left, y from the top of the curves."""
+        """Returns the key at a pixel. x is measured from the timeline's left, y from the top of
+        the curves.
+        """
         group = self.shown_group()
         if group is None:
             return None
@@ -224,7 +226,7 @@ class CurveInput:
         return best[3] if best is not None and best[0] <= KEY_GRAB_DISTANCE_PX else None
 
     def press(self, x: float, y: float) -> None:
-        """Handles a press of the left button: grabs a key, or else moves the playhead."""
+        """Handles a press of the left button: grabs a key, otherwise moves the playhead."""
         dot, group = self.find_dot(x, y), self.shown_group()
         self.selected_key = None if dot is None else dot.number
         if dot is not None and group is not None:
@@ -246,7 +248,7 @@ class CurveInput:
             self.editor.edit("move key", self._move_edit(x, y))
         self.editor.draft, self._held_key = None, None
         dot = self.find_dot(x, y)
-        # Keys are numbered by time. So a key that is dragged past another one takes over that key's number.
+        # Keys are numbered by time. So dragging a key past another key changes its number.
         self.selected_key = self.selected_key if dot is None else dot.number
 
     @property
@@ -285,7 +287,7 @@ class CurveInput:
     def type(self, key: str) -> bool:
         """Handles keyboard input for the selected key: Delete removes it.
 
-        Returns whether it had an effect.
+        Returns True if it had an effect.
         """
         if not self.is_shown or self.selected_key is None or key not in ("delete", "backspace"):
             return False
@@ -302,16 +304,15 @@ class CurveInput:
             )
 
     def _find_lane(self, subject: CurveSubject) -> tuple[int, ...]:
-        """Returns the numbers of the layers that share a lane with the object's layer.
-
-        That layer comes first.
+        """Returns the numbers of the layers in the same timeline row (lane) as the object's layer, which
+        comes first.
         """
         number = find_layer_number(self.editor.project, subject) or 0
         layers = find_lane_layers(self.editor.project, subject.character, number)
         return (number, *(layer for layer in layers if layer != number))
 
     def _warn_if_clamped(self, subject: CurveSubject, name: str, time: float, value: float) -> None:
-        """Reports if a value is outside the playable range, so that the nearest valid value is used."""
+        """Shows a message if a value is outside the playable range and is therefore clamped."""
         if warning := describe_clamping(self.editor.project, subject, name, time, value):
             self.editor.toasts.say(warning)
 
@@ -342,13 +343,12 @@ class CurveInput:
         return lambda project: move_curve_key(project, subject, lane, name, dot, time, value)
 
     def _collect_samples(self) -> None:
-        """Takes the finished curves from the background thread."""
+        """Fetches the finished curves from the background thread."""
         if self._sampling is None or not self._sampling[1].done():
             return
         (request, future), self._sampling = self._sampling, None
         error = future.exception()
         if error is not None and not isinstance(error, EnlivenError):
-            # Report only internal errors here, because the panel that plays the character reports the other
-            # errors.
+            # Report only internal errors here. The panel that plays the character reports all others.
             self.editor.toasts.tell(error)
         self._samples = (request, {} if error is not None else future.result())

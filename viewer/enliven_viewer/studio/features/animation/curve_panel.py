@@ -1,4 +1,4 @@
-"""The curve editor's panel above the timeline, on the same time axis; drawn with a draw list."""
+"""Draws the curve editor's panel above the timeline, on the same time axis."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _GROUP_LABELS = {
     "weight": later("Weight"),
     "speed": later("Speed"),
 }
-"""Labels of the groups."""
+"""Labels of the groups of channels."""
 _EASE_LABELS = {"smooth": later("Smooth"), "linear": later("Straight"), "step": later("At once")}
 """Labels of the interpolation modes."""
 _EMPTY_TEXT = later("Choose a shape, or a node, a control point or a clip of it: its curves are shown here.")
@@ -80,9 +80,7 @@ def _draw_names(app: App, curves: CurveInput, groups: dict[str, CurveGroup], sho
             if imgui.small_button(labelled(tr("Fit"), "Fit")):
                 curves.fit()
             app.remember("fit curves")
-            draw_tooltip(
-                "Show all values. The wheel shows more or less of them, the middle button moves them."
-            )
+            draw_tooltip("Show all values. The wheel zooms, the middle button pans.")
             _draw_values(curves, shown)
     imgui.end_child()
 
@@ -132,7 +130,9 @@ def _draw_plot(curves: CurveInput, group: CurveGroup, scale: Scale, origin: ImVe
         advice = tr("Double-click: adds a key, so that it changes over time.")
         draw_list.add_text(ImVec2(left + 60, origin.y + size.y - 22), pack_colour(QUIET), advice)
     if group.name in KEY_ATTRIBUTES and not group.dots:
-        advice = tr("Double-click: a key. Or: Keys while posing (Shift+K), then pose (R) or move (G) it.")
+        advice = tr(
+            "Double-click: add a key. Or switch on Keys while posing (Shift+K), then pose (R) or move (G) it."
+        )
         draw_list.add_text(ImVec2(left + 60, origin.y + size.y - 22), pack_colour(QUIET), advice)
     draw_list.pop_clip_rect()
 
@@ -214,7 +214,7 @@ def _make_hover_text(dot: CurveDot, group: CurveGroup) -> str:
     value_text = tr(
         "{0}   {1}   at {2:.2f} s", group.channels[dot.axis], _format_value(dot.value, group.unit), dot.time
     )
-    advice = tr("Drag: change its value or time. Right button: how it goes on, or remove it.")
+    advice = tr("Drag: change its value or time. Right button: change its interpolation, or remove it.")
     return f"{value_text}\n{advice}"
 
 
@@ -231,7 +231,7 @@ def _draw_diamond(draw_list: imgui.ImDrawList, centre: ImVec2, tint: Colour, *, 
 
 
 def _find_channel_colour(group: CurveGroup, number: int) -> Colour:
-    """Returns the colour of a channel: that of its axis, or the accent colour for a single channel."""
+    """Returns the colour of a channel: the colour of its axis, or the accent colour for a single channel."""
     if len(group.channels) == 1:
         return ACCENT
     red, green, blue = AXIS_COLOURS[number]

@@ -19,7 +19,9 @@ _MIN_LABEL_DISTANCE_PX = 26.0
 
 @dataclass(frozen=True)
 class Scale:
-    """A scale from ``low`` at the bottom to ``high`` at the top of an area with a height in pixels."""
+    """A linear scale from the value ``low`` at the bottom to ``high`` at the top of an area of ``height``
+    pixels.
+    """
 
     low: float
     high: float

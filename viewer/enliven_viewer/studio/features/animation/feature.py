@@ -1,4 +1,6 @@
-"""Registers curves with their panel, and the layer of ghosts and trails, with their states and actions."""
+"""Registers the curve editor with its panel, and the view layer of ghosts and trails, with their states and
+actions.
+"""
 
 from __future__ import annotations
 
@@ -49,5 +51,6 @@ def _make_curve_action(curves: CurveInput) -> Action:
         ("shift+c",),
         curves.toggle,
         is_on=lambda: curves.is_shown,
-        about="Turn, place, keys, weight and speed of the selection over time, above the timeline.",
+        about="Shows rotation, position, keys, weight and speed of the selection over "
+        "time, above the timeline.",
     )

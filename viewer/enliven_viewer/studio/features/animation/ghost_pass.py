@@ -1,4 +1,6 @@
-"""Draws ghosts of characters (onion skins), glassy bodies that are opaque at their edges, and trails."""
+"""Draws ghosts of characters (onion skins) and motion trails. A ghost is transparent, and more opaque at its
+silhouette.
+"""
 
 from __future__ import annotations
 
@@ -15,9 +17,8 @@ from enliven_viewer.studio.features.animation.motion_samples import GhostSurface
 
 
 class OnionSkin:
-    """A render pass that draws ghosts over the last image of a renderer, with the same camera.
-
-    Other geometry occludes them.
+    """A render pass that draws ghosts over the last image of a renderer, with the same camera. Existing
+    geometry occludes the ghosts.
 
     Args:
         ctx: the renderer's context.
@@ -43,7 +44,7 @@ class OnionSkin:
         picture.resolve()
 
     def _draw(self, picture: RenderTarget, ghost: GhostBody) -> None:
-        """Draws one ghost. Writes its depth first, so that it hides its own far side."""
+        """Draws one ghost. Writes its depth first, so that only its front faces are visible."""
         array = self._get_array(ghost)
         self._program["tint"] = tuple(part / 255 for part in ghost.tint)
         self._program["opacity"] = ghost.opacity
@@ -54,7 +55,7 @@ class OnionSkin:
             array.render(moderngl.TRIANGLES)
 
     def _get_array(self, ghost: GhostBody) -> moderngl.VertexArray:
-        """Returns the ghost on the GPU; the same ghost is not uploaded again."""
+        """Returns the ghost on the GPU. The same ghost is not uploaded again."""
         if ghost.body not in self._arrays:
             rows = self.ctx.buffer(np.ascontiguousarray(ghost.body.rows).tobytes())
             faces = self.ctx.buffer(np.ascontiguousarray(ghost.body.faces, np.int32).tobytes())

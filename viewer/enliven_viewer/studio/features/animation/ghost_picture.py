@@ -16,7 +16,7 @@ from enliven_viewer.theme import FUTURE_POSE, INK, PAST_POSE, SELECTED_JOINT, Pa
 _TRAIL_RADIUS_PX = 1.5
 """Radius in pixels of a trail at the playhead."""
 _TRAIL_END_FRACTION = 0.4
-"""Fraction of that radius at the ends of a trail."""
+"""Radius at the ends of a trail, as a fraction of ``_TRAIL_RADIUS_PX``."""
 _FRAME_RADIUS_PX = 2.5
 """Radius in pixels of a frame's dot."""
 _KEY_RADIUS_PX = 5.0
@@ -38,14 +38,16 @@ class GhostBody:
 
 @dataclass(frozen=True, eq=False)
 class GhostPicture:
-    """Everything to draw: the ghosts, farthest from the playhead first, and (N, 12) rows of tubes."""
+    """The ghosts to draw, farthest in time from the playhead first, and the (N, 12) rows of the trails'
+    tubes.
+    """
 
     bodies: tuple[GhostBody, ...]
     tubes: Float32
 
 
 def make_ghost_bodies(sampled: MotionSamples, time: float) -> list[GhostBody]:
-    """Returns the ghosts of a character. Those before ``time`` and those after it have different colours."""
+    """Returns the ghosts of a character. Ghosts before ``time`` and after ``time`` have different colours."""
     bodies = []
     for side, tint in (
         ([moment for moment in sampled.bodies if moment < time][::-1], PAST_POSE),

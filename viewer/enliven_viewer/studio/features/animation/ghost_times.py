@@ -1,4 +1,4 @@
-"""Chooses the times of ghosts: key poses, or else regular steps."""
+"""Chooses the times of ghosts: the times of keys, or regular steps without keys."""
 
 from __future__ import annotations
 
@@ -8,16 +8,19 @@ from enliven.document import LayerBase, Project, RigBase
 from enliven.modeling.edits import key_layer
 
 _TIME_TOLERANCE_S = 1e-3
-"""Time difference in seconds below which a ghost would coincide with the character itself."""
+"""A ghost closer in time to the playhead than this, in seconds, is omitted, because it would coincide with
+the character.
+"""
 
 
 def find_key_times(
     project: Project, character: RigBase, handle: int | None = None, layer: int | None = None
 ) -> tuple[float, ...]:
-    """Returns the times in the project at which a character plays its keys, in order; empty without keys.
+    """Returns the times in the project at which a character plays its keys, in order. The result is empty
+    without keys.
 
-    The keys are those of a selected layer, or else of a selected bone or node, or else of the whole
-    character. For a puppet they are its examples.
+    The keys belong to the selected layer if there is one, otherwise to the selected bone or node, otherwise
+    to the whole character. A puppet's keys are its examples.
 
     Args:
         handle, layer: the selected handle and layer of the character, or None.
@@ -42,7 +45,7 @@ def find_key_times(
 def _find_selected_keys(
     project: Project, character: RigBase, handle: int | None, layer: int | None
 ) -> LayerBase | None:
-    """Returns the layer of keys that belongs to the selection; None if it is not audible."""
+    """Returns the layer of keys that belongs to the selection, or None if it is muted."""
     playing, number = character.playing, layer
     keyed = [
         k
@@ -51,7 +54,7 @@ def _find_selected_keys(
     ]
     if number not in keyed:
         if handle is not None and handle >= character.keyable:
-            return None  # The handle is a control point, which has key poses instead of keys.
+            return None  # A control point has key poses instead of keys.
         number = key_layer(project, character.id, handle)
     return None if number is None or playing[number].muted else playing[number]
 

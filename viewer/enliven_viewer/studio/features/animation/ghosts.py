@@ -1,4 +1,4 @@
-"""Ghosts and motion trails of an editor's characters, with one switch; computed in the background."""
+"""Computes ghosts and motion trails of an editor's characters in the background. One switch shows both."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Ghosts:
             self._failed_requests.clear()
 
     def picture(self) -> GhostPicture | None:
-        """Returns the ghosts and trails that have already been computed; None while they are off.
+        """Returns the ghosts and trails that have already been computed, or None while they are off.
 
         Does not block.
         """
@@ -87,9 +87,8 @@ class Ghosts:
         return GhostPicture(tuple(bodies), np.concatenate(rows))
 
     def _list_shown_characters(self) -> list[RigBase]:
-        """Returns the selected character, or else the first few.
-
-        A puppet is returned in its last solved state.
+        """Returns the selected character, or the first few characters without a selection. Puppets have their
+        last solved state.
         """
         editor, chosen = self.editor, self.editor.find_selected()
         characters = (
@@ -131,7 +130,7 @@ class Ghosts:
             return
 
     def _collect_samples(self) -> None:
-        """Takes the finished result from the background thread."""
+        """Fetches the finished result from the background thread."""
         if self._sampling is None or not self._sampling[2].done():
             return
         (name, wanted, future), self._sampling = self._sampling, None
@@ -140,8 +139,7 @@ class Ghosts:
             self._samples[name] = future.result()
         else:
             if not isinstance(error, EnlivenError):
-                # Report only internal errors here, because the panel that plays the character reports the
-                # other errors.
+                # Report only internal errors here. The panel that plays the character reports all others.
                 self.editor.toasts.tell(error)
             self._samples.pop(name, None)
             self._failed_requests[name] = wanted

@@ -30,7 +30,7 @@ from enliven_viewer.studio.features.animation.channels import (
 )
 
 KEY_ATTRIBUTES = {"keys": "degrees", "moves": "metres"}
-"""The groups of motion keys, and the attribute of a key that each shows."""
+"""The attribute of a key that each group of motion keys shows."""
 _VALUE_LIMITS = {"weight": (0.0, 1.0), "speed": (MIN_SPEED, MAX_SPEED)}
 """Minimum and maximum value of the keys of a layer's weight and speed."""
 Lane = tuple[int, ...]
@@ -42,7 +42,7 @@ def add_curve_key(
     """Returns a project with a new key at a time. The channel with the nearest value gets the given value.
 
     Args:
-        lane: the numbers of the layers in the object's lane.
+        lane: numbers of the layers in the same timeline row as the object's layer.
     """
     if group in LAYER_KEY_ATTRIBUTES:
         clamped_value = clamp_value(project, subject, group, time, value)
@@ -76,7 +76,7 @@ def move_curve_key(
 def set_interpolation(
     project: Project, subject: CurveSubject, lane: Lane, group: str, number: int, ease: str
 ) -> Project:
-    """Returns a project with another interpolation from a key to the next one."""
+    """Returns a project with a changed interpolation from a key to the next key."""
     if group in LAYER_KEY_ATTRIBUTES:
         return move_layer_key(
             project, subject.character, lane, LAYER_KEY_ATTRIBUTES[group], number, ease=ease
@@ -94,13 +94,15 @@ def remove_curve_key(project: Project, subject: CurveSubject, lane: Lane, group:
 
 
 def clamp_value(project: Project, subject: CurveSubject, group: str, time: float, value: float) -> float:
-    """Returns the value of a layer's key that is drawn at ``value``, clamped to the playable range."""
+    """Converts a drawn value to the value of a layer's key, clamped to the playable range."""
     low, high = _VALUE_LIMITS[group]
     return min(max(value / find_value_scale(project, subject, group, time), low), high)
 
 
 def describe_clamping(project: Project, subject: CurveSubject, group: str, time: float, value: float) -> str:
-    """Returns a sentence if a value is outside the playable range and was clamped; else empty."""
+    """Returns a sentence for the user if a value was clamped to the playable range, otherwise
+    an empty text.
+    """
     if group not in LAYER_KEY_ATTRIBUTES or not np.isfinite(value):
         return ""
     layer_value = value / find_value_scale(project, subject, group, time)
@@ -116,9 +118,8 @@ def describe_clamping(project: Project, subject: CurveSubject, group: str, time:
 
 
 def _move_pose(project: Project, subject: CurveSubject, dot: CurveDot, time: float, value: float) -> Project:
-    """Returns a project with a key pose of a puppet changed.
-
-    The control point gets another position, or the key pose another time.
+    """Returns a project with a changed key pose of a puppet: another position of the control point, or
+    another time of the key pose.
     """
     puppet, layer = project.puppet(subject.character), find_layer(project, subject)
     if layer is None or subject.handle is None:

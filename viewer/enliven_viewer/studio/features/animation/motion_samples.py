@@ -21,7 +21,7 @@ class SampleRequest:
 
     Attributes:
         project, character: the current project and character.
-        first, last: frames of the trail, each of ``step`` seconds.
+        first, last: first and last frame of the trail. Frame k is at ``k * step`` seconds.
         moments: times of the ghosts in seconds.
     """
 
@@ -33,7 +33,9 @@ class SampleRequest:
     moments: tuple[float, ...]
 
     def can_reuse(self, other: SampleRequest) -> bool:
-        """Returns True if samples of the other request are valid here: same character and same takes."""
+        """Returns True if samples of the other request are valid for this one, because character and takes
+        are the same.
+        """
         if self.character is not other.character or self.step != other.step:
             return False
         pairs = [(kind, name) for kind, names in self.character.needed().items() for name in names]
@@ -92,7 +94,7 @@ class MotionSamples:
 
 
 def sample_motion(wanted: SampleRequest, before: MotionSamples | None) -> MotionSamples:
-    """Computes the requested samples, and reuses valid ones from before.
+    """Returns the requested samples. Reuses valid samples in ``before``.
 
     Raises:
         EnlivenError: if the character cannot be played.
@@ -122,9 +124,8 @@ def sample_motion(wanted: SampleRequest, before: MotionSamples | None) -> Motion
 
 
 def _make_point_function(project: Project, character: RigBase) -> Callable[[float], Float]:
-    """Returns the function that gives the positions of a character's handles at a time.
-
-    A character without handles has the positions of its nodes.
+    """Returns a function that computes the positions (N, 3) of a character's handles at a time in seconds.
+    For a character without handles, it computes the positions of the nodes.
     """
     player = get_rig_edits(character).player(project, character)
 

@@ -1,4 +1,6 @@
-"""Chooses the points of a character that leave a motion trail: the ends of its limbs, or the selection."""
+"""Chooses the points of a character that motion trails are drawn for: the selected points, or the ends of its
+limbs.
+"""
 
 from __future__ import annotations
 
@@ -8,22 +10,22 @@ from enliven.arrays import AnyArray, Float
 from enliven.document import Puppet, RigBase
 
 _MAX_TRAILS = 7
-"""Maximum number of trails without a selection: two hands, two feet, a head and two ears, or a tail."""
+"""Maximum number of trails without a selection: for two hands, two feet, a head and two ears."""
 _MIN_END_DISTANCE = 0.12
-"""Minimum distance between two ends, as a fraction of the character's size. So the fingers of a hand count as
-one end.
+"""Minimum distance between two limb ends, as a fraction of the character's size. So the fingers of a hand
+count as one end.
 """
 
 
 def choose_trail_points(
     character: RigBase, rest: Float, chosen: int | None, chain: tuple[int, ...]
 ) -> tuple[int, ...]:
-    """Returns the points of a character that leave a trail: the selected points, or else its far ends.
+    """Returns the indices of the points with a trail: the selected points, or the ends of the limbs.
 
     Args:
         rest: (N, 3) metres, the character's points at one time: joints, nodes or control points.
         chosen: the selected point, or None.
-        chain: the selected chain of points; its last one leaves a trail.
+        chain: the selected chain of points. Its last point gets a trail.
     """
     wanted = [point for point in (chosen, *chain[-1:]) if point is not None and point < len(rest)]
     if wanted:
@@ -38,9 +40,8 @@ def choose_trail_points(
 
 
 def find_far_ends(points: Float, candidates: AnyArray, start: Float) -> tuple[int, ...]:
-    """Returns the candidates among points (N, 3) that lie far from ``start`` (3,) and from each other.
-
-    They are in ascending order.
+    """Returns the indices of the candidates among points (N, 3) that are far from ``start`` (3,) and from
+    each other, in ascending order.
     """
     candidates = np.asarray(candidates, np.int64)
     if not len(candidates):

@@ -1,1 +1,1 @@
-"""The brush that paints how stiff a mesh is: its tool, actions and options."""
+"""The brush that paints the stiffness of a mesh: its tool, actions and options."""

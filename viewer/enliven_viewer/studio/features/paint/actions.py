@@ -13,8 +13,8 @@ _MENU = "Brush"
 """The submenu of the brush in the Shape menu."""
 _BRUSH_KEYS = {"softer": "shift+w", "stiffer": "shift+q", "erase": "shift+e"}
 _BRUSH_DESCRIPTIONS = {
-    "softer": "Strokes let the mesh give way, and swing past what the performer does.",
-    "stiffer": "Strokes let the mesh keep its shape.",
+    "softer": "Strokes make the mesh softer: it swings further than the performer moves.",
+    "stiffer": "Strokes make the mesh stiffer: it keeps its shape.",
     "erase": "Strokes remove the paint from the mesh.",
 }
 
@@ -65,6 +65,6 @@ def make_painting_actions(user_input: ViewportInput, tool: PaintTool) -> Iterato
         tool.clear,
         tool.lacks_paint,
         group=_MENU,
-        about="Makes the whole mesh equally stiff again.",
+        about="Removes all paint, so that the whole mesh is equally stiff.",
     )
     yield require_single_shape(clear, tool.editor)

@@ -16,7 +16,7 @@ from enliven_viewer.studio.features.paint.paint_tool import BRUSHES, MAX_RADIUS_
 _BUTTON_WIDTH = 252.0
 """Width in pixels of the button that clears the paint: the panel's width."""
 _SWING_TITLE = later("of soft spots")
-"""Name of the slider's value in the history."""
+"""Name of the slider's value in the undo history."""
 
 
 def draw_brush_options(app: App, tool: PaintTool) -> None:
@@ -41,7 +41,10 @@ def draw_brush_options(app: App, tool: PaintTool) -> None:
     if character is not None and character.mesh is not None and character.is_possessable:
         _draw_swing(app, character.id)
     draw_action_button(app, "paint.clear", _BUTTON_WIDTH)
-    draw_note("It takes effect as soon as a performer steps in. Soft spots swing further than the performer.")
+    draw_note(
+        "It takes effect once a performer possesses the mesh. Soft areas swing "
+        "further than the performer moves."
+    )
 
 
 def _draw_swing(app: App, name: str) -> None:
@@ -57,4 +60,6 @@ def _draw_swing(app: App, name: str) -> None:
         return handle_characters(project, [name], exaggeration=wanted)
 
     draw_slider(app, f"swing {_SWING_TITLE}", far, 0.0, MAX_EXAGGERATION, tr("swing %.1f"), change)
-    draw_tooltip("How far soft spots swing past the motion. 0: not at all. 1: like a mass on a spring")
+    draw_tooltip(
+        "How much further soft areas swing than the motion. 0: not at all. 1: like a mass on a spring"
+    )

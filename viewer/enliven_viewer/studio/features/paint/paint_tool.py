@@ -1,4 +1,4 @@
-"""The brush tool that paints stiffness on a possessed mesh."""
+"""The brush tool that paints the stiffness of a mesh that performers control."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ BRUSHES: dict[Brush, str] = {
 MIN_RADIUS_PX = 6.0
 """Minimum brush radius in pixels: a few vertices of a detailed mesh."""
 MAX_RADIUS_PX = 200.0
-"""Maximum brush radius in pixels: covers half of a large view's width."""
+"""Maximum brush radius in pixels. The brush then covers about half the width of a large view."""
 RADIUS_STEP = 1.25
 """Scale factor of the brush radius for one press of its shortcut."""
 _INITIAL_RADIUS_PX = 34.0
-"""Initial brush radius in pixels: the width of a limb that fills a third of the view."""
+"""Initial brush radius in pixels: the width of a limb of a character that fills a third of the view."""
 _POINT_SPACING = 0.35
 """Spacing of points along a stroke, as a fraction of the radius, so that the stroke is even."""
 _MAX_GAP = 4.0
-"""Maximum gap, as a multiple of the radius, that a stroke fills. A wider gap means that it jumped to another
-part of the mesh.
+"""Maximum gap between two points that a stroke fills, as a multiple of the radius. At a wider gap the pointer
+has jumped to another part of the mesh.
 """
 _UNPAINTED_OPACITY = 0.62
-"""Opacity of the overlay on unpainted areas: the shading stays visible, the mesh's own colours hardly."""
+"""Opacity of the overlay on unpainted areas. It hides most of the mesh's colours, but not the shading."""
 _FULL_OPACITY = 0.82
 """Opacity of the overlay at full strength."""
 _RING_EDGE_OPACITY = 0.45
@@ -49,7 +49,7 @@ _MIRRORED_RING_OPACITY = 0.75
 
 
 class PaintTool(Tool):
-    """A tool that paints how stiff or soft a mesh is, on one side or symmetrically.
+    """A tool that paints the stiffness of a mesh, on one side or symmetrically.
 
     Attributes:
         brush: the brush mode.
@@ -79,18 +79,18 @@ class PaintTool(Tool):
         if character is None or character.mesh is None:
             return "Click a mesh to paint where it is stiff and where it is soft."
         if character.kind == "bones":
-            return "Its bones move it, so paint has no effect before it becomes a mesh that performers hold."
+            return "Bones move it, so paint has no effect until it becomes a possessed character."
         if self.both_sides and self.mirror(character.mesh) is None:
-            return "Its sides are not alike, so only the side you paint is painted."
+            return "The mesh is not symmetric, so only one side is painted."
         brush_hints = {
-            "softer": "Orange gives way, and swings past what the performer does.",
-            "stiffer": "Blue keeps its shape.",
-            "erase": "Brings back what the mesh was before.",
+            "softer": "Orange areas are softer: they swing further than the performer moves.",
+            "stiffer": "Blue areas are stiffer.",
+            "erase": "Removes the paint.",
         }
-        return tr("{0} Ctrl does the opposite; the keys [ and ] size the brush.", brush_hints[self.brush])
+        return tr("{0} Ctrl inverts the brush. The keys [ and ] change its size.", brush_hints[self.brush])
 
     def mirror(self, mesh: Mesh) -> Plane | None:
-        """Returns the symmetry plane of a mesh; None if it is not symmetric.
+        """Returns the symmetry plane of a mesh, or None if it is not symmetric.
 
         Cached by the identity of the vertex array.
         """
@@ -108,7 +108,7 @@ class PaintTool(Tool):
         self.editor.edit("clear the paint", lambda project: unpaint_character(project, name))
 
     def lacks_paint(self) -> str:
-        """Returns why no paint can be cleared, with advice; empty if there is paint to clear."""
+        """Returns the reason why no paint can be cleared, with advice, or an empty text if there is paint."""
         character = self.editor.find_selected()
         if character is None or character.mesh is None or character.mesh.stiffness is None:
             return "Nothing is painted on it. Paint with the brush of the tool Stiff or soft"
@@ -217,14 +217,13 @@ class PaintTool(Tool):
         return self.mirror(mesh) if self.both_sides else None
 
     def _choose_brush(self, pointer: Pointer) -> Brush:
-        """Returns the mode of a stroke; with Ctrl the opposite mode."""
+        """Returns the mode of a stroke. With Ctrl, it is the opposite mode."""
         opposite: dict[Brush, Brush] = {"softer": "stiffer", "stiffer": "softer", "erase": "erase"}
         return opposite[self.brush] if pointer.ctrl else self.brush
 
     def _find_touched_point(self, pointer: Pointer, *, measure: bool = True) -> tuple[str, Float] | None:
-        """Returns the mesh under the pointer, and the touched point at rest in metres.
-
-        If `measure` is set, also updates the brush size in metres.
+        """Returns the id of the mesh under the pointer, and the touched point (3,) in metres of the rest
+        pose. If `measure` is set, also updates the brush size in metres.
         """
         lens = self.editor.lens
         hit = find_surface_at(self.editor.pickable_characters, lens, pointer.at)
@@ -254,7 +253,9 @@ def _find_ring_colour(brush: Brush) -> Colour:
 
 
 def make_shades(stiffness: Float32) -> UInt8:
-    """Returns (V, 4) sRGB and opacity: blue for stiffer, orange for softer, grey for 1."""
+    """Returns (V, 4) sRGB and opacity for the stiffness (V,) of vertices: blue above 1, orange below 1, grey
+    for 1.
+    """
     doublings = np.log2(stiffness) / MAX_DOUBLINGS
     strength = np.minimum(np.abs(doublings), 1.0)[:, None]
     full = np.where(doublings[:, None] > 0, np.array(PAST_POSE), np.array(FUTURE_POSE))

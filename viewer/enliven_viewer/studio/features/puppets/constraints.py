@@ -1,4 +1,4 @@
-"""The hard constraints of a puppet's layer at single frames."""
+"""Draws the list of a puppet layer's hard constraints. Each of them applies to one frame."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def draw_constraints(app: App, puppet: Puppet) -> None:
     constraints = list_constraints(app.editor.project, puppet.id, number) if number is not None else ()
     if number is None or not constraints:
         return
-    draw_heading("Fixed at single frames")
+    draw_heading("Constraints at single frames")
     for row, constraint in enumerate(constraints):
         _draw_constraint_row(app, puppet, number, row, constraint)
 
@@ -71,7 +71,7 @@ def draw_constraint_buttons(app: App, puppet: Puppet) -> None:
 
 
 def _draw_constraint_row(app: App, puppet: Puppet, number: int, row: int, held: HardConstraint) -> None:
-    """Draws one constraint. A click goes to its frame; the cross removes it."""
+    """Draws one constraint. A click goes to its frame, and the cross removes it."""
     editor = app.editor
     take = editor.project.takes[puppet.layers[number].take]
     width = imgui.get_content_region_avail().x

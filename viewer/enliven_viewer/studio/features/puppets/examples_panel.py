@@ -1,4 +1,6 @@
-"""The examples panel: what the selected puppet lacks, its control points, what it plays, and its settings."""
+"""The examples panel: the missing inputs of the selected puppet, its control points, its layers, and its
+settings.
+"""
 
 from __future__ import annotations
 
@@ -71,7 +73,7 @@ def _draw_head(app: App, puppet: Puppet) -> None:
 
 
 def _draw_next_step(app: App, puppet: Puppet) -> None:
-    """Draws the highlighted button of the next step, always in the same place."""
+    """Draws the highlighted button of the next step. It is always at the same position."""
     label, about, act = _find_next_step(app, puppet)
     with push_fill(ACCENT):
         if imgui.button(f"{label}###next step", ImVec2(-1, _NEXT_HEIGHT)):
@@ -101,7 +103,7 @@ def _find_next_step(app: App, puppet: Puppet) -> tuple[str, str, Callable[[], ob
 
 
 def draw_status(app: App, puppet: Puppet) -> None:
-    """Shows what the puppet lacks, or the error that keeps it from moving, or that it moves."""
+    """Shows the missing inputs of the puppet, or the error that prevents its motion, or that it can move."""
     project, solving = app.editor.project, app.editor.motion_solver
     lacking, problem = get_rig_edits(puppet).lacking(project, puppet), solving.problem(puppet.id)
     if lacking:
@@ -115,9 +117,8 @@ def draw_status(app: App, puppet: Puppet) -> None:
 
 
 def _merge_pairing_sentences(lacking: tuple[str, ...]) -> tuple[str, ...]:
-    """Returns the sentences, with those about pairing merged.
-
-    Five of them would push the points off the panel.
+    """Returns the sentences, with those about pairing merged into one. Several sentences would need too much
+    space in the panel.
     """
     pairs = [line for line in lacking if line.startswith("Pair ")]
     if len(pairs) < 3:

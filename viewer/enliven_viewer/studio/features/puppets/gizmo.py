@@ -1,7 +1,7 @@
 """The gizmo of a control point: three arrows, three planes and a ring, of constant size on the screen.
 
-Red is x, green is y and blue is z of the world. An arrow moves along its axis, a square in the plane of two
-axes, the ring parallel to the image.
+Red, green and blue are the world's x, y and z. Dragging an arrow moves the point along its axis, a square in
+the plane of two axes, and the ring parallel to the image.
 """
 
 from __future__ import annotations
@@ -28,9 +28,11 @@ _GRAB_DISTANCE_PX = 8.0
 _RING_RADIUS_PX = 13.0
 """Radius of the ring in pixels."""
 _MIN_FORESHORTENING = 0.2
-"""Limit for hiding parts: a square seen nearly edge-on, or an arrow seen nearly end-on, cannot be grabbed."""
+"""Parts with a smaller foreshortening factor are hidden. A square seen edge-on, or an arrow seen end-on,
+cannot be grabbed.
+"""
 _CONE_FRACTION = 0.24
-"""Fraction of an arrow's length that its cone takes."""
+"""Length of an arrow's cone as a fraction of the arrow's length."""
 _GUIDE_HALF_LENGTH_PX = 260.0
 """Half length in pixels of the guide line along which an arrow is dragged: three times the arrow."""
 GIZMO_PARTS = ("x", "y", "z", "yz", "zx", "xy", "view")
@@ -39,7 +41,7 @@ _SNAP_STEP_FACTORS = np.array([1.0, 2.0, 5.0, 10.0])
 
 @dataclass(frozen=True, eq=False)
 class Gizmo:
-    """A gizmo at a place (3,) metres in the world, as seen by a lens."""
+    """A gizmo at a position (3,) in metres of the world, as seen by a lens."""
 
     place: Float
     lens: Lens
@@ -52,7 +54,7 @@ class Gizmo:
         return 2 * depth / (float(lens.view.clip_from_camera[1, 1]) * lens.size[1])
 
     def find_part(self, pixel: Point) -> str:
-        """Returns the part under a pixel, or an empty string."""
+        """Returns the name of the part under a pixel, or an empty string."""
         centre, tips = self._projected_arrows()
         if not np.isfinite(centre).all() or not np.isfinite(tips).all():
             return ""
@@ -73,9 +75,8 @@ class Gizmo:
         return ""
 
     def drag_offset(self, part: str, start: Point, now: Point, *, snap: bool) -> Float | None:
-        """Returns the movement of the place for a drag between two pixels, (3,) in metres of the world.
-
-        Returns None if a pixel is beyond the horizon of the part's plane.
+        """Returns the movement (3,) in metres of the world for a drag of a part between two pixels. Returns
+        None if a pixel is beyond the horizon of the part's plane.
         """
         if part == "view":
             offset = self.lens.intersect_plane(now, self.place) - self.lens.intersect_plane(start, self.place)
@@ -93,13 +94,15 @@ class Gizmo:
 
     @property
     def step(self) -> float:
-        """Returns the step in metres that Shift snaps to: a round number near ten pixels."""
+        """Returns the step in metres to which Shift snaps the movement: a round number near the size of ten
+        pixels.
+        """
         wanted = 10.0 * self.pixel
         power = 10.0 ** np.floor(np.log10(wanted))
         return float(power * _SNAP_STEP_FACTORS[np.abs(_SNAP_STEP_FACTORS * power - wanted).argmin()])
 
     def rows(self, highlighted_part: str, alone: str = "") -> Float32:
-        """Returns the arrows as rows of :func:`make_tube_rows`; ``alone`` names the dragged part."""
+        """Returns the arrows as rows of :func:`make_tube_rows`. ``alone`` names the dragged part."""
         arrows = []
         for axis in range(3):
             part = GIZMO_PARTS[axis]
@@ -155,7 +158,7 @@ class Gizmo:
         return rows
 
     def _projected_arrows(self) -> tuple[Float, Float]:
-        """Returns (2,) pixels of the place, and (3, 2) pixels of the arrow tips."""
+        """Returns the pixel (2,) of the gizmo's position, and the pixels (3, 2) of the arrow tips."""
         points = np.concatenate([self.place[None], self.place + np.eye(3) * ARROW_LENGTH_PX * self.pixel])
         pixels, _ = self.lens.project(points)
         return pixels[0], pixels[1:]
@@ -192,15 +195,16 @@ class Gizmo:
         return float(np.linalg.norm(centre + fraction * arrow_vector - point))
 
     def _project_on_axis(self, axis: int, pixel: Point) -> float:
-        """Returns metres along an axis from the place to the point nearest to a pixel's ray."""
+        """Returns the distance in metres along an axis from the gizmo's position to the point nearest to a
+        pixel's ray.
+        """
         ray, line = self.lens.ray(pixel), np.eye(3)[axis]
         between, slant = self.place - self.lens.view.eye, float(ray @ line)
         return float((slant * (ray @ between) - line @ between) / max(1.0 - slant * slant, 1e-6))
 
     def _intersect_plane(self, normal: Float, pixel: Point) -> Float | None:
-        """Returns the intersection (3,) of a pixel's ray with the plane through the place.
-
-        Returns None if they do not intersect.
+        """Returns the intersection (3,) of a pixel's ray with the plane through the gizmo's position. Returns
+        None if they do not intersect.
         """
         ray, eye = self.lens.ray(pixel), self.lens.view.eye
         steep, away = float(ray @ normal), float((self.place - eye) @ normal)

@@ -8,11 +8,13 @@ from enliven_viewer.studio.examples.example_edits import find_layer_number
 from enliven_viewer.studio.features.puppets.performer_view import PerformerView
 
 _FRAMING_MARGIN = 1.35
-"""Framing factor when the camera moves to a puppet: 1 fills the view, larger values leave a margin."""
+"""Size of the view relative to a puppet when the camera moves to it. 1 fills the view, larger values leave a
+margin.
+"""
 
 
 class KeyPoseNavigator:
-    """The key poses of the selected puppet, which open with the puppet tool and the second view."""
+    """Opens the key poses of the selected puppet in the puppet tool and the second view."""
 
     def __init__(self, user_input: ViewportInput, performer: PerformerView) -> None:
         self.input, self.performer = user_input, performer
@@ -54,7 +56,9 @@ class KeyPoseNavigator:
         self.performer.show(take)
 
     def _bring_into_view(self) -> None:
-        """Moves the camera to the puppet if the puppet is not completely visible: it may have walked away."""
+        """Moves the camera to the puppet if the puppet is not completely visible, for example because it has
+        walked away.
+        """
         editor, standing = self.editor, self.puppets.stage_puppet
         if standing is None:
             return

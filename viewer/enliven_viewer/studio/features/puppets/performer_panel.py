@@ -17,7 +17,7 @@ from enliven_viewer.studio.viewport.axes import make_axes_marks
 from enliven_viewer.theme import ACCENT, DARK, GLASS, INK, LINE, QUIET
 
 _MIN_ARROW_WIDTH = 110.0
-"""Width in pixels of the take field below which it has no arrow, since the name needs the space."""
+"""A take field narrower than this, in pixels, has no arrow, because the name needs the space."""
 _LINK_ICON = "\uf0c1"
 
 
@@ -37,7 +37,7 @@ def draw_performer(app: App, area: Area, texture: int | None) -> None:
 
 
 def _draw_bar(app: App, area: Area) -> None:
-    """Draws the take field, and the buttons that play it and link both views."""
+    """Draws the take field, the button that plays the take, and the button that links both views."""
     view, puppet = app.state(PerformerView), app.editor.puppets.puppet
     takes = app.editor.project.takes
     unused = (

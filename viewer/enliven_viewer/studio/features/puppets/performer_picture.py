@@ -21,15 +21,15 @@ from enliven_viewer.theme import HOVERED_JOINT, UNSELECTED_BONE, get_point_colou
 _LIMB_RADIUS = 0.026
 """Radius of a limb as a fraction of the performer's height."""
 _JOINT_RADIUS = 0.020
-"""Radius of a joint as a fraction of the performer's height: thinner than a limb, so that the limb hides
-it.
+"""Radius of a joint as a fraction of the performer's height. It is smaller than a limb's, so that the limb
+hides it.
 """
 _PAIRED_JOINT_RADIUS = 0.033
-"""Radius of a paired joint as a fraction of the performer's height: thicker than a limb, so that it is
-visible.
+"""Radius of a paired joint as a fraction of the performer's height. It is larger than a limb's, so that the
+joint is visible.
 """
 _DEPTH_BIAS_M = 0.3
-"""Depth bias in metres: the figure is visible through surfaces that cover it by less. More than a limb's
+"""Depth bias in metres. Tubes up to this depth below other surfaces stay visible. It is more than a limb's
 thickness.
 """
 
@@ -38,7 +38,7 @@ class PerformerPicture:
     """A render pass that draws figures into the image of a renderer.
 
     Args:
-        renderer: draws the figures; others may use it at other times.
+        renderer: draws the figures. Other passes may use it in between.
     """
 
     def __init__(self, renderer: Renderer) -> None:

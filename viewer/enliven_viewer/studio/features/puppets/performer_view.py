@@ -1,4 +1,5 @@
-"""The second view: the performer at the puppet's current time, with the same orientation as the puppet.
+"""The second view. It shows the performer at the puppet's current time, with the same orientation as the
+puppet.
 
 A click on a joint pairs it with the selected control point. The performer stays in the centre and faces the
 same direction as the mesh, so that both can be compared. The view turns with the stage's.
@@ -27,7 +28,7 @@ from enliven_viewer.studio.viewport.stage_character import find_joints
 _FRAMING_MARGIN = 1.3
 """Framing margin: size of the view relative to the performer at rest, so that raised arms fit."""
 _MAX_CACHED_FIGURES = 60
-"""Maximum number of cached figures. Those of the strip are needed in every frame."""
+"""Maximum number of cached figures. The figures of the key-pose strip are needed in every frame."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +50,7 @@ class PerformerView:
     """The second view, which shows the performer with its own camera.
 
     Attributes:
-        linked: whether it turns with the stage's view.
+        linked: True if the view turns with the stage's view.
         size: width and height in pixels.
         hovered: the joint under the pointer, or None.
     """
@@ -68,7 +69,9 @@ class PerformerView:
 
     @property
     def take(self) -> str | None:
-        """Returns the id of the shown take: that of the edited key pose, of the layer, or the chosen one."""
+        """Returns the id of the shown take: the take of the edited key pose, the take of the layer, or the
+        chosen take.
+        """
         editor = self.editor
         key, puppet = editor.puppets.key, editor.puppets.puppet
         if key is not None:
@@ -123,9 +126,8 @@ class PerformerView:
                 self.editor.select(layer=len(puppet.layers))
 
     def update(self) -> None:
-        """Prepares a frame.
-
-        Turns with the stage, frames the performer, and passes the moment to the puppets.
+        """Prepares a frame: turns with the stage's view, frames the performer, and passes the shown moment to
+        the puppets.
         """
         self.editor.puppets.moment = self.moment
         figure = self.figure()
@@ -147,8 +149,9 @@ class PerformerView:
             self.camera.advance(10.0)
 
     def figure(self, moment: tuple[str, float] | None = None) -> PerformerFigure | None:
-        """Returns the performer at a moment (name of the take, seconds), by default the shown one. Returns
-        None if no moment is shown."""
+        """Returns the performer at a moment (id of the take, seconds), by default the shown moment. Returns
+        None if no moment is shown.
+        """
         moment = moment or self.moment
         if moment is None:
             return None
@@ -188,9 +191,8 @@ class PerformerView:
             self.pair(figure.skeleton.names[joint])
 
     def pair(self, joint: str) -> None:
-        """Pairs a joint with the selected control point.
-
-        Without a selected point, selects the one paired with the joint.
+        """Pairs a joint with the selected control point. Without a selected point, selects the control point
+        that is paired with the joint.
         """
         editor = self.editor
         puppet, number = editor.puppets.puppet, editor.puppets.point
@@ -235,7 +237,7 @@ class PerformerView:
     def joint_at(self, pixel: Point) -> int | None:
         """Returns the joint within reach of a pixel.
 
-        Of coincident joints, returns the one nearest to the root.
+        Among coincident joints, returns the joint nearest to the root.
         """
         figure = self.figure()
         if figure is None:

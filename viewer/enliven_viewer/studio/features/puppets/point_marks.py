@@ -1,4 +1,4 @@
-"""Control points and suggestions of a puppet: hit testing, and rows for drawing them."""
+"""Hit testing and drawing of a puppet's control points and suggested control points."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from enliven_viewer.studio.viewport.picking import Lens
 from enliven_viewer.theme import get_point_colour
 
 GHOST_RADIUS = 7.0
-"""Radius in pixels of a suggestion's ring: larger than that of a control point."""
+"""Radius in pixels of a suggested point's ring. It is larger than a control point."""
 POINT_RADIUS = 5.2
 """Radius in pixels of a control point on the mesh."""
 

@@ -14,21 +14,23 @@ from enliven.meshes import Mesh
 from enliven_viewer.studio.puppets.mesh_cache import measure_mesh
 
 _MAX_CANDIDATES = 14
-"""Maximum number of extreme vertices to examine: more than the limbs of a spider."""
+"""Maximum number of extreme vertices to examine. It is more than the number of a spider's limbs."""
 _LIMBLESS_COUNT = 5
-"""Number of suggested vertices on a mesh without limbs: enough to bend it."""
+"""Number of suggested vertices on a mesh without limbs. They are enough to bend the mesh."""
 _SURFACE_SAMPLES = 4000
 """Number of surface samples for measuring the neighbourhood of a vertex."""
 _NEIGHBOURHOOD_RADIUS = 0.12
-"""Radius of the neighbourhood, as a fraction of the mesh's size: about the thickness of a limb."""
+"""Radius of a vertex's neighbourhood, as a fraction of the mesh's size: about the thickness of a limb."""
 _MIN_MEAN_OFFSET = 0.36
-"""Minimum offset of the neighbourhood's mean, as a fraction of that radius, for the end of a limb."""
+"""A vertex is the end of a limb if the mean of its neighbourhood is at least this far away, as a fraction of
+the radius.
+"""
 _MIN_POINT_DISTANCE = 0.06
 """Minimum distance to existing control points, as a fraction of the mesh's size."""
 
 
 class PointSuggestions:
-    """Suggestions for one mesh at a time."""
+    """Suggests control points for one mesh at a time."""
 
     def __init__(self) -> None:
         self._threads: ThreadPoolExecutor | None = None
@@ -36,7 +38,9 @@ class PointSuggestions:
         self._search: Future[tuple[int, ...]] | None = None
 
     def suggest_vertices(self, puppet: Puppet) -> tuple[int, ...]:
-        """Returns suggested vertices that are not near a control point; empty while the search runs."""
+        """Returns suggested vertices that are not near a control point, or an empty result while the search
+        runs.
+        """
         if self._mesh is not puppet.mesh:
             self._mesh = puppet.mesh
             self._threads = self._threads or ThreadPoolExecutor(1, "suggested points")
@@ -59,9 +63,8 @@ class PointSuggestions:
 
 
 def _find_limb_ends(mesh: Mesh) -> tuple[int, ...]:
-    """Returns the vertices at the ends of limbs; else the most extreme vertices.
-
-    At an end, the neighbourhood lies to one side of the vertex.
+    """Returns the indices of the vertices at the ends of limbs, or of the most extreme vertices if there are
+    no limbs. At an end, the neighbourhood is on one side of the vertex.
     """
     candidates = extremities(mesh, _MAX_CANDIDATES)
     samples = scatter(mesh, _SURFACE_SAMPLES, np.random.default_rng(0)).positions

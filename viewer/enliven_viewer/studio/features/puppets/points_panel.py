@@ -27,7 +27,7 @@ from enliven_viewer.studio.puppets.symmetry import find_plane
 from enliven_viewer.theme import ACCENT, INK, QUIET, RAISED, SHADOW, get_point_colour
 
 _ROW_HEIGHT = 24.0
-"""Height in pixels of a row in the list: a line of text with a margin for clicking."""
+"""Height in pixels of a row in the list: a line of text with a margin."""
 _FOOT_ICON, _LOCKED_ICON, _SOFT_ICON = "\uf063", "\uf023", "\uf09c"
 """Icons of Font Awesome 4: a foot, a hard point, a soft point."""
 _SUGGESTION_COUNT = 6
@@ -36,7 +36,7 @@ _AXIS_LABELS = (later("left to right"), later("above to below"), later("front to
 
 
 def draw_points(app: App, puppet: Puppet) -> None:
-    """Draws the heading, a row per point, the fields of the selected one, and the buttons."""
+    """Draws the heading, a row per point, the fields of the selected point, and the buttons."""
     draw_heading(tr("Control points   {0}", len(puppet.points) or ""))
     if not puppet.points:
         _draw_orientation_buttons(app, puppet)
@@ -208,7 +208,7 @@ def set_mirrored(app: App, puppet: Puppet, on: bool) -> None:
     editor.puppets.set_symmetric(on and not puppet.poses)
     if (plane is None) == (puppet.symmetry is None):
         if on:
-            editor.puppets.set_symmetric(True)  # This call reports that the mesh has no mirror plane.
+            editor.puppets.set_symmetric(True)  # This call reports a mesh without a mirror plane.
         return
     edit_name = later("symmetric") if plane else later("not symmetric")
     editor.edit(edit_name, lambda project: set_symmetry(project, puppet.id, plane))

@@ -34,7 +34,9 @@ _PLUS_ICON = "\uf067"
 
 
 def draw_strip(app: App, area: Area, thumbnails: Thumbnails) -> None:
-    """Draws all key poses in order of time, then the suggested ones, and buttons for the edited one."""
+    """Draws all key poses in order of time, then the suggested key poses, and buttons for the edited key
+    pose.
+    """
     puppet = app.editor.puppets.puppet
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
     imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(12, 6))
@@ -65,7 +67,7 @@ def _scroll_with_wheel() -> None:
 
 
 def _draw_head(app: App, puppet: Puppet, coverage: TakeCoverage | None) -> None:
-    """Draws the number of key poses, the number still needed, and buttons for the edited one."""
+    """Draws the number of key poses, the number still needed, and buttons for the edited key pose."""
     puppets = app.editor.puppets
     imgui.align_text_to_frame_padding()
     with use_small_text(), push_colours(QUIET, imgui.Col_.text):
@@ -144,11 +146,13 @@ def run_pose_command(app: App, puppet: Puppet, number: int, label: str) -> None:
 
 
 _COMMAND_TITLES = {"Duplicate": later("duplicate a key pose"), "Mirror": later("mirror a key pose")}
-"""The history name of each command that adds another key pose."""
+"""The name in the undo history of each command that adds another key pose."""
 
 
 def _find_free_time(app: App, puppet: Puppet, number: int) -> float:
-    """Returns a time in the take without a key pose: half a second after or before this one if possible."""
+    """Returns a time in the take without a key pose. It is half a second after or before key pose ``number``
+    if possible.
+    """
     key = puppet.poses[number]
     clip = app.editor.project.takes[key.take]
     taken = {round(pose.time / clip.step) for pose in puppet.poses if pose.take == key.take}
@@ -159,7 +163,7 @@ def _find_free_time(app: App, puppet: Puppet, number: int) -> float:
 
 
 def _draw_add_button(app: App, puppet: Puppet) -> None:
-    """Draws the button that adds a key pose at the time that the performer shows."""
+    """Draws the button that adds a key pose at the time shown in the performer's view."""
     moment = app.state(PerformerView).moment
     origin = imgui.get_cursor_screen_pos()
     imgui.begin_disabled(moment is None or not puppet.points)
@@ -184,7 +188,7 @@ def _draw_add_button(app: App, puppet: Puppet) -> None:
 
 
 def _draw_tile(app: App, puppet: Puppet, number: int, place: int, thumbnails: Thumbnails) -> None:
-    """Draws one key pose; a click edits it."""
+    """Draws one key pose. A click edits it."""
     pose, chosen = puppet.poses[number], app.editor.puppets.number == number
     origin = imgui.get_cursor_screen_pos()
     imgui.begin_group()
@@ -231,7 +235,7 @@ def _draw_menu(app: App, puppet: Puppet, number: int) -> None:
 
 
 def _draw_suggestions(app: App, puppet: Puppet, coverage: TakeCoverage | None) -> None:
-    """Draws the performer at the suggested times; a click begins a key pose."""
+    """Draws the performer at the suggested times. A click begins a key pose."""
     if coverage is None or not puppet.points:
         return
     wanted = coverage.frames[: max(coverage.needed, 1)]

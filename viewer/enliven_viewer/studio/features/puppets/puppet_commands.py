@@ -26,7 +26,7 @@ class PuppetCommands:
         self.editor = editor
 
     def make_puppet(self) -> bool:
-        """Makes a puppet from the selected shape's mesh in its current pose; the shape stays."""
+        """Makes a puppet from the selected shape's mesh in its current pose. The shape itself stays."""
         chosen = self._find_selected_mesh()
         if chosen is None:
             return False
@@ -62,9 +62,9 @@ class PuppetCommands:
         puppets = self.editor.puppets
         puppets.warn = not puppets.warn
         self.editor.toasts.say(
-            tr("Faces that pass through one another are red")
+            tr("Self-intersecting faces are red")
             if puppets.warn
-            else tr("Faces that pass through one another are not shown")
+            else tr("Self-intersecting faces are not shown")
         )
 
     def bake_puppet(self) -> bool:
@@ -79,9 +79,8 @@ class PuppetCommands:
         return True
 
     def _make_bake_edit(self, puppet: Puppet) -> Callable[[tuple[Project, str, object]], None]:
-        """Returns the function that puts a baked puppet into the project.
-
-        It refuses a puppet that has changed meanwhile.
+        """Returns the function that puts a baked puppet into the project. It rejects the result if the puppet
+        has changed during the baking.
         """
 
         def put(baked: tuple[Project, str, object]) -> None:
@@ -104,11 +103,11 @@ class PuppetCommands:
         return put
 
     def lacks_mesh(self) -> str:
-        """Returns why making a puppet is unavailable; empty if it is available."""
+        """Returns the reason why no puppet can be made, or an empty text if one can be made."""
         return "" if self._find_solid_character() else "No shape with a surface is chosen. Click one first."
 
     def lacks_examples(self) -> str:
-        """Returns why baking a puppet is unavailable; empty if it is available."""
+        """Returns the reason why no puppet can be baked, or an empty text if one can be baked."""
         puppet = self.editor.puppets.puppet
         if puppet is None:
             return "No puppet is chosen. Click one first."
@@ -130,7 +129,7 @@ class PuppetCommands:
 
 
 def place_on_floor(mesh: Mesh) -> tuple[Mesh, Float]:
-    """Returns the mesh moved to the origin and standing on the floor, and (3,) metres, its previous position.
+    """Returns the mesh moved to the origin and onto the floor, and its previous position (3,) in metres.
 
     Raises:
         InputError: if the mesh has no faces.
@@ -152,7 +151,7 @@ def make_puppet_actions(commands: PuppetCommands) -> Iterator[Action]:
         ("ctrl+p",),
         commands.make_puppet,
         commands.lacks_mesh,
-        about="A copy that acts by examples: control points and key poses.",
+        about="Makes a copy that is animated by control points and key poses.",
     )
     bake = Action(
         "shape.bake",
@@ -167,7 +166,7 @@ def make_puppet_actions(commands: PuppetCommands) -> Iterator[Action]:
 
 
 def make_pose_display_actions(commands: PuppetCommands) -> Iterator[Action]:
-    """Yields the actions of marks that are shown while a key pose is edited."""
+    """Yields the actions that switch marks, which are shown while a key pose is edited."""
     puppets = commands.editor.puppets
     yield Action(
         "view.outline",
@@ -176,14 +175,14 @@ def make_pose_display_actions(commands: PuppetCommands) -> Iterator[Action]:
         ("o",),
         commands.toggle_silhouette,
         is_on=lambda: puppets.silhouette,
-        about="While a key pose is edited.",
+        about="Shown while a key pose is edited.",
     )
     yield Action(
         "view.crossing",
         "View",
-        "Faces that cross",
+        "Self-intersecting faces",
         ("w",),
         commands.toggle_warning,
         is_on=lambda: puppets.warn,
-        about="Faces that pass through one another are red while a key pose is edited.",
+        about="Shows self-intersecting faces in red while a key pose is edited.",
     )

@@ -1,4 +1,4 @@
-"""The drawing of the puppet tool, and the drag of a control point from press to release."""
+"""Draws the marks of the puppet tool, and handles the drag of a control point."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from enliven_viewer.studio.viewport.picking import Lens
 from enliven_viewer.theme import ACCENT, INK, MARK, QUIET, SHADOW
 
 _DEPTH_BIAS = 0.08
-"""Depth bias as a fraction of the camera distance. Control points are visible through geometry that covers
-them by less.
+"""Depth bias as a fraction of the camera distance. Control points up to this depth below a surface are
+visible.
 """
 _GIZMO_DEPTH_BIAS = 0.8
-"""The same for the gizmo, which nothing covers."""
+"""Depth bias of the gizmo, large enough that no geometry occludes it."""
 
 Mark = Line | Disc | Fill | Label
 
@@ -44,8 +44,8 @@ class PointDrag:
         self.editor, self.point, self.part = editor, point, part
         self._standing, self._start = standing, at
         self._start_place: Float = np.array(standing.handles[point])
-        # Keep the gizmo of the start of the drag. The drawn arrows follow the point, but the movement is
-        # measured from where it started.
+        # Keep the gizmo of the start of the drag. The drawn arrows follow the point, but its movement is
+        # measured from the start position.
         self._manipulator = Gizmo(self._start_place, editor.lens)
         self.moved = False
 
@@ -65,7 +65,7 @@ class PointDrag:
 
 
 class Pointing(Protocol):
-    """The state of the puppet tool that its marks display."""
+    """The state of the puppet tool, as needed for drawing its marks."""
 
     puppets: PuppetEditor
     suggested: PointSuggestions
@@ -75,7 +75,7 @@ class Pointing(Protocol):
 
     @property
     def held(self) -> PointDrag | None:
-        """Returns the current drag of a control point; None for none."""
+        """Returns the current drag of a control point, or None if there is none."""
 
     def manipulator(self) -> Gizmo | None:
         """Returns the gizmo of the selected control point."""
@@ -98,7 +98,7 @@ def make_marks(tool: Pointing, standing: StagePuppet, lens: Lens) -> tuple[Mark,
 def _make_suggestion_marks(tool: Pointing, standing: StagePuppet, lens: Lens) -> list[Mark]:
     """Returns rings at the ends of limbs.
 
-    They are shown only before any key pose exists; later they would be in the way.
+    They are shown only before any key pose exists, because later they would hide other marks.
     """
     if standing.character.poses or tool.puppets.is_posing:
         return []
@@ -121,7 +121,7 @@ def _make_suggestion_marks(tool: Pointing, standing: StagePuppet, lens: Lens) ->
 
 
 def _make_next_point_marks(tool: Pointing, standing: StagePuppet, lens: Lens) -> list[Mark]:
-    """Returns a ring at the place where a click adds a control point, and one at its mirror image."""
+    """Returns a ring at the vertex where a click adds a control point, and a ring at its mirror image."""
     if tool.hovered_vertex is None:
         return []
     wanted = [tool.hovered_vertex]
@@ -136,7 +136,9 @@ def _make_next_point_marks(tool: Pointing, standing: StagePuppet, lens: Lens) ->
 
 
 def _make_name_marks(tool: Pointing, standing: StagePuppet, lens: Lens) -> list[Mark]:
-    """Returns the names of the selected and the hovered control point, and a ring around the selected one."""
+    """Returns the names of the selected and of the hovered control point, and a ring around the selected
+    point.
+    """
     marks: list[Mark] = []
     chosen, points = tool.puppets.point, standing.character.points
     for number in dict.fromkeys([chosen, tool.hovered_point]):

@@ -14,7 +14,7 @@ from enliven_viewer.studio.perform.session import PerformSession
 
 
 class PuppetPanels:
-    """The panels of the edited puppet, with the images that they show.
+    """Draws the panels of the edited puppet, and owns their images.
 
     Their drawing modules are imported late, so that a workspace without a window works without ImGui.
     """

@@ -1,4 +1,4 @@
-"""The puppet tool: a click on a mesh adds a control point; dragging control points makes key poses."""
+"""The puppet tool. A click on a mesh adds a control point, and dragging control points makes key poses."""
 
 from __future__ import annotations
 
@@ -21,7 +21,9 @@ from enliven_viewer.studio.viewport.ray import find_hit_vertex
 _MAX_CLICK_MOVEMENT_PX = 4.0
 """Maximum pointer movement of a click, in pixels."""
 _MAX_HOVER_FACES = 1_000_000
-"""Number of faces above which the hovered vertex is not searched, since that would be slow."""
+"""Maximum number of faces of a mesh in which the hovered vertex is searched. The search would be slow for
+larger meshes.
+"""
 _NUDGE_STEPS: dict[str, tuple[float, float]] = {
     "left": (-1.0, 0.0),
     "right": (1.0, 0.0),
@@ -67,12 +69,14 @@ class PuppetTool(Tool):
 
     @property
     def warning(self) -> str:
-        """Returns a line about self-intersecting parts while a key pose is edited; else empty."""
+        """Returns a line about self-intersecting parts while a key pose is edited, otherwise an
+        empty text.
+        """
         return self.puppets.self_intersection.message if self.puppets.warn and self.puppets.is_shaping else ""
 
     @property
     def held(self) -> PointDrag | None:
-        """Returns the current drag of a control point; None for none."""
+        """Returns the current drag of a control point, or None if there is none."""
         return self._drag
 
     def hover(self, pointer: Pointer) -> None:
@@ -164,7 +168,7 @@ class PuppetTool(Tool):
 
         Returns None during playback, or right after a point was added.
 
-        Right after a click the gizmo would be in the way of the next click on the mesh.
+        Right after a click, the gizmo could intercept the next click on the mesh.
         """
         standing, point = self.puppets.stage_puppet, self.puppets.point
         if point == self._new_point and not self.puppets.is_posing:
@@ -174,7 +178,9 @@ class PuppetTool(Tool):
         return Gizmo(standing.handles[point], self.editor.lens)
 
     def _vertex_at(self, standing: StagePuppet, pointer: Pointer) -> int | None:
-        """Returns the vertex of the selected puppet under the pointer, snapped to a suggested one nearby."""
+        """Returns the vertex of the selected puppet under the pointer, snapped to a suggested
+        vertex nearby.
+        """
         lens = self.editor.lens
         ghost = find_suggestion_at(
             standing, self.suggested.suggest_vertices(standing.character), lens, pointer.at
@@ -191,7 +197,7 @@ class PuppetTool(Tool):
         return float(np.hypot(*np.subtract(pointer.at, start.at))) > _MAX_CLICK_MOVEMENT_PX
 
     def _handle_click(self, pointer: Pointer) -> None:
-        """Handles a click: adds a control point, selects another puppet, or clears the selected point."""
+        """Handles a click: adds a control point, selects another puppet, or deselects the control point."""
         standing = self.puppets.stage_puppet
         vertex = self._vertex_at(standing, pointer) if standing is not None else None
         if vertex is not None:

@@ -23,7 +23,7 @@ SETTING_SLIDERS = (
     ("examples", "nearest", later("nearest"), 1, 12, later("mix %d examples")),
     ("locomotion", "plant", later("plant"), 0.0, 1.0, later("plant feet %.2f")),
 )
-"""Group, field, label, minimum, maximum, and number format."""
+"""The sliders: (group, field, label, minimum, maximum, number format)."""
 
 
 def draw_settings(app: App, puppet: Puppet) -> None:

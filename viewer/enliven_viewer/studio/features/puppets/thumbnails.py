@@ -25,13 +25,13 @@ _SIZE = (176, 160)
 """Width and height of a thumbnail in pixels: twice the size of a tile, for high-resolution screens."""
 _SETTINGS = RenderSettings(shadow_size=256, contact_size=64, samples=4)
 SIDE = 0.42
-"""Azimuth in radians from the front for thumbnails and their stick figures, so that both arms are visible."""
+"""Azimuth in radians from the front for thumbnails and their stick figures. Both arms are visible from it."""
 _ELEVATION = 0.16
-"""Elevation in radians of the thumbnails' camera: slightly above the horizon, so that the feet are
-separate.
+"""Elevation of the thumbnails' camera in radians. It is slightly above the horizon, so that the feet do not
+overlap.
 """
 _FRAMING_MARGIN = 1.06
-"""Framing margin: size of a thumbnail relative to the puppet. Small, because thumbnails are small."""
+"""Size of the view relative to the puppet. The margin is small, because thumbnails are small."""
 _MAX_CACHED_THUMBNAILS = 96
 """Maximum number of cached thumbnails, of 110 kB each: several strips of key poses."""
 
@@ -55,11 +55,11 @@ class Thumbnails:
         self._shown_keys: dict[tuple[str, int], _Key] = {}
 
     def texture(self, puppet: Puppet, places: Float, slot: int = 0) -> int | None:
-        """Returns the OpenGL name of the thumbnail, upper row first; None until it is drawn.
+        """Returns the OpenGL name of the thumbnail's texture, top row first, or None until it is drawn.
 
         Args:
-            slot: number of the place that shows the thumbnail. Until it is drawn, the slot's previous
-                thumbnail is shown.
+            slot: number of the widget that shows the thumbnail. Until the thumbnail is drawn, the slot's
+                previous thumbnail is returned.
         """
         key = (*_make_key(puppet, places), get_theme())
         thumbnail = self._textures.get(key)

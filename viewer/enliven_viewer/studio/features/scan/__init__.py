@@ -1,1 +1,3 @@
-"""Scanning in the studio: a stage's camera is carried around an object, which becomes a character."""
+"""Scanning in the studio: a person carries the edge's camera around an object, and the object becomes a
+character.
+"""

@@ -22,7 +22,7 @@ def make_scan_actions(scan: ScanSession) -> Iterator[Action]:
     yield Action(
         "scan.pause",
         "Scan",
-        "Pause, or go on",
+        "Pause or continue",
         (),
         scan.pause,
         scan.lacks_scan,
@@ -32,11 +32,11 @@ def make_scan_actions(scan: ScanSession) -> Iterator[Action]:
     yield Action(
         "scan.undo",
         "Scan",
-        "Take the last seconds back",
+        "Undo the last seconds",
         (),
         scan.undo,
         scan.lacks_undo,
-        about="After a hand came into view, or the camera slipped.",
+        about="Use this after a hand came into view, or the camera moved too fast.",
     )
     yield Action(
         "scan.done",
@@ -45,7 +45,7 @@ def make_scan_actions(scan: ScanSession) -> Iterator[Action]:
         (),
         scan.finish,
         scan.lacks_scan,
-        about="It is cut out, stands on the stage, and can be possessed.",
+        about="The object is cut out, put on the stage, and can be possessed.",
     )
     yield Action("scan.cancel", "Scan", "Cancel the scan", (), scan.cancel, scan.lacks_scan)
     yield Action(
@@ -55,6 +55,6 @@ def make_scan_actions(scan: ScanSession) -> Iterator[Action]:
         (),
         scan.continue_scan,
         scan.lacks_again,
-        about="Go on scanning to fill gaps.",
+        about="Continues the scan to fill gaps.",
         apart=True,
     )

@@ -1,4 +1,4 @@
-"""Instructions for the person that carries the camera: one sentence, readable from three metres away."""
+"""Chooses the instruction for the person that carries the camera: one sentence in large letters."""
 
 from __future__ import annotations
 
@@ -15,13 +15,15 @@ Mood = Literal["good", "wait", "bad"]
 ADVICE_BOTTOM = 72.0
 """Distance in pixels from the top of the view to the lower end of the instructions."""
 _ARRIVAL_ANGLE = 0.35
-"""Angle around the object, in radians (20 degrees), within which the camera counts as at the recommended
-view.
+"""The camera has reached the recommended view if its angle around the object differs by less than this, in
+radians (20 degrees).
 """
 _OTHER_SIDE_ANGLE = 2.2
-"""Angle around the object, in radians (126 degrees), above which the instruction says "the other side"."""
+"""If the recommended view is farther around the object than this, in radians (126 degrees), the instruction
+says "the other side".
+"""
 _MIN_HEIGHT_DIFFERENCE_M = 0.25
-"""Minimum height difference in metres that is mentioned."""
+"""Minimum height difference in metres that the instruction mentions."""
 
 _TRACKING_ADVICE = {
     "lost": (later("Lost: go back to where you were"), "bad"),
@@ -39,7 +41,7 @@ class Advice:
     Attributes:
         text: the instruction, shown in large letters.
         mood: "good": continue; "wait": something hinders the scan; "bad": nothing is added.
-        arrow: whether the arrow to the next view is shown.
+        arrow: True to show the arrow to the next view.
     """
 
     text: str
@@ -93,14 +95,14 @@ def _choose_person_advice(status: ScanMessage) -> Advice:
 
 
 def _moved_object_advice(status: ScanMessage) -> str:
-    """Returns the instruction for an object with an unknown pose."""
+    """Returns the instruction for a moved object with an unknown pose."""
     if status.thing == "carried":
         return tr("Object lifted or lost: put it down, and go round it")
     if status.thing == "lost":
         return tr("Object not found: turn it back a little, and more slowly")
     if status.thing == "settling":
         return tr("Looking for the object, {0:.0f} s: walk round it slowly", status.seconds)
-    return tr("Not found yet: walk on, show what was seen before")
+    return tr("Not found yet: walk on, and show a side that was seen before")
 
 
 def _describe_direction(status: ScanMessage) -> str:
@@ -114,7 +116,7 @@ def _describe_direction(status: ScanMessage) -> str:
     if abs(round_it) > _OTHER_SIDE_ANGLE:
         return tr("Walk round to the other side")
     if abs(round_it) > _ARRIVAL_ANGLE:
-        # Moving anticlockwise, as seen from above, is moving to the right for a person that faces the centre.
+        # For a person that faces the centre, moving anticlockwise as seen from above is moving to the right.
         side = tr("Walk on to the right") if round_it > 0 else tr("Walk on to the left")
         if not held:
             return side

@@ -1,6 +1,5 @@
-"""The crop box that an artist drags around the object.
-
-The handle at the centre of each side moves that side.
+"""The crop box around the object, which the artist can change. Dragging the handle at the centre of a side
+moves the side.
 """
 
 from __future__ import annotations
@@ -23,11 +22,11 @@ _MIN_SIDE_M = 0.02
 _CONTENT_MARGIN_M = 0.03
 """Margin of the initial box around its content, in metres."""
 _SEARCH_HALF_WIDTH_M = 0.8
-"""Half width in metres of the area around the stage's centre in which the initial box searches for the
-object.
+"""Half width in metres of the area around the stage's centre in which the object is searched for the initial
+box.
 """
 _MIN_HEIGHT_M = 0.03
-"""Height in metres above which a surface is not the floor."""
+"""Surfaces higher than this in metres do not belong to the floor."""
 _INITIAL_BOX = np.array([[-0.4, 0.0, -0.4], [0.4, 1.0, 0.4]])
 """(2, 3) metres: the box used before anything was scanned, the size of a chair."""
 _EDGES = [(a, b) for a, b in product(range(8), range(8)) if a < b and (a ^ b) in (1, 2, 4)]
@@ -61,7 +60,7 @@ class CropBox:
         self._held_handle: tuple[int, int] | None = None
 
     def press(self, pixel: Point, lens: Lens) -> bool:
-        """Handles a button press. Returns whether a handle was grabbed."""
+        """Handles a button press. Returns True if a handle was grabbed."""
         near_handles = [
             (away, side)
             for side, away in self._measure_handle_distances(pixel, lens)
@@ -71,7 +70,7 @@ class CropBox:
         return self._held_handle is not None
 
     def drag(self, pixel: Point, lens: Lens) -> None:
-        """Moves the held side to the point on the handle's line that is nearest to the pointer's ray."""
+        """Moves the dragged side to the point on the handle's line that is nearest to the pointer's ray."""
         if self._held_handle is None:
             return
         end, axis = self._held_handle
@@ -93,13 +92,12 @@ class CropBox:
         self._held_handle = None
 
     def move_with_scan(self, before: Float, after: Float) -> None:
-        """Moves the box with the scan when the edge changes the scan's placement.
-
-        The edge does so until it has found the floor.
+        """Moves the box with the scan when the edge changes the scan's pose on the stage. The edge does this
+        until it has found the floor.
 
         Args:
-            before, after: (4, 4) from the scan's world to the stage. Both are upright, so the sides stay
-                vertical; a side on the floor stays on the floor.
+            before, after: (4, 4) transforms from the scan's world to the stage. Both are upright, so vertical
+                sides stay vertical. A side on the floor stays on the floor.
         """
         change = after @ np.linalg.inv(before)
         middle = self.corners.mean(0)
@@ -125,7 +123,7 @@ class CropBox:
         return (*lines, *discs)
 
     def _find_handle(self, end: int, axis: int) -> Float:
-        """Returns the centre (3,) in metres of a side, low (0) or high (1) along an axis."""
+        """Returns the centre (3,) in metres of the low (``end`` 0) or high (``end`` 1) side along an axis."""
         middle = np.asarray(self.corners.mean(0))
         middle[axis] = self.corners[end, axis]
         return middle

@@ -18,7 +18,7 @@ from enliven_viewer.studio.viewport.picking import Lens
 from enliven_viewer.theme import ACCENT, BAD, GLASS, GOOD, INK, WAIT, Colour
 
 _ADVICE_TEXT_SIZE = 34.0
-"""Text size in pixels of the instructions: readable from three metres, with a camera in the hands."""
+"""Text size in pixels of the instructions. It is readable from three metres."""
 _MOOD_COLOURS: dict[Mood, Colour] = {"good": GOOD, "wait": WAIT, "bad": BAD}
 Mark = Line | Fill
 _IMAGE_DISTANCE_M = 0.16
@@ -49,9 +49,8 @@ def make_scan_marks(message: ScanMessage, lens: Lens) -> tuple[Mark, ...]:
 
 
 def _make_camera_marks(axes: Float, eye: Float, lens: Lens, colour: Colour) -> list[Mark]:
-    """Returns a camera as a pyramid of lines, with the image at the open end.
-
-    ``axes`` (3, 3) are right, down and ahead, in columns.
+    """Returns a camera as a pyramid of lines with the image as its base. ``axes`` (3, 3) contains the
+    directions right, down and ahead as columns.
     """
     right, down, ahead = axes.T
     across, up = _IMAGE_HALF_SIZE_M
@@ -98,13 +97,15 @@ def _make_arrow_marks(start: Float, end: Float, target: Float, lens: Lens) -> li
 
 
 def _find_pixels(points: Float, lens: Lens) -> tuple[Point, ...]:
-    """Returns the pixels of points (N, 3); empty if one of them is behind the camera."""
+    """Returns the pixels of points (N, 3), or an empty result if one of them is behind the camera."""
     pixels = lens.project_visible(points)
     return tuple(pixels) if len(pixels) == len(points) else ()
 
 
 def _make_camera_axes(eye: Float, target: Float) -> Float:
-    """Returns the (3, 3) axes (right, down, ahead in columns) of an upright camera that looks at a target."""
+    """Returns the (3, 3) axes of an upright camera that looks at a target: right, down and
+    ahead as columns.
+    """
     ahead = target - eye
     ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-9)
     right = np.cross(ahead, [0.0, 1.0, 0.0])

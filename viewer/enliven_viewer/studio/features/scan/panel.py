@@ -50,7 +50,7 @@ _KEPT_PART_LABELS: dict[KeptPart, str] = {
     "all": later("Everything that was scanned"),
 }
 _REQUIREMENTS_HEIGHT = 54.0
-"""Height in pixels of the text about requirements of a scan: three lines."""
+"""Height in pixels of the text about the requirements of a scan: three lines."""
 _BUTTONS_HEIGHT_BEFORE = 58.0
 """Height in pixels of the two buttons at the bottom before a scan."""
 _BUTTONS_HEIGHT_DURING = 102.0
@@ -58,16 +58,16 @@ _BUTTONS_HEIGHT_DURING = 102.0
 _PROGRESS_HEIGHT = 76.0
 """Height in pixels of the box with a scan's progress: a line, the bar, and a sentence. More text scrolls."""
 _TALL_PROGRESS_HEIGHT = 140.0
-"""The same height if the panel has space for the notes of the scan, too."""
+"""Height in pixels of the same box in a tall panel, which also has space for the notes of the scan."""
 _MIN_TALL_PANEL_HEIGHT = 520.0
-"""Minimum height in pixels of a panel with that space."""
+"""Minimum height in pixels of a tall panel."""
 
 
 def draw_scan(app: App, scan: ScanSession, area: Area) -> None:
     """Draws the panel at the right. The buttons that end a scan stay at its bottom, and the rest scrolls.
 
-    The button that starts a scan is at the top. During a scan nothing can be clicked there, so that a double
-    click only starts it.
+    The button that starts a scan is at the top. During a scan this position contains no button, so that a
+    double click cannot stop the scan.
     """
     with open_panel("scan", area):
         imgui.begin_child(
@@ -198,7 +198,7 @@ def _draw_end(app: App, scan: ScanSession) -> None:
         ):
             app.actions.do("scan.done")
     app.remember("scan done")
-    draw_tooltip("It is cut out, stands on the stage, and can be possessed")
+    draw_tooltip("The object is cut out, put on the stage, and can be possessed")
     if imgui.button(labelled(tr("Cancel"), "Cancel"), _FULL_WIDTH):
         app.actions.do("scan.cancel")
     app.remember("scan cancel")
@@ -215,8 +215,8 @@ def _draw_progress(status: ScanMessage) -> None:
     with push_colours((*GOOD[:3], 0.9), imgui.Col_.plot_histogram):
         imgui.progress_bar(fraction, ImVec2(-1, 10), "")
     draw_tooltip(tr("{0:.0f} of 100 parts of the surface in the middle were seen", 100 * fraction))
-    arrow = "" if status.thing == "person" else tr(" The arrow leads to where most is missing.")
-    draw_note(tr("Yellow lines: seen too little yet.{0}", arrow))
+    arrow = "" if status.thing == "person" else tr(" The arrow points to the largest gap.")
+    draw_note(tr("Yellow lines: not seen enough yet.{0}", arrow))
     if status.note:
         draw_note(status.note)
     if status.remedy:

@@ -1,5 +1,4 @@
-"""The preview surface of a running scan: assembled from the pieces that the edge sends, and drawn.
-
+"""The preview surface of a running scan. It is assembled from the blocks that the edge sends, and drawn.
 Areas with few observations are hatched.
 """
 
@@ -22,10 +21,10 @@ from enliven_viewer.theme import PLAIN_SURFACE, WAIT
 
 @dataclass(frozen=True, eq=False)
 class ScanPreview:
-    """A preview surface to draw.
+    """The vertices and faces of a preview surface.
 
     Attributes:
-        vertices: (V, 3) metres in its own frame.
+        vertices: (V, 3) metres in the scan's world.
         normals: (V, 3) unit normals.
         colours: (V, 3) uint8 sRGB.
         seen: (V,) uint8 observation quality; 255 is best.
@@ -40,10 +39,10 @@ class ScanPreview:
 
 
 class ScanPreviewMesh:
-    """The newest version of every piece, joined into one surface.
+    """The newest version of every block of the scan, joined into one surface.
 
     Attributes:
-        picture: the surface to draw, in the scan's world; None without a surface. A change creates a new
+        picture: the surface to draw, in the scan's world; None if there is none. A change creates a new
             object.
     """
 
@@ -52,7 +51,9 @@ class ScanPreviewMesh:
         self.picture: ScanPreview | None = None
 
     def update(self, newest: Mapping[str, ScanPieceMessage], number: int) -> bool:
-        """Takes the newest message of each piece of a scan. Returns whether anything changed."""
+        """Updates the surface from the newest message of each block of scan ``number``. Returns True if
+        anything has changed.
+        """
         pieces = {key: piece for key, piece in newest.items() if piece.number == number and piece.seen}
         same = len(pieces) == len(self._pieces)
         if same and all(self._pieces.get(key) is piece for key, piece in pieces.items()):
@@ -63,7 +64,7 @@ class ScanPreviewMesh:
 
     @property
     def bounds(self) -> Float | None:
-        """Returns the bounds without outliers, (2, 3) in metres of the scan's world; None without a
+        """Returns the bounding box without outliers, (2, 3) in metres of the scan's world, or None without a
         surface.
         """
         if self.picture is None:
@@ -72,7 +73,7 @@ class ScanPreviewMesh:
 
 
 def _join_pieces(pieces: list[ScanPieceMessage]) -> ScanPreview:
-    """Returns the pieces joined into one surface that is smooth across the seams."""
+    """Returns the blocks joined into one surface with smooth shading across block borders."""
     vertices: list[Float32] = []
     faces: list[Int32] = []
     colours: list[UInt8] = []
@@ -96,7 +97,7 @@ def _join_pieces(pieces: list[ScanPieceMessage]) -> ScanPreview:
 
 
 def _compute_normals(vertices: Float32, faces: Int32) -> Float32:
-    """Returns (V, 3) unit normals. Coincident vertices of neighbouring pieces share one normal."""
+    """Returns (V, 3) unit normals. Coincident vertices of adjacent blocks share one normal."""
     _, place = np.unique(np.round(vertices * 1e4).astype(np.int64), axis=0, return_inverse=True)
     place = place.reshape(-1)
     whole = Mesh(vertices.astype(float), faces).face_vectors()
@@ -113,7 +114,7 @@ class ScanPreviewPass(RenderPass):
 
     Args:
         ctx: the renderer's context.
-        find_surface: returns the surface and its (4, 4) placement on the stage; None without a surface.
+        find_surface: returns the surface and its (4, 4) transform to the stage; None without a surface.
     """
 
     def __init__(
@@ -126,7 +127,7 @@ class ScanPreviewPass(RenderPass):
         self._array: moderngl.VertexArray | None = None
 
     def draw(self, picture: RenderTarget) -> None:
-        """Draws the surface and resolves the image; without a surface, frees its GPU memory."""
+        """Draws the surface and resolves the image. Without a surface, frees its GPU memory."""
         surface = self._find_surface()
         if surface is None:
             self.release()
@@ -154,7 +155,7 @@ class ScanPreviewPass(RenderPass):
         self._array, self._buffers, self._shown = None, [], None
 
     def _load(self, shown: ScanPreview, program: moderngl.Program) -> None:
-        """Uploads a surface to the GPU; the same surface is not uploaded again."""
+        """Uploads a surface to the GPU. The same surface is not uploaded again."""
         if shown is self._shown:
             return
         self.release()

@@ -1,4 +1,6 @@
-"""A scan in the studio: requests to the edge, its progress, and the character that it becomes."""
+"""A scan in the studio: sends requests to the edge, shows the progress, and adds the resulting character to
+the project.
+"""
 
 from __future__ import annotations
 
@@ -22,39 +24,43 @@ from enliven_viewer.studio.viewport.overlay import Point
 ScanSize = Literal["thing", "small", "room"]
 KeptPart = Literal["thing", "box", "all"]
 VOXEL_SIZES: dict[ScanSize, float] = {"small": 0.002, "thing": 0.004, "room": 0.01}
-"""Voxel size in metres by the scanned object: a cup, a chair, a room."""
+"""Voxel size in metres for each size class: such as a cup, a chair, a room."""
 _PERSON_VOXEL_M = 0.008
-"""Voxel size in metres for a person at two metres. With smaller voxels the person's rotation is often
-ambiguous.
+"""Voxel size in metres for a person two metres away. With smaller voxels, tracking the person's rotation
+often fails.
 """
 _MAX_DISTANCE_M = 1.5
 """Maximum distance in metres from a fixed camera when the object is turned in front of it."""
 _DRAWN_OFFSET_M = 0.012
 """Height offset in metres of the drawn scan, so that its floor hides the floor of the stage."""
 _TEXT_SPACE_M = 0.5
-"""Space in metres above the scan that is kept in view for the instructions."""
+"""Space in metres above the scan that stays free for the instructions."""
 _FRAMING_IMAGES = 8
-"""Number of fused images after which the view is framed; by then the centre of the object is known."""
+"""Number of fused images after which the camera frames the scan. By then the centre of the
+object is known.
+"""
 _HOLD_STILL_NS = 1_000_000_000
-"""Time in nanoseconds on the sensor's clock that a person stands still after the last side came into view.
-Then the scan becomes a character. The sensor's clock makes it independent of the edge's speed.
+"""Nanoseconds for which a person stands still after the last side came into view, before the scan becomes a
+character. They are measured on the sensor's clock, so that they do not depend on the edge's speed.
 """
 _NO_SCAN = ScanMessage()
 
 
 class ScanSession:
-    """The edge's scan as seen by the studio.
+    """The studio's view of the scan that the edge makes.
 
     Args:
         editor: the editor; the scanned object becomes a character of its project.
-        perform: the link to the edge.
+        perform: the session that is connected to the edge.
 
     Attributes:
         is_shown: whether the panel is open.
         message: the progress of the scan, as reported by the edge.
         size: the size class of the object.
-        mode: how the scan is made. A person becomes a character once all sides were seen.
-        kept_part: what becomes the character: the object on the floor, the content of the box, or everything.
+        mode: how camera and object move during the scan. A scan of a person ends by itself once all sides
+            were seen.
+        kept_part: the part of the scan that becomes the character: the object on the floor, the content of
+            the box, or everything.
         box: the crop box that the artist drags.
         name: name of the new character; empty to let the edge choose one.
     """
@@ -80,14 +86,14 @@ class ScanSession:
 
     @property
     def surface(self) -> tuple[ScanPreview, Float] | None:
-        """Returns the preview surface and its (4, 4) placement on the stage; None if there is none."""
+        """Returns the preview surface and its (4, 4) transform to the stage, or None without a surface."""
         if not self.active or self._preview_mesh.picture is None:
             return None
         return self._preview_mesh.picture, self.stage_from_scan
 
     @property
     def stage_from_scan(self) -> Float:
-        """Returns (4, 4), the placement of the scan's world on the stage."""
+        """Returns the (4, 4) transform from the scan's world to the stage."""
         place = np.vstack([np.array(self.message.stage_from_scan).reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
         place[1, 3] += _DRAWN_OFFSET_M
         return place
@@ -95,13 +101,15 @@ class ScanSession:
     # Requests ---------------------------------------------------------------------------------------------
 
     def lacks_stage(self) -> str:
-        """Returns why scanning is unavailable, with advice; empty if it is available."""
+        """Returns the reason why scanning is unavailable, with advice, or an empty text if it
+        is available.
+        """
         if self.perform.client is None:
             return NO_STAGE
         return self.perform.lacks_edge()
 
     def lacks_scan(self) -> str:
-        """Returns why the scan accepts no requests; empty if it accepts them."""
+        """Returns the reason why the scan accepts no requests, or an empty text if it accepts them."""
         none = "" if self.active else "Nothing is scanned. Start a scan first"
         making = (
             "The character is being made. Wait until it stands on the stage"
@@ -111,11 +119,11 @@ class ScanSession:
         return self.lacks_stage() or none or making
 
     def lacks_undo(self) -> str:
-        """Returns why nothing can be undone; empty if undo is available."""
+        """Returns the reason why nothing can be undone, or an empty text if undo is available."""
         return self.lacks_scan() or ("" if self.message.undoable > 0 else "There is nothing to undo. Scan on")
 
     def lacks_again(self) -> str:
-        """Returns why no scan can be continued; empty if a scan can be continued."""
+        """Returns the reason why no scan can be continued, or an empty text if one can be continued."""
         there = self.message.phase == "done"
         return self.lacks_stage() or ("" if there else "No scan is done. Finish one, then add to it")
 
@@ -138,7 +146,7 @@ class ScanSession:
         self._send_request(Scan("pause" if self.message.phase == "scanning" else "go on"))
 
     def continue_scan(self) -> None:
-        """Continues a finished scan: new images are added to it."""
+        """Continues a finished scan, so that new images are added to it."""
         self.open()
         self._send_request(Scan("go on"))
 
@@ -159,7 +167,9 @@ class ScanSession:
         self._send_request(Scan("cancel"))
 
     def choose_kept_part(self, kept_part: KeptPart) -> None:
-        """Chooses what becomes the character. A box starts around the object at the centre."""
+        """Chooses the part of the scan that becomes the character. A box is initially fitted around the
+        object at the centre.
+        """
         if kept_part == "box" and self.kept_part != "box":
             self.fit_box()
         self.kept_part = kept_part
@@ -178,11 +188,11 @@ class ScanSession:
     # The box's handles over the view ---------------------------------------------------------------------
 
     def press(self, at: Point) -> bool:
-        """Handles a press of the left button over the view. Returns whether a side of the box was grabbed."""
+        """Handles a press of the left button over the view. Returns True if a side of the box was grabbed."""
         return self.has_crop_box and self.box.press(at, self.editor.lens)
 
     def drag(self, at: Point) -> None:
-        """Handles pointer movement while a side is held."""
+        """Handles pointer movement while a side is dragged."""
         self.box.drag(at, self.editor.lens)
 
     def release(self) -> None:
@@ -233,9 +243,8 @@ class ScanSession:
             )
 
     def _finish_person_scan(self) -> None:
-        """Finishes the scan of a person a moment after the last side was seen.
-
-        The person cannot reach the keyboard.
+        """Finishes the scan of a person shortly after the last side was seen, because the person cannot reach
+        the keyboard.
         """
         if self.message.thing != "person" or self.message.phase != "scanning" or self.message.missing > 0:
             self._complete_since_ns = None

@@ -40,7 +40,7 @@ def make_sound_actions(player: SoundPlayer) -> Iterator[Action]:
         player.toggle,
         lacks,
         lambda: player.is_on,
-        about="While you play, and while you record to it.",
+        about="Plays the sound during playback and recording.",
         apart=True,
         group=_MENU,
     )

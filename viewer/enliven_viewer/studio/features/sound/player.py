@@ -11,7 +11,7 @@ from enliven_viewer.language import tr
 from enliven_viewer.studio.editor.editor import Editor
 
 _MAX_OFFSET_S = 0.08
-"""Maximum time difference of sound and image in seconds. A larger one would be noticed as late."""
+"""Maximum time difference between sound and image in seconds. People notice a larger delay."""
 
 
 class Stream(Protocol):
@@ -24,8 +24,8 @@ class Stream(Protocol):
 
 
 FillSamples = Callable[[Any, int, Any, Any], None]
-"""Writes the next N samples into an int16 array (N, 1). Further arguments: N, and the device's times and
-fault flags.
+"""A function that writes the next N samples into an int16 array (N, 1). Its arguments are the array, N, and
+the device's times and fault flags.
 """
 
 
@@ -48,7 +48,7 @@ class SoundPlayer:
     """A player of a project's sounds, active while the project plays at normal speed.
 
     Args:
-        opened: opens the audio output.
+        opened: a function that opens the audio output.
 
     Attributes:
         is_on: whether sound is on.
@@ -59,11 +59,11 @@ class SoundPlayer:
         self.is_on = True
         self._stream: Stream | None = None
         self._sounds: tuple[Sound, ...] = ()
-        self._next = 0  # This is the number of the project's sample that is requested next.
+        self._next = 0  # Index of the project's sample that the device requests next.
         self._failed = False
 
     def toggle(self) -> None:
-        """Turns the sound on or off. A failed device is tried again."""
+        """Turns the sound on or off. Turning it on opens a failed device again."""
         self.is_on, self._failed = not self.is_on, False
 
     def synchronise(self) -> None:
@@ -78,8 +78,7 @@ class SoundPlayer:
             self._next = round(editor.time * SOUND_RATE)
             self._stream = self._open_output()
         if self._stream is not None:
-            # The device plays the requested samples only after its latency, so write samples of that later
-            # time.
+            # The device plays the requested samples after its latency, so write the samples for that time.
             wanted = round((editor.time + self._stream.latency) * SOUND_RATE)
             if abs(wanted - self._next) > _MAX_OFFSET_S * SOUND_RATE:
                 self._next = wanted
@@ -104,6 +103,6 @@ class SoundPlayer:
             return None
 
     def _fill_samples(self, out: Int16, count: int, times: Any, fault: Any) -> None:
-        """Writes the next samples; called in the device's thread."""
+        """Writes the next samples. The audio device's thread calls this method."""
         first, self._next = self._next, self._next + count
         out[:, 0] = mix_sounds(self._sounds, first, count)

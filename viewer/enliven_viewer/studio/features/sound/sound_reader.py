@@ -18,7 +18,7 @@ from enliven_viewer.studio.editor.editor import Editor
 SOUND_SUFFIXES = (".wav", ".mp3", ".ogg", ".flac", ".m4a")
 """File extensions of sound files."""
 _MAX_DURATION_S = 1200.0
-"""Maximum duration in seconds, which is 77 MB in a project."""
+"""Maximum duration in seconds. A sound of this length takes 77 MB in a project."""
 
 
 def read_sound(path: Path) -> Sound:
@@ -58,7 +58,7 @@ def add_sound(editor: Editor, path: Path, read: Sound) -> None:
     """Adds a sound to perform along with. It begins at the playhead and replaces an existing sound."""
     sound = replace(read, begin=editor.time)
     if editor.edit(later("open {0}", path.name), lambda project: replace(project, sounds={sound.id: sound})):
-        editor.toasts.say(tr("{0} begins here", path.name), tr("It is heard while you play and record."))
+        editor.toasts.say(tr("{0} begins here", path.name), tr("It plays during playback and recording."))
 
 
 def _read_samples(file: Any, resampler: Any) -> Iterator[Int16]:

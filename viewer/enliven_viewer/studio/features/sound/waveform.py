@@ -18,7 +18,9 @@ _MAX_SAMPLE = 32767
 
 
 def compute_envelope(sound: Sound, begin: float, end: float, columns: int) -> Float32:
-    """Returns the peak level (columns,), 0 to 1, in equal parts of the project's time between two seconds."""
+    """Returns the peak levels (columns,), 0 to 1, in equal intervals of the project's time from ``begin`` to
+    ``end`` seconds.
+    """
     edges = np.linspace(begin - sound.begin, end - sound.begin, columns + 1) * SOUND_RATE
     edges = np.clip(np.round(edges), 0, len(sound.samples)).astype(np.int64)
     loud = np.zeros(columns, np.float32)
@@ -31,7 +33,9 @@ def compute_envelope(sound: Sound, begin: float, end: float, columns: int) -> Fl
 
 
 def draw_sounds(axis: TimeAxis, origin: tuple[float, float], *, is_on: bool) -> None:
-    """Draws the waveform of the sounds along the ruler, with their names at the left. Muted ones are pale."""
+    """Draws the waveforms of the sounds along the ruler, with their names at the left. Muted
+    sounds are pale.
+    """
     left, top = origin
     draw_list, sounds = imgui.get_window_draw_list(), axis.editor.project.sounds
     first, last, scale = LABEL_WIDTH, axis.width, axis.scale

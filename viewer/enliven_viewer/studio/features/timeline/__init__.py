@@ -1,1 +1,3 @@
-"""The timeline: its lanes with clips and takes, the transport with loops, and the edits made on them."""
+"""The timeline: rows (lanes) with the clips of takes, the transport buttons with loops, and
+edits of clips.
+"""

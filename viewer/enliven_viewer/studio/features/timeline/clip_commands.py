@@ -24,8 +24,8 @@ from enliven_viewer.studio.features.timeline.layout import Lane, TimelineLayout
 _BLEND_S = 0.4
 """Duration, in seconds, of a blend made with the shortcut: about one step."""
 _TIME_TOLERANCE_S = 1e-6
-"""Tolerance in seconds. A marker this close to the playhead counts neither as the next nor as the previous
-one.
+"""Tolerance in seconds. A marker closer to the playhead than this is neither the next nor the previous
+marker.
 """
 
 
@@ -61,8 +61,8 @@ _CLIP_EDITS: dict[str, tuple[str, Callable[[Project, str, tuple[int, ...], int, 
     "mirror": (later("mirror motion"), _mirror_clip),
     "remove": (later("remove clip"), _remove_clip),
 }
-"""The edits on clips under the playhead, by name: the title in the history, and the function that edits one
-clip.
+"""The edits on clips under the playhead by id, each with its title in the history and the function that edits
+one clip.
 """
 
 
@@ -77,7 +77,7 @@ class ClipCommands:
         self.editor.edit(_CLIP_EDITS[edit_id][0], self._make_edit(edit_id))
 
     def lacks(self, edit_id: str) -> str:
-        """Returns why that edit is unavailable, with advice; empty if it is available."""
+        """Returns the reason why an edit is unavailable, with advice, or an empty text if it is available."""
         if not self._find_lanes():
             return "No clip is under the playhead. Put the playhead over one."
         try:
@@ -95,7 +95,7 @@ class ClipCommands:
         ]
 
         def every(project: Project) -> Project:
-            # Start with the last lane, because removing a lane shifts the numbers of the lanes after it.
+            # Start with the last lane, because removing a lane changes the numbers of the lanes after it.
             for lane, clip in reversed(lane_clips):
                 project = change(project, lane.character.id, lane.layers, clip, time)
             return project
@@ -117,7 +117,9 @@ class ClipCommands:
             self.editor.scrub(min(ahead) if direction > 0 else max(ahead))
 
     def _find_lanes(self) -> list[Lane]:
-        """Returns the selected lane, or else all audible lanes, if they have a clip under the playhead."""
+        """Returns the selected lane, or all unmuted lanes without a selection. Lanes without a clip under the
+        playhead are excluded.
+        """
         editor, chosen = self.editor, self.editor.selection
         lanes = TimelineLayout(editor.length, 1.0, project=editor.project).bars()
         selected_lanes = [
@@ -135,9 +137,19 @@ def make_clip_actions(c: ClipCommands) -> Iterator[Action]:
     They apply to the selected lane, or to all lanes if none is selected.
     """
     deeds = (
-        ("split", "Split at the playhead", ("shift+s",), "It plays as before, in two clips."),
+        (
+            "split",
+            "Split at the playhead",
+            ("shift+s",),
+            "Splits the clip into two. The motion does not change.",
+        ),
         ("blend", "Blend with the next", ("shift+b",), "The clip blends into the next one."),
-        ("reverse", "Play backwards", ("shift+r",), "The clip plays backwards, in its place."),
+        (
+            "reverse",
+            "Play backwards",
+            ("shift+r",),
+            "The clip plays backwards. Its position does not change.",
+        ),
         ("mirror", "Swap left and right", ("shift+x",), "Plays the take's mirror image."),
         ("remove", "Remove", ("shift+delete",), "The take stays in the project."),
     )

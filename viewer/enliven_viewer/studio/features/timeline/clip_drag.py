@@ -1,4 +1,6 @@
-"""Drags of timeline clips: move, slip, trim, stretch, or blend with the next clip."""
+"""Drags of timeline clips. A drag moves, slips, trims or stretches a clip, or blends it with
+the next clip.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +54,7 @@ class ClipDrag:
     def from_handle(
         layout: TimelineLayout, handle: LaneHandle, playhead: float, frame: float, *, alt: bool, ctrl: bool
     ) -> ClipDrag | None:
-        """Returns the drag that starts at a handle; None if the handle is not part of a clip."""
+        """Returns the drag that starts at a handle, or None if the handle is not part of a clip."""
         changed = {"bar": "slip"} if alt else {}
         changed |= {"edge": "stretch", "begin": "stretch begin"} if ctrl else {}
         kind = changed.get(handle.kind, handle.kind)

@@ -1,4 +1,4 @@
-"""Thumbnails of the poses of takes, shown in timeline clips. Drawn in the background and cached."""
+"""Thumbnails of the poses of takes, shown in timeline clips. They are drawn in the background and cached."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from enliven.arrays import AnyArray, Float, Int32, UInt8
 from enliven.document import Clip, GraphShape, PoseStream, Project, joint_places
 
 POSE_COUNT = 64
-"""Number of poses in a take's sheet: one every few seconds of a long take, every frame of a short one."""
+"""Number of poses in a take's sheet. They are evenly spaced over the take."""
 SHEET_COLUMNS = 8
 """Number of tiles in a row of the sheet."""
 TILE_SIZE = 48
@@ -24,9 +24,9 @@ _MAX_LINES = 400
 _THICK_HALF_WIDTH_PX = 1.6
 """Half of the line width, in pixels, of a figure with few lines."""
 _THIN_HALF_WIDTH_PX = 0.45
-"""Half of the line width, in pixels, of a figure with many lines, so that it does not become a blot."""
+"""Half of the line width, in pixels, of a figure with many lines. Thicker lines would merge."""
 _MIN_THIN_LINES = 60
-"""Minimum number of lines of a figure with thin lines. A performer has about twenty bones."""
+"""Figures with at least this number of lines have thin lines. A performer has about twenty bones."""
 
 
 class ClipPictures:
@@ -55,9 +55,8 @@ class ClipPictures:
 
 
 def _make_figure_function(project: Project, take: Clip | PoseStream) -> Callable[[], tuple[Float, AnyArray]]:
-    """Returns the function that computes a take's figures, in any thread.
-
-    They are points (P, N, 3) and lines (L, 2).
+    """Returns a thread-safe function that computes a take's figures as points (P, N, 3) in metres and lines
+    (L, 2) of point indices.
     """
     if isinstance(take, Clip):
         return lambda: (_find_joints(take, _choose_frames(len(take.turns))), _list_bones(take))
@@ -85,7 +84,9 @@ def _list_bones(take: Clip) -> AnyArray:
 
 
 def _find_edges(shape: GraphShape, nodes: AnyArray) -> AnyArray:
-    """Returns the lines (L, 2) between the nodes of a stream; a part plays the first of its nodes."""
+    """Returns lines (L, 2) between nodes for the edges of the shape. Omits edges of nodes that the stream
+    lacks, and some edges if there are more than ``_MAX_LINES``.
+    """
     inside = (shape.edges < len(nodes)).all(1)
     lines = np.asarray(nodes)[shape.edges[inside]]
     return lines[:: max(len(lines) // _MAX_LINES, 1)]

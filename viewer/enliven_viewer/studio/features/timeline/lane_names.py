@@ -1,4 +1,4 @@
-"""The labels of lanes: first the limb that moves, then the take that it plays."""
+"""Makes the labels of timeline rows (lanes): the limb that moves, then the take that it plays."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import re
 from enliven.document import LayerBase, RigBase, Shape
 
 _PLAIN_WORDS = {"girdle": "shoulder", "trunk": "body", "whole": "whole body", "way": "path"}
-"""Words of the retargeting code, and the artist's words for them."""
+"""The displayed words for limb names of the retargeting code."""
 _LEG_WORDS = {"shoulder": "hip"}
-"""The artist's word for a girdle that legs are attached to."""
+"""The displayed word for a girdle to which legs are attached."""
 
 
 def make_lane_name(character: RigBase, layer: LayerBase) -> str:
@@ -42,7 +42,9 @@ def describe_limb(role: str) -> str:
 
 
 def _find_driven_joint(shape: Shape, layer_id: str) -> str:
-    """Returns the end joint of the bones that a layer drives; empty if it drives all bones or none."""
+    """Returns the end joint of the bones that a layer drives, or an empty text if it drives all bones or
+    none.
+    """
     driven = [
         joint
         for joint, spans in enumerate(shape.spans)

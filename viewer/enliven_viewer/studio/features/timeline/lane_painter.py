@@ -32,7 +32,9 @@ _LOCK_ICON, _UNLOCK_ICON, _SOLO_ICON, _OPEN_ICON, _FOLDED_ICON = (
     "\uf0d7",
     "\uf0da",
 )
-"""Icons of Font Awesome 4: a closed lock and an open one, headphones, triangles down and to the right."""
+"""Font Awesome 4 icons: a closed lock, an open lock, headphones, a triangle down, and a triangle to the
+right.
+"""
 _THUMBNAIL_SPACING = 26.0
 """Distance in pixels between two thumbnails."""
 _TITLE_HEIGHT = 14.0
@@ -47,7 +49,9 @@ class LanePainter:
         self._ctx: moderngl.Context | None = None
 
     def head(self, timeline: TimelineInput, lane: Lane, origin: ImVec2, size: ImVec2) -> None:
-        """Draws the row with a character's name; if it is folded, also thin bars of its clips."""
+        """Draws the row with a character's name. If the character is folded, also draws thin bars for its
+        clips.
+        """
         draw_list = imgui.get_window_draw_list()
         top, name = origin.y + lane.top, lane.character.id
         chosen = timeline.editor.selection.character == name
@@ -215,7 +219,7 @@ class LanePainter:
 def _draw_blend(
     layout: TimelineLayout, before: Segment, after: Segment, origin: ImVec2, top: float, faded: float
 ) -> None:
-    """Draws the blend between two clips: one falling line, one rising line."""
+    """Draws the blend between two clips as a falling and a rising line."""
     draw_list = imgui.get_window_draw_list()
     left, right = origin.x + layout.x(after.begin), origin.x + layout.x(before.end)
     low, high = top + 2, top + LANE_HEIGHT - 2

@@ -1,4 +1,4 @@
-"""A layer of a character of any rig: its numbers and switches."""
+"""Draws the numbers and switches of a layer, for characters with any rig."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ _NUMBER_RANGES = {
     "smooth": (0.0, 0.5, later("smoothed over %.2f s")),
     "ease": (0.0, 1.0, later("fades in and out in %.2f s")),
 }
-"""Minimum, maximum, and number format."""
+"""The (minimum, maximum, number format) of each number."""
 _MIN_SPEED = 0.02
-"""Minimum speed that the slider can set: at 0 nothing plays."""
+"""Minimum speed of the slider. At speed 0 nothing plays."""
 _SWITCH_TIPS = {
     "loop": later("Begin again at the end"),
     "muted": later("It does not play"),
@@ -35,7 +35,7 @@ _SWITCH_TIPS = {
     "travel": later("Walk through the scene like the performer, on its feet"),
     "level_feet": later("While the weight moves from one foot to the other, both keep the same height"),
 }
-"""Tooltips of the switches. Which ones a layer has depends on the rig."""
+"""Tooltips of the switches. The rig determines which switches a layer has."""
 _LABELS = {
     "weight": later("weight"),
     "offset": later("offset"),
@@ -67,7 +67,7 @@ def draw_layer(app: App, timeline: TimelineInput, character: RigBase, number: in
     frame = imgui.get_frame_count()
     before, timeline.shown_layer = timeline.shown_layer, (name, number, frame)
     if timeline.busy and before != (name, number, frame - 1):
-        imgui.set_scroll_here_y(0.0)  # The user has clicked on a clip, so scroll its options into view.
+        imgui.set_scroll_here_y(0.0)  # The user has clicked a clip, so scroll its options into view.
     draw_heading("Chosen motion")
     imgui.text_unformatted(getattr(layer, "id", layer.take))
     imgui.same_line(imgui.get_content_region_avail().x - 52)
@@ -97,7 +97,7 @@ def draw_layer(app: App, timeline: TimelineInput, character: RigBase, number: in
 
 
 def _draw_takes(app: App, layer: LayerBase) -> None:
-    """Draws the alternative takes of a lane: which one is audible, and a delete button for each."""
+    """Draws the alternative takes of a lane with a mark at the active take, and a delete button for each."""
     takes = TakeCommands(app.editor)
     alternatives = alternative_takes(app.editor.project, layer.alternatives)
     if len(alternatives) < 2:
@@ -125,7 +125,9 @@ def _make_change(name: str, number: int, field: str) -> Change:
 
 
 def _draw_chain_options(app: App, shape: Shape, layer: Layer, number: int) -> None:
-    """Draws the options that only layers of bones have: leading the end, and root motion."""
+    """Draws the options that only layers of bones have: inverse kinematics of the chain's end, and root
+    motion.
+    """
 
     def lead(project: Project, on: float) -> Project:
         return change_layers(project, shape.id, [number], mode="end" if on else "turns")
@@ -140,7 +142,7 @@ def _draw_chain_options(app: App, shape: Shape, layer: Layer, number: int) -> No
 
 
 def _draw_foot_lock(app: App, character: RigBase, number: int, feet: str) -> None:
-    """Draws the foot lock mode for the clips of the lane; a change is one edit of all its layers."""
+    """Draws the foot lock mode for the clips of the lane. A change is one edit of all layers in the lane."""
     name, jointed = character.id, character.jointed
     draw_note("feet")
     imgui.set_next_item_width(-1)

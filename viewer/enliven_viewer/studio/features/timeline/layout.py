@@ -15,19 +15,19 @@ from enliven_viewer.studio.features.timeline.lane_names import make_lane_name
 from enliven_viewer.studio.viewport.lane_groups import group_layers
 
 LANE_HEIGHT = 28.0
-"""Height of a lane in pixels: thumbnails with a line of text over them."""
+"""Height of a lane in pixels: a line of text over thumbnails."""
 HEAD_HEIGHT = 20.0
 """Height, in pixels, of the row with a character's name above its lanes."""
 LANE_GAP = 3.0
 """Gap between two lanes in pixels."""
 EDGE_GRAB_DISTANCE = 7.0
-"""Distance in pixels from a clip's end within which a drag trims it, or changes its speed with Ctrl."""
+"""Distance in pixels from a clip's end within which a drag trims the clip, or changes its speed with Ctrl."""
 MUTE_ICON_WIDTH = 22.0
 """Width in pixels of an icon at the left of a label: mute (eye), lock, or fold."""
 SOLO_BUTTON_WIDTH = 20.0
 """Width in pixels of the solo button at the right of a character's label."""
 TAKES_BUTTON_WIDTH = 34.0
-"""Width in pixels of the take number at the right of a label; a click opens the alternatives."""
+"""Width in pixels of the take number at the right of a label. A click on it opens the alternative takes."""
 SPAN_BAND_HEIGHT = 8.0
 """Height in pixels of the band on the ruler that shows the recording range."""
 MARKER_GRAB_DISTANCE = 6.0
@@ -58,7 +58,7 @@ class LaneHandle:
 
     @property
     def number(self) -> int:
-        """Returns the first of the layers."""
+        """Returns the number of the first layer."""
         return self.layers[0]
 
 
@@ -66,8 +66,8 @@ class LaneHandle:
 class Lane:
     """A row of the timeline: a bar, details of a layer, or a character's name.
 
-    Its left and right are the first and last pixel of its clips. Layers of a character that play one take in
-    the same way share a bar, because an imported animation has a layer for every bone.
+    Its left and right are the first and last pixel of its clips. Layers of a character that play the same
+    take in the same way share a bar, because an imported animation has a layer for every bone.
 
     Attributes:
         clips: the clips of a bar, in seconds of the project.
@@ -89,7 +89,9 @@ class Lane:
 
     @property
     def label(self) -> str:
-        """Returns the limb that moves and its take, or the take and the number of layers that play it."""
+        """Returns the label: the moving limb and its take, or the take and the number of layers
+        that play it.
+        """
         if len(self.layers) > 1:
             return tr("{0}  ({1} bones)", self.layer.take, len(self.layers))
         return make_lane_name(self.character, self.layer)
@@ -102,7 +104,9 @@ class Details(Protocol):
         """Returns the kinds and heights in pixels of the rows below a layer's bar."""
 
     def find_mark(self, layout: TimelineLayout, lane: Lane, x: float) -> tuple[str, int]:
-        """Returns the kind and number of the mark at a pixel of such a row; "nothing" if there is none."""
+        """Returns the kind and number of the mark at a pixel of a row from :meth:`rows`; "nothing" if there
+        is none.
+        """
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,7 +118,7 @@ class TimelineLayout(TimeScale):
         scrolled: vertical scroll offset of the lanes in pixels.
         details: the rows that rigs show below their bars.
         folded: the characters with all lanes collapsed into one row.
-        opened: groups of alternatives that show a lane for every take. Other groups show only the audible
+        opened: groups of alternative takes that show a lane for every take. Other groups show only the active
             take.
         marked: start and end of recordings in seconds, or None.
     """
@@ -178,7 +182,9 @@ class TimelineLayout(TimeScale):
         return tuple((marker, self.x(marker.seconds)) for marker in ordered)
 
     def takes(self, lane: Lane) -> tuple[int, int]:
-        """Returns a lane's number among its alternatives, from 1, and their number on its character."""
+        """Returns the number of a lane's take among its alternatives, counted from 1, and the number of
+        alternatives.
+        """
         layer = lane.layer
         alternatives = [
             alternative
@@ -236,9 +242,8 @@ class TimelineLayout(TimeScale):
         return self._find_clip_handle(lane, x)
 
     def _find_clip_handle(self, lane: Lane, x: float) -> tuple[str, int]:
-        """Returns the clip, or the clip end, at a pixel of a bar.
-
-        A narrow clip offers only its end and its middle.
+        """Returns the kind and number of the clip, or clip end, at a pixel of a bar. On a narrow clip, only
+        its end and its middle can be grabbed.
         """
         ends = [(self.x(clip.begin), self.x(clip.end)) for clip in lane.clips]
         for k, ((_, right), (left, _)) in enumerate(pairwise(ends)):
@@ -255,7 +260,7 @@ class TimelineLayout(TimeScale):
         ]
         distance, side, number = min(near_ends)
         if distance <= EDGE_GRAB_DISTANCE:
-            # If two clips touch, the side of the pointer decides which of them is trimmed.
+            # If two clips touch, the clip under the pointer is trimmed.
             return ("begin" if side else "edge"), number
         inside = [k for k, (left, right) in enumerate(ends) if left <= x <= right]
         if not inside and lane.layer.loop and x >= lane.left:

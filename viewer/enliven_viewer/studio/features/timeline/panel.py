@@ -1,4 +1,4 @@
-"""The timeline: transport, ruler, one lane per layer, and the playhead; drawn with a draw list."""
+"""Draws the timeline: play buttons, ruler, one row (lane) per layer, and the playhead."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from enliven_viewer.studio.perform.session import PerformSession
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, LINE, QUIET
 
 _START_ICON, _PLAY_ICON, _PAUSE_ICON, _LOOP_ICON = "\uf048", "\uf04b", "\uf04c", "\uf01e"
-"""Icons of Font Awesome 4 on the buttons of the transport."""
+"""Font Awesome 4 icons of the transport buttons."""
 _SPLIT_ICON, _FLAG_ICON, _MAGNET_ICON, _ALL_ICON = "\uf0c4", "\uf024", "\uf076", "\uf07e"
-"""Icons of Font Awesome 4: split, marker, snapping, and the whole project."""
+"""Font Awesome 4 icons: split, marker, snapping, and show the whole project."""
 _CLICKABLE_PARTS = (
     *("bar", "mute", "lock", "fold", "solo", "name", "marker", "marked", "takes"),
     *("pose", "suggested", "held", "found"),
 )
-"""Parts over which the pointer becomes a hand."""
+"""Kinds of timeline parts over which the mouse cursor is a hand."""
 _GRIP_HEIGHT = 7.0
-"""Height in pixels of the upper edge, which can be dragged to resize the timeline."""
+"""Height in pixels of the timeline's upper border, which can be dragged to resize the timeline."""
 _MIN_WIDTH_WITH_MARKS = 760.0
-"""Minimum window width in pixels for the in and out buttons."""
+"""Minimum window width in pixels at which the in and out buttons are shown."""
 _PAN_PER_NOTCH = 40.0
 """Pixels that the timeline pans per notch of the wheel with Shift."""
 _PAINTER = LanePainter()
@@ -74,7 +74,7 @@ def draw_timeline(app: App, timeline: TimelineInput, area: Area) -> None:
 
 
 def _handle_resizing(app: App, area: Area) -> None:
-    """Draws the upper edge. A drag changes the timeline's height; a double click resets it."""
+    """Draws the upper border. A drag changes the timeline's height, and a double click resets it."""
     preferences, place = app.preferences, imgui.get_cursor_pos()
     imgui.set_cursor_pos(ImVec2(0, 0))
     imgui.invisible_button("##height", ImVec2(area.width, _GRIP_HEIGHT))
@@ -124,14 +124,14 @@ def _draw_transport(app: App, timeline: TimelineInput) -> None:
     changed, speed = imgui.drag_float("##speed", editor.speed, 0.01, 0.1, 4.0, "%.2f x")
     if changed:
         editor.speed = speed
-    draw_tooltip("Drag: how fast it plays here; the project does not change")
+    draw_tooltip("Drag: playback speed in this window; the project does not change")
     for draw_section in app.transport_sections:
         draw_section()
     _draw_buttons(app, timeline)
 
 
 def _draw_loop_points(app: App) -> None:
-    """Draws the buttons of the loop's in and out points; a narrow window has them only in the menu."""
+    """Draws the buttons of the loop's in and out points. A narrow window has them only in the menu."""
     if imgui.get_window_width() < _MIN_WIDTH_WITH_MARKS:
         return
     chosen = app.editor.marked_range is not None

@@ -24,7 +24,7 @@ from enliven_viewer.studio.features.timeline.layout import LaneHandle, TimelineL
 from enliven_viewer.studio.features.timeline.puppet_lanes import PuppetDetails
 
 DRAG_TITLES = {"pose": later("retime a key pose"), "switch": later("move a switch")}
-"""The name of each drag in the history."""
+"""The name of each drag in the undo history."""
 
 
 class PuppetRows:
@@ -66,9 +66,8 @@ class PuppetRows:
             self.editor.scrub(layout.time(x))
 
     def double_click(self, handle: LaneHandle) -> bool:
-        """Handles a double click: on contacts and flight phases it adds a switch.
-
-        Returns whether it had an effect.
+        """Handles a double click: on contacts and flight phases it adds a switch. Returns True if it had an
+        effect.
         """
         if handle.kind != "band":
             return False
@@ -98,7 +97,7 @@ class PuppetRows:
     def make_drag_edit(self, handle: LaneHandle, seconds: float, switches: tuple[Switch, ...]) -> Edit:
         """Returns the edit for dragging a mark to a time in the take.
 
-        ``switches`` are those at the start of the drag.
+        ``switches`` are the switches at the start of the drag.
         """
         if handle.kind == "pose":
             return lambda project: retime_pose(project, handle.character, handle.item, seconds)
@@ -117,9 +116,8 @@ class PuppetRows:
         return self.coverages.find_coverage(self.editor.project, puppet, take) if puppet is not None else None
 
     def _find_switches(self, layer: int) -> tuple[Switch, ...]:
-        """Returns the edited switches, or those detected when the motion was last solved.
-
-        Returns an empty tuple before that.
+        """Returns a layer's edited switches, or the switches detected when the motion was last solved.
+        Returns an empty tuple if the motion was never solved.
         """
         editor, puppet = self.editor, self.editor.puppets.puppet
         if puppet is None or layer >= len(puppet.layers):

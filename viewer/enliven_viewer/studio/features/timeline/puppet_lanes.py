@@ -28,7 +28,7 @@ class PuppetDetails:
     Attributes:
         chosen: the puppet that has the rows, or None.
         coverage: returns how well the examples cover a take.
-        switches: returns the contact switches of a layer, as edited or as detected.
+        switches: returns the edited or detected contact switches of a layer.
     """
 
     chosen: Puppet | None
@@ -64,7 +64,7 @@ class PuppetDetails:
         return tuple((t, layout.find_x(lane, t)) for t in times if _is_time_played(layout, lane, t))
 
     def bands(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[Switch, float, float], ...]:
-        """Returns each switch with the x coordinates between which it is valid."""
+        """Returns each switch with the x coordinates of the start and end of its phase."""
         take, switches = layout.project.takes[lane.layer.take], self.switches(lane.layers[0])
         ends = [*(switch.frame for switch in switches[1:]), len(take.turns) - 1][: len(switches)]
         return tuple(
@@ -120,11 +120,11 @@ class PuppetDetails:
 
 
 def _is_time_played(layout: TimelineLayout, lane: Lane, second: float) -> bool:
-    """Returns True if a time of the take is played, that is, not trimmed off."""
+    """Returns True if a clip plays a time of the take, so that the time is not trimmed off."""
     return lane.layer.plays(second, layout.project.length_of(lane.layer))
 
 
 def _find_nearest_mark(marks: Iterable[tuple[int, float]], x: float, reach: float) -> int | None:
-    """Returns the number of the mark nearest to a pixel, within reach."""
+    """Returns the number of the mark nearest to a pixel, or None if it is farther than ``reach`` pixels."""
     near = [(abs(at - x), number) for number, at in marks if abs(at - x) <= reach]
     return min(near)[1] if near else None

@@ -30,7 +30,7 @@ from enliven_viewer.theme import (
 
 _ROW_LABELS = {"poses": later("key poses"), "band": later("on the floor"), "held": later("fixed frames")}
 _MAX_COVERAGE_DISTANCE = 1.15
-"""Maximum of the coverage curve's scale; 1 is the largest distance without any example."""
+"""Maximum of the coverage curve's vertical scale. 1 is the largest distance without examples."""
 
 
 def draw_details(
@@ -53,7 +53,7 @@ def draw_details(
 def _draw_poses(timeline: TimelineInput, layout: TimelineLayout, lane: Lane, origin: ImVec2) -> None:
     """Draws the coverage curve, the missing key poses, and a diamond for each key pose.
 
-    The curve is the distance of every time from the examples.
+    The curve shows the distance of the performer's pose from the nearest example.
     """
     draw_list, top = imgui.get_window_draw_list(), origin.y + lane.top
     details, puppets = timeline.rows.details, timeline.editor.puppets
@@ -119,7 +119,7 @@ def _draw_bands(timeline: TimelineInput, layout: TimelineLayout, lane: Lane, ori
 def _draw_constraints(timeline: TimelineInput, layout: TimelineLayout, lane: Lane, origin: ImVec2) -> None:
     """Draws a mark for every hard constraint.
 
-    A dot is a position, a bar is standing still, and two dots are level.
+    A dot means a fixed position, a bar means no movement, and two dots mean equal height.
     """
     draw_list, middle = imgui.get_window_draw_list(), origin.y + lane.top + lane.height / 2
     for _, held, x in timeline.rows.details.constraint_marks(layout, lane):
@@ -142,11 +142,11 @@ def draw_details_tooltip(timeline: TimelineInput, layout: TimelineLayout, origin
     pointer, project = imgui.get_mouse_pos(), layout.project
     handle = layout.handle_at(pointer.x - origin.x, pointer.y - origin.y)
     tooltip = {
-        "pose": tr("Click: edit this key pose. Drag: another moment for it."),
+        "pose": tr("Click: edit this key pose. Drag: move it to another time."),
         "suggested": tr("No example is like this moment. Click: pose the puppet for it."),
-        "switch": tr("Drag: when the puppet leaves or touches the floor. Delete removes it."),
-        "band": tr("Double click: a switch here. Green: on the floor, blue: in flight."),
-        "found": tr("Contacts and flights; click to find them again after editing."),
+        "switch": tr("Drag: change when the puppet leaves or touches the floor. Delete removes this switch."),
+        "band": tr("Double-click: add a switch here. Green: on the floor, blue: in flight."),
+        "found": tr("Foot contacts and flight phases. Click to detect them again after editing."),
     }.get(handle.kind, "")
     if handle.kind == "held":
         constraint = list_constraints(project, handle.character, handle.number)[handle.item]

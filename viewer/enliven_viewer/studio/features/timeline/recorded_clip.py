@@ -14,7 +14,8 @@ from enliven_viewer.theme import BAD, DARK, INK, ON_FILL
 def draw_recorded_clip(
     clip: tuple[float, float], layout: TimelineLayout, origin: ImVec2, height: float
 ) -> None:
-    """Draws the growing clip below the last lane, or at the bottom of the timeline if that is out of view.
+    """Draws the growing clip below the last lane, or at the bottom of the timeline if the last lane is out of
+    view.
 
     Args:
         clip: begin and end of the recording in seconds.

@@ -44,10 +44,7 @@ def draw_markers(app: App, timeline: TimelineInput, origin: ImVec2, size: ImVec2
 
 
 def draw_span(timeline: TimelineInput, origin: ImVec2, size: ImVec2, *, records: bool) -> None:
-    """Draws the marked span on the ruler and the lanes.
-
-    It is red if recordings use it.
-    """
+    """Draws the marked span on the ruler and the lanes. It is red if ``records`` is set."""
     draw_list, layout = imgui.get_window_draw_list(), timeline.layout
     if layout.marked is None:
         return

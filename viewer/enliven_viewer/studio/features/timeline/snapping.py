@@ -13,7 +13,7 @@ SNAP_DISTANCE_PX = 6.0
 def snap_times(layout: TimelineLayout, playhead: float, held: LaneHandle) -> list[float]:
     """Returns the times that a drag snaps to.
 
-    These are 0, the playhead, markers, and the ends of all clips except the held one.
+    These are 0, the playhead, markers, and the ends of all clips except the dragged clip.
     """
     places = [0.0, playhead, *(marker.seconds for marker, _ in layout.markers() if marker.id != held.name)]
     for lane in layout.bars():
@@ -27,14 +27,15 @@ def snap_times(layout: TimelineLayout, playhead: float, held: LaneHandle) -> lis
 def snap_offset(
     layout: TimelineLayout, times: Sequence[float], places: Sequence[float], frame: float
 ) -> tuple[float, float | None]:
-    """Returns the offset that moves one of ``times`` to a place, or else the first to a whole frame.
+    """Returns the offset that snaps one of ``times`` to a snap position, or the first of them to a whole
+    frame.
 
     Args:
         times: times of the dragged object in seconds, such as both ends of a clip.
         frame: duration of a frame in seconds.
 
     Returns:
-        The seconds to add to all times, and the place that one of them snaps to; None for frames.
+        The seconds to add to all times, and the snap position; None if it is only a frame.
     """
     moves = [(abs(place - time), place - time, place) for time in times for place in places]
     nearest = min(moves, default=None)

@@ -16,7 +16,7 @@ _NO_ALTERNATIVES = later(
 
 
 class TakeCommands:
-    """Commands for the alternative takes of the selected lane, or of the only lane that has several."""
+    """Commands for the alternative takes of the selected lane, or of the only lane with several takes."""
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
@@ -41,12 +41,14 @@ class TakeCommands:
 
     @property
     def audible_take(self) -> str:
-        """Returns the audible take of that group; empty if there is none."""
+        """Returns the active take of the group :meth:`alternatives`, or an empty text if there is none."""
         takes = alternative_takes(self.editor.project, self.alternatives)
         return next((name for name, audible_take in takes.items() if audible_take), "")
 
     def lacks(self) -> str:
-        """Returns why no alternative take can be chosen, with advice; empty if one can be chosen."""
+        """Returns the reason why no alternative take can be chosen, with advice, or an empty text if one can
+        be chosen.
+        """
         return "" if len(alternative_takes(self.editor.project, self.alternatives)) > 1 else _NO_ALTERNATIVES
 
     def step(self, direction: int) -> None:
@@ -56,7 +58,7 @@ class TakeCommands:
         self.choose(names[(place + direction) % len(names)])
 
     def choose(self, recorded: str) -> None:
-        """Makes one of the alternative takes audible."""
+        """Makes one of the alternative takes active."""
         alternatives = self.alternatives
         if self.editor.edit(
             later("hear {0}", recorded), lambda project: choose_take(project, alternatives, recorded)
@@ -64,7 +66,7 @@ class TakeCommands:
             self._follow(alternatives, recorded)
 
     def keep(self) -> None:
-        """Keeps only the audible take, and deletes its alternatives."""
+        """Keeps only the active take, and deletes its alternatives."""
         alternatives, audible_take = self.alternatives, self.audible_take
         if self.editor.edit(
             later("keep {0}", audible_take), lambda project: keep_take(project, alternatives, audible_take)
@@ -72,7 +74,7 @@ class TakeCommands:
             self._follow(alternatives, audible_take)
 
     def drop(self, recorded: str = "") -> None:
-        """Deletes one of the alternative takes; by default the audible one."""
+        """Deletes one of the alternative takes, by default the active take."""
         alternatives, deleted_take = self.alternatives, recorded or self.audible_take
         if self.editor.edit(
             later("delete {0}", deleted_take), lambda project: drop_take(project, alternatives, deleted_take)
@@ -103,7 +105,7 @@ def make_take_actions(takes: TakeCommands) -> Iterator[Action]:
     yield Action(
         "takes.next",
         "Clip",
-        "Hear the next take",
+        "Play the next take",
         ("alt+right",),
         lambda: takes.step(1),
         takes.lacks,
@@ -111,7 +113,7 @@ def make_take_actions(takes: TakeCommands) -> Iterator[Action]:
         apart=True,
     )
     yield Action(
-        "takes.before", "Clip", "Hear the previous take", ("alt+left",), lambda: takes.step(-1), takes.lacks
+        "takes.before", "Clip", "Play the previous take", ("alt+left",), lambda: takes.step(-1), takes.lacks
     )
     yield Action(
         "takes.keep",
@@ -126,7 +128,7 @@ def make_take_actions(takes: TakeCommands) -> Iterator[Action]:
     yield Action(
         "takes.tidy",
         "Clip",
-        "Delete the takes that nothing plays",
+        "Delete unused takes",
         (),
         lambda: delete_takes(takes.editor, *list_unused_takes(takes.editor)),
         lacks_unused,

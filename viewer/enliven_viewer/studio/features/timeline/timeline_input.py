@@ -18,27 +18,29 @@ from enliven_viewer.studio.features.timeline.snapping import snap_offset, snap_t
 
 _NO_HANDLE = LaneHandle("nothing")
 _MIN_SPAN_S = 0.1
-"""Minimum length of the marked span, in seconds: enough time to begin and to end a recording."""
+"""Minimum length of the marked span in seconds. A recording cannot be shorter."""
 _SPAN_HANDLES = ("from", "to", "marked")
 _CLIP_HANDLES = ("bar", "begin", "edge", "blend")
 
 
 class TimelineInput:
-    """The pointer input on the timeline, turned into edits. Pixels count from the timeline's top left corner.
+    """Converts pointer input on the timeline to edits. Coordinates are pixels from the timeline's top left
+    corner.
 
     Attributes:
         rows: pointer input on the rows below a puppet's bars.
         axis: the time axis.
         scrolled: vertical scroll offset of the lanes, in pixels.
         folded: characters with all lanes collapsed into one row.
-        opened: groups of alternatives that show a lane for every take.
-        locked: lanes that cannot be dragged, as the character and the first layer of each.
+        opened: groups of alternative takes that show a lane for every take.
+        locked: lanes that cannot be dragged, each as (character, number of its first layer).
         snapping: whether drags snap to clips, markers, the playhead and frames.
         snapped_time: the time that the drag currently snaps to, or None.
         clip: number of the selected clip in the selected layer.
         marker: the marker being renamed, or empty.
         pictures: thumbnails of the takes.
-        shown_layer: the layer with the last drawn options: its character and number, and the frame.
+        shown_layer: the layer of the options that were drawn last, as (character, layer number, frame
+            number).
     """
 
     def __init__(self, editor: Editor, axis: TimeAxis, coverages: CoverageCache) -> None:
@@ -102,7 +104,7 @@ class TimelineInput:
         return self._held_handle
 
     def press(self, x: float, y: float, *, alt: bool = False, ctrl: bool = False) -> None:
-        """Handles a press of the left button. Alt slips a clip; Ctrl changes its speed."""
+        """Handles a press of the left button. Alt slips a clip, and Ctrl changes its speed."""
         layout = self.layout
         handle = layout.handle_at(x, y)
         self.rows.marked = None
@@ -178,7 +180,7 @@ class TimelineInput:
             self.editor.preview_edit(self._make_drag_edit(x))
 
     def release(self, x: float) -> None:
-        """Handles the release of the button. A drag becomes one edit; a click on a key pose opens it."""
+        """Handles the release of the button. A drag becomes one edit, and a click on a key pose opens it."""
         edit_name, handle = self._drag_title, self._held_handle
         if edit_name is not None and self.editor.draft is not None:
             self.editor.edit(edit_name, self._make_drag_edit(x))
@@ -190,7 +192,7 @@ class TimelineInput:
         self._held_handle, self._drag, self.snapped_time = _NO_HANDLE, None, None
 
     def double_click(self, x: float, y: float) -> bool:
-        """Handles a double click. Returns whether it had an effect."""
+        """Handles a double click. Returns True if it had an effect."""
         handle = self.layout.handle_at(x, y)
         if handle.kind == "marker":
             self.marker = handle.name
@@ -199,7 +201,9 @@ class TimelineInput:
 
     @property
     def _drag_title(self) -> str | None:
-        """Returns the name of the edit for dragging the held part; None if it cannot be dragged."""
+        """Returns the name of the edit for the current drag, or None if the pressed part cannot
+        be dragged.
+        """
         if self._drag is not None:
             return self._drag.edit_title
         return {"marker": later("move marker"), **DRAG_TITLES}.get(self._held_handle.kind)
@@ -222,7 +226,7 @@ class TimelineInput:
         return self.rows.make_drag_edit(handle, layout.second(lane, x), self._held_switches)
 
     def _drag_span(self, x: float) -> tuple[float, float] | None:
-        """Returns the marked span after dragging an end, or all of it, to a pixel.
+        """Returns the marked span after dragging one end, or the whole span, to a pixel.
 
         Returns None without a marked span.
         """
@@ -264,7 +268,9 @@ def _make_edit(handle: LaneHandle, **changes: Any) -> Edit:
 
 
 def _toggle_solo(project: Project, name: str) -> Project:
-    """Returns the project with a character soloed. If the others are already muted, unmutes all."""
+    """Returns the project with all other characters muted (solo). If they are already muted, unmutes all
+    characters.
+    """
     playing = {key: character for key, character in project.characters.items() if character.playing}
     others = [character for key, character in playing.items() if key != name]
     silent = bool(others) and all(layer.muted for character in others for layer in character.playing)

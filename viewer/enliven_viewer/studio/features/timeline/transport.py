@@ -28,7 +28,7 @@ def make_transport_actions(editor: Editor) -> Iterator[Action]:
     yield Action("view.frame_on", "View", "One frame forward", ("right",), lambda: step(1))
     yield Action("view.start", "View", "To the start", ("home",), lambda: editor.scrub(0.0))
     yield Action("view.end", "View", "To the end", ("end",), lambda: editor.scrub(editor.length))
-    about = "The loop begins here; recordings too."
+    about = "The loop and recordings begin here."
     yield Action(
         "view.in_point",
         "View",
@@ -38,7 +38,7 @@ def make_transport_actions(editor: Editor) -> Iterator[Action]:
         about=about,
         apart=True,
     )
-    about = "The loop goes back to the in point from here; recordings end here."
+    about = "The loop returns to the in point here, and recordings end here."
     yield Action(
         "view.out_point", "View", "Out point here", ("alt+o",), lambda: editor.set_loop_point(1), about=about
     )

@@ -1,4 +1,4 @@
-"""The options of an export or film, above the file list: characters, range, rate, size, look, format."""
+"""Draws the options of an export or film above the file list: characters, range, rate, size, look, format."""
 
 from __future__ import annotations
 
@@ -56,7 +56,9 @@ def draw_export_options(workspace: Workspace, *, film: bool) -> None:
 
 
 def _draw_range(workspace: Workspace) -> None:
-    """Draws the time range, with buttons for everything and for the range between the in and out points."""
+    """Draws the time range, with a button for the whole project and a button for the range between the in and
+    out points.
+    """
     options, editor = workspace.exporting, workspace.editor
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr("Seconds"))
@@ -115,7 +117,8 @@ def _draw_format_options(workspace: Workspace) -> None:
         )[1]
         workspace.remember("export morphs")
         draw_tooltip(
-            "As morph targets, in a larger file; if off, the surface follows bones, which every program plays"
+            "On: exact, as morph targets, in a larger file. Off: the surface follows "
+            "bones, which every program can play"
         )
         imgui.same_line(0.0, 18.0)
     supported = list_supported_options(workspace.export_suffix)
@@ -126,11 +129,13 @@ def _draw_format_options(workspace: Workspace) -> None:
     workspace.remember("export centimetres")
     draw_tooltip("Many programs that read .bvh expect centimetres; a .glb is always in metres")
     _draw_placement_options(workspace, supported)
-    draw_note(tr("The ending of the name chooses the kind of file: {0}.", ", ".join(EXPORT_SUFFIXES)))
+    draw_note(tr("The file extension determines the format: {0}.", ", ".join(EXPORT_SUFFIXES)))
 
 
 def _draw_placement_options(workspace: Workspace, supported: frozenset[str]) -> None:
-    """Draws scale, vertical axis, and motion in place. Options that the format lacks are grey."""
+    """Draws the scale, the vertical axis, and the option to remove root motion. Options that the format lacks
+    are grey.
+    """
     options = workspace.exporting
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr("Scale"))
@@ -141,7 +146,7 @@ def _draw_placement_options(workspace: Workspace, supported: frozenset[str]) -> 
     options.scale = scale if 1 / MAX_SCALE <= scale <= MAX_SCALE else SCALE.default
     imgui.end_disabled()
     workspace.remember("export scale")
-    draw_tooltip("Factor of all lengths")
+    draw_tooltip("Scale factor for all lengths")
     imgui.same_line(0.0, 18.0)
     imgui.begin_disabled(UP.name not in supported)
     imgui.text_unformatted(tr("Vertical axis"))

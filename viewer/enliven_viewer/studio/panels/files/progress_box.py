@@ -9,7 +9,7 @@ from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 _BOX_WIDTH = 300.0
-"""Width of the box in pixels: the name of a file, and the button."""
+"""Width of the box in pixels. It fits the name of a file and the button."""
 _EDGE_MARGIN = 14.0
 """Distance in pixels between the box and the border of the view."""
 _TOP_MARGIN = 76.0

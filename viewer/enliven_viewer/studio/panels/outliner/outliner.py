@@ -24,7 +24,9 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CLEAR, FAINT, INK, QUIET
 
 _MIN_HEIGHT_FRACTION = 0.12
-"""Minimum fraction of the side panel's height for the tree: its filter, and a row if the window is tall."""
+"""Minimum fraction of the side panel's height for the tree. It fits the filter, and in a tall window also a
+row.
+"""
 _MAX_HEIGHT_FRACTION = 0.85
 """Maximum fraction of the side panel's height for the tree, so that the selection's name stays visible."""
 _SPLITTER_HEIGHT = 7.0
@@ -51,7 +53,7 @@ _DRAG_PAYLOAD = "character"
 
 
 def split_outliner(side: Area, fraction: float) -> tuple[Area, Area]:
-    """Splits the right side: the tree above with its share of the height, the selection below."""
+    """Splits the right panel: the tree above with a fraction of the height, the selection below."""
     height = round(fraction * side.height)
     return (
         Area(side.x, side.y, side.width, height),
@@ -141,7 +143,7 @@ def _draw_row(workspace: Workspace, outliner: Outliner, row: Row) -> None:
         imgui.same_line(left + width - _SWITCH_WIDTH)
         if _draw_switch(workspace, f"delete {row.id}", _TRASH_ICON, False):
             delete_take_row(workspace.editor, row.id)
-        draw_tooltip("Delete it: one of several takes of a lane, or one that nothing plays")
+        draw_tooltip("Delete this take, which is unused or one of several takes of a lane")
     elif switches:
         imgui.same_line(left + width - _SWITCH_WIDTH)
         if _draw_switch(
@@ -184,8 +186,8 @@ def _draw_row_texts(outliner: Outliner, row: Row, position: ImVec2, width: float
     x += imgui.calc_text_size(label).x + 8
     size = imgui.get_font_size() * 0.82
     wide = imgui.calc_text_size(note).x * 0.82
-    # Align the notes at the right, so that they can be compared. If space is short, a note follows the name
-    # instead.
+    # Align the notes at the right, so that they are easy to compare. If there is too little space, a note
+    # follows the name directly.
     aside = ImVec2(max(x, position.x + width - wide - 6), middle + 2)
     draw_list.add_text(imgui.get_font(), size, aside, pack_colour(QUIET, 0.75), note)
     draw_list.pop_clip_rect()
@@ -242,7 +244,7 @@ def _draw_switches(workspace: Workspace, outliner: Outliner, row: Row, right: fl
 
 
 def _draw_switch(workspace: Workspace, name: str, icon: str, on: bool) -> bool:
-    """Draws one small frameless button, bright while it is on."""
+    """Draws one small frameless toggle button, bright while it is on. Returns True if it was clicked."""
     with (
         push_colours(CLEAR, imgui.Col_.button),
         push_colours(ACCENT if on else FAINT, imgui.Col_.text),
@@ -256,7 +258,7 @@ def _draw_switch(workspace: Workspace, name: str, icon: str, on: bool) -> bool:
 
 
 def _handle_drag(outliner: Outliner, row: Row) -> None:
-    """Lets a row be dragged onto another one to take its place."""
+    """Handles the drag of a row onto another row, which moves its character to that position."""
     if imgui.begin_drag_drop_source():
         imgui.set_drag_drop_payload_py_id(_DRAG_PAYLOAD, outliner.find_place(row.id))
         imgui.text_unformatted(row.id)

@@ -1,4 +1,4 @@
-"""Asks what to do if another window has saved the project's file: save elsewhere, compare, or overwrite."""
+"""The dialogue for a project file that another window has saved: save elsewhere, compare, or overwrite."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def draw_changed_file(workspace: Workspace) -> None:
 
 
 def _draw_differences(workspace: Workspace, differences: tuple[Difference, ...]) -> None:
-    """Draws the differences by kind, and a button that adds the items that only the file has."""
+    """Draws the differences by kind, and a button that adds the items that only the file contains."""
     imgui.begin_child("##differences", ImVec2(0, _LIST_HEIGHT), imgui.ChildFlags_.frame_style)
     if not differences:
         draw_note("Both are the same.")
@@ -67,11 +67,11 @@ def _draw_differences(workspace: Workspace, differences: tuple[Difference, ...])
     if any(difference.side == "only in the file" for difference in differences):
         if imgui.button(
             labelled(
-                tr("Add to this window what is only in the file"),
-                "Add to this window what is only in the file",
+                tr("Add the items that are only in the file"),
+                "Add the items that are only in the file",
             ),
             ImVec2(-1, 0),
         ):
             workspace.add_saved_items()
-        workspace.remember("dialog Add what is only in the file")
+        workspace.remember("dialog Add the items that are only in the file")
     imgui.dummy(ImVec2(0, 6))

@@ -32,9 +32,9 @@ def draw_unsaved(workspace: Workspace) -> None:
 
 
 def _draw_recording(workspace: Workspace) -> None:
-    """Draws that a recording is running, its length, and the effect of each button."""
+    """Draws a notice about a running recording: its length, and the effect of each button."""
     seconds = format_time(workspace.perform.recording.seconds)
     with push_colours(BAD, imgui.Col_.text):
         imgui.text_unformatted(tr("A recording is running: {0}", seconds))
-    imgui.text_wrapped(tr("Save ends it and keeps it. Discard throws it away. Cancel lets it go on."))
+    imgui.text_wrapped(tr("Save ends and keeps the recording. Discard deletes it. Cancel continues it."))
     imgui.dummy(ImVec2(0, 6))

@@ -15,13 +15,15 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import GLASS, INK
 
 _TEXT_SIZE = 26.0
-"""Text size in pixels of the notice: readable from the back of a room."""
+"""Text size in pixels of the notice. It is readable from the back of a room."""
 _BOTTOM_MARGIN = 72.0
 """Distance in pixels between the notice and the bottom of the view."""
 
 
 def draw_audience(workspace: Workspace, area: Area, notice: str) -> None:
-    """Draws over the whole view; ``notice`` is shown while the stage is away, else empty."""
+    """Draws over the whole view. ``notice`` is the text about a lost stage, or an empty result while the
+    stage is live.
+    """
     live = workspace.perform.live
     draw_list = imgui.get_background_draw_list()
     if not workspace.asking:

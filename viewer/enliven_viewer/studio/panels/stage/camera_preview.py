@@ -31,7 +31,7 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import DARK, INK, LINE, QUIET, UNTINTED, Colour, get_performer_colour
 
 _LIMB_THICKNESS = 0.075
-"""Thickness of a limb in metres, visible in an inset of a hundred pixels."""
+"""Thickness of a limb in metres. It is visible in an inset of a hundred pixels."""
 _HEAD_RADIUS = 0.11
 """Radius of a head in metres."""
 _MIN_OPACITY = 0.3
@@ -72,7 +72,7 @@ def draw_camera_previews(
 
 @dataclass(frozen=True)
 class PreviewContent:
-    """The image of an edge's camera, live or in a take: the name, the performers, and the camera.
+    """The contents of one camera view of an edge or a take: the name, the performers, and the camera.
 
     ``limbs`` are the colours of a match, sRGB by performer and by the outer joint of a bone.
     """
@@ -84,7 +84,7 @@ class PreviewContent:
 
 
 def list_views(perform: PerformSession) -> list[PreviewContent]:
-    """Returns the camera views of all edges, or that of the take; empty without a link."""
+    """Returns the camera views of all edges, or of the take, or an empty result without a connection."""
     live = perform.live
     if live is None or not (live.take or perform.connected):
         return []
@@ -139,7 +139,7 @@ def _draw_figure(
     width: float,
     limbs: Mapping[int, tuple[float, float, float]],
 ) -> None:
-    """Draws a performer: limbs with the farther ones first and darker, and a head.
+    """Draws a performer: a head and limbs. Farther limbs are drawn first and are darker.
 
     `width` is the aspect ratio.
     """

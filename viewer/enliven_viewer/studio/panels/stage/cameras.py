@@ -20,9 +20,9 @@ _EYE_ICON = "\uf06e"
 _TEST_BUTTON_WIDTH = 42.0
 """Width in pixels of the test image button at the right of a camera's button."""
 _LIST_HEIGHT = 108.0
-"""Height in pixels of the list: three cameras, or one and its problem; more are scrolled."""
+"""Height in pixels of the list. It fits three cameras, or one camera and its problem."""
 _TEST_IMAGE_SIZE = (320.0, 240.0)
-"""Width and height in pixels that a test image is fitted into, with any aspect ratio."""
+"""Maximum width and height in pixels of a displayed test image."""
 _GAP = 8.0
 """Distance in pixels between a test image and the panel."""
 _TEST_IMAGE_TOP = 60.0
@@ -95,7 +95,7 @@ def _draw_camera(
         f"{shorten_text(camera.title, available_width - test_button_width - 16)}###camera {number}",
         ImVec2(available_width - test_button_width, 0),
     ):
-        search.close()  # End a running camera test, which would block the camera for the edge.
+        search.close()  # End a running camera test, because it blocks the camera for the edge.
         workspace.attempt(lambda: workspace.perform.connect_local(*camera.words))
     imgui.end_disabled()
     workspace.remember(f"camera {number}")
@@ -156,7 +156,7 @@ def _draw_test_image(workspace: Workspace, search: CameraSearch, area: Area) -> 
 
 
 def _get_texture(picture: UInt8, number: int) -> moderngl.Texture:
-    """Returns the texture of a test image, which is made once for each image."""
+    """Returns the texture of a test image. It is created once for each image."""
     if _TestImage.texture is None or _TestImage.number != number:
         if _TestImage.texture is not None:
             _TestImage.texture.release()

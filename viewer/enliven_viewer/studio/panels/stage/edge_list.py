@@ -1,4 +1,6 @@
-"""The edges on the network in the Perform panel: name, address, state, and a small camera image."""
+"""Draws the list of edges on the network in the Perform panel: name, address, state, and a small camera
+image.
+"""
 
 from __future__ import annotations
 
@@ -20,11 +22,11 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import DARK, QUIET, WAIT
 
 _LIST_HEIGHT = 96.0
-"""Height in pixels of the list: two edges; more are scrolled."""
+"""Height in pixels of the list. It fits two edges."""
 _ROW_HEIGHT = 42.0
 """Height in pixels of an edge: two lines of text next to its camera image."""
 _PICTURE_WIDTH = 54.0
-"""Width in pixels of a camera image, which is a little wider than high."""
+"""Width in pixels of a camera image. The image is slightly wider than high."""
 
 
 class _Pictures:
@@ -34,7 +36,7 @@ class _Pictures:
 
     @classmethod
     def get_texture(cls, edge: DiscoveredEdge, camera: CameraMessage | None) -> int | None:
-        """Returns the OpenGL number of the texture with an edge's image; None without an image."""
+        """Returns the OpenGL number of the texture with an edge's image, or None without an image."""
         context = get_window_context()
         if cls.cached is None or cls.cached[0] is not context:
             cls.cached = context, PreviewTextures(context)

@@ -19,27 +19,35 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import BAD, GLASS, GOOD, INK, SHADOW, WAIT, Colour, get_performer_colour
 
 _PERFORMER_TEXT_SIZE = 26.0
-"""Text size in pixels of the lines about performers: readable from three metres."""
+"""Text size in pixels of the lines about performers. It is readable from three metres."""
 _CHARACTER_SIZE_TEXT_SIZE = 64.0
-"""Text size in pixels of a character's size, for the performer that scales it across the room."""
+"""Text size in pixels of a character's size. The performer that scales the character reads it from across the
+room.
+"""
 _GESTURE_TEXT_SIZE = 20.0
-"""Text size in pixels of the gesture hint: read once, from two metres."""
+"""Text size in pixels of the gesture hint. It is readable from two metres."""
 _TEXT_MARGIN = 18.0
-"""Distance in pixels of this text from the left and the top of the view."""
+"""Distance in pixels of the size and the gesture hint from the left and the top of the view."""
 _COUNT_IN_TEXT_SIZE = 150.0
-"""Text size in pixels of the count-in: visible across the room."""
+"""Text size in pixels of the count-in. It is visible from across the room."""
 _PLAY_BOTTOM_MARGIN = 64.0
-"""Distance in pixels from the bottom at which the lines begin in Play: above the live timeline."""
+"""Distance in pixels from the bottom of the view to the lines in the Play workspace. They are above the live
+timeline.
+"""
 _BOTTOM_MARGIN = 14.0
-"""The same distance in other workspaces."""
+"""Distance in pixels from the bottom of the view to the lines in other workspaces."""
 _UTTERANCE_BOTTOM = 96.0
-"""Distance in pixels from the top to the lower end of the recognised words: below the recording time."""
+"""Distance in pixels from the top of the view to the bottom of the recognised words. They are below the
+recording time.
+"""
 _LINE_PADDING = 14.0
 """Total height in pixels of the margins above and below a line of large text."""
 _GAP = 8.0
 """Gap in pixels between the text of an overlay and the recognised words."""
 _MIN_LINE_WIDTH = 240.0
-"""Minimum width in pixels of the lines next to the inset. With less space they cover it."""
+"""Minimum width in pixels of the lines next to the inset. If there is less space, the lines
+cover the inset.
+"""
 
 
 def draw_live(workspace: Workspace, area: Area, frame_rate: float) -> None:
@@ -125,7 +133,8 @@ def find_area_next_to_preview(area: Area, inset: tuple[float, float, float, floa
 
 
 def draw_holders(perform: PerformSession, draw_list: imgui.ImDrawList, area: Area) -> float:
-    """Draws the condition that Possess waits for, and the characters that performers control, one line each.
+    """Draws the condition for which Possess waits, and a line for each controlled character with its
+    performers.
 
     Returns:
         Distance in pixels from the bottom of the viewport to the top of the highest line; 0 without lines.
@@ -148,7 +157,7 @@ def draw_holders(perform: PerformSession, draw_list: imgui.ImDrawList, area: Are
 def find_utterance_bottom(text_bottom: float) -> float:
     """Returns the lower end of the recognised words in pixels from the top.
 
-    It lies below the text of overlays, which ends ``text_bottom`` pixels from the top; 0 without text.
+    It is below the overlay's text, which ends ``text_bottom`` pixels from the top; 0 without text.
     """
     below_text = text_bottom + _GAP + _PERFORMER_TEXT_SIZE + _LINE_PADDING
     return max(below_text, _UTTERANCE_BOTTOM) if text_bottom else _UTTERANCE_BOTTOM

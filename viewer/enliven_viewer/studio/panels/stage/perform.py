@@ -35,11 +35,11 @@ _FULL_WIDTH = ImVec2(-1, 0)
 _PRIMARY_HEIGHT = 40.0
 """Height in pixels of the two main buttons: easy to hit."""
 _STATUS_HEIGHT = 66.0
-"""Height in pixels of the stage's status box: three lines; more scroll."""
+"""Height in pixels of the stage's status box. It fits three lines, more lines scroll."""
 _TALL_STATUS_HEIGHT = 90.0
-"""Its height if the panel has space for a whole message with advice."""
+"""Height in pixels of the status box in a tall panel. It fits a message with advice."""
 _MIN_TALL_PANEL_HEIGHT = 520.0
-"""Minimum panel height in pixels for that."""
+"""Minimum height in pixels of a tall panel."""
 _DEFAULT_STILLNESS_S = 2.0
 """Default duration of stillness that ends a recording, in seconds. A dramatic pause is shorter."""
 _LOCAL_ADDRESS = "127.0.0.1"
@@ -52,7 +52,7 @@ _REMOVE_WIDTH = 58.0
 
 
 def draw_perform(workspace: Workspace, area: Area) -> None:
-    """Draws the panel at the right. The two main buttons stay at its top; the rest scrolls."""
+    """Draws the right panel. The two main buttons stay at its top, and the rest scrolls."""
     perform = workspace.perform
     with open_panel("perform", area):
         live = perform.live
@@ -62,7 +62,7 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
         _draw_main_buttons(workspace, perform)
         imgui.begin_child("##rest")
         _draw_stage_state(workspace, perform, live, area)
-        # Draw these also in the frame in which the user leaves the stage.
+        # Also draw these in the frame in which the user leaves the stage.
         _draw_performers(workspace, perform, live)
         _draw_characters(workspace, perform)
         for draw_section in workspace.perform_sections:
@@ -76,7 +76,7 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
 
 
 def _draw_main_buttons(workspace: Workspace, perform: PerformSession) -> None:
-    """Draws the two main buttons of a performance, always in the same place."""
+    """Draws the two main buttons of a performance. They are always at the same position."""
     size = ImVec2(
         (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2, _PRIMARY_HEIGHT
     )
@@ -94,9 +94,8 @@ def _draw_main_buttons(workspace: Workspace, perform: PerformSession) -> None:
 
 
 def _draw_record_button(workspace: Workspace, recording: StageRecording, size: ImVec2) -> None:
-    """Draws the button that starts or ends a recording.
-
-    A click triggers the action that the label named when the mouse button went down.
+    """Draws the button that starts or ends a recording. A click runs the action that was on the label when
+    the mouse button was pressed.
     """
     if recording.phase == "recording":
         label, drawn = tr("Stop   {0}", format_time(recording.seconds)), push_fill(BAD)
@@ -115,7 +114,7 @@ def _draw_record_button(workspace: Workspace, recording: StageRecording, size: I
 
 
 def describe_stage(perform: PerformSession) -> tuple[str, Colour]:
-    """Returns the state of the link as text, and its colour."""
+    """Returns the state of the connection as text, and the text's colour."""
     live = perform.live
     if live is None:
         return tr("No stage is connected"), QUIET
@@ -148,7 +147,7 @@ def _shorten_address(address: str) -> str:
 
 
 def _draw_stage_options(workspace: Workspace, perform: PerformSession, area: Area) -> None:
-    """Draws the options without a stage. No widget moves when cameras are found."""
+    """Draws the options for connecting to a stage. No widget moves when cameras are found."""
     draw_heading("Stage")
     state_text, colour = describe_stage(perform)
     position = imgui.get_cursor_screen_pos()
@@ -165,7 +164,7 @@ def _draw_stage_options(workspace: Workspace, perform: PerformSession, area: Are
     )[1]
     workspace.remember("voice wanted")
     draw_tooltip("Spoken commands; your voice stays on this computer. The panel then lists the phrases")
-    draw_heading("A camera elsewhere")
+    draw_heading("A camera on another computer")
     draw_edge_list(workspace)
     draw_note("Address of the computer with the camera. Or let a recorded person perform here.")
     imgui.set_next_item_width(-1)
@@ -194,10 +193,10 @@ def _draw_stage_options(workspace: Workspace, perform: PerformSession, area: Are
         workspace.attempt(lambda: perform.connect_local("--sensor", "webcam"))
     workspace.remember("webcam")
     draw_tooltip("A normal camera instead of a depth camera; experimental (MediaPipe finds the bodies)")
-    if imgui.button(labelled(tr("A made-up person"), "A made-up person"), _FULL_WIDTH):
+    if imgui.button(labelled(tr("A simulated person"), "A simulated person"), _FULL_WIDTH):
         workspace.attempt(lambda: perform.connect_local("--sensor", "synthetic"))
     workspace.remember("made-up person")
-    draw_tooltip("A figure that waves and walks, for trying things out")
+    draw_tooltip("A simulated figure that waves and walks, for testing")
 
 
 def _draw_stage_state(workspace: Workspace, perform: PerformSession, live: LiveStage, area: Area) -> None:
@@ -267,12 +266,12 @@ def _draw_other_cameras(workspace: Workspace, perform: PerformSession) -> None:
 
 
 def _draw_recording_options(workspace: Workspace, recording: StageRecording) -> None:
-    """Draws the recording options; the record button is at the top."""
+    """Draws the recording options. The record button is at the top of the panel."""
     draw_heading("Record")
     last = recording.last_recording
     imgui.begin_disabled(recording.phase != "idle" or not last)
     if imgui.button(
-        labelled(tr("Again, and keep {0}", last or tr("the last one")), "again beside"), _FULL_WIDTH
+        labelled(tr("Record again, and keep {0}", last or tr("the last one")), "again beside"), _FULL_WIDTH
     ):
         recording.record_again(keeps_last=True)
     workspace.remember("again beside")
@@ -297,7 +296,7 @@ def _draw_end_conditions(workspace: Workspace, recording: StageRecording) -> Non
         labelled(tr("Stop when all hold still"), "Stop when all hold still"), still
     )
     workspace.remember("hold still")
-    draw_tooltip("The still end is cut off")
+    draw_tooltip("The end, in which all hold still, is cut off")
     if changed:
         recording.hold_still = _DEFAULT_STILLNESS_S if still else 0.0
     if still:
@@ -318,14 +317,13 @@ def _draw_end_conditions(workspace: Workspace, recording: StageRecording) -> Non
     recording.loops = imgui.checkbox(labelled(tr("Record in a loop"), "Record in a loop"), recording.loops)[1]
     workspace.remember("loops")
     draw_tooltip(
-        "The marked time is recorded again and again until you stop; all are kept, the last one plays"
+        "Records the marked time repeatedly until you stop. All takes are kept, and the last one plays"
     )
 
 
 def _draw_characters(workspace: Workspace, perform: PerformSession) -> None:
-    """Draws all characters, those of the project first, in a scrolling list of fixed height.
-
-    A character keeps its line when it enters or leaves the stage, and when other edges add their characters.
+    """Draws all characters in a scrolling list of fixed height, the project's characters first. A character's
+    line stays in place when the character enters or leaves the stage, and when other edges add characters.
     """
     draw_heading("Characters")
     editor = workspace.editor
@@ -355,9 +353,8 @@ def _draw_characters(workspace: Workspace, perform: PerformSession) -> None:
 
 
 def _scroll_to_list(workspace: Workspace) -> None:
-    """Scrolls the panel to the list of characters if one of its lines is requested.
-
-    The list alone would scroll only its own lines.
+    """Scrolls the panel to the list of characters if the tour or a script requests one of its lines.
+    Otherwise only the list itself would scroll.
     """
     drawn = workspace.drawn
     if drawn.is_user_scrolling or not any(name.startswith(_WIDGET_PREFIXES) for name in drawn.targets):
@@ -371,7 +368,7 @@ def _scroll_to_list(workspace: Workspace) -> None:
 def _draw_character(workspace: Workspace, perform: PerformSession, name: str, available_width: float) -> None:
     """Draws one character's line: its name, its state, and the button that removes it from the stage.
 
-    The state is held, free, or the reason why the character is not on the stage.
+    The state is the performer in control, "free", or the reason why the character is not on the stage.
     """
     standing = name in perform.stage_ids
     is_in_project, flags = name in workspace.editor.project.characters, imgui.SelectableFlags_.allow_overlap
@@ -434,7 +431,7 @@ def _draw_performers(workspace: Workspace, perform: PerformSession, live: LiveSt
     workspace.remember("release")
     draw_tooltip("Let go  (R)")
     if imgui.checkbox(
-        labelled(tr("Only who is here now performs"), "Only who is here now performs"), choice.locked
+        labelled(tr("Only people here now may perform"), "Only people here now may perform"), choice.locked
     )[0]:
         live.toggle_lock()
     workspace.remember("lock")

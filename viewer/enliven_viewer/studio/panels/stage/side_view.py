@@ -1,4 +1,4 @@
-"""Draws a side view of the limb that is about to be attached, in a corner of the view."""
+"""Draws a side view of the limb that the next possession attaches, in a corner of the view."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import INK, LINE, UNTINTED
 
 _HEIGHT_FRACTION = 0.3
-"""Fraction of the view's height."""
+"""Height as a fraction of the view's height."""
 _MIN_HEIGHT = 104.0
 """Minimum height in pixels, so that the limb is recognisable."""
 _MAX_HEIGHT = 400.0
-"""Maximum height in pixels: a larger image shows no more detail."""
+"""Maximum height in pixels. A larger image shows no more detail."""
 _ASPECT = 1.2
-"""Aspect ratio, the same as for the inset in the other corner."""
+"""Aspect ratio, equal to that of the camera preview in another corner."""
 _MARGIN = 14.0
 """Distance in pixels from the border of the view."""
 _TEXT_SIZE = 13.0
@@ -25,7 +25,7 @@ _TEXT_SIZE = 13.0
 
 
 def find_side_view_area(workspace: Workspace, area: Area) -> Area:
-    """Returns the area of the side view in the window: at the top right, or below an inset there."""
+    """Returns the area of the side view in the window: at the top right, or below a camera preview there."""
     height = min(
         max(_HEIGHT_FRACTION * area.height, _MIN_HEIGHT), _MAX_HEIGHT, max(area.height / 2 - _MARGIN, 1.0)
     )

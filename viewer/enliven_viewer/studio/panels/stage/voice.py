@@ -1,4 +1,4 @@
-"""The microphone in the Perform panel, in a fixed space: switch, state, and recognised words."""
+"""Draws the microphone switch, its state, and the recognised words in a fixed area of the Perform panel."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import BAD, GOOD, INK, QUIET, WAIT
 
 _MICROPHONE_ICON, _MUTED_ICON = "\uf130", "\uf131"
-"""Icons of Font Awesome 4."""
+"""Font Awesome 4 icons of the open and of the closed microphone."""
 _ROW_HEIGHT = 40.0
 """Fixed height of the row in pixels: two lines of small text."""
 _SWITCH_SIZE = 36.0
-"""Side of the switch in pixels: easy to hit."""
+"""Side length of the switch in pixels. It is easy to hit."""
 _HELP_SIZE = 24.0
-"""Side in pixels of the button that lists the phrases."""
+"""Side length in pixels of the button that lists the phrases."""
 _PHYSICS_HEIGHT = 50.0
 """Height in pixels of the physics state: three lines of small text."""
 _COMMAND_LABELS = Texts(
@@ -41,7 +41,7 @@ _COMMAND_LABELS = Texts(
         "again": "records again",
     }
 )
-"""The artist's words for the edge's commands."""
+"""Displayed descriptions of the edge's commands."""
 _DESCRIPTIONS_X = 210.0
 """Horizontal position in pixels of the descriptions in the list of phrases."""
 _POPUP_ID = "phrases"
@@ -91,14 +91,14 @@ def draw_voice(workspace: Workspace, perform: PerformSession) -> None:
 
 
 def describe_command(action: str) -> str:
-    """Returns the artist's words for a command of the edge such as "possess left arm"."""
+    """Returns the displayed description of a command of the edge, such as "possess left arm"."""
     verb, _, parts = action.partition(" ")
     label = _COMMAND_LABELS.get(verb, verb)
     return f"{label}: {parts}" if parts else label
 
 
 def draw_physics(workspace: Workspace, perform: PerformSession) -> None:
-    """Draws the selection of loose objects and their requirements, in a fixed space."""
+    """Draws the selection of loose objects and their requirements, in a fixed area."""
     physics = perform.physics
     draw_heading("Physics")
     imgui.begin_disabled(physics.state is None)

@@ -18,9 +18,9 @@ _TAB_TIPS = {
     "Play": "Only the picture",
 }
 _TAB_WIDTH = 84.0
-"""Width of a tab in pixels: the longest name with margins."""
+"""Width of a tab in pixels. It fits the longest name with margins."""
 _NARROW_TAB_WIDTH = 64.0
-"""Width in pixels of a tab in a narrow window: the longest name, and the dot of a recording."""
+"""Width in pixels of a tab in a narrow window. It fits the longest name and the recording dot."""
 _MIN_GAP = 12.0
 """Minimum gap in pixels between the menus and the first tab."""
 

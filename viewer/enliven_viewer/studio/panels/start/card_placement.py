@@ -1,4 +1,4 @@
-"""The placement of the tour's card and arrow: near their target, without covering anything important."""
+"""Places the tour's card and arrow near their target, so that they cover nothing important."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ Rectangle = tuple[float, float, float, float]
 Segment = tuple[tuple[float, float], tuple[float, float]]
 """Start and end of an arrow in pixels."""
 _MAX_ARROW_PX = 56.0
-"""Maximum length of an arrow in pixels. A longer one would cross the target's neighbours."""
+"""Maximum length of an arrow in pixels. A longer arrow would cross widgets next to the target."""
 _MIN_ARROW_PX = 11.0
-"""Minimum length of an arrow in pixels: it would only be a head."""
+"""Minimum length of an arrow in pixels. A shorter arrow would only consist of its head."""
 _TARGET_GAP_PX = 26.0
 """Gap in pixels between the card and its target: space for the arrow."""
 _EDGE_MARGIN_PX = 10.0
@@ -29,7 +29,8 @@ def place_card(
     picture: Rectangle | None = None,
     before: tuple[float, float] | None = None,
 ) -> tuple[float, float]:
-    """Returns the top left corner of the card: next to its target, or in the corner where it covers least.
+    """Returns the top left corner of the card. The card is next to its target, or in the corner where it
+    covers the least.
 
     Args:
         size: width and height of the card.
@@ -65,20 +66,22 @@ def place_card(
         )
         for x, y in positions
     ]
-    # min returns the first of equally good places. The nearest places come first in the list.
+    # min returns the first of several positions with equal cost. The nearest positions come first in the
+    # list.
     return min([*clamped, *corners], key=lambda position: _compute_cost(position, size, target, others))
 
 
 def place_arrow(card: Rectangle, target: Rectangle, widgets: Sequence[Rectangle]) -> Segment | None:
-    """Returns the arrow to a target: from the card, or from a side where it crosses no other widget.
+    """Returns the arrow to a target. It comes from the card, or from a direction in which it crosses no other
+    widget.
 
     Only the end of a long arrow is drawn; it still shows the direction.
 
     Args:
-        widgets: the widgets of the window, with the target or without.
+        widgets: the widgets of the window. They may include the target.
 
     Returns:
-        The arrow, or None if the card is too close for one.
+        The arrow, or None if the card is too close to the target.
     """
     start, end = _find_nearest_points(card, target)
     length = math.dist(start, end)
@@ -126,7 +129,7 @@ def _do_touch(first: Rectangle, second: Rectangle) -> bool:
 
 
 def _find_corners(size: tuple[float, float], area: Rectangle) -> list[tuple[float, float]]:
-    """Returns the top left corner of a card in each corner of an area, those at the right first."""
+    """Returns the top left corner of a card in each corner of an area, the right corners first."""
     left, top, right, bottom = area
     across = max(right - size[0] - _EDGE_MARGIN_PX, left + _EDGE_MARGIN_PX), left + _EDGE_MARGIN_PX
     down = max(bottom - size[1] - _EDGE_MARGIN_PX, top + _EDGE_MARGIN_PX), top + _EDGE_MARGIN_PX
@@ -139,7 +142,9 @@ def _compute_cost(
     target: Rectangle | None,
     others: Sequence[Rectangle],
 ) -> float:
-    """Returns the covered area in square pixels; the target's area has by far the highest cost."""
+    """Returns the cost of a position: the covered area in square pixels. Covering the target has by far the
+    highest cost.
+    """
     card = position[0], position[1], position[0] + size[0], position[1] + size[1]
     cost = sum(_measure_overlap(card, other) for other in others)
     return round(cost + (_TARGET_COVER_COST * _measure_overlap(card, target) if target is not None else 0.0))

@@ -19,8 +19,8 @@ _PAGE_WIDTH = 560.0
 _COLUMN_WIDTH = 250.0
 """Width in pixels of a column and of its buttons, if there is enough space."""
 _MIN_COLUMN_WIDTH = 200.0
-"""Minimum width in pixels of a column, given by the longest button. On a narrower page the columns are
-stacked.
+"""Minimum width in pixels of a column. It fits the longest button. On a narrower page, one column is below
+the other.
 """
 _COLUMN_GAP = 24.0
 """Gap in pixels between the two columns."""
@@ -36,11 +36,13 @@ _WINDOW_FLAGS = (
     | imgui.WindowFlags_.no_focus_on_appearing
 )
 _FIRST_ACTIONS = ("perform.stand", "tool.sketch", "file.open", "help.tour")
-"""Actions to begin with; those missing from the table are left out."""
+"""The actions on the start page. Actions that are missing from the table are omitted."""
 
 
 def draw_start(workspace: Workspace, area: Area) -> None:
-    """Draws the start page if it is open or the tour points at it, else the text on an empty stage."""
+    """Draws the start page if it is open or the tour points at it. Otherwise draws the text on an empty
+    stage.
+    """
     tour = workspace.tour
     if tour is not None and tour.wants_samples:
         _draw_page(workspace, area)
@@ -57,7 +59,7 @@ def _draw_page(workspace: Workspace, area: Area) -> None:
     middle = ImVec2(area.x + area.width / 2, area.y + area.height / 2)
     imgui.set_next_window_pos(middle, imgui.Cond_.always, ImVec2(0.5, 0.5))
     width, height = min(_PAGE_WIDTH, area.width - 2 * _EDGE_MARGIN), area.height - 2 * _EDGE_MARGIN
-    # Make the page as tall as its contents. In a small window it scrolls.
+    # The page is as tall as its contents. In a small window it scrolls.
     imgui.set_next_window_size_constraints(ImVec2(width, 0), ImVec2(width, max(height, 1.0)))
     imgui.set_next_window_size(ImVec2(width, 0))
     imgui.begin(labelled(tr("Start"), "Start"), None, _WINDOW_FLAGS)

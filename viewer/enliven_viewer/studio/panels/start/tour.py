@@ -17,13 +17,13 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, DARK, GOOD, INK, QUIET
 
 _CARD_WIDTH = 330.0
-"""Width of the card in pixels: a sentence in two lines, and four buttons."""
+"""Width of the card in pixels. It fits a sentence in two lines, and four buttons."""
 _SENTENCE_TEXT_SIZE = 19.0
-"""Text size of the sentence in pixels: readable for a child, and for a person that stands."""
+"""Text size of the sentence in pixels. It is readable for children, and for people that stand."""
 _ICON_SIZE = 26.0
 """Size in pixels of a step's icon: the same as on the target's button, but larger."""
 _BUTTON_HEIGHT = 30.0
-"""Height of the buttons in pixels: easy to hit."""
+"""Height of the buttons in pixels. They are easy to hit."""
 _DOT_RADIUS = 4.0
 """Radius in pixels of a step's dot."""
 _OUTLINE_GAP = 5.0
@@ -31,7 +31,7 @@ _OUTLINE_GAP = 5.0
 _OUTLINE_WIDTH = 3.0
 """Width of the outline in pixels."""
 _PULSE_S = 1.4
-"""Period in seconds of the pulsing outline: calm, but visible from the corner of the eye."""
+"""Period in seconds of the pulsing outline. It is slow, but noticeable in peripheral vision."""
 _ARROW_HEAD_SIZE = 11.0
 """Size in pixels of an arrow's head."""
 _DASH_LENGTH = 9.0
@@ -39,9 +39,9 @@ _DASH_LENGTH = 9.0
 _HAND_SIZE = 30.0
 """Size of the hand in pixels."""
 _TOUR_WIDGETS = ("tour card", "tour outline")
-"""The tour's own entries among the widgets of the window."""
+"""Names of the tour's own widgets."""
 _TOOLTIP_EXTENT = (380.0, 58.0)
-"""Extent in pixels of a widget's tooltip, to both sides and below its middle."""
+"""Extent in pixels of a widget's tooltip: to each side of the widget's centre, and below it."""
 _WINDOW_FLAGS = (
     imgui.WindowFlags_.no_title_bar
     | imgui.WindowFlags_.no_resize
@@ -74,7 +74,7 @@ def draw_tour(workspace: Workspace, places: PanelLayout) -> None:
     target = tour.outline((area.x, area.y))
     dialogue = bool(workspace.asking)
     if dialogue and not any(name.startswith(("file name", "dialog")) for name in tour.target.widgets):
-        target = None  # The dialogue covers the target, so do not point at it.
+        target = None  # A dialogue covers the target, so do not point at it.
     shape = _add_margin(target) if target is not None else None
     if dialogue:
         card = _draw_bubble(tour, shape)
@@ -139,7 +139,7 @@ def _draw_card(workspace: Workspace, tour: Tour, places: PanelLayout, shape: Rec
     page = workspace.drawn.find(("start page",))
     others += [page[1]] if page is not None else []
     picture = area.x, area.y, area.x + area.width, area.y + area.height
-    # Move the card only when its sentence changes. Otherwise its buttons must stay under the pointer.
+    # Move the card only when its sentence changes, so that its buttons stay under the pointer.
     key = tour.number, tour.text, tour.done_display_s > 0.0, width, height, size.x, size.y, shape is None
     before = tour.card if tour.card_key == key or tour.done_display_s > 0.0 else None
     target = _add_drag_path(tour, area, shape)
@@ -161,7 +161,7 @@ def _draw_card(workspace: Workspace, tour: Tour, places: PanelLayout, shape: Rec
 
 
 def _add_drag_path(tour: Tour, area: Area, shape: Rectangle | None) -> Rectangle | None:
-    """Returns the outline together with the drag path."""
+    """Returns the bounding box of the target's outline and the drag path."""
     if shape is None or not tour.target.path:
         return shape
     across = [area.x + x for x, _ in tour.target.path]
@@ -178,7 +178,7 @@ def _get_sentence(tour: Tour) -> str:
 def _find_height(tour: Tour, width: float) -> float:
     """Returns the height of the card in pixels.
 
-    ImGui's auto-size knows it one frame late, and would clip the card.
+    ImGui's automatic size is one frame late, and would clip the card.
     """
     style = imgui.get_style()
     text_width = width - 2 * style.window_padding.x
@@ -261,9 +261,8 @@ def _draw_buttons(workspace: Workspace, tour: Tour) -> None:
 
 
 def _draw_bubble(tour: Tour, shape: Rectangle | None) -> Rectangle | None:
-    """Draws only the sentence, next to its target in a dialogue.
-
-    Windows below a dialogue cannot be clicked.
+    """Draws only the sentence, next to its target in a dialogue. The card's buttons could not be clicked
+    while a dialogue is open.
     """
     if shape is None:
         return None
@@ -273,7 +272,7 @@ def _draw_bubble(tour: Tour, shape: Rectangle | None) -> Rectangle | None:
     width, height = text_size.x * grown + 24, text_size.y * grown + 16
     x = min(max(shape[0], 8.0), size.x - width - 8.0)
     above, below = shape[1] - 14 - height, shape[3] + 14
-    # For a field the card goes above, because the buttons are below the field.
+    # If the target is a text field, draw the sentence above it, because the dialogue's buttons are below.
     is_field = shape[2] - shape[0] > size.x / 3
     y = above if is_field or below + height > size.y else below
     draw_list.add_rect_filled(ImVec2(x, y), ImVec2(x + width, y + height), pack_colour(DARK), 8.0)
@@ -339,7 +338,7 @@ def _draw_drag_path(draw_list: imgui.ImDrawList, points: list[ImVec2]) -> None:
 
 
 def _draw_hand(workspace: Workspace, tour: Tour) -> None:
-    """Draws the hand of a demonstration, and passes on the letters that it types."""
+    """Draws the hand of a demonstration, and passes the letters that it types to ImGui."""
     showing = tour.demonstration
     if showing is None:
         return
