@@ -24,7 +24,7 @@ from made_acting_stage import NEEDS, acting_stage, ready_for
 
 from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.picture.viewport import Viewport
-from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 report: dict[str, object] = {"done": False, "menu": [], "keys": [], "refused": {}, "complaints": []}

@@ -16,8 +16,8 @@ from enliven.document.project import are_identical
 from enliven.errors import InputError
 from enliven.formats.project.file import read_project, write_project
 from enliven.rotation import from_rotation_vector, rotate
-from enliven_viewer.studio.numbers.quantity import ANGLE, LENGTH, PERCENTAGE, TIME
-from enliven_viewer.studio.viewport.snapping import Snapping
+from enliven_viewer.studio.app.quantity import ANGLE, LENGTH, PERCENTAGE, TIME
+from enliven_viewer.studio.editor.snapping import Snapping
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 SESSION = Path(__file__).parents[1] / "studio_numbers_session.py"

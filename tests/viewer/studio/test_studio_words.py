@@ -73,7 +73,7 @@ def test_latency_is_worded_and_shown_only_if_noticeable() -> None:
 
 
 def test_number_of_examples_is_rated_without_percents() -> None:
-    from enliven_viewer.studio.examples.coverage import TakeCoverage
+    from enliven_viewer.studio.puppets.coverage import TakeCoverage
 
     fields = dict.fromkeys(TakeCoverage.__dataclass_fields__, None)
     coverage = TakeCoverage(**{**fields, "take": "sway", "needed": 1, "remaining_distance": 1.38})

@@ -16,7 +16,7 @@ from enliven_viewer.studio.app.targets import DrawnWidgets, Rectangle
 from enliven_viewer.studio.app.time_axis import TimeAxis
 from enliven_viewer.studio.app.viewport_input import ViewportInput, make_tool_action
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.numbers.selection_transform import SelectionTransform
+from enliven_viewer.studio.editor.selection_transform import SelectionTransform
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.tools.base import Tool
 

@@ -10,8 +10,8 @@ from typing import Any, Literal
 import moderngl
 
 from enliven_viewer.render.gl.targets import RenderTarget
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.panel_layout import Area
 
 PanelPlace = Literal["right", "selection", "bottom", "above timeline", "beside view", "below view"]
 

@@ -16,6 +16,7 @@ from enliven.mapping.quality import (
 from enliven.mapping.softening import limb_name
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.app.fields import draw_tooltip
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import (
     FIXED_WINDOW_FLAGS,
     draw_heading,
@@ -24,7 +25,6 @@ from enliven_viewer.studio.app.style import (
     pack_colour,
     use_small_text,
 )
-from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.sources.motion_matches import MotionMatch
 from enliven_viewer.studio.tools.map import MapTool
 from enliven_viewer.studio.workspace.workspace import Workspace

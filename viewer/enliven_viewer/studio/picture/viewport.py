@@ -14,8 +14,8 @@ from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.render.scene import PLAIN, Scene, SceneCharacter
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.app.contributions import RenderPass
+from enliven_viewer.studio.picture.puppet_overlay import PuppetOverlay
 from enliven_viewer.studio.picture.skeletons import make_skeleton_rows
-from enliven_viewer.studio.puppets.puppet_overlay import PuppetOverlay
 from enliven_viewer.studio.tools.base import EMPTY_PICTURE, ToolPicture
 from enliven_viewer.studio.viewport.overlay import Overlay
 from enliven_viewer.studio.viewport.picking import Lens

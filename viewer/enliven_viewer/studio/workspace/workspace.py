@@ -12,15 +12,14 @@ from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.palette_search import PaletteSearch
 from enliven_viewer.studio.actions.shortcut_capture import ShortcutCapture
 from enliven_viewer.studio.app.app import App
-from enliven_viewer.studio.background import WorkProgress
+from enliven_viewer.studio.editor.background import WorkProgress
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.examples.coverage import CoverageCache
 from enliven_viewer.studio.features.registry import register_features
-from enliven_viewer.studio.motions import read_library
 from enliven_viewer.studio.outliner.actions import make_outliner_actions
 from enliven_viewer.studio.outliner.outliner import Outliner
 from enliven_viewer.studio.perform.actions import make_perform_actions
 from enliven_viewer.studio.perform.session import PerformSession
+from enliven_viewer.studio.puppets.coverage import CoverageCache
 from enliven_viewer.studio.start.tour import Tour
 from enliven_viewer.studio.workspace.action_table import make_studio_actions
 from enliven_viewer.studio.workspace.commands import Commands
@@ -39,6 +38,7 @@ from enliven_viewer.studio.workspace.files import (
     list_exportable,
     list_suffixes,
     read_addable_file,
+    read_library,
     save_session,
 )
 from enliven_viewer.studio.workspace.project_comparison import (

@@ -6,6 +6,7 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
 from enliven_viewer.studio.app.fields import draw_tooltip
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import (
     CLOSED_EYE_ICON,
     EYE_ICON,
@@ -14,10 +15,9 @@ from enliven_viewer.studio.app.style import (
     push_colours,
     use_small_text,
 )
+from enliven_viewer.studio.editor.takes import delete_take_row
 from enliven_viewer.studio.outliner.outliner import Outliner
-from enliven_viewer.studio.outliner.takes import delete_take_row
 from enliven_viewer.studio.outliner.tree import CHARACTER, GROUP, HANDLE, LIVE, TAKE, Row
-from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.tools.map import MapTool
 from enliven_viewer.studio.viewport.colours import choose_default_colour
 from enliven_viewer.studio.workspace.workspace import Workspace

@@ -8,8 +8,8 @@ from enliven_viewer.language import tr
 from enliven_viewer.live.hud import Hud
 from enliven_viewer.live.match_cards import make_cards
 from enliven_viewer.render.overlay.canvas import Pen
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import pack_colour
-from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.stage.live import draw_holders, draw_size
 from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import GLASS, INK

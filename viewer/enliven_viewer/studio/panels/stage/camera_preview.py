@@ -15,8 +15,8 @@ from enliven_viewer.language import tr
 from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.playback.document import find_bounds
 from enliven_viewer.render.overlay.match_lines import find_limb_tints
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import draw_caption, pack_colour
-from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.perform.preview_placement import (
     DEFAULT_ASPECT,
     PreviewPlacement,

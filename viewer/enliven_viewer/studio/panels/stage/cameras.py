@@ -9,8 +9,8 @@ from enliven.arrays import UInt8
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.render.gl.context import get_window_context
 from enliven_viewer.studio.app.fields import draw_tooltip
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import draw_heading, draw_note, open_list_box, push_colours
-from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.perform.cameras import Camera, CameraSearch
 from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import WAIT

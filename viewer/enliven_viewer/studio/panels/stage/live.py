@@ -12,8 +12,8 @@ from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.live.match_cards import make_cards
 from enliven_viewer.playback.timeline import NS_PER_S
 from enliven_viewer.render.overlay.canvas import Pen
+from enliven_viewer.studio.app.panel_layout import HOLDER_LINE_HEIGHT, Area
 from enliven_viewer.studio.app.style import pack_colour
-from enliven_viewer.studio.panel_layout import HOLDER_LINE_HEIGHT, Area
 from enliven_viewer.studio.perform.session import PerformSession
 from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import BAD, GLASS, GOOD, INK, SHADOW, WAIT, Colour, get_performer_colour

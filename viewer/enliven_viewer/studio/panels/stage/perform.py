@@ -12,6 +12,7 @@ from enliven_viewer.live.hud import describe_delay, format_time
 from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.live.possession_choice import PART_CHOICES
 from enliven_viewer.studio.app.fields import draw_tooltip
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import (
     draw_heading,
     draw_note,
@@ -22,7 +23,6 @@ from enliven_viewer.studio.app.style import (
     push_fill,
     use_small_text,
 )
-from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.stage.cameras import draw_cameras, shorten_text
 from enliven_viewer.studio.panels.stage.edge_list import draw_edge_list
 from enliven_viewer.studio.panels.stage.voice import draw_physics, draw_voice

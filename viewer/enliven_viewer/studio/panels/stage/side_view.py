@@ -5,8 +5,8 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import draw_caption, pack_colour
-from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import INK, LINE, UNTINTED
 

@@ -8,8 +8,8 @@ import math
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, later, tr
+from enliven_viewer.studio.app.panel_layout import MENU_HEIGHT, Area, PanelLayout
 from enliven_viewer.studio.app.style import pack_colour, push_fill
-from enliven_viewer.studio.panel_layout import MENU_HEIGHT, Area, PanelLayout
 from enliven_viewer.studio.panels.start.card_placement import Rectangle, place_arrow, place_card
 from enliven_viewer.studio.start.tour import Tour
 from enliven_viewer.studio.start.tour_steps import TOUR_STEPS

@@ -8,8 +8,8 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.studio.app.fields import draw_action_button
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import BODY_TEXT_SIZE, draw_heading, draw_note, pack_colour
-from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.workspace.files import SAMPLES
 from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import INK, QUIET

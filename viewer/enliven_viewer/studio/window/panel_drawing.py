@@ -5,18 +5,16 @@ from __future__ import annotations
 from imgui_bundle import imgui
 
 from enliven_viewer.studio.app.contributions import PanelPlace
-from enliven_viewer.studio.panel_layout import TIMELINE_HEIGHT, Area, PanelLayout, lay_out_panels
-from enliven_viewer.studio.panels.files.progress_box import draw_progress_box
-from enliven_viewer.studio.panels.menu import draw_menu
+from enliven_viewer.studio.app.panel_layout import TIMELINE_HEIGHT, Area, PanelLayout, lay_out_panels
+from enliven_viewer.studio.panels.menu import draw_menu, draw_workspace_tabs
 from enliven_viewer.studio.panels.outliner.outliner import draw_outliner, split_outliner
 from enliven_viewer.studio.panels.side import draw_side
 from enliven_viewer.studio.panels.source import draw_source, split_side
 from enliven_viewer.studio.panels.stage.perform import draw_perform
-from enliven_viewer.studio.panels.stage.workspace_tabs import draw_workspace_tabs
 from enliven_viewer.studio.panels.toolbar import draw_toolbar
-from enliven_viewer.studio.panels.viewport_overlay import draw_overlay
+from enliven_viewer.studio.panels.viewport_overlay import draw_overlay, draw_progress_box
 from enliven_viewer.studio.tools.map import MapTool
-from enliven_viewer.studio.window_pictures import WindowPictures
+from enliven_viewer.studio.window.window_pictures import WindowPictures
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 _HIDDEN_PANELS: dict[str, tuple[str, ...]] = {

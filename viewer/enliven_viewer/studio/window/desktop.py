@@ -7,6 +7,7 @@ and pointer use logical pixels everywhere, and no other code depends on the scal
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,40 @@ import glfw
 from imgui_bundle import ImVec2, imgui
 from imgui_bundle.glfw_utils import glfw_window_hello_imgui
 
-from enliven_viewer.studio.pointer_path import PointerPath
 from enliven_viewer.studio.workspace.workspace import Workspace
+
+PointerPosition = tuple[float, float]
+"""Position in pixels from the window's top left corner."""
+_MAX_POSITIONS = 4096
+"""Maximum number of stored positions: four seconds of a mouse with 1000 events per second."""
+
+
+class PointerPath:
+    """The positions from the window's own events, consumed frame by frame up to ImGui's current position.
+
+    ImGui processes moves and buttons in order. In one frame it goes no further than the next button change.
+    Later positions are kept for the next frame, so that a stroke begins where the button was pressed.
+    """
+
+    def __init__(self) -> None:
+        self._positions: list[PointerPosition] = []
+
+    def add(self, x: float, y: float) -> None:
+        """Adds the position of a pointer event, in whole pixels like ImGui's."""
+        self._positions.append((float(math.floor(x)), float(math.floor(y))))
+        del self._positions[:-_MAX_POSITIONS]
+
+    def take(self, at: PointerPosition) -> list[PointerPosition]:
+        """Returns the positions up to ImGui's current one, which comes last."""
+        if at not in self._positions:
+            # The pointer was moved without an event, for example by a test, so the older positions do not
+            # belong to its path.
+            self._positions.clear()
+            return [at]
+        end = self._positions.index(at) + 1
+        taken, self._positions = self._positions[:end], self._positions[end:]
+        return taken
+
 
 _MIN_LAYOUT_SIZE = (640.0, 360.0)
 """Minimum layout size in logical pixels, so that large text in a small window stays usable."""

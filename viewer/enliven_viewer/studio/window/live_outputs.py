@@ -15,7 +15,7 @@ from enliven.takes.rigged import skeleton_from_bones
 from enliven_viewer.language import later
 from enliven_viewer.render.scene import Scene
 from enliven_viewer.studio.viewport.stage_character import StageCharacter
-from enliven_viewer.studio.window_pictures import find_shown_characters, find_shown_scene
+from enliven_viewer.studio.window.window_pictures import find_shown_characters, find_shown_scene
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 

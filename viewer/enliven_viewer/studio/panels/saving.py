@@ -1,14 +1,45 @@
-"""Asks what to do if another window has saved the project's file: save elsewhere, compare, or overwrite."""
+"""The dialogues that prevent data loss: unsaved work, and a file that another window has saved."""
 
 from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, tr
-from enliven_viewer.studio.app.style import draw_note
-from enliven_viewer.studio.panels.modal import draw_button, open_modal
+from enliven_viewer.live.hud import format_time
+from enliven_viewer.studio.app.style import draw_note, push_colours
+from enliven_viewer.studio.panels.modal import draw_button, draw_choice, open_modal
 from enliven_viewer.studio.workspace.project_comparison import Difference
 from enliven_viewer.studio.workspace.workspace import Workspace
+from enliven_viewer.theme import BAD
+
+
+def draw_unsaved(workspace: Workspace) -> None:
+    """Draws the dialogue that asks before work is lost."""
+    with open_modal("Save your work?", 430) as shown:
+        if not shown:
+            return
+        if workspace.store.records:
+            _draw_recording(workspace)
+        name = workspace.store.name
+        imgui.text_wrapped(
+            tr("{0} has changes that are not saved. They are lost unless you save them.", name)
+        )
+        imgui.dummy(ImVec2(0, 6))
+        if draw_choice(workspace, "Save", "Cancel"):
+            workspace.go_on(discard=False)
+        imgui.same_line(0.0, 40)
+        if draw_button(workspace, "Discard"):
+            workspace.go_on(discard=True)
+
+
+def _draw_recording(workspace: Workspace) -> None:
+    """Draws that a recording is running, its length, and the effect of each button."""
+    seconds = format_time(workspace.perform.recording.seconds)
+    with push_colours(BAD, imgui.Col_.text):
+        imgui.text_unformatted(tr("A recording is running: {0}", seconds))
+    imgui.text_wrapped(tr("Save ends it and keeps it. Discard throws it away. Cancel lets it go on."))
+    imgui.dummy(ImVec2(0, 6))
+
 
 _LIST_HEIGHT = 150.0
 """Height in pixels of the list of differences: seven rows; more scroll."""

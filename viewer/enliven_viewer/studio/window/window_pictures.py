@@ -12,8 +12,8 @@ from imgui_bundle import imgui
 from enliven.arrays import UInt8
 from enliven_viewer.render.gl.context import get_window_context
 from enliven_viewer.render.scene import Scene
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import to_screen_pixels
-from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.stage.side_view import find_side_view_area
 from enliven_viewer.studio.picture.preview_textures import PreviewTextures
 from enliven_viewer.studio.picture.viewport import Viewport

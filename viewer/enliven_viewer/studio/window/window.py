@@ -15,11 +15,8 @@ from enliven.supervision.lifetime import parent_is_gone
 from enliven_viewer.live.idle_loop import IdleLoop
 from enliven_viewer.settings import WindowStart
 from enliven_viewer.studio.actions.imgui_keys import KEYS, find_held_modifiers
+from enliven_viewer.studio.app.panel_layout import Area, PanelLayout
 from enliven_viewer.studio.app.style import apply_colours, apply_style, load_fonts
-from enliven_viewer.studio.desktop import Desktop
-from enliven_viewer.studio.live_outputs import WindowOutputs
-from enliven_viewer.studio.panel_drawing import draw_panels, make_panel_layout
-from enliven_viewer.studio.panel_layout import Area, PanelLayout
 from enliven_viewer.studio.panels.dialogs import draw_dialogs
 from enliven_viewer.studio.panels.stage.audience import draw_audience
 from enliven_viewer.studio.panels.stage.camera_preview import draw_camera_previews
@@ -27,7 +24,10 @@ from enliven_viewer.studio.panels.stage.live import draw_live
 from enliven_viewer.studio.panels.stage.side_view import draw_side_view
 from enliven_viewer.studio.panels.start.tour import draw_tour
 from enliven_viewer.studio.perform.preview_placement import PreviewPlacement
-from enliven_viewer.studio.window_pictures import WindowPictures, hides_live
+from enliven_viewer.studio.window.desktop import Desktop
+from enliven_viewer.studio.window.live_outputs import WindowOutputs
+from enliven_viewer.studio.window.panel_drawing import draw_panels, make_panel_layout
+from enliven_viewer.studio.window.window_pictures import WindowPictures, hides_live
 from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import get_theme
 from enliven_viewer.window import WindowRectangle, is_minimised, toggle_full_screen
