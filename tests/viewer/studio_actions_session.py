@@ -23,7 +23,7 @@ from deeds import by_key, by_menu, menu_path, press, scripted
 from made_acting_stage import NEEDS, acting_stage, ready_for
 
 from enliven_viewer.studio.actions.action import Action
-from enliven_viewer.studio.picture.viewport import Viewport
+from enliven_viewer.studio.viewport.viewport import Viewport
 from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 

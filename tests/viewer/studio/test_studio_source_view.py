@@ -2,7 +2,7 @@
 
 from enliven import History, Project
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.sources.source_view import SourceView, pose_take
+from enliven_viewer.studio.features.mapping.source_view import SourceView, pose_take
 from enliven_viewer.studio.workspace.files import read_library
 
 

@@ -20,10 +20,10 @@ from enliven.mapping.quality import (
 )
 from enliven_edge.controls.base import WORDS
 from enliven_viewer.live.hud import describe_delay
+from enliven_viewer.studio.features.mapping.panel import _list_quality_lines as motion_words
 from enliven_viewer.studio.features.puppets.pose_strip import _make_status_text as coverage_words
 from enliven_viewer.studio.features.scan.advice import ADVICE_BOTTOM
 from enliven_viewer.studio.panels.side import describe_parts
-from enliven_viewer.studio.panels.source import _list_quality_lines as motion_words
 from enliven_viewer.studio.panels.stage import live
 from enliven_viewer.studio.panels.stage.voice import describe_command
 

@@ -9,7 +9,6 @@ from typing import TypeVar
 from enliven.document import RigBase
 from enliven.errors import EnlivenError, InputError
 from enliven_viewer.language import tr
-from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.studio.actions.table import ActionTable
 from enliven_viewer.studio.app.contributions import FileType, Panel, PanelPlace, ViewLayer, ViewOverlay
 from enliven_viewer.studio.app.targets import DrawnWidgets, Rectangle
@@ -19,6 +18,7 @@ from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.editor.selection_transform import SelectionTransform
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.tools.base import Tool
+from enliven_viewer.studio.viewport.viewport import Viewport
 
 State = TypeVar("State")
 ToolKind = TypeVar("ToolKind", bound=Tool)
@@ -39,13 +39,14 @@ class App:
         selection_transform: position and size of the selection. typing: unfinished text in their fields.
         open_key_pose: opens a key pose of the selected puppet by its number.
         begin_key_pose: begins a key pose of the selected puppet at a time of a take.
+        show_take: shows a take next to the characters, by its name.
         panels: panels around the view.
         tool_options: functions that draw the options of a tool in the panel at the right, by the tool's name.
         perform_sections: functions that draw a section of the Perform panel.
         layer_sections: functions that draw options of the selected layer, at the right. They take its
             character and its number.
         transport_sections: functions that draw in the row of the timeline's transport.
-        panel_pictures: functions that take the renderer of small images. They return a function that draws
+        panel_pictures: functions that take the view of small images. They return a function that draws
             the images of panels, once per frame.
         overlays: marks and text over the view.
         view_layers: geometry in the 3D view.
@@ -67,12 +68,13 @@ class App:
         self.selection_transform, self.typing = SelectionTransform(editor), dict[str, str]()
         self.open_key_pose: Callable[[int], object] = editor.puppets.edit_pose
         self.begin_key_pose: Callable[[str, float], object] = editor.puppets.begin_pose
+        self.show_take: Callable[[str], object] = lambda name: None
         self.panels: list[Panel] = []
         self.tool_options: dict[str, Callable[[], object]] = {}
         self.perform_sections: list[Callable[[], object]] = []
         self.layer_sections: list[Callable[[RigBase, int], object]] = []
         self.transport_sections: list[Callable[[], object]] = []
-        self.panel_pictures: list[Callable[[Renderer], Callable[[], object]]] = []
+        self.panel_pictures: list[Callable[[Viewport], Callable[[], object]]] = []
         self.overlays: list[ViewOverlay] = []
         self.view_layers: list[ViewLayer] = []
         self.ruler_layers: list[Callable[[float, float], object]] = []

@@ -14,6 +14,7 @@ from enliven.errors import EnlivenError, ResourceError
 from enliven_viewer.language import tr
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.features.animation import feature as animation
+from enliven_viewer.studio.features.mapping import feature as mapping
 from enliven_viewer.studio.features.paint import feature as paint
 from enliven_viewer.studio.features.puppets import feature as puppets
 from enliven_viewer.studio.features.scan import feature as scan
@@ -26,6 +27,7 @@ ENTRY_POINTS = "enliven.studio_features"
 takes the :class:`App`.
 """
 FEATURES: tuple[Register, ...] = (
+    mapping.register,
     paint.register,
     sound.register,
     animation.register,

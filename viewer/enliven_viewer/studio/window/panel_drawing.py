@@ -9,12 +9,9 @@ from enliven_viewer.studio.app.panel_layout import TIMELINE_HEIGHT, Area, PanelL
 from enliven_viewer.studio.panels.menu import draw_menu, draw_workspace_tabs
 from enliven_viewer.studio.panels.outliner.outliner import draw_outliner, split_outliner
 from enliven_viewer.studio.panels.side import draw_side
-from enliven_viewer.studio.panels.source import draw_source, split_side
 from enliven_viewer.studio.panels.stage.perform import draw_perform
 from enliven_viewer.studio.panels.toolbar import draw_toolbar
 from enliven_viewer.studio.panels.viewport_overlay import draw_overlay, draw_progress_box
-from enliven_viewer.studio.tools.map import MapTool
-from enliven_viewer.studio.window.window_pictures import WindowPictures
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 _HIDDEN_PANELS: dict[str, tuple[str, ...]] = {
@@ -24,6 +21,10 @@ _HIDDEN_PANELS: dict[str, tuple[str, ...]] = {
     "Play": ("tools", "side"),
 }
 """The panels that each workspace hides."""
+_LOWER_HEIGHT_FRACTION = 0.56
+"""Fraction of the side panel's height below the outliner, so that the list of shapes still fits above."""
+_MIN_SPLIT_HEIGHT = 340.0
+"""Panel height in pixels below which the panel below the outliner takes all of it."""
 
 
 def make_panel_layout(workspace: Workspace, *, bare: bool) -> PanelLayout:
@@ -47,7 +48,7 @@ def has_tool(workspace_name: str) -> bool:
     return workspace_name in ("Animate", "Model")
 
 
-def draw_panels(workspace: Workspace, places: PanelLayout, pictures: WindowPictures) -> None:
+def draw_panels(workspace: Workspace, places: PanelLayout) -> None:
     """Draws the menu and the panels of the workspace."""
     active_workspace = workspace.perform.active_workspace
     draw_menu(workspace)
@@ -60,7 +61,7 @@ def draw_panels(workspace: Workspace, places: PanelLayout, pictures: WindowPictu
     elif active_workspace == "Perform":
         draw_perform(workspace, places.side)
     elif places.side.width:
-        _draw_side(workspace, places, pictures)
+        _draw_side(workspace, places)
     areas: tuple[tuple[PanelPlace, Area | None], ...] = (
         ("bottom", places.timeline if places.timeline.height else None),
         ("above timeline", places.curves),
@@ -75,22 +76,29 @@ def draw_panels(workspace: Workspace, places: PanelLayout, pictures: WindowPictu
     draw_overlay(workspace, places.viewport, tool=has_tool(active_workspace), hint=places.hint)
 
 
-def _draw_side(workspace: Workspace, places: PanelLayout, pictures: WindowPictures) -> None:
+def _draw_side(workspace: Workspace, places: PanelLayout) -> None:
     """Draws the outliner, with the selection below it."""
-    tool, column = workspace.input.tool, places.side
-    if isinstance(tool, MapTool):
-        column, below = split_side(column)
-        texture = pictures.source.renderer.picture.texture.glo
-        draw_source(workspace, tool, below, places.viewport, texture)
+    column, active_workspace = places.side, workspace.perform.active_workspace
+    below_outliner = workspace.find_panel(active_workspace, "below outliner")
+    if below_outliner is not None:
+        column, below = _split_side(column)
+        below_outliner.draw(below)
     above, below = split_outliner(column, workspace.outliner.share)
     chosen = workspace.editor.selection
     if chosen.character is None or (column is not places.side and chosen.layer is None):
         # Nothing is selected, or there is only room for the tree and the source. So the tree takes the whole
         # column.
         above = column
-    elif (selection := workspace.find_panel(workspace.perform.active_workspace, "selection")) is not None:
+    elif (selection := workspace.find_panel(active_workspace, "selection")) is not None:
         selection.draw(below)
     else:
         draw_side(workspace, below)
     if above.height >= 1.0:
         draw_outliner(workspace, above, column)
+
+
+def _split_side(side: Area) -> tuple[Area, Area]:
+    """Splits the right panel: the outliner above, another panel below."""
+    height = side.height if side.height < _MIN_SPLIT_HEIGHT else round(_LOWER_HEIGHT_FRACTION * side.height)
+    above = Area(side.x, side.y, side.width, side.height - height)
+    return above, Area(side.x, side.y + side.height - height, side.width, height)

@@ -256,7 +256,7 @@ class StudioWindow:
         if self.audience and not self.opening.bare:
             draw_audience(self.workspace, places.viewport, self._idle_loop.words)
         elif not self.opening.bare:
-            draw_panels(self.workspace, places, pictures)
+            draw_panels(self.workspace, places)
             if not hides_live(self.workspace):
                 draw_camera_previews(self.workspace, places.viewport, self._inset, pictures.glances)
             if self.workspace.perform.close_up.box is not None:

@@ -15,10 +15,9 @@ from enliven_viewer.render.scene import Scene
 from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import to_screen_pixels
 from enliven_viewer.studio.panels.stage.side_view import find_side_view_area
-from enliven_viewer.studio.picture.preview_textures import PreviewTextures
-from enliven_viewer.studio.picture.viewport import Viewport
-from enliven_viewer.studio.tools.map import MapTool
+from enliven_viewer.studio.viewport.preview_textures import PreviewTextures
 from enliven_viewer.studio.viewport.stage_character import StageCharacter
+from enliven_viewer.studio.viewport.viewport import Viewport
 from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import look_in_theme
 
@@ -43,7 +42,7 @@ class WindowPictures:
         self.viewport = Viewport(context, (64, 64), settings.render, passes)
         self.viewport.renderer.textures.decodes_in_background = not films
         self.source = Viewport(context, (64, 64), settings.render)
-        self._panel_pictures = [make(self.source.renderer) for make in workspace.panel_pictures]
+        self._panel_pictures = [make(self.source) for make in workspace.panel_pictures]
         self.glances = PreviewTextures(context)
 
     def pixels(self) -> UInt8:
@@ -62,7 +61,6 @@ class WindowPictures:
         self.source.renderer.look = look_in_theme("studio")
         for draw_pictures in self._panel_pictures:
             draw_pictures()
-        self._draw_source()
         renderer = self.viewport.renderer
         renderer.look = look_in_theme(editor.look)
         renderer.resize(to_screen_pixels(area.width, area.height))
@@ -84,14 +82,6 @@ class WindowPictures:
             self._screen, (round(area.x * scale), height - round((area.y + area.height) * scale))
         )
         self._screen.viewport = (0, 0, width, height)
-
-    def _draw_source(self) -> None:
-        """Draws the take during mapping."""
-        tool = self.workspace.input.tool
-        posed = tool.source.posed_skeleton() if isinstance(tool, MapTool) else None
-        if isinstance(tool, MapTool) and posed is not None:
-            self.source.renderer.resize(to_screen_pixels(*tool.source.size))
-            self.source.draw([posed], tool.source.lens, tool.source.selection, tool.source.overlay())
 
     def _draw_side(self, area: Area, stage: Sequence[StageCharacter], live: Scene | None) -> None:
         """Draws the side view of the limb that is about to be attached.

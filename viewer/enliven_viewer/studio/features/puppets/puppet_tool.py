@@ -17,8 +17,8 @@ from enliven_viewer.studio.features.puppets.puppet_marks import (
     make_tool_picture,
 )
 from enliven_viewer.studio.puppets.puppet_stage import StagePuppet
-from enliven_viewer.studio.tools.base import EMPTY_PICTURE, Pointer, Tool, ToolPicture
-from enliven_viewer.studio.viewport.overlay import Overlay, Point
+from enliven_viewer.studio.tools.base import Pointer, Tool
+from enliven_viewer.studio.viewport.overlay import EMPTY_PICTURE, Overlay, Point, ToolPicture
 from enliven_viewer.studio.viewport.picking import find_joint_at, find_surface_at
 from enliven_viewer.studio.viewport.ray import find_hit_vertex
 

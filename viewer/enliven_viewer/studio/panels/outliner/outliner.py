@@ -18,7 +18,6 @@ from enliven_viewer.studio.app.style import (
 from enliven_viewer.studio.editor.takes import delete_take_row
 from enliven_viewer.studio.outliner.outliner import Outliner
 from enliven_viewer.studio.outliner.tree import CHARACTER, GROUP, HANDLE, LIVE, TAKE, Row
-from enliven_viewer.studio.tools.map import MapTool
 from enliven_viewer.studio.viewport.colours import choose_default_colour
 from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CLEAR, FAINT, INK, QUIET
@@ -197,10 +196,7 @@ def _handle_click(workspace: Workspace, outliner: Outliner, row: Row, *, fold: b
     if fold and row.folds:
         outliner.fold(row)
     elif row.kind == TAKE and not imgui.is_mouse_double_clicked(0):
-        mapping = workspace.input.tools["map"]
-        assert isinstance(mapping, MapTool)
-        workspace.input.activate_tool("map")
-        mapping.source.show(row.id)
+        workspace.show_take(row.id)
     elif row.kind in (CHARACTER, HANDLE):
         outliner.click(row, shift=io.key_shift, ctrl=io.key_ctrl)
         alone = not workspace.editor.selection.has_several

@@ -26,7 +26,7 @@ from enliven_viewer.studio.perform.preview_placement import (
     project_bodies,
 )
 from enliven_viewer.studio.perform.session import PerformSession
-from enliven_viewer.studio.picture.preview_textures import PreviewTextures
+from enliven_viewer.studio.viewport.preview_textures import PreviewTextures
 from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import DARK, INK, LINE, QUIET, UNTINTED, Colour, get_performer_colour
 

@@ -15,7 +15,7 @@ from enliven_viewer.render.gl.context import get_window_context
 from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.style import draw_note, open_list_box, pack_colour, use_small_text
 from enliven_viewer.studio.panels.stage.cameras import shorten_text
-from enliven_viewer.studio.picture.preview_textures import PreviewTextures
+from enliven_viewer.studio.viewport.preview_textures import PreviewTextures
 from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import DARK, QUIET, WAIT
 

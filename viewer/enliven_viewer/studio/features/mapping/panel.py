@@ -15,6 +15,7 @@ from enliven.mapping.quality import (
 )
 from enliven.mapping.softening import limb_name
 from enliven_viewer.language import labelled, later, tr
+from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import (
@@ -25,59 +26,45 @@ from enliven_viewer.studio.app.style import (
     pack_colour,
     use_small_text,
 )
-from enliven_viewer.studio.sources.motion_matches import MotionMatch
-from enliven_viewer.studio.tools.map import MapTool
-from enliven_viewer.studio.workspace.workspace import Workspace
+from enliven_viewer.studio.features.mapping.map_tool import MapTool
+from enliven_viewer.studio.features.mapping.motion_matches import MotionMatch
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, QUIET, UNTINTED
 
-_HEIGHT_FRACTION = 0.56
-"""Fraction of the side panel's height for the source view, so that the list of shapes still fits above."""
 _BUTTONS_HEIGHT = 34.0
 """Height in pixels of the row of buttons below the view."""
 _QUALITY_HEIGHT = 4 * 20.0
 """Height in pixels of the lines about the quality of a motion."""
-_MIN_SPLIT_HEIGHT = 340.0
-"""Panel height in pixels below which the source view takes all of it."""
 _THUMBNAIL_SIZE = ImVec2(92, 92)
 
 
-def split_side(side: Area) -> tuple[Area, Area]:
-    """Splits the right panel: the list of shapes above, the source view below."""
-    height = round(_HEIGHT_FRACTION * side.height) if side.height >= _MIN_SPLIT_HEIGHT else side.height
-    above = Area(side.x, side.y, side.width, side.height - height)
-    return above, Area(side.x, side.y + side.height - height, side.width, height)
-
-
-def draw_source(workspace: Workspace, tool: MapTool, area: Area, viewport: Area, texture: int | None) -> None:
+def draw_source(app: App, tool: MapTool, area: Area, texture: int | None) -> None:
     """Draws the source view; ``texture`` is the rendered take."""
     with open_panel("source", area, imgui.WindowFlags_.no_scrollbar):
         draw_heading("Source")
-        _draw_takes(workspace, tool)
+        _draw_takes(app, tool)
         size = imgui.get_content_region_avail()
         tool.source.size = (
             max(size.x, 1.0),
             max(size.y - _BUTTONS_HEIGHT - (_QUALITY_HEIGHT if tool.last_mapping else 0.0), 1.0),
         )
-        _draw_picture(workspace, tool, texture)
+        _draw_picture(app, tool, texture)
         _, tool.loop = imgui.checkbox(labelled(tr("loop"), "loop"), tool.loop)
-        workspace.remember("loop")
+        app.remember("loop")
         imgui.same_line()
         if imgui.button(labelled(tr("Matches"), "Matches")):
             tool.rank()
-        workspace.remember("find matches")
+        app.remember("find matches")
         draw_tooltip("Find the parts of the chosen shape that look most like the take now")
         imgui.same_line()
         if imgui.button(labelled(tr("Whole body"), "Whole body"), ImVec2(-34, 0)):
             tool.map_whole()
-        workspace.remember("whole body")
+        app.remember("whole body")
         draw_tooltip("Map every limb of the take onto a limb of the chosen shape at once")
-        _draw_options(workspace, tool)
+        _draw_options(app, tool)
         if tool.last_mapping is not None:
             with use_small_text():
                 for line in _list_quality_lines(*tool.last_mapping[2:]):
                     draw_note(line)
-    if tool.offered:
-        _draw_matches(workspace, tool, viewport)
 
 
 _WHOLE_BODY_OPTIONS = (
@@ -103,19 +90,19 @@ _WHOLE_BODY_OPTIONS = (
 """Options of whole-body retargeting: the setting, its label, and its effect."""
 
 
-def _draw_options(workspace: Workspace, tool: MapTool) -> None:
+def _draw_options(app: App, tool: MapTool) -> None:
     """Draws the button that opens the options of whole-body retargeting."""
     imgui.same_line()
     if imgui.button("\uf013##how", ImVec2(-1, 0)):
         imgui.open_popup("whole body how")
-    workspace.remember("whole how")
+    app.remember("whole how")
     draw_tooltip("How a whole body is mapped: floor, steps, travel")
     if not imgui.begin_popup("whole body how"):
         return
     for name, label, about in _WHOLE_BODY_OPTIONS:
         on = imgui.checkbox(f"{tr(label)}###{name}", getattr(tool.whole_body, name))[1]
         setattr(tool.whole_body, name, on)
-        workspace.remember(f"whole {name}")
+        app.remember(f"whole {name}")
         draw_tooltip(about)
     _, tool.gentle = imgui.checkbox(
         labelled(
@@ -124,7 +111,7 @@ def _draw_options(workspace: Workspace, tool: MapTool) -> None:
         ),
         tool.gentle,
     )
-    workspace.remember("whole gentle")
+    app.remember("whole gentle")
     draw_tooltip("Reduces the motion equally on both sides until the surface stretches only a little")
     imgui.end_popup()
 
@@ -157,25 +144,25 @@ def _list_quality_lines(plan: Plan, quality: MotionQuality) -> list[str]:
     ]
 
 
-def _draw_takes(workspace: Workspace, tool: MapTool) -> None:
-    takes = workspace.editor.project.takes
+def _draw_takes(app: App, tool: MapTool) -> None:
+    takes = app.editor.project.takes
     imgui.set_next_item_width(-1)
     if imgui.begin_combo("##take", tool.source.take or tr("choose a take")):
         for name in takes:
             if imgui.selectable(f"{name}###take {name}", name == tool.source.take)[0]:
                 tool.source.show(name)
-            workspace.remember(f"pick {name}")
+            app.remember(f"pick {name}")
         imgui.end_combo()
-    workspace.remember("takes")
+    app.remember("takes")
     if not takes:
         draw_note("No takes yet. Open a BVH file, or an animated model.")
 
 
-def _draw_picture(workspace: Workspace, tool: MapTool, texture: int | None) -> None:
+def _draw_picture(app: App, tool: MapTool, texture: int | None) -> None:
     source, origin = tool.source, imgui.get_cursor_screen_pos()
     size = ImVec2(*source.size)
     imgui.invisible_button("##source", size)
-    workspace.remember("source")
+    app.remember("source")
     draw_list = imgui.get_window_draw_list()
     corner = ImVec2(origin.x + size.x, origin.y + size.y)
     if texture is not None and source.clip is not None:
@@ -210,7 +197,7 @@ def _draw_picture(workspace: Workspace, tool: MapTool, texture: int | None) -> N
         source.release()
 
 
-def _draw_matches(workspace: Workspace, tool: MapTool, viewport: Area) -> None:
+def draw_matches(app: App, tool: MapTool, viewport: Area) -> None:
     """Draws thumbnails of the matches along the top, best first. A click accepts the highlighted one."""
     width = len(tool.offered) * (_THUMBNAIL_SIZE.x + 8) + 24
     imgui.set_next_window_pos(ImVec2(viewport.x + 14, viewport.y + 56))
@@ -225,27 +212,25 @@ def _draw_matches(workspace: Workspace, tool: MapTool, viewport: Area) -> None:
         position = imgui.get_cursor_screen_pos()
         if imgui.invisible_button(f"##match {number}", _THUMBNAIL_SIZE):
             taken = offer
-        workspace.remember(f"match {number}")
+        app.remember(f"match {number}")
         if imgui.is_item_hovered():
             tool.highlighted = offer
-        _draw_thumbnail(workspace, offer, position, tool.highlighted is offer)
+        _draw_thumbnail(app, offer, position, tool.highlighted is offer)
     imgui.end()
     if taken is not None:
         tool.accept(taken)
         tool.offered, tool.highlighted = [], None
 
 
-def _draw_thumbnail(
-    workspace: Workspace, offer: MotionMatch, corner_position: ImVec2, is_highlighted: bool
-) -> None:
+def _draw_thumbnail(app: App, offer: MotionMatch, corner_position: ImVec2, is_highlighted: bool) -> None:
     """Draws the shape's bones as currently seen, with the driven ones in colour."""
     draw_list = imgui.get_window_draw_list()
     corner = ImVec2(corner_position.x + _THUMBNAIL_SIZE.x, corner_position.y + _THUMBNAIL_SIZE.y)
     draw_list.add_rect_filled(corner_position, corner, pack_colour(DARK), 6.0)
     if is_highlighted:
         draw_list.add_rect(corner_position, corner, pack_colour(ACCENT), 6.0, 1.5)
-    posed = workspace.editor.stage_character(offer.shape)
-    pixels = workspace.editor.lens.project(posed.handles)[0]
+    posed = app.editor.stage_character(offer.shape)
+    pixels = app.editor.lens.project(posed.handles)[0]
     low, high = np.nanmin(pixels, axis=0), np.nanmax(pixels, axis=0)
     scale = (_THUMBNAIL_SIZE.x - 26) / max(float((high - low).max()), 1.0)
     places = (pixels - (low + high) / 2) * scale + [

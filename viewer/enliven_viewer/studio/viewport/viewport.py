@@ -9,18 +9,30 @@ import moderngl
 import numpy as np
 
 from enliven_viewer.playback.document import find_bounds
+from enliven_viewer.render.gl.targets import RenderTarget
 from enliven_viewer.render.overlay.tubes import Tubes
 from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.render.scene import PLAIN, Scene, SceneCharacter
 from enliven_viewer.settings import RenderSettings
-from enliven_viewer.studio.app.contributions import RenderPass
-from enliven_viewer.studio.picture.puppet_overlay import PuppetOverlay
-from enliven_viewer.studio.picture.skeletons import make_skeleton_rows
-from enliven_viewer.studio.tools.base import EMPTY_PICTURE, ToolPicture
-from enliven_viewer.studio.viewport.overlay import Overlay
+from enliven_viewer.studio.viewport.overlay import EMPTY_PICTURE, Overlay, ToolPicture
 from enliven_viewer.studio.viewport.picking import Lens
+from enliven_viewer.studio.viewport.puppet_overlay import PuppetOverlay
 from enliven_viewer.studio.viewport.selection import Selection
+from enliven_viewer.studio.viewport.skeletons import make_skeleton_rows
 from enliven_viewer.studio.viewport.stage_character import StageCharacter
+
+
+class RenderPass:
+    """Geometry that is drawn into the image of the 3D view, with its camera and depth buffer.
+
+    A method that draws something resolves the image. The methods of this class draw nothing.
+    """
+
+    def draw(self, picture: RenderTarget) -> None:
+        """Draws over the characters, below the marks of the tool and the bones."""
+
+    def draw_above_bones(self, picture: RenderTarget) -> None:
+        """Draws over the bones."""
 
 
 class Viewport:

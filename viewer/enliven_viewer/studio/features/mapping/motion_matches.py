@@ -8,10 +8,9 @@ from enliven.arrays import Float
 from enliven.document import Clip, Project, Shape
 from enliven.matching.ranking import Matcher
 from enliven.matching.source import source_of_skeleton
-from enliven.matching.views import ScreenView as MatchView
 from enliven.motion.layers.retarget import bind_chain
-from enliven_viewer.studio.sources.source_view import pose_take
-from enliven_viewer.studio.viewport.picking import Lens
+from enliven_viewer.studio.features.mapping.source_view import pose_take
+from enliven_viewer.studio.viewport.picking import Lens, make_match_view
 
 Chain = tuple[int, ...]
 
@@ -77,8 +76,3 @@ def apply_match(project: Project, offer: MotionMatch, lens: Lens, source_lens: L
             hold=False,
         )
     return project
-
-
-def make_match_view(lens: Lens) -> MatchView:
-    """Returns a lens as a view for the matcher."""
-    return MatchView(lens.forward, lens.up, lens.view.eye)

@@ -15,8 +15,13 @@ from enliven.motion.layers.polyline import is_downward
 from enliven.motion.layers.retarget import bind_chain
 from enliven_viewer.language import later, tr, tr_n
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.sources.motion_matches import Chain, MotionMatch, apply_match, rank_matches
-from enliven_viewer.studio.sources.source_view import SourceView
+from enliven_viewer.studio.features.mapping.motion_matches import (
+    Chain,
+    MotionMatch,
+    apply_match,
+    rank_matches,
+)
+from enliven_viewer.studio.features.mapping.source_view import SourceView
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.viewport.overlay import Overlay
 
