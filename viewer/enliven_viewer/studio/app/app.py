@@ -32,6 +32,7 @@ class App:
         folder: the folder of the preferences; None for the user's own.
 
     Attributes:
+        asking: the open dialogue, or empty.
         preferences: the artist's lasting preferences.
         actions: every action, for menus, shortcuts, buttons and the command palette.
         input: the input over the view; its ``handles`` come before the active tool.
@@ -60,7 +61,7 @@ class App:
     """
 
     def __init__(self, editor: Editor, folder: Path | None = None) -> None:
-        self.editor = editor
+        self.editor, self.folder, self.asking = editor, folder, ""
         self.preferences = Preferences(folder)
         self.actions = ActionTable(editor.toasts, self.preferences)
         self.input = ViewportInput(editor, self.actions)
@@ -127,10 +128,13 @@ class App:
         return tool
 
     def find_panel(self, workspace: str, place: PanelPlace = "right") -> Panel | None:
-        """Returns the open panel of a workspace in a place; None if there is none."""
-        panels = (panel for panel in self.panels if panel.place == place)
+        """Returns the open panel of a workspace in a place, the last one added; None if there is none."""
+        panels = (panel for panel in reversed(self.panels) if panel.place == place)
         panels = (panel for panel in panels if not panel.workspaces or workspace in panel.workspaces)
         return next((panel for panel in panels if panel.is_shown()), None)
+
+    def ask(self, dialogue: str) -> None:
+        """Opens a dialogue. The workspace has the dialogues; an application alone has none."""
 
     def attempt(self, command: Callable[[], object]) -> bool:
         """Calls a function. If it raises an EnlivenError, shows the error as a message and returns False."""

@@ -11,7 +11,7 @@ from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.app.fields import draw_action_tooltip, draw_tooltip
 from enliven_viewer.studio.app.style import pack_colour
-from enliven_viewer.studio.perform.session import WORKSPACES
+from enliven_viewer.studio.features.perform.session import WORKSPACES
 from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, INK
 

@@ -9,7 +9,6 @@ from enliven_viewer.studio.app.panel_layout import TIMELINE_HEIGHT, Area, PanelL
 from enliven_viewer.studio.panels.menu import draw_menu, draw_workspace_tabs
 from enliven_viewer.studio.panels.outliner.outliner import draw_outliner, split_outliner
 from enliven_viewer.studio.panels.side import draw_side
-from enliven_viewer.studio.panels.stage.perform import draw_perform
 from enliven_viewer.studio.panels.toolbar import draw_toolbar
 from enliven_viewer.studio.panels.viewport_overlay import draw_overlay, draw_progress_box
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -58,8 +57,6 @@ def draw_panels(workspace: Workspace, places: PanelLayout) -> None:
     panel = workspace.find_panel(active_workspace)
     if panel is not None and places.side.width:
         panel.draw(places.side)
-    elif active_workspace == "Perform":
-        draw_perform(workspace, places.side)
     elif places.side.width:
         _draw_side(workspace, places)
     areas: tuple[tuple[PanelPlace, Area | None], ...] = (

@@ -17,13 +17,11 @@ from enliven_viewer.settings import WindowStart
 from enliven_viewer.studio.actions.imgui_keys import KEYS, find_held_modifiers
 from enliven_viewer.studio.app.panel_layout import Area, PanelLayout
 from enliven_viewer.studio.app.style import apply_colours, apply_style, load_fonts
+from enliven_viewer.studio.features.perform.camera_preview import draw_camera_previews, draw_side_view
+from enliven_viewer.studio.features.perform.live_texts import draw_audience, draw_live
+from enliven_viewer.studio.features.perform.preview_placement import PreviewPlacement
+from enliven_viewer.studio.features.tour.panel import draw_tour
 from enliven_viewer.studio.panels.dialogs import draw_dialogs
-from enliven_viewer.studio.panels.stage.audience import draw_audience
-from enliven_viewer.studio.panels.stage.camera_preview import draw_camera_previews
-from enliven_viewer.studio.panels.stage.live import draw_live
-from enliven_viewer.studio.panels.stage.side_view import draw_side_view
-from enliven_viewer.studio.panels.start.tour import draw_tour
-from enliven_viewer.studio.perform.preview_placement import PreviewPlacement
 from enliven_viewer.studio.window.desktop import Desktop
 from enliven_viewer.studio.window.live_outputs import WindowOutputs
 from enliven_viewer.studio.window.panel_drawing import draw_panels, make_panel_layout
@@ -270,7 +268,7 @@ class StudioWindow:
         asking = self.workspace.asking
         draw_dialogs(self.workspace)
         if not (self.audience or self.opening.bare):
-            draw_tour(self.workspace, places)
+            draw_tour(self.workspace, self.workspace.tour, places, self.workspace.end_tour)
         if self.workspace.tour is None or self.workspace.tour.demonstration is None:
             self._handle_input(places.viewport, keys=not asking)
         self.workspace.store.autosave()

@@ -14,7 +14,7 @@ from enliven_viewer.render.gl.context import get_window_context
 from enliven_viewer.render.scene import Scene
 from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import to_screen_pixels
-from enliven_viewer.studio.panels.stage.side_view import find_side_view_area
+from enliven_viewer.studio.features.perform.camera_preview import find_side_view_area
 from enliven_viewer.studio.viewport.preview_textures import PreviewTextures
 from enliven_viewer.studio.viewport.stage_character import StageCharacter
 from enliven_viewer.studio.viewport.viewport import Viewport

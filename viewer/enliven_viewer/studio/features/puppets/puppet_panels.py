@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.panel_layout import Area
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.features.puppets.performer_picture import PerformerPicture
 from enliven_viewer.studio.features.puppets.performer_view import PerformerView
 from enliven_viewer.studio.features.puppets.thumbnails import Thumbnails
-from enliven_viewer.studio.perform.session import PerformSession
 from enliven_viewer.studio.viewport.viewport import Viewport
 
 

@@ -10,7 +10,7 @@ from enliven_viewer.language import tr
 from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.live.followed_edge import FollowedEdge
 from enliven_viewer.settings import PlaybackSettings
-from enliven_viewer.studio.perform.recorder import LiveRecorder
+from enliven_viewer.studio.features.perform.recorder import LiveRecorder
 
 
 class SecondaryEdge(FollowedEdge):

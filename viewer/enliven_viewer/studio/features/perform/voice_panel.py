@@ -5,12 +5,12 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import Texts, tr
+from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.style import draw_heading, draw_note, push_colours, use_small_text
-from enliven_viewer.studio.panels.stage.cameras import shorten_text
-from enliven_viewer.studio.perform.physics import LOOSE_LABELS
-from enliven_viewer.studio.perform.session import PerformSession
-from enliven_viewer.studio.workspace.workspace import Workspace
+from enliven_viewer.studio.features.perform.cameras_panel import shorten_text
+from enliven_viewer.studio.features.perform.session import PerformSession
+from enliven_viewer.studio.features.perform.stage_switches import LOOSE_LABELS
 from enliven_viewer.theme import BAD, GOOD, INK, QUIET, WAIT
 
 _MICROPHONE_ICON, _MUTED_ICON = "\uf130", "\uf131"
@@ -48,7 +48,7 @@ _POPUP_ID = "phrases"
 """The name of the popup with the phrases."""
 
 
-def draw_voice(workspace: Workspace, perform: PerformSession) -> None:
+def draw_voice(app: App, perform: PerformSession) -> None:
     """Draws the microphone switch, the recognised words, and the list of phrases."""
     voice = perform.voice
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
@@ -62,7 +62,7 @@ def draw_voice(workspace: Workspace, perform: PerformSession) -> None:
         if imgui.button(f"{icon}###voice", ImVec2(_SWITCH_SIZE, _SWITCH_SIZE)):
             voice.toggle(perform.client)
     imgui.end_disabled()
-    workspace.remember("voice")
+    app.remember("voice")
     draw_tooltip("Close the microphone" if voice.is_on else "Voice: open the microphone of this stage")
     available_width = imgui.get_window_size().x - _SWITCH_SIZE - _HELP_SIZE - 22
     heard_text = voice.words
@@ -74,11 +74,11 @@ def draw_voice(workspace: Workspace, perform: PerformSession) -> None:
             with push_colours(tint, imgui.Col_.text):
                 imgui.text_unformatted(shorten_text(text, available_width))
             draw_tooltip(text)
-    workspace.remember("voice state")
+    app.remember("voice state")
     imgui.set_cursor_screen_pos(ImVec2(top.x + imgui.get_window_size().x - _HELP_SIZE, top.y + 6))
     if imgui.button("?##phrases", ImVec2(_HELP_SIZE, _HELP_SIZE)):
         imgui.open_popup(_POPUP_ID)
-    workspace.remember("voice phrases")
+    app.remember("voice phrases")
     draw_tooltip("Commands you can say")
     if imgui.begin_popup(_POPUP_ID):
         for phrase, action in voice.phrases:
@@ -97,7 +97,7 @@ def describe_command(action: str) -> str:
     return f"{label}: {parts}" if parts else label
 
 
-def draw_physics(workspace: Workspace, perform: PerformSession) -> None:
+def draw_physics(app: App, perform: PerformSession) -> None:
     """Draws the selection of loose objects and their requirements, in a fixed space."""
     physics = perform.physics
     draw_heading("Physics")
@@ -105,7 +105,7 @@ def draw_physics(workspace: Workspace, perform: PerformSession) -> None:
     imgui.set_next_item_width(-1)
     changed, number = imgui.combo("##physics", physics.number, [tr(label) for label in LOOSE_LABELS])
     imgui.end_disabled()
-    workspace.remember("physics")
+    app.remember("physics")
     draw_tooltip("Loose objects on the stage, which characters knock over")
     if changed:
         physics.ask(perform.client, number)
@@ -118,4 +118,4 @@ def draw_physics(workspace: Workspace, perform: PerformSession) -> None:
     else:
         draw_note(physics.words)
     imgui.end_child()
-    workspace.remember("physics state")
+    app.remember("physics state")

@@ -13,7 +13,7 @@ from enliven.takes.overdub import has_motion
 from enliven_viewer.studio.actions.table import ActionTable
 from enliven_viewer.studio.app.contributions import Panel
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.perform.session import PerformSession
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.tools.base import Tool
 from enliven_viewer.studio.viewport.overlay import Point
 

@@ -1,19 +1,33 @@
-"""The cameras of this machine in the Perform panel: each starts with a click, or shows why it cannot."""
+"""Draws the cameras of this machine and the edges on the network, with buttons that connect to them."""
 
 from __future__ import annotations
+
+from functools import partial
 
 import moderngl
 from imgui_bundle import ImVec2, imgui
 
 from enliven.arrays import UInt8
-from enliven_viewer.language import labelled, tr
+from enliven.peers.edge_browser import DiscoveredEdge
+from enliven.wire import CameraMessage
+from enliven_viewer.language import labelled, tr, tr_n
+from enliven_viewer.link.edge_search import EdgeSearch
 from enliven_viewer.render.gl.context import get_window_context
+from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.panel_layout import Area
-from enliven_viewer.studio.app.style import draw_heading, draw_note, open_list_box, push_colours
-from enliven_viewer.studio.perform.cameras import Camera, CameraSearch
-from enliven_viewer.studio.workspace.workspace import Workspace
-from enliven_viewer.theme import WAIT
+from enliven_viewer.studio.app.style import (
+    draw_heading,
+    draw_note,
+    open_list_box,
+    pack_colour,
+    push_colours,
+    use_small_text,
+)
+from enliven_viewer.studio.features.perform.cameras import Camera, CameraSearch
+from enliven_viewer.studio.features.perform.session import PerformSession
+from enliven_viewer.studio.viewport.preview_textures import PreviewTextures
+from enliven_viewer.theme import DARK, QUIET, WAIT
 
 _EYE_ICON = "\uf06e"
 """Icon of Font Awesome 4: an eye."""
@@ -40,12 +54,12 @@ class _TestImage:
     number = 0
 
 
-def draw_cameras(workspace: Workspace, area: Area) -> None:
+def draw_cameras(app: App, area: Area) -> None:
     """Draws the list of cameras. The first call starts the search.
 
     The list has the same height before, during and after the search, so that nothing below it moves.
     """
-    search = workspace.perform.cameras
+    search = app.state(PerformSession).cameras
     if search.cameras is None and not search.is_searching:
         search.begin()
     search.poll()
@@ -55,14 +69,14 @@ def draw_cameras(workspace: Workspace, area: Area) -> None:
         if search.problem:
             draw_note(search.problem)
         for number, camera in enumerate(search.cameras or ()):
-            looks |= _draw_camera(workspace, search, camera, number, available_width)
+            looks |= _draw_camera(app, search, camera, number, available_width)
         if not search.cameras and not search.problem:
             draw_note(
                 "Looking ..."
                 if search.is_searching
                 else "No camera is plugged in. Plug one in, and look again."
             )
-    workspace.remember("cameras")
+    app.remember("cameras")
     imgui.begin_disabled(search.is_searching)
     if imgui.button(
         labelled(tr("Looking for cameras ..."), "search")
@@ -72,15 +86,13 @@ def draw_cameras(workspace: Workspace, area: Area) -> None:
     ):
         search.begin()
     imgui.end_disabled()
-    workspace.remember("look for cameras")
+    app.remember("look for cameras")
     if looks:
         imgui.open_popup(_POPUP_ID)
-    _draw_test_image(workspace, search, area)
+    _draw_test_image(app, search, area)
 
 
-def _draw_camera(
-    workspace: Workspace, search: CameraSearch, camera: Camera, number: int, available_width: float
-) -> bool:
+def _draw_camera(app: App, search: CameraSearch, camera: Camera, number: int, available_width: float) -> bool:
     """Draws a camera: the start button, the test image button, and its problem.
 
     The row is ``available_width`` pixels wide.
@@ -96,9 +108,9 @@ def _draw_camera(
         ImVec2(available_width - test_button_width, 0),
     ):
         search.close()  # End a running camera test, which would block the camera for the edge.
-        workspace.attempt(lambda: workspace.perform.connect_local(*camera.words))
+        app.attempt(lambda: app.state(PerformSession).connect_local(*camera.words))
     imgui.end_disabled()
-    workspace.remember(f"camera {number}")
+    app.remember(f"camera {number}")
     draw_tooltip(tr("Perform in front of it: {0}", camera.title) if camera.can_start else camera.title)
     if test_button_width:
         imgui.same_line()
@@ -109,7 +121,7 @@ def _draw_camera(
             search.take_test_image(camera)
             looks = True
         imgui.end_disabled()
-        workspace.remember(f"look {number}")
+        app.remember(f"look {number}")
         draw_tooltip("Show a test picture")
     if camera.trouble:
         with push_colours(WAIT, imgui.Col_.text):
@@ -122,7 +134,7 @@ def _draw_camera(
     return looks
 
 
-def _draw_test_image(workspace: Workspace, search: CameraSearch, area: Area) -> None:
+def _draw_test_image(app: App, search: CameraSearch, area: Area) -> None:
     """Draws a camera's last test image in a popup next to the panel.
 
     The popup has the same size while it waits for the image.
@@ -136,7 +148,7 @@ def _draw_test_image(workspace: Workspace, search: CameraSearch, area: Area) -> 
     imgui.text_unformatted(shorten_text(camera.title if camera is not None else "", max_size.x))
     position = imgui.get_cursor_screen_pos()
     imgui.dummy(max_size)
-    workspace.remember("camera view")
+    app.remember("camera view")
     if search.tested_camera is None and search.picture is not None:
         texture = _get_texture(search.picture, search.number)
         high, width = search.picture.shape[:2]
@@ -173,3 +185,82 @@ def shorten_text(text: str, max_width: float) -> str:
     while len(text) > 1 and imgui.calc_text_size(f"{text}\u2026").x > max_width:
         text = text[:-1]
     return f"{text}\u2026"
+
+
+_EDGE_LIST_HEIGHT = 96.0
+"""Height in pixels of the list: two edges; more are scrolled."""
+_ROW_HEIGHT = 42.0
+"""Height in pixels of an edge: two lines of text next to its camera image."""
+_PICTURE_WIDTH = 54.0
+"""Width in pixels of a camera image, which is a little wider than high."""
+
+
+class _Pictures:
+    """The textures of the camera images, which need the window's context."""
+
+    cached: tuple[moderngl.Context, PreviewTextures] | None = None
+
+    @classmethod
+    def get_texture(cls, edge: DiscoveredEdge, camera: CameraMessage | None) -> int | None:
+        """Returns the OpenGL number of the texture with an edge's image; None without an image."""
+        context = get_window_context()
+        if cls.cached is None or cls.cached[0] is not context:
+            cls.cached = context, PreviewTextures(context)
+        return cls.cached[1].get_texture(edge.service, camera)
+
+
+def draw_edge_list(app: App) -> None:
+    """Draws the list of edges on the network. A click connects to an edge."""
+    search = app.state(PerformSession).edge_search
+    search.poll()
+    with open_list_box("found edges", _EDGE_LIST_HEIGHT) as available_width:
+        for number, edge in enumerate(search.edges):
+            _draw_edge(app, search, edge, number, available_width)
+        if search.problem:
+            draw_note("Cameras on the network are not searched. Type the address below.")
+            draw_tooltip(search.problem)
+        elif not search.edges:
+            draw_note("Looking for cameras on the network ...")
+    app.remember("found edges")
+
+
+def describe_edge_state(edge: DiscoveredEdge) -> str:
+    """Returns the state of an edge in the window's language."""
+    if edge.announcement.problem:
+        return tr("another release of enliven")
+    if not edge.host:
+        return tr("does not answer")
+    if not edge.is_paired:
+        return tr("not paired: enliven pair {0} CODE", str(edge.endpoint))
+    if edge.announcement.relay_of:
+        return tr("a relay, only to watch")
+    return tr_n("{0} character on its stage", "{0} characters on its stage", edge.announcement.characters)
+
+
+def _draw_edge(
+    app: App, search: EdgeSearch, edge: DiscoveredEdge, number: int, available_width: float
+) -> None:
+    """Draws one edge. Its row has the same height with and without an image."""
+    position, draw_list = imgui.get_cursor_screen_pos(), imgui.get_window_draw_list()
+    imgui.begin_disabled(not edge.is_usable)
+    pressed = imgui.selectable(f"###found {number}", False, 0, ImVec2(available_width, _ROW_HEIGHT))[0]
+    imgui.end_disabled()
+    app.remember(f"found {number}")
+    state_text = describe_edge_state(edge)
+    draw_tooltip(f"{edge.announcement.name}, {edge.endpoint}: {state_text}")
+    if pressed:
+        app.attempt(partial(app.state(PerformSession).connect, str(edge.endpoint)))
+    low = ImVec2(position.x, position.y + 2)
+    far = ImVec2(position.x + _PICTURE_WIDTH, position.y + _ROW_HEIGHT - 2)
+    draw_list.add_rect_filled(low, far, pack_colour(DARK), 4.0)
+    texture = _Pictures.get_texture(edge, search.camera(edge))
+    if texture is not None:
+        draw_list.add_image(imgui.ImTextureRef(texture), low, far)
+    left = position.x + _PICTURE_WIDTH + 8
+    width = available_width - _PICTURE_WIDTH - 8
+    name = f"{edge.announcement.name}  ·  {edge.endpoint.host}"
+    colour = imgui.get_color_u32(imgui.Col_.text)
+    draw_list.add_text(ImVec2(left, position.y + 3), colour, shorten_text(name, width))
+    with use_small_text():
+        ink = pack_colour(QUIET if edge.is_usable else WAIT)
+        draw_list.add_text(ImVec2(left, position.y + 23), ink, shorten_text(state_text, width))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from enliven_viewer.studio.app.targets import Target
-from enliven_viewer.studio.start.tour_state import TourState
-from enliven_viewer.studio.start.tour_steps import TourPart
+from enliven_viewer.studio.features.tour.tour_state import TourState
+from enliven_viewer.studio.features.tour.tour_steps import TourPart
 from enliven_viewer.studio.viewport.overlay import Point
 
 _GLIDE_S = 0.9

@@ -1,17 +1,141 @@
-"""Collects an edge's messages from a start time on, together with the required history."""
+"""Records a stage: bodies, poses, the performers that control characters, and when all hold still."""
 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
+from enliven.arrays import Float
 from enliven.frames import BodyFrame
 from enliven.takes.performed import PerformedMotion
-from enliven.wire import BODIES, HOLDS, POSE, Topic
+from enliven.wire import BODIES, HOLDS, POSE, HoldMessage, Topic
+from enliven_viewer.language import later, tr
 from enliven_viewer.playback.timeline import NS_PER_S
-from enliven_viewer.studio.perform.holders import Holders
-from enliven_viewer.studio.perform.stillness import Stillness
+
+_MAX_MOVEMENT_M = 0.06
+"""Maximum movement of a joint in metres while a performer holds still: breathing and sensor noise."""
+_MIN_CONFIDENCE = 0.3
+"""Minimum confidence of a joint. Unseen joints are guesses that jump."""
+
+
+class Stillness:
+    """A measurement of the stillness of the performers in view.
+
+    It counts only after at least one of them has moved.
+
+    Attributes:
+        since_ns: time on the sensor's clock when the last of them came to rest; None if one moves or none is
+            in view.
+    """
+
+    def __init__(self) -> None:
+        self.since_ns: int | None = None
+        self._has_moved = False
+        self._places: dict[int, Float] = {}
+
+    def add_frame(self, frame: BodyFrame) -> None:
+        """Processes the performers of a frame."""
+        moved = len(frame.bodies) == 0
+        for body in frame.bodies:
+            place = self._places.get(body.id)
+            off = 0.0
+            if place is not None:
+                far = np.linalg.norm(body.joints - place, axis=1)
+                off = float(np.max(far, where=body.confidence > _MIN_CONFIDENCE, initial=0.0))
+            if place is None or off > _MAX_MOVEMENT_M:
+                self._places[body.id], moved = body.joints, True
+                self._has_moved |= place is not None
+        if moved:
+            self.since_ns = None
+        elif self.since_ns is None:
+            self.since_ns = frame.time_ns
+
+    def seconds(self, now_ns: int) -> float:
+        """Returns for how long all have held still since the last movement; 0 before the first."""
+        if self.since_ns is None or not self._has_moved:
+            return 0.0
+        return max(now_ns - self.since_ns, 0) / NS_PER_S
+
+
+_PART_LABELS = {
+    "all": later("the whole body"),
+    "arms": later("both arms"),
+    "legs": later("both legs"),
+    "hands": later("both hands"),
+    "hip + right arm": later("hip and the right arm"),
+}
+"""The artist's words for body parts; others are used unchanged."""
+
+
+@dataclass(frozen=True)
+class Holder:
+    """A performer that controls a character.
+
+    Attributes:
+        body: the performer's id.
+        character: id of the controlled character.
+        parts: names of the controlling body parts, in the order of attachment.
+        number: the performer's number as shown to people; 0 if unknown.
+    """
+
+    body: int
+    character: str
+    parts: tuple[str, ...]
+    number: int = 0
+
+    @property
+    def words(self) -> str:
+        """Returns a text for an audience: "Performer 1 is in the horse: both arms"."""
+        parts = [tr(_PART_LABELS.get(part, part)) for part in self.parts]
+        return tr(
+            "Performer {0} is in the {1}: {2}",
+            self.number or self.body,
+            self.character,
+            tr(" and ").join(parts),
+        )
+
+
+class Holders:
+    """The attachments of all characters, and for each character the messages since it was last free."""
+
+    def __init__(self) -> None:
+        self._parts: dict[str, dict[int, tuple[str, ...]]] = {}
+        self.since_free: dict[str, list[HoldMessage]] = {}
+
+    @property
+    def now(self) -> tuple[Holder, ...]:
+        """Returns all performers that control something, by id."""
+        holders = [
+            Holder(body, name, own) for name, held in self._parts.items() for body, own in held.items()
+        ]
+        return tuple(sorted(holders, key=lambda holder: (holder.body, holder.character)))
+
+    def take(self, message: HoldMessage) -> None:
+        """Processes a change of attachments."""
+        before = self._parts.get(message.character, {})
+        if not before:
+            self.since_free[message.character] = []
+        self.since_free[message.character].append(message)
+        parts_before = before.get(message.former if message.mode == "take over" else message.body, ())
+        held = {} if message.mode in ("alone", "remove") else dict(before)
+        if message.mode in ("alone", "join"):
+            held[message.body] = (message.parts,)
+        elif message.mode == "extend":
+            held[message.body] = (*(part for part in parts_before if part != message.parts), message.parts)
+        elif message.mode == "take over":
+            held[message.body] = parts_before or (message.parts,)
+        held = {who: held.get(who, (message.parts,)) for who in message.holders}
+        self._parts[message.character] = held
+        if not held:
+            self.since_free[message.character] = []
+
+    def forget(self) -> None:
+        """Discards everything, for example after a restart of an edge."""
+        self._parts, self.since_free = {}, {}
+
 
 _MAX_EARLIER_FRAMES = 18_000
 """Maximum number of body frames stored from before a recording: ten minutes, since an attachment may be that

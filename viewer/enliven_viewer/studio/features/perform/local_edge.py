@@ -1,7 +1,8 @@
-"""An edge on this machine, started and ended by the window."""
+"""An edge on this machine, and the addresses of edges that were used before."""
 
 from __future__ import annotations
 
+import contextlib
 import os
 import subprocess
 import tempfile
@@ -10,8 +11,45 @@ from pathlib import Path
 
 from enliven.commands.processes import start_process
 from enliven.errors import ResourceError
+from enliven.files import user_data_folder
 from enliven.wire import Endpoint, free_ports
 from enliven_viewer.language import tr
+
+_MAX_ADDRESSES = 6
+"""Maximum number of stored addresses: a list that can be read at a glance."""
+
+
+class Addresses:
+    """A small file of addresses.
+
+    Args:
+        folder: folder of the file. None means the user's own data folder.
+    """
+
+    def __init__(self, folder: Path | None = None) -> None:
+        self._folder = folder
+        self._addresses: tuple[str, ...] | None = None
+
+    @property
+    def addresses(self) -> tuple[str, ...]:
+        """Returns the addresses, newest first; the file is read once."""
+        if self._addresses is None:
+            self._addresses = ()
+            with contextlib.suppress(OSError, UnicodeDecodeError):
+                self._addresses = tuple(self._path.read_text("utf-8").split()[:_MAX_ADDRESSES])
+        return self._addresses
+
+    def remember(self, address: str) -> None:
+        """Moves an address to the top."""
+        addresses = (address, *(other for other in self.addresses if other != address))[:_MAX_ADDRESSES]
+        self._addresses = addresses
+        with contextlib.suppress(OSError):  # A failure to store the address must not prevent the connection.
+            self._path.write_text("\n".join(addresses) + "\n", "utf-8")
+
+    @property
+    def _path(self) -> Path:
+        return (self._folder or user_data_folder()) / "edges.txt"
+
 
 _CLOSE_TIMEOUT_S = 5.0
 """Seconds that an edge has to close its sensor before it is killed."""

@@ -11,6 +11,7 @@ from enliven_viewer.language import labelled, tr
 from enliven_viewer.live.hud import describe_delay, format_time
 from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.live.possession_choice import PART_CHOICES
+from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import (
@@ -23,12 +24,10 @@ from enliven_viewer.studio.app.style import (
     push_fill,
     use_small_text,
 )
-from enliven_viewer.studio.panels.stage.cameras import draw_cameras, shorten_text
-from enliven_viewer.studio.panels.stage.edge_list import draw_edge_list
-from enliven_viewer.studio.panels.stage.voice import draw_physics, draw_voice
-from enliven_viewer.studio.perform.recording import StageRecording
-from enliven_viewer.studio.perform.session import PerformSession
-from enliven_viewer.studio.workspace.workspace import Workspace
+from enliven_viewer.studio.features.perform.cameras_panel import draw_cameras, draw_edge_list, shorten_text
+from enliven_viewer.studio.features.perform.recording import StageRecording
+from enliven_viewer.studio.features.perform.session import PerformSession
+from enliven_viewer.studio.features.perform.voice_panel import draw_physics, draw_voice
 from enliven_viewer.theme import ACCENT, BAD, GOOD, QUIET, WAIT, Colour
 
 _FULL_WIDTH = ImVec2(-1, 0)
@@ -51,31 +50,31 @@ _REMOVE_WIDTH = 58.0
 """Width in pixels of the Remove button at the right of a character on the stage."""
 
 
-def draw_perform(workspace: Workspace, area: Area) -> None:
+def draw_perform(app: App, area: Area) -> None:
     """Draws the panel at the right. The two main buttons stay at its top; the rest scrolls."""
-    perform = workspace.perform
+    perform = app.state(PerformSession)
     with open_panel("perform", area):
         live = perform.live
         if live is None:
-            _draw_stage_options(workspace, perform, area)
+            _draw_stage_options(app, perform, area)
             return
-        _draw_main_buttons(workspace, perform)
+        _draw_main_buttons(app, perform)
         imgui.begin_child("##rest")
-        _draw_stage_state(workspace, perform, live, area)
+        _draw_stage_state(app, perform, live, area)
         # Draw these also in the frame in which the user leaves the stage.
-        _draw_performers(workspace, perform, live)
-        _draw_characters(workspace, perform)
-        for draw_section in workspace.perform_sections:
+        _draw_performers(app, perform, live)
+        _draw_characters(app, perform)
+        for draw_section in app.perform_sections:
             draw_section()
         if perform.client is not None:
-            draw_physics(workspace, perform)
-        _draw_recording_options(workspace, perform.recording)
+            draw_physics(app, perform)
+        _draw_recording_options(app, perform.recording)
         if perform.client is not None:
-            _draw_other_cameras(workspace, perform)
+            _draw_other_cameras(app, perform)
         imgui.end_child()
 
 
-def _draw_main_buttons(workspace: Workspace, perform: PerformSession) -> None:
+def _draw_main_buttons(app: App, perform: PerformSession) -> None:
     """Draws the two main buttons of a performance, always in the same place."""
     size = ImVec2(
         (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2, _PRIMARY_HEIGHT
@@ -83,17 +82,17 @@ def _draw_main_buttons(workspace: Workspace, perform: PerformSession) -> None:
     waits = perform.possession_requests.waits
     with push_fill(WAIT if waits else ACCENT):
         if imgui.button(labelled(tr("Cancel") if waits else tr("Possess"), "Possess"), size):
-            workspace.actions.do("perform.possess_alone")
-    workspace.remember("possess")
+            app.actions.do("perform.possess_alone")
+    app.remember("possess")
     draw_tooltip(perform.possession_requests.words if waits else tr("Step in as its only performer  (P)"))
     imgui.same_line()
-    _draw_record_button(workspace, perform.recording, size)
+    _draw_record_button(app, perform.recording, size)
     if perform.client is not None:
-        draw_voice(workspace, perform)
+        draw_voice(app, perform)
     imgui.separator()
 
 
-def _draw_record_button(workspace: Workspace, recording: StageRecording, size: ImVec2) -> None:
+def _draw_record_button(app: App, recording: StageRecording, size: ImVec2) -> None:
     """Draws the button that starts or ends a recording.
 
     A click triggers the action that the label named when the mouse button went down.
@@ -110,7 +109,7 @@ def _draw_record_button(workspace: Workspace, recording: StageRecording, size: I
         recording.phase_when_pressed = recording.phase
     if pressed and (recording.phase_when_pressed == "idle") == (recording.phase == "idle"):
         recording.toggle()
-    workspace.remember("record")
+    app.remember("record")
     draw_tooltip("Your movements become motion on the timeline while the rest plays  (Ctrl+R)")
 
 
@@ -147,7 +146,7 @@ def _shorten_address(address: str) -> str:
     return address.removeprefix("tcp://") or tr("the address")
 
 
-def _draw_stage_options(workspace: Workspace, perform: PerformSession, area: Area) -> None:
+def _draw_stage_options(app: App, perform: PerformSession, area: Area) -> None:
     """Draws the options without a stage. No widget moves when cameras are found."""
     draw_heading("Stage")
     state_text, colour = describe_stage(perform)
@@ -158,49 +157,49 @@ def _draw_stage_options(workspace: Workspace, perform: PerformSession, area: Are
     imgui.push_text_wrap_pos(0.0)
     imgui.text_unformatted(state_text)
     imgui.pop_text_wrap_pos()
-    draw_cameras(workspace, area)
+    draw_cameras(app, area)
     perform.voice.wanted_state = imgui.checkbox(
         labelled(tr("Voice: open the microphone, too"), "Voice: open the microphone, too"),
         perform.voice.wanted_state,
     )[1]
-    workspace.remember("voice wanted")
+    app.remember("voice wanted")
     draw_tooltip("Spoken commands; your voice stays on this computer. The panel then lists the phrases")
     draw_heading("A camera elsewhere")
-    draw_edge_list(workspace)
+    draw_edge_list(app)
     draw_note("Address of the computer with the camera. Or let a recorded person perform here.")
     imgui.set_next_item_width(-1)
-    entered, workspace.perform.address = imgui.input_text_with_hint(
+    entered, app.state(PerformSession).address = imgui.input_text_with_hint(
         "##address", _LOCAL_ADDRESS, perform.address, imgui.InputTextFlags_.enter_returns_true
     )
-    workspace.remember("address")
+    app.remember("address")
     is_connect_pressed = imgui.button(labelled(tr("Connect"), "Connect"), _FULL_WIDTH) or entered
-    if is_connect_pressed and workspace.attempt(lambda: perform.connect(perform.address or _LOCAL_ADDRESS)):
+    if is_connect_pressed and app.attempt(lambda: perform.connect(perform.address or _LOCAL_ADDRESS)):
         perform.address = ""  # Clear the field, so that the address of another camera can be typed.
-    workspace.remember("connect")
+    app.remember("connect")
     for address in perform.known_addresses:
         if imgui.selectable(f"{address}###known {address}", False)[0]:
-            workspace.attempt(partial(perform.connect, address))
-        workspace.remember(f"known {address}")
+            app.attempt(partial(perform.connect, address))
+        app.remember(f"known {address}")
     draw_heading("No camera here?")
     if imgui.button(labelled(tr("A recorded person"), "A recorded person"), _FULL_WIDTH):
-        workspace.attempt(lambda: perform.connect_local("--loop"))
-    workspace.remember("recorded person")
+        app.attempt(lambda: perform.connect_local("--loop"))
+    app.remember("recorded person")
     draw_tooltip("Plays the recording that comes with enliven again and again, like a person at the camera")
     if imgui.button(labelled(tr("A recording of yours..."), "A recording of yours..."), _FULL_WIDTH):
-        workspace.ask("perform")
-    workspace.remember("recording of yours")
+        app.ask("perform")
+    app.remember("recording of yours")
     draw_tooltip("A camera recording or motion capture (.bvh) that plays again and again")
     if imgui.button(labelled(tr("A webcam"), "A webcam"), _FULL_WIDTH):
-        workspace.attempt(lambda: perform.connect_local("--sensor", "webcam"))
-    workspace.remember("webcam")
+        app.attempt(lambda: perform.connect_local("--sensor", "webcam"))
+    app.remember("webcam")
     draw_tooltip("A normal camera instead of a depth camera; experimental (MediaPipe finds the bodies)")
     if imgui.button(labelled(tr("A made-up person"), "A made-up person"), _FULL_WIDTH):
-        workspace.attempt(lambda: perform.connect_local("--sensor", "synthetic"))
-    workspace.remember("made-up person")
+        app.attempt(lambda: perform.connect_local("--sensor", "synthetic"))
+    app.remember("made-up person")
     draw_tooltip("A figure that waves and walks, for trying things out")
 
 
-def _draw_stage_state(workspace: Workspace, perform: PerformSession, live: LiveStage, area: Area) -> None:
+def _draw_stage_state(app: App, perform: PerformSession, live: LiveStage, area: Area) -> None:
     """Draws the state and the problems of the stage.
 
     The box has a fixed height, so that nothing below it moves.
@@ -212,7 +211,7 @@ def _draw_stage_state(workspace: Workspace, perform: PerformSession, live: LiveS
     with use_small_text():
         if imgui.small_button(labelled(tr("Leave"), "Leave")):
             perform.disconnect()
-    workspace.remember("leave")
+    app.remember("leave")
     draw_tooltip("Leave the stage; recordings are kept")
     imgui.set_cursor_pos(below)
     roomy = area.height > _MIN_TALL_PANEL_HEIGHT
@@ -234,7 +233,7 @@ def _draw_stage_state(workspace: Workspace, perform: PerformSession, live: LiveS
                 _draw_wrapped_text(state.what)
             draw_note(state.remedy)
     imgui.end_child()
-    workspace.remember("stage state")
+    app.remember("stage state")
 
 
 def _draw_wrapped_text(text: str) -> None:
@@ -243,7 +242,7 @@ def _draw_wrapped_text(text: str) -> None:
     imgui.pop_text_wrap_pos()
 
 
-def _draw_other_cameras(workspace: Workspace, perform: PerformSession) -> None:
+def _draw_other_cameras(app: App, perform: PerformSession) -> None:
     """Draws the secondary edges, and a field to add one, below the more common options."""
     draw_heading("Other cameras")
     for number, guest in enumerate(list(perform.secondary_edges)):
@@ -251,22 +250,22 @@ def _draw_other_cameras(workspace: Workspace, perform: PerformSession) -> None:
         imgui.text_unformatted(f"{guest.name}: {state}")
         if imgui.small_button(labelled(tr("Lead"), f"lead {number}")):
             perform.make_primary(guest)
-        workspace.remember(f"lead {number}")
+        app.remember(f"lead {number}")
         draw_tooltip("Send new characters and commands to this stage from now on")
         imgui.same_line()
         if imgui.small_button(labelled(tr("Leave"), f"leave {number}")):
             perform.remove_secondary(guest)
-        workspace.remember(f"part {number}")
+        app.remember(f"part {number}")
     imgui.set_next_item_width(-1)
     entered, perform.address = imgui.input_text_with_hint(
         "##beside", tr("another camera's address"), perform.address, imgui.InputTextFlags_.enter_returns_true
     )
-    workspace.remember("beside address")
-    if entered and perform.address and workspace.attempt(lambda: perform.add_secondary(perform.address)):
+    app.remember("beside address")
+    if entered and perform.address and app.attempt(lambda: perform.add_secondary(perform.address)):
         perform.address = ""
 
 
-def _draw_recording_options(workspace: Workspace, recording: StageRecording) -> None:
+def _draw_recording_options(app: App, recording: StageRecording) -> None:
     """Draws the recording options; the record button is at the top."""
     draw_heading("Record")
     last = recording.last_recording
@@ -275,28 +274,28 @@ def _draw_recording_options(workspace: Workspace, recording: StageRecording) -> 
         labelled(tr("Again, and keep {0}", last or tr("the last one")), "again beside"), _FULL_WIDTH
     ):
         recording.record_again(keeps_last=True)
-    workspace.remember("again beside")
+    app.remember("again beside")
     imgui.end_disabled()
     draw_tooltip("Both are kept: choose in the lane on the timeline which of them plays")
     recording.count_in = imgui.checkbox(
         labelled(tr("Count in: three, two, one"), "Count in: three, two, one"), recording.count_in
     )[1]
-    workspace.remember("count in")
+    app.remember("count in")
     recording.replaces = imgui.checkbox(
         labelled(tr("Replace the motion there"), "Replace the motion there"), recording.replaces
     )[1]
     draw_tooltip("On: your motion replaces the old motion of the parts that you move. Off: it is added")
-    workspace.remember("replaces")
-    _draw_end_conditions(workspace, recording)
+    app.remember("replaces")
+    _draw_end_conditions(app, recording)
 
 
-def _draw_end_conditions(workspace: Workspace, recording: StageRecording) -> None:
+def _draw_end_conditions(app: App, recording: StageRecording) -> None:
     """Draws the conditions that end a recording: stillness, or the end of the marked span."""
     held, still = recording.hold_still, bool(recording.hold_still)
     changed, still = imgui.checkbox(
         labelled(tr("Stop when all hold still"), "Stop when all hold still"), still
     )
-    workspace.remember("hold still")
+    app.remember("hold still")
     draw_tooltip("The still end is cut off")
     if changed:
         recording.hold_still = _DEFAULT_STILLNESS_S if still else 0.0
@@ -305,7 +304,7 @@ def _draw_end_conditions(workspace: Workspace, recording: StageRecording) -> Non
         recording.hold_still = imgui.slider_float(
             "##still", held or _DEFAULT_STILLNESS_S, 0.5, 5.0, tr("for %.1f s")
         )[1]
-        workspace.remember("still for")
+        app.remember("still for")
     if recording.span is None:
         draw_note("I and O mark where recordings begin and end.")
         return
@@ -314,32 +313,32 @@ def _draw_end_conditions(workspace: Workspace, recording: StageRecording) -> Non
     imgui.same_line(imgui.get_content_region_avail().x - 40)
     if imgui.small_button(labelled(tr("Clear"), "span")):
         recording.span = None
-    workspace.remember("clear span")
+    app.remember("clear span")
     recording.loops = imgui.checkbox(labelled(tr("Record in a loop"), "Record in a loop"), recording.loops)[1]
-    workspace.remember("loops")
+    app.remember("loops")
     draw_tooltip(
         "The marked time is recorded again and again until you stop; all are kept, the last one plays"
     )
 
 
-def _draw_characters(workspace: Workspace, perform: PerformSession) -> None:
+def _draw_characters(app: App, perform: PerformSession) -> None:
     """Draws all characters, those of the project first, in a scrolling list of fixed height.
 
     A character keeps its line when it enters or leaves the stage, and when other edges add their characters.
     """
     draw_heading("Characters")
-    editor = workspace.editor
+    editor = app.editor
     project_names = list(editor.project.characters)
     with open_list_box("characters", _CHARACTERS_HEIGHT) as available_width:
         for name in project_names:
-            _draw_character(workspace, perform, name, available_width)
+            _draw_character(app, perform, name, available_width)
         for name in perform.stage_ids:
             if name not in editor.project.characters:
-                _draw_character(workspace, perform, name, available_width)
+                _draw_character(app, perform, name, available_width)
         if not project_names and not perform.stage_ids:
             draw_note("None yet. Open a model or draw a shape, and put it there.")
-    workspace.remember("characters")
-    _scroll_to_list(workspace)
+    app.remember("characters")
+    _scroll_to_list(app)
     chosen = editor.selection.character
     state = perform.sender.states.get(chosen or "", "")
     can_put = chosen in project_names and chosen not in perform.stage_ids and not state.startswith("being")
@@ -350,16 +349,16 @@ def _draw_characters(workspace: Workspace, perform: PerformSession) -> None:
     ):
         perform.put_on_stage()
     imgui.end_disabled()
-    workspace.remember("put")
+    app.remember("put")
     draw_tooltip("A person can step into it then. It follows every edit  (Ctrl+Enter)")
 
 
-def _scroll_to_list(workspace: Workspace) -> None:
+def _scroll_to_list(app: App) -> None:
     """Scrolls the panel to the list of characters if one of its lines is requested.
 
     The list alone would scroll only its own lines.
     """
-    drawn = workspace.drawn
+    drawn = app.drawn
     if drawn.is_user_scrolling or not any(name.startswith(_WIDGET_PREFIXES) for name in drawn.targets):
         return
     clip = imgui.get_window_draw_list()
@@ -368,34 +367,34 @@ def _scroll_to_list(workspace: Workspace) -> None:
         imgui.set_scroll_here_y(0.5)
 
 
-def _draw_character(workspace: Workspace, perform: PerformSession, name: str, available_width: float) -> None:
+def _draw_character(app: App, perform: PerformSession, name: str, available_width: float) -> None:
     """Draws one character's line: its name, its state, and the button that removes it from the stage.
 
     The state is held, free, or the reason why the character is not on the stage.
     """
     standing = name in perform.stage_ids
-    is_in_project, flags = name in workspace.editor.project.characters, imgui.SelectableFlags_.allow_overlap
+    is_in_project, flags = name in app.editor.project.characters, imgui.SelectableFlags_.allow_overlap
     state = perform.sender.states.get(name, "")
     if standing:
         state_text = tr("held") if any(holder.character == name for holder in perform.holders) else tr("free")
     else:
         state_text = tr(state) if state else tr("not on the stage")
-    chosen = perform.target == name if standing else workspace.editor.selection.character == name
+    chosen = perform.target == name if standing else app.editor.selection.character == name
     can_remove = standing and perform.live is not None and not perform.live.take
     label = shorten_text(f"{name}  ·  {state_text}", available_width - (_REMOVE_WIDTH if can_remove else 0.0))
     if imgui.selectable(f"{label}###character {name}", chosen, flags, ImVec2(available_width, 0))[0]:
         perform.stage_selection = name if standing else perform.stage_selection
-        workspace.editor.choose(name if is_in_project else None)
-    workspace.remember(f"{'stands' if standing else 'waits'} {name}")
+        app.editor.choose(name if is_in_project else None)
+    app.remember(f"{'stands' if standing else 'waits'} {name}")
     draw_tooltip(state_text if state.startswith("refused") else "")
     if can_remove:
         imgui.same_line(available_width - _REMOVE_WIDTH)
         if imgui.small_button(labelled(tr("Remove"), f"remove {name}")):
             perform.remove_from_stage(name)
-        workspace.remember(f"remove {name}")
+        app.remember(f"remove {name}")
 
 
-def _draw_performers(workspace: Workspace, perform: PerformSession, live: LiveStage) -> None:
+def _draw_performers(app: App, perform: PerformSession, live: LiveStage) -> None:
     """Draws the choice of performer and body parts, and the other ways to control a character."""
     draw_heading("Performer and body parts")
     present, choice = perform.performers, live.possession
@@ -406,7 +405,7 @@ def _draw_performers(workspace: Workspace, perform: PerformSession, live: LiveSt
     index = 1 + bodies.index(choice.body) if choice.body in bodies else 0
     imgui.set_next_item_width(-1)
     changed, index = imgui.combo("##performer", index, names)
-    workspace.remember("performer")
+    app.remember("performer")
     if changed:
         choice.body = bodies[index - 1] if index else None
         live.possess("preview")
@@ -414,30 +413,30 @@ def _draw_performers(workspace: Workspace, perform: PerformSession, live: LiveSt
     changed, number = imgui.combo(
         "##parts", PART_CHOICES.index(choice.parts), list(map(_label_part, PART_CHOICES))
     )
-    workspace.remember("parts")
+    app.remember("parts")
     draw_tooltip("The body parts that step in; the stage shows what they would move  (1 to 9)")
     if changed:
         live.choose_parts(number)
     third = ImVec2((imgui.get_content_region_avail().x - 2 * imgui.get_style().item_spacing.x) / 3, 0)
     if imgui.button(labelled(tr("Join"), "Join"), third):
         perform.possession_requests.press("join")
-    workspace.remember("join")
+    app.remember("join")
     draw_tooltip("Step in together with its current performers  (J)")
     imgui.same_line()
     if imgui.button(labelled(tr("Hold more"), "Hold more"), third):
         perform.possession_requests.press("extend")
-    workspace.remember("extend")
+    app.remember("extend")
     draw_tooltip("Hold with these parts, too  (E)")
     imgui.same_line()
     if imgui.button(labelled(tr("Release"), "Release"), third):
         live.release()
-    workspace.remember("release")
+    app.remember("release")
     draw_tooltip("Let go  (R)")
     if imgui.checkbox(
         labelled(tr("Only who is here now performs"), "Only who is here now performs"), choice.locked
     )[0]:
         live.toggle_lock()
-    workspace.remember("lock")
+    app.remember("lock")
     draw_tooltip("Newcomers cannot step in  (K)")
 
 

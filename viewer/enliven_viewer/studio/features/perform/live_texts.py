@@ -1,4 +1,4 @@
-"""Draws live information over the view: performers with their characters, matches, count-in and recording."""
+"""Draws text about the live stage over the view, for artists and for an audience."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.live.match_cards import make_cards
 from enliven_viewer.playback.timeline import NS_PER_S
 from enliven_viewer.render.overlay.canvas import Pen
+from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.panel_layout import HOLDER_LINE_HEIGHT, Area
 from enliven_viewer.studio.app.style import pack_colour
-from enliven_viewer.studio.perform.session import PerformSession
-from enliven_viewer.studio.workspace.workspace import Workspace
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.theme import BAD, GLASS, GOOD, INK, SHADOW, WAIT, Colour, get_performer_colour
 
 _PERFORMER_TEXT_SIZE = 26.0
@@ -42,19 +42,19 @@ _MIN_LINE_WIDTH = 240.0
 """Minimum width in pixels of the lines next to the inset. With less space they cover it."""
 
 
-def draw_live(workspace: Workspace, area: Area, frame_rate: float) -> None:
+def draw_live(app: App, area: Area, frame_rate: float) -> None:
     """Draws the live information over the viewport. ``frame_rate`` is in frames per second."""
-    perform = workspace.perform
+    perform = app.state(PerformSession)
     live = perform.live
-    workspace.widgets.pop("holders", None)
+    app.widgets.pop("holders", None)
     if live is None:
         return
     draw_list = imgui.get_background_draw_list()
     size = (round(area.width), round(area.height))
     draw_list.push_clip_rect(ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height))
     hud = Hud(Pen(draw_list, (area.x, area.y)))
-    view = workspace.editor.lens.view
-    is_over_characters = bool(workspace.editor.visible_characters)
+    view = app.editor.lens.view
+    is_over_characters = bool(app.editor.visible_characters)
     if perform.active_workspace == "Play":
         hud.draw(size, _make_hud_state(live, frame_rate, live.words(view), is_over_characters))
         _handle_scrubbing(live, area, size)
@@ -62,18 +62,18 @@ def draw_live(workspace: Workspace, area: Area, frame_rate: float) -> None:
         notice = live.notice if not live.scene.actors else ""
         hud.draw_choice(size, make_cards(live.scene, view), notice, is_over_characters)
     if perform.active_workspace in ("Perform", "Play"):
-        free_area = find_area_next_to_preview(area, workspace.widgets.get("performer inset"))
+        free_area = find_area_next_to_preview(area, app.widgets.get("performer inset"))
         height = draw_holders(perform, draw_list, free_area)
         if height:
             bottom = area.y + area.height
-            workspace.widgets["holders"] = (
+            app.widgets["holders"] = (
                 free_area.x,
                 bottom - height,
                 free_area.x + free_area.width,
                 bottom,
             )
         draw_size(perform, draw_list, area)
-        text_bottom = max((overlay.find_bottom() for overlay in workspace.overlays), default=0.0)
+        text_bottom = max((overlay.find_bottom() for overlay in app.overlays), default=0.0)
         draw_utterance(perform, draw_list, area, find_utterance_bottom(text_bottom))
     _draw_recording(perform, draw_list, area)
     draw_list.pop_clip_rect()
@@ -214,3 +214,34 @@ def draw_size(perform: PerformSession, draw_list: imgui.ImDrawList, area: Area) 
 
 def _measure_width(text: str, size: float) -> float:
     return imgui.calc_text_size(text).x * size / imgui.get_font_size()
+
+
+_NOTICE_TEXT_SIZE = 26.0
+"""Text size in pixels of the notice: readable from the back of a room."""
+_NOTICE_MARGIN = 72.0
+"""Distance in pixels between the notice and the bottom of the view."""
+
+
+def draw_audience(app: App, area: Area, notice: str) -> None:
+    """Draws over the whole view; ``notice`` is shown while the stage is away, else empty."""
+    live = app.state(PerformSession).live
+    draw_list = imgui.get_background_draw_list()
+    if not app.asking:
+        imgui.set_mouse_cursor(imgui.MouseCursor_.none)
+    if notice:
+        _draw_sentence(draw_list, area, tr(notice))
+    elif live is not None:
+        cards = make_cards(live.scene, app.editor.lens.view)
+        Hud(Pen(draw_list, (area.x, area.y))).draw_choice((round(area.width), round(area.height)), cards, "")
+        draw_holders(app.state(PerformSession), draw_list, area)
+        draw_size(app.state(PerformSession), draw_list, area)
+
+
+def _draw_sentence(draw_list: imgui.ImDrawList, area: Area, text: str) -> None:
+    """Draws one sentence centred at the bottom."""
+    width = imgui.calc_text_size(text).x / imgui.get_font_size()
+    size = min(_NOTICE_TEXT_SIZE, (area.width - 80.0) / max(width, 1.0))
+    left, top = area.x + (area.width - width * size) / 2, area.y + area.height - _NOTICE_MARGIN
+    low, high = ImVec2(left - 26, top - 12), ImVec2(left + width * size + 26, top + size + 12)
+    draw_list.add_rect_filled(low, high, pack_colour((*GLASS[:3], 0.85)), 14.0)
+    draw_list.add_text(imgui.get_font(), size, ImVec2(left, top), pack_colour(INK), text)

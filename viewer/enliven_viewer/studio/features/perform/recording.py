@@ -12,8 +12,8 @@ from enliven.takes.performed import PerformedMotion, add_performance
 from enliven_viewer.language import later, tr
 from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.perform.recorder import LiveRecorder
-from enliven_viewer.studio.perform.secondary_edges import SecondaryEdge
+from enliven_viewer.studio.features.perform.recorder import LiveRecorder
+from enliven_viewer.studio.features.perform.secondary_edges import SecondaryEdge
 
 _COUNT_IN_S = 3.0
 """Length of the count-in in seconds: one beat per second."""

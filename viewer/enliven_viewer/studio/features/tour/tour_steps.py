@@ -8,8 +8,12 @@ from dataclasses import dataclass
 from enliven_viewer.language import later
 from enliven_viewer.playback.document import find_bounds
 from enliven_viewer.studio.app.targets import Target
-from enliven_viewer.studio.start.chair_legs import find_chair_in_image, find_leg_to_cut, find_piece_to_carry
-from enliven_viewer.studio.start.tour_state import TourCounts, TourState
+from enliven_viewer.studio.features.tour.chair_legs import (
+    find_chair_in_image,
+    find_leg_to_cut,
+    find_piece_to_carry,
+)
+from enliven_viewer.studio.features.tour.tour_state import TourCounts, TourState
 
 _DANCE_S = 3.0
 """Seconds of dancing before the tour explains how to stop: one swing of the arms."""

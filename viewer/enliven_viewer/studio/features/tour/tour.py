@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from enliven_viewer.studio.app.targets import DrawnWidgets, Rectangle, Target
-from enliven_viewer.studio.start.chair_legs import find_chair_in_image
-from enliven_viewer.studio.start.demonstration import Demonstration
-from enliven_viewer.studio.start.tour_state import TourState, TourWorkspace
-from enliven_viewer.studio.start.tour_steps import ENDING, TOUR_STEPS, TourPart, TourStep
+from enliven_viewer.studio.features.tour.chair_legs import find_chair_in_image
+from enliven_viewer.studio.features.tour.demonstration import Demonstration
+from enliven_viewer.studio.features.tour.tour_state import TourState, TourWorkspace
+from enliven_viewer.studio.features.tour.tour_steps import ENDING, TOUR_STEPS, TourPart, TourStep
 from enliven_viewer.studio.viewport.overlay import Point
 
 _DONE_DISPLAY_S = 1.2

@@ -1,4 +1,4 @@
-"""Draws the performers as seen by their cameras, in a corner of the view, one image per edge."""
+"""Draws small images in the corners of the view: what the cameras see, and a limb from the side."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ from enliven_viewer.language import tr
 from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.playback.document import find_bounds
 from enliven_viewer.render.overlay.match_lines import find_limb_tints
+from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import draw_caption, pack_colour
-from enliven_viewer.studio.perform.preview_placement import (
+from enliven_viewer.studio.features.perform.preview_placement import (
     DEFAULT_ASPECT,
     PreviewPlacement,
     ProjectedBody,
@@ -25,9 +26,8 @@ from enliven_viewer.studio.perform.preview_placement import (
     find_rectangle,
     project_bodies,
 )
-from enliven_viewer.studio.perform.session import PerformSession
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.viewport.preview_textures import PreviewTextures
-from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import DARK, INK, LINE, QUIET, UNTINTED, Colour, get_performer_colour
 
 _LIMB_THICKNESS = 0.075
@@ -40,19 +40,17 @@ _TEXT_SIZE = 13.0
 """Text size in pixels in the inset."""
 
 
-def draw_camera_previews(
-    workspace: Workspace, area: Area, inset: PreviewPlacement, pictures: PreviewTextures
-) -> None:
+def draw_camera_previews(app: App, area: Area, inset: PreviewPlacement, pictures: PreviewTextures) -> None:
     """Draws the inset over the viewport, if it is enabled and performers are visible."""
-    perform = workspace.perform
-    views = list_views(perform) if workspace.preferences.performer else []
-    workspace.widgets.pop("performer inset", None)
+    perform = app.state(PerformSession)
+    views = list_views(perform) if app.preferences.performer else []
+    app.widgets.pop("performer inset", None)
     if not views:
         return
     available_size = area.width, area.height
     widths = [find_aspect(view.camera) for view in views]
     left, top, wide, height = inset.place(
-        *available_size, sum(widths) / DEFAULT_ASPECT, lambda: _find_covered_rectangles(workspace)
+        *available_size, sum(widths) / DEFAULT_ASPECT, lambda: _find_covered_rectangles(app)
     )
     draw_list, x = imgui.get_background_draw_list(), area.x + left
     for view, width in zip(views, widths, strict=True):
@@ -63,11 +61,11 @@ def draw_camera_previews(
             pictures.get_texture(view.name, view.camera),
         )
         x += width * height
-    workspace.widgets["performer inset"] = (
+    app.widgets["performer inset"] = (
         *(area.x + left, area.y + top),
         *(area.x + left + wide, area.y + top + height),
     )
-    _draw_tooltip(workspace, Area(area.x + left, area.y + top, wide, height))
+    _draw_tooltip(app, Area(area.x + left, area.y + top, wide, height))
 
 
 @dataclass(frozen=True)
@@ -99,9 +97,9 @@ def _make_view(name: str, live: LiveStage, camera: CameraMessage | None) -> Prev
     return PreviewContent(name, live.scene.bodies, camera, find_limb_tints(live.scene.boards))
 
 
-def _find_covered_rectangles(workspace: Workspace) -> list[tuple[float, float, float, float]]:
+def _find_covered_rectangles(app: App) -> list[tuple[float, float, float, float]]:
     """Returns the rectangles covered by live characters and by those of the project."""
-    editor, rectangles = workspace.editor, []
+    editor, rectangles = app.editor, []
     lens, project_bounds = (
         editor.lens,
         find_bounds([character.extent for character in editor.visible_characters]),
@@ -166,8 +164,50 @@ def _draw_figure(
     )
 
 
-def _draw_tooltip(workspace: Workspace, area: Area) -> None:
+def _draw_tooltip(app: App, area: Area) -> None:
     """Shows a tooltip with the shortcut that hides the inset while the pointer is over it."""
     io = imgui.get_io()
     if area.holds(io.mouse_pos.x, io.mouse_pos.y) and not io.want_capture_mouse and not io.mouse_down[0]:
-        imgui.set_tooltip(workspace.actions.make_tooltip(workspace.actions["view.performer"]))
+        imgui.set_tooltip(app.actions.make_tooltip(app.actions["view.performer"]))
+
+
+_SIDE_VIEW_HEIGHT_FRACTION = 0.3
+"""Fraction of the view's height."""
+_SIDE_VIEW_MIN_HEIGHT = 104.0
+"""Minimum height in pixels, so that the limb is recognisable."""
+_SIDE_VIEW_MAX_HEIGHT = 400.0
+"""Maximum height in pixels: a larger image shows no more detail."""
+_SIDE_VIEW_ASPECT = 1.2
+"""Aspect ratio, the same as for the inset in the other corner."""
+_SIDE_VIEW_MARGIN = 14.0
+"""Distance in pixels from the border of the view."""
+_SIDE_VIEW_TEXT_SIZE = 13.0
+"""Text size of its title in pixels."""
+
+
+def find_side_view_area(app: App, area: Area) -> Area:
+    """Returns the area of the side view in the window: at the top right, or below an inset there."""
+    height = min(
+        max(_SIDE_VIEW_HEIGHT_FRACTION * area.height, _SIDE_VIEW_MIN_HEIGHT),
+        _SIDE_VIEW_MAX_HEIGHT,
+        max(area.height / 2 - _SIDE_VIEW_MARGIN, 1.0),
+    )
+    width, top = _SIDE_VIEW_ASPECT * height, area.y + _SIDE_VIEW_MARGIN
+    left = area.x + area.width - width - _SIDE_VIEW_MARGIN
+    taken = app.widgets.get("performer inset")
+    if taken is not None and taken[2] > left and taken[1] < top + height:
+        top = taken[3] + _SIDE_VIEW_MARGIN
+    return Area(left, top, width, height)
+
+
+def draw_side_view(app: App, area: Area, texture: int) -> None:
+    """Draws the side view that the window has rendered."""
+    draw_list, place = imgui.get_background_draw_list(), find_side_view_area(app, area)
+    low, high = ImVec2(place.x, place.y), ImVec2(place.x + place.width, place.y + place.height)
+    white = pack_colour(UNTINTED)
+    draw_list.add_image_rounded(
+        imgui.ImTextureRef(texture), low, high, ImVec2(0, 1), ImVec2(1, 0), white, 8.0
+    )
+    draw_list.add_rect(low, high, pack_colour(LINE), 8.0, 1.5)
+    draw_caption(draw_list, ImVec2(place.x + 9, place.y + 6), tr("From the side"), INK, _SIDE_VIEW_TEXT_SIZE)
+    app.widgets["side view"] = (low.x, low.y, high.x, high.y)

@@ -12,7 +12,7 @@ from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.link.edge_connection import NO_ANSWER_TEXT
 from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.perform.stage_sender import StageSender
+from enliven_viewer.studio.features.perform.stage_sender import StageSender
 
 MAX_WAIT_S = 120.0
 """Longest time that a press waits while the stage, a character or a performer is missing, in seconds. Kernels

@@ -23,20 +23,17 @@ from enliven_viewer.playback.timeline import Timeline
 from enliven_viewer.render.scene import Scene
 from enliven_viewer.settings import PlaybackSettings
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.perform.addresses import Addresses
-from enliven_viewer.studio.perform.cameras import CameraSearch
-from enliven_viewer.studio.perform.character_sizes import CharacterSizes
-from enliven_viewer.studio.perform.close_up import CloseUp
-from enliven_viewer.studio.perform.holders import Holder
-from enliven_viewer.studio.perform.live_overlay import LiveOverlay, OverlayConditions
-from enliven_viewer.studio.perform.local_edge import LocalEdge
-from enliven_viewer.studio.perform.physics import StagePhysics
-from enliven_viewer.studio.perform.possession_requests import PossessionRequests
-from enliven_viewer.studio.perform.recorder import LiveRecorder
-from enliven_viewer.studio.perform.recording import StageRecording
-from enliven_viewer.studio.perform.secondary_edges import SecondaryEdge
-from enliven_viewer.studio.perform.stage_sender import StageSender
-from enliven_viewer.studio.perform.voice import StageVoice
+from enliven_viewer.studio.features.perform.cameras import CameraSearch
+from enliven_viewer.studio.features.perform.character_sizes import CharacterSizes
+from enliven_viewer.studio.features.perform.close_up import CloseUp
+from enliven_viewer.studio.features.perform.live_overlay import LiveOverlay, OverlayConditions
+from enliven_viewer.studio.features.perform.local_edge import Addresses, LocalEdge
+from enliven_viewer.studio.features.perform.possession_requests import PossessionRequests
+from enliven_viewer.studio.features.perform.recorder import Holder, LiveRecorder
+from enliven_viewer.studio.features.perform.recording import StageRecording
+from enliven_viewer.studio.features.perform.secondary_edges import SecondaryEdge
+from enliven_viewer.studio.features.perform.stage_sender import StageSender
+from enliven_viewer.studio.features.perform.stage_switches import StagePhysics, StageVoice
 
 WORKSPACES = ("Perform", "Animate", "Model", "Play")
 """The workspaces, which differ in their panels. The loaded project stays the same."""

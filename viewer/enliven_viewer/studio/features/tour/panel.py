@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
 
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, later, tr
+from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.panel_layout import MENU_HEIGHT, Area, PanelLayout
 from enliven_viewer.studio.app.style import pack_colour, push_fill
-from enliven_viewer.studio.panels.start.card_placement import Rectangle, place_arrow, place_card
-from enliven_viewer.studio.start.tour import Tour
-from enliven_viewer.studio.start.tour_steps import TOUR_STEPS
-from enliven_viewer.studio.workspace.workspace import Workspace
+from enliven_viewer.studio.features.tour.card_placement import Rectangle, place_arrow, place_card
+from enliven_viewer.studio.features.tour.tour import Tour
+from enliven_viewer.studio.features.tour.tour_steps import TOUR_STEPS
 from enliven_viewer.theme import ACCENT, DARK, GOOD, INK, QUIET
 
 _CARD_WIDTH = 330.0
@@ -62,38 +63,37 @@ _SHOW_LABEL, _BACK_LABEL, _SKIP_LABEL, _NEXT_LABEL, _LATER_LABEL, _CLOSE_LABEL =
 )
 
 
-def draw_tour(workspace: Workspace, places: PanelLayout) -> None:
-    """Draws the tour on top of everything."""
+def draw_tour(app: App, tour: Tour | None, places: PanelLayout, end: Callable[[], object]) -> None:
+    """Draws the tour on top of everything; ``end`` closes it."""
     area = places.viewport
-    tour = workspace.tour
-    workspace.drawn.picture += 1
-    workspace.drawn.is_user_scrolling |= bool(imgui.get_io().mouse_wheel)
-    workspace.widgets.pop("tour outline", None)
+    app.drawn.picture += 1
+    app.drawn.is_user_scrolling |= bool(imgui.get_io().mouse_wheel)
+    app.widgets.pop("tour outline", None)
     if tour is None:
         return
     target = tour.outline((area.x, area.y))
-    dialogue = bool(workspace.asking)
+    dialogue = bool(app.asking)
     if dialogue and not any(name.startswith(("file name", "dialog")) for name in tour.target.widgets):
         target = None  # The dialogue covers the target, so do not point at it.
     shape = _add_margin(target) if target is not None else None
     if dialogue:
         card = _draw_bubble(tour, shape)
     else:
-        card = _draw_card(workspace, tour, places, shape)
+        card = _draw_card(app, tour, places, shape, end)
     draw_list = imgui.get_foreground_draw_list()
     if shape is not None:
-        workspace.widgets["tour outline"] = shape
-        _draw_outline(draw_list, shape, calm=workspace.preferences.less_motion)
+        app.widgets["tour outline"] = shape
+        _draw_outline(draw_list, shape, calm=app.preferences.less_motion)
         if card is not None and tour.target.box is None:
             _draw_arrow(
                 draw_list,
                 card,
                 shape,
-                [workspace.widgets[name] for name in workspace.widgets if name not in _TOUR_WIDGETS],
+                [app.widgets[name] for name in app.widgets if name not in _TOUR_WIDGETS],
             )
     if tour.target.path and not dialogue:
         _draw_drag_path(draw_list, [ImVec2(area.x + x, area.y + y) for x, y in tour.target.path])
-    _draw_hand(workspace, tour)
+    _draw_hand(app, tour)
 
 
 def _add_margin(target: Rectangle) -> Rectangle:
@@ -108,7 +108,9 @@ def _add_margin(target: Rectangle) -> Rectangle:
     )
 
 
-def _draw_card(workspace: Workspace, tour: Tour, places: PanelLayout, shape: Rectangle | None) -> Rectangle:
+def _draw_card(
+    app: App, tour: Tour, places: PanelLayout, shape: Rectangle | None, end: Callable[[], object]
+) -> Rectangle:
     """Draws the card next to its target."""
     area = places.viewport
     size = imgui.get_io().display_size
@@ -119,7 +121,7 @@ def _draw_card(workspace: Workspace, tour: Tour, places: PanelLayout, shape: Rec
         (place.x, place.y, place.x + place.width, place.y + place.height)
         for place in (places.side, places.tools, places.timeline)
     ]
-    widgets = workspace.widgets
+    widgets = app.widgets
     obstacles = (
         tour.chair_rectangle((area.x, area.y)),
         widgets.get("performer inset"),
@@ -136,7 +138,7 @@ def _draw_card(workspace: Workspace, tour: Tour, places: PanelLayout, shape: Rec
                 middle + _TOOLTIP_EXTENT[1],
             )
         ]
-    page = workspace.drawn.find(("start page",))
+    page = app.drawn.find(("start page",))
     others += [page[1]] if page is not None else []
     picture = area.x, area.y, area.x + area.width, area.y + area.height
     # Move the card only when its sentence changes. Otherwise its buttons must stay under the pointer.
@@ -152,11 +154,11 @@ def _draw_card(workspace: Workspace, tour: Tour, places: PanelLayout, shape: Rec
     imgui.begin(labelled(tr("Tour"), "Tour"), None, _WINDOW_FLAGS)
     _draw_sentence(tour)
     _draw_dots(tour)
-    _draw_buttons(workspace, tour)
+    _draw_buttons(app, tour, end)
     imgui.end()
     imgui.pop_style_color()
     imgui.pop_style_var()
-    workspace.widgets["tour card"] = (x, y, x + width, y + height)
+    app.widgets["tour card"] = (x, y, x + width, y + height)
     return x, y, x + width, y + height
 
 
@@ -225,7 +227,7 @@ def _draw_dots(tour: Tour) -> None:
     imgui.dummy(ImVec2(1, 2 * _DOT_RADIUS + 4))
 
 
-def _draw_buttons(workspace: Workspace, tour: Tour) -> None:
+def _draw_buttons(app: App, tour: Tour, end: Callable[[], object]) -> None:
     """Draws the buttons: show me, back, skip or next, and later."""
     spacing = imgui.get_style().item_spacing.x
     button_width = (imgui.get_content_region_avail().x - 3 * spacing) / 4
@@ -233,8 +235,8 @@ def _draw_buttons(workspace: Workspace, tour: Tour) -> None:
     if tour.step is None:
         with push_fill(ACCENT):
             if imgui.button(labelled(tr(_CLOSE_LABEL), _CLOSE_LABEL), ImVec2(-1, _BUTTON_HEIGHT)):
-                workspace.end_tour()
-        workspace.remember("tour close")
+                end()
+        app.remember("tour close")
         return
     part = tour.part
     imgui.begin_disabled(part is None or tour.is_demonstrating or part.waits)
@@ -243,21 +245,21 @@ def _draw_buttons(workspace: Workspace, tour: Tour) -> None:
             mouse = imgui.get_io().mouse_pos
             tour.show((mouse.x, mouse.y))
     imgui.end_disabled()
-    workspace.remember("tour show")
+    app.remember("tour show")
     imgui.same_line()
     imgui.begin_disabled(tour.number == 0)
     if imgui.button(labelled(tr(_BACK_LABEL), _BACK_LABEL), size):
         tour.back()
     imgui.end_disabled()
-    workspace.remember("tour back")
+    app.remember("tour back")
     imgui.same_line()
     if imgui.button(labelled(tr(_NEXT_LABEL if tour.reviewing else _SKIP_LABEL), "tour skip"), size):
         tour.skip()
-    workspace.remember("tour skip")
+    app.remember("tour skip")
     imgui.same_line()
     if imgui.button(labelled(tr(_LATER_LABEL), _LATER_LABEL), size):
-        workspace.end_tour()
-    workspace.remember("tour later")
+        end()
+    app.remember("tour later")
 
 
 def _draw_bubble(tour: Tour, shape: Rectangle | None) -> Rectangle | None:
@@ -338,7 +340,7 @@ def _draw_drag_path(draw_list: imgui.ImDrawList, points: list[ImVec2]) -> None:
     draw_list.add_circle_filled(points[0], 5.0, pack_colour(ACCENT))
 
 
-def _draw_hand(workspace: Workspace, tour: Tour) -> None:
+def _draw_hand(app: App, tour: Tour) -> None:
     """Draws the hand of a demonstration, and passes on the letters that it types."""
     showing = tour.demonstration
     if showing is None:
