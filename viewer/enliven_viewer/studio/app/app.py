@@ -11,6 +11,7 @@ from enliven.errors import EnlivenError, InputError
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.table import ActionTable
 from enliven_viewer.studio.app.contributions import FileType, Panel, PanelPlace, ViewLayer, ViewOverlay
+from enliven_viewer.studio.app.panel_layout import SideSplit
 from enliven_viewer.studio.app.targets import DrawnWidgets, Rectangle
 from enliven_viewer.studio.app.time_axis import TimeAxis
 from enliven_viewer.studio.app.viewport_input import ViewportInput, make_tool_action
@@ -41,6 +42,7 @@ class App:
         open_key_pose: opens a key pose of the selected puppet by its number.
         begin_key_pose: begins a key pose of the selected puppet at a time of a take.
         show_take: shows a take next to the characters, by its name.
+        side_split: the division of the right panel.
         panels: panels around the view.
         tool_options: functions that draw the options of a tool in the panel at the right, by the tool's name.
         perform_sections: functions that draw a section of the Perform panel.
@@ -70,6 +72,7 @@ class App:
         self.open_key_pose: Callable[[int], object] = editor.puppets.edit_pose
         self.begin_key_pose: Callable[[str, float], object] = editor.puppets.begin_pose
         self.show_take: Callable[[str], object] = lambda name: None
+        self.side_split = SideSplit()
         self.panels: list[Panel] = []
         self.tool_options: dict[str, Callable[[], object]] = {}
         self.perform_sections: list[Callable[[], object]] = []

@@ -14,7 +14,14 @@ from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.viewport.viewport import RenderPass
 
 PanelPlace = Literal[
-    "right", "selection", "below outliner", "bottom", "above timeline", "beside view", "below view"
+    "right",
+    "outliner",
+    "selection",
+    "below outliner",
+    "bottom",
+    "above timeline",
+    "beside view",
+    "below view",
 ]
 
 

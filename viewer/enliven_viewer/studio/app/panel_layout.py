@@ -52,6 +52,27 @@ class Area(NamedTuple):
         return self.x <= x < self.x + self.width and self.y <= y < self.y + self.height
 
 
+class SideSplit:
+    """The division of the right panel: the outliner above, the selection below.
+
+    Attributes:
+        fraction: fraction of the height for the outliner. The default has eight rows at 1280x720.
+        column: the area of both.
+    """
+
+    def __init__(self) -> None:
+        self.fraction = 0.46
+        self.column = Area(0.0, 0.0, 0.0, 0.0)
+
+    def divide(self, column: Area) -> tuple[Area, Area]:
+        """Returns the two parts of a column."""
+        self.column, height = column, round(self.fraction * column.height)
+        return (
+            Area(column.x, column.y, column.width, height),
+            Area(column.x, column.y + height, column.width, column.height - height),
+        )
+
+
 class PanelLayout(NamedTuple):
     """The areas of the panels at one window size."""
 

@@ -7,7 +7,6 @@ from imgui_bundle import imgui
 from enliven_viewer.studio.app.contributions import PanelPlace
 from enliven_viewer.studio.app.panel_layout import TIMELINE_HEIGHT, Area, PanelLayout, lay_out_panels
 from enliven_viewer.studio.panels.menu import draw_menu, draw_workspace_tabs
-from enliven_viewer.studio.panels.outliner.outliner import draw_outliner, split_outliner
 from enliven_viewer.studio.panels.side import draw_side
 from enliven_viewer.studio.panels.toolbar import draw_toolbar
 from enliven_viewer.studio.panels.viewport_overlay import draw_overlay, draw_progress_box
@@ -80,7 +79,7 @@ def _draw_side(workspace: Workspace, places: PanelLayout) -> None:
     if below_outliner is not None:
         column, below = _split_side(column)
         below_outliner.draw(below)
-    above, below = split_outliner(column, workspace.outliner.share)
+    above, below = workspace.side_split.divide(column)
     chosen = workspace.editor.selection
     if chosen.character is None or (column is not places.side and chosen.layer is None):
         # Nothing is selected, or there is only room for the tree and the source. So the tree takes the whole
@@ -90,8 +89,9 @@ def _draw_side(workspace: Workspace, places: PanelLayout) -> None:
         selection.draw(below)
     else:
         draw_side(workspace, below)
-    if above.height >= 1.0:
-        draw_outliner(workspace, above, column)
+    outliner = workspace.find_panel(active_workspace, "outliner")
+    if outliner is not None and above.height >= 1.0:
+        outliner.draw(above)
 
 
 def _split_side(side: Area) -> tuple[Area, Area]:

@@ -25,7 +25,7 @@ from enliven_viewer.studio.panels.dialogs import draw_dialogs
 from enliven_viewer.studio.window.desktop import Desktop
 from enliven_viewer.studio.window.live_outputs import WindowOutputs
 from enliven_viewer.studio.window.panel_drawing import draw_panels, make_panel_layout
-from enliven_viewer.studio.window.window_pictures import WindowPictures, hides_live
+from enliven_viewer.studio.window.window_pictures import WindowPictures
 from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import get_theme
 from enliven_viewer.window import WindowRectangle, is_minimised, toggle_full_screen
@@ -255,7 +255,7 @@ class StudioWindow:
             draw_audience(self.workspace, places.viewport, self._idle_loop.words)
         elif not self.opening.bare:
             draw_panels(self.workspace, places)
-            if not hides_live(self.workspace):
+            if not self.workspace.perform.hides_live:
                 draw_camera_previews(self.workspace, places.viewport, self._inset, pictures.glances)
             if self.workspace.perform.close_up.box is not None:
                 texture = pictures.source.renderer.picture.texture.glo

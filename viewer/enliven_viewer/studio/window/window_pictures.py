@@ -109,7 +109,7 @@ def find_shown_characters(workspace: Workspace) -> list[StageCharacter]:
 
 def find_shown_scene(workspace: Workspace) -> Scene | None:
     """Returns the scene of an edge or a take if it is visible."""
-    live = None if hides_live(workspace) else workspace.perform.scene
+    live = None if workspace.perform.hides_live else workspace.perform.scene
     if live is None or not _hides_characters(workspace):
         return live
     return replace(live, actors=(), boards={})
@@ -118,11 +118,6 @@ def find_shown_scene(workspace: Workspace) -> Scene | None:
 def _hides_characters(workspace: Workspace) -> bool:
     """Returns True if a feature shows something in place of the characters, such as a growing scan."""
     return any(layer.hides_characters() for layer in workspace.view_layers)
-
-
-def hides_live(workspace: Workspace) -> bool:
-    """Returns True if the live stage is hidden, which applies only outside the Perform workspace."""
-    return workspace.outliner.live_hidden and workspace.perform.active_workspace in ("Animate", "Model")
 
 
 def _find_framebuffer_size() -> tuple[int, int]:

@@ -11,7 +11,7 @@ from enliven.errors import EnlivenError
 from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.app.viewport_input import ViewportInput, make_tool_action
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.outliner.actions import make_choosing_actions, require_single_shape
+from enliven_viewer.studio.editor.selection_actions import make_choosing_actions, require_single_shape
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.tools.registry import TOOLS
 from enliven_viewer.studio.workspace.commands import Commands

@@ -17,8 +17,6 @@ from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.features.registry import register_features
 from enliven_viewer.studio.features.tour.tour import Tour
-from enliven_viewer.studio.outliner.actions import make_outliner_actions
-from enliven_viewer.studio.outliner.outliner import Outliner
 from enliven_viewer.studio.puppets.coverage import CoverageCache
 from enliven_viewer.studio.workspace.action_table import make_studio_actions
 from enliven_viewer.studio.workspace.commands import Commands
@@ -58,7 +56,6 @@ class Workspace(App):
 
     Attributes:
         commands: the functions behind the studio's own actions.
-        outliner: the tree of all objects.
         depth: the tracker for opened depth recordings.
         browser: the state of a file dialogue.
         exporting: the options of the next export or film.
@@ -81,8 +78,6 @@ class Workspace(App):
         self.commands = Commands(editor)
         self.file_types += FILE_TYPES
         self.actions.add(*make_studio_actions(self.commands, self.input, self.ask, self.preferences))
-        self.outliner = Outliner(editor, lambda: self.perform.present)
-        self.actions.add(*make_outliner_actions(self.outliner))
         self.input.key_filter = lambda key: (
             self.actions.press(key, workspace_only=True) or any(handle(key) for handle in self.key_handlers)
         )

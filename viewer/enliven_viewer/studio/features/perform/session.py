@@ -49,6 +49,7 @@ class PerformSession:
     Attributes:
         active_workspace: the current workspace, one of :data:`WORKSPACES`.
         live: the followed stage or take; None without a link.
+        live_hidden: whether the live stage is hidden outside the Perform workspace.
         scene: the live scene, shown next to the project's characters; None without a link.
         stage_selection: the character selected in the stage's list, if it is not in the project.
         recording: records from the stage onto the timeline.
@@ -67,7 +68,7 @@ class PerformSession:
     def __init__(self, editor: Editor, folder: Path | None = None) -> None:
         self.editor = editor
         self.addresses = Addresses(folder)
-        self.active_workspace = "Animate"
+        self.active_workspace, self.live_hidden = "Animate", False
         self.live: LiveStage | None = None
         self.scene: Scene | None = None
         self.stage_selection = ""
@@ -96,6 +97,11 @@ class PerformSession:
         Returns an empty string in *Play* without a stage, where the project plays.
         """
         return "" if self.active_workspace == "Play" and self.live is None else self.active_workspace
+
+    @property
+    def hides_live(self) -> bool:
+        """Returns True if the live stage is hidden, which applies only outside the Perform workspace."""
+        return self.live_hidden and self.active_workspace in ("Animate", "Model")
 
     # The link ---------------------------------------------------------------------------------------------
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
+from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import (
@@ -16,10 +17,10 @@ from enliven_viewer.studio.app.style import (
     use_small_text,
 )
 from enliven_viewer.studio.editor.takes import delete_take_row
-from enliven_viewer.studio.outliner.outliner import Outliner
-from enliven_viewer.studio.outliner.tree import CHARACTER, GROUP, HANDLE, LIVE, TAKE, Row
+from enliven_viewer.studio.features.outliner.outliner import Outliner
+from enliven_viewer.studio.features.outliner.tree import CHARACTER, GROUP, HANDLE, LIVE, TAKE, Row
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.viewport.colours import choose_default_colour
-from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CLEAR, FAINT, INK, QUIET
 
 _MIN_HEIGHT_FRACTION = 0.12
@@ -49,32 +50,22 @@ _DRAG_PAYLOAD = "character"
 """Payload type of a dragged row."""
 
 
-def split_outliner(side: Area, fraction: float) -> tuple[Area, Area]:
-    """Splits the right side: the tree above with its share of the height, the selection below."""
-    height = round(fraction * side.height)
-    return (
-        Area(side.x, side.y, side.width, height),
-        Area(side.x, side.y + height, side.width, side.height - height),
-    )
-
-
-def draw_outliner(workspace: Workspace, area: Area, side: Area) -> None:
+def draw_outliner(app: App, outliner: Outliner, area: Area) -> None:
     """Draws the tree. The line below it can be dragged to change the tree's height."""
-    outliner = workspace.outliner
-    leading = workspace.editor.selection.character
+    leading = app.editor.selection.character
     outliner.followed, follow = leading, leading != outliner.followed
     with open_panel(
         "outliner", area, imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
     ):
-        _draw_filter(workspace, outliner)
-        divided = area.height < side.height
+        _draw_filter(app, outliner)
+        divided = area.height < app.side_split.column.height
         imgui.begin_child("rows", ImVec2(0, -_SPLITTER_HEIGHT if divided else 0))
         imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(4, 1))
         for row in outliner.rows:
-            _draw_row(workspace, outliner, row)
+            _draw_row(app, outliner, row)
             if follow and row.kind == CHARACTER and row.id == leading and not imgui.is_item_visible():
                 imgui.set_scroll_here_y(0.5)
-        if not workspace.editor.project.characters and not outliner.typed:
+        if not app.editor.project.characters and not outliner.typed:
             with use_small_text(), push_colours(QUIET, imgui.Col_.text):
                 imgui.text_wrapped(tr("Nothing yet. Sketch a part (S), or open a model or a mesh (Ctrl+O)."))
         if outliner.typed and not outliner.rows:
@@ -82,35 +73,36 @@ def draw_outliner(workspace: Workspace, area: Area, side: Area) -> None:
         imgui.pop_style_var()
         imgui.end_child()
         if divided:
-            _handle_splitter(workspace, outliner, area, side)
+            _handle_splitter(app, area)
 
 
-def _handle_splitter(workspace: Workspace, outliner: Outliner, area: Area, side: Area) -> None:
+def _handle_splitter(app: App, area: Area) -> None:
     """Draws the line between the tree and the selection."""
     imgui.set_cursor_pos(ImVec2(0, area.height - _SPLITTER_HEIGHT))
     imgui.invisible_button("##grip", ImVec2(area.width, _SPLITTER_HEIGHT))
-    workspace.remember("grip")
+    app.remember("grip")
     held = imgui.is_item_active()
     if held or imgui.is_item_hovered():
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ns)
     if held:
+        side = app.side_split.column
         fraction = (imgui.get_mouse_pos().y - side.y + _SPLITTER_HEIGHT / 2) / side.height
-        outliner.share = min(max(fraction, _MIN_HEIGHT_FRACTION), _MAX_HEIGHT_FRACTION)
+        app.side_split.fraction = min(max(fraction, _MIN_HEIGHT_FRACTION), _MAX_HEIGHT_FRACTION)
     y, low = area.y + area.height - _SPLITTER_HEIGHT / 2, ImVec2(area.x + area.width / 2 - 16, 0)
     start, end = ImVec2(low.x, y), ImVec2(low.x + 32, y)
     imgui.get_window_draw_list().add_line(start, end, pack_colour(ACCENT if held else QUIET, 0.6), 2.0)
 
 
-def _draw_filter(workspace: Workspace, outliner: Outliner) -> None:
+def _draw_filter(app: App, outliner: Outliner) -> None:
     imgui.set_next_item_width(-1)
     with use_small_text():
         outliner.typed = imgui.input_text_with_hint(
             "##filter", tr("\uf002  Filter by name"), outliner.typed, imgui.InputTextFlags_.escape_clears_all
         )[1]
-    workspace.remember("filter")
+    app.remember("filter")
 
 
-def _draw_row(workspace: Workspace, outliner: Outliner, row: Row) -> None:
+def _draw_row(app: App, outliner: Outliner, row: Row) -> None:
     """Draws one row: arrow, icon, name, note, visibility and lock."""
     imgui.push_id(row.key)
     left, width = imgui.get_cursor_pos_x(), imgui.get_content_region_avail().x
@@ -121,32 +113,33 @@ def _draw_row(workspace: Workspace, outliner: Outliner, row: Row) -> None:
     size = ImVec2(width - switches, _ROW_HEIGHT)
     clicked = imgui.selectable(f"##{row.key}", outliner.is_chosen(row), 0, size)[0]
     hovered, twice = imgui.is_item_hovered(), imgui.is_mouse_double_clicked(0)
-    workspace.remember(row.key)
+    app.remember(row.key)
     on_arrow = row.folds and imgui.get_mouse_pos().x < position.x + _INDENT_WIDTH * row.depth + _FOLD_WIDTH
     if clicked:
-        _handle_click(workspace, outliner, row, fold=on_arrow or row.kind == GROUP)
+        _handle_click(app, outliner, row, fold=on_arrow or row.kind == GROUP)
     if hovered and twice and not on_arrow:
         outliner.begin_rename(row)
     if row.kind == CHARACTER:
         _handle_drag(outliner, row)
     if outliner.renaming == row.key:
         imgui.same_line(start + _FOLD_WIDTH)
-        _draw_rename_field(workspace, outliner, row)
+        _draw_rename_field(app, outliner, row)
     else:
         _draw_row_texts(outliner, row, position, width - switches)
     if row.kind == CHARACTER:
-        _draw_switches(workspace, outliner, row, left + width)
+        _draw_switches(app, outliner, row, left + width)
     elif row.kind == TAKE:
         imgui.same_line(left + width - _SWITCH_WIDTH)
-        if _draw_switch(workspace, f"delete {row.id}", _TRASH_ICON, False):
-            delete_take_row(workspace.editor, row.id)
+        if _draw_switch(app, f"delete {row.id}", _TRASH_ICON, False):
+            delete_take_row(app.editor, row.id)
         draw_tooltip("Delete it: one of several takes of a lane, or one that nothing plays")
     elif switches:
         imgui.same_line(left + width - _SWITCH_WIDTH)
+        perform = app.state(PerformSession)
         if _draw_switch(
-            workspace, "live", CLOSED_EYE_ICON if outliner.live_hidden else EYE_ICON, outliner.live_hidden
+            app, "live", CLOSED_EYE_ICON if perform.live_hidden else EYE_ICON, perform.live_hidden
         ):
-            outliner.live_hidden = not outliner.live_hidden
+            perform.live_hidden = not perform.live_hidden
         draw_tooltip("Show the live stage while you animate and model")
     imgui.pop_id()
 
@@ -190,21 +183,21 @@ def _draw_row_texts(outliner: Outliner, row: Row, position: ImVec2, width: float
     draw_list.pop_clip_rect()
 
 
-def _handle_click(workspace: Workspace, outliner: Outliner, row: Row, *, fold: bool) -> None:
+def _handle_click(app: App, outliner: Outliner, row: Row, *, fold: bool) -> None:
     """Folds a row, shows a take next to the shapes, or selects the row's object."""
     io = imgui.get_io()
     if fold and row.folds:
         outliner.fold(row)
     elif row.kind == TAKE and not imgui.is_mouse_double_clicked(0):
-        workspace.show_take(row.id)
+        app.show_take(row.id)
     elif row.kind in (CHARACTER, HANDLE):
         outliner.click(row, shift=io.key_shift, ctrl=io.key_ctrl)
-        alone = not workspace.editor.selection.has_several
-        if alone and workspace.puppets.puppet is not None:
-            workspace.input.activate_tool("puppet")
+        alone = not app.editor.selection.has_several
+        if alone and app.editor.puppets.puppet is not None:
+            app.input.activate_tool("puppet")
 
 
-def _draw_rename_field(workspace: Workspace, outliner: Outliner, row: Row) -> None:
+def _draw_rename_field(app: App, outliner: Outliner, row: Row) -> None:
     """Draws the field of a name that is edited in place. Enter, or a click elsewhere, accepts it."""
     if not imgui.is_any_item_active():
         imgui.set_keyboard_focus_here()
@@ -213,31 +206,31 @@ def _draw_rename_field(workspace: Workspace, outliner: Outliner, row: Row) -> No
     flags = imgui.InputTextFlags_.auto_select_all | imgui.InputTextFlags_.enter_returns_true
     entered, outliner.draft = imgui.input_text("##renamed", outliner.draft, flags)
     imgui.pop_style_var()
-    workspace.remember("renamed")
+    app.remember("renamed")
     if imgui.is_key_pressed(imgui.Key.escape):
         outliner.end_rename(row, keep=False)
     elif entered or imgui.is_item_deactivated():
         outliner.end_rename(row, keep=True)
 
 
-def _draw_switches(workspace: Workspace, outliner: Outliner, row: Row, right: float) -> None:
+def _draw_switches(app: App, outliner: Outliner, row: Row, right: float) -> None:
     """Draws the visibility and lock icons of a character.
 
     A click applies to the whole selection if that contains it.
     """
-    now, chosen = outliner.find_handling(row.id), workspace.editor.selection.characters
+    now, chosen = outliner.find_handling(row.id), app.editor.selection.characters
     names = chosen if row.id in chosen else (row.id,)
     imgui.same_line(right - 2 * _SWITCH_WIDTH)
-    if _draw_switch(workspace, f"eye {row.id}", CLOSED_EYE_ICON if now.hidden else EYE_ICON, now.hidden):
+    if _draw_switch(app, f"eye {row.id}", CLOSED_EYE_ICON if now.hidden else EYE_ICON, now.hidden):
         outliner.hide(*names, on=not now.hidden)
     draw_tooltip("Show it again" if now.hidden else "Hide it here; exports and the stage do not change")
     imgui.same_line(right - _SWITCH_WIDTH)
-    if _draw_switch(workspace, f"lock {row.id}", _LOCKED_ICON if now.locked else _UNLOCKED_ICON, now.locked):
+    if _draw_switch(app, f"lock {row.id}", _LOCKED_ICON if now.locked else _UNLOCKED_ICON, now.locked):
         outliner.lock(*names, on=not now.locked)
     draw_tooltip("Unlock it" if now.locked else "Lock it: it cannot be picked or edited")
 
 
-def _draw_switch(workspace: Workspace, name: str, icon: str, on: bool) -> bool:
+def _draw_switch(app: App, name: str, icon: str, on: bool) -> bool:
     """Draws one small frameless button, bright while it is on."""
     with (
         push_colours(CLEAR, imgui.Col_.button),
@@ -247,7 +240,7 @@ def _draw_switch(workspace: Workspace, name: str, icon: str, on: bool) -> bool:
         imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(1, 2))
         pressed = imgui.button(f"{icon}###{name}", ImVec2(_SWITCH_WIDTH - 2, _ROW_HEIGHT - 1))
         imgui.pop_style_var()
-    workspace.remember(name)
+    app.remember(name)
     return bool(pressed)
 
 

@@ -3,53 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.action import Action
-from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.outliner.outliner import Outliner
-
-
-def require_single_shape(action: Action, editor: Editor) -> Action:
-    """Returns the action of a single shape with a check.
-
-    If several shapes are selected, the action is unavailable and says so.
-    """
-
-    def lacks() -> str:
-        reason = "Several shapes are chosen. Choose one of them alone first."
-        return reason if editor.selection.has_several else action.why_not()
-
-    return replace(action, why_not=lacks)
-
-
-def make_choosing_actions(editor: Editor) -> Iterator[Action]:
-    """Yields the actions that select all, nothing, or the others."""
-
-    def empty() -> str:
-        return (
-            ""
-            if editor.pickable_characters
-            else tr("There is nothing to choose. Sketch a part, or open a model.")
-        )
-
-    def none() -> str:
-        return "" if editor.selection.characters else tr("Nothing is chosen.")
-
-    def every() -> None:
-        editor.choose_all(*(character.id for character in editor.pickable_characters))
-
-    def inverse() -> None:
-        chosen = editor.selection.characters
-        editor.choose_all(
-            *(character.id for character in editor.pickable_characters if character.id not in chosen)
-        )
-
-    about = "Hidden and locked shapes are left out."
-    yield Action("edit.all", "Edit", "Choose all", ("ctrl+a",), every, empty, about=about, apart=True)
-    yield Action("edit.none", "Edit", "Choose nothing", ("ctrl+shift+a",), lambda: editor.choose(None), none)
-    yield Action("edit.inverse", "Edit", "Choose the others", ("ctrl+i",), inverse, empty, about=about)
+from enliven_viewer.studio.features.outliner.outliner import Outliner
 
 
 def make_outliner_actions(outliner: Outliner) -> Iterator[Action]:

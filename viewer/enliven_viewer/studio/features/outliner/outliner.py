@@ -8,17 +8,14 @@ from enliven.document import FREE, DisplayState, Project
 from enliven.modeling.edits import handle_characters, order_characters, rename_character, rename_take
 from enliven_viewer.language import language_in_use, later
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.outliner.tree import CHARACTER, GROUP, HANDLE, TAKE, Row, make_rows
-
-_HEIGHT_FRACTION = 0.46
-"""Fraction of the side panel's height: eight rows at 1280x720, and the rest for the selection."""
+from enliven_viewer.studio.features.outliner.tree import CHARACTER, GROUP, HANDLE, TAKE, Row, make_rows
 
 
 class Outliner:
     """The tree of all objects, with its view state.
 
-    Visibility, locks, names and order belong to the project and can be undone. Folding, the filter text and
-    the visibility of the live stage belong to the window.
+    Visibility, locks, names and order belong to the project and can be undone. Folding and the
+    filter text belong to the window.
 
     Args:
         editor: the editor with the project.
@@ -28,17 +25,13 @@ class Outliner:
         typed: filter text for names; empty shows all.
         opened: keys of the unfolded rows.
         renaming: key of the row being renamed, or empty. draft: the name typed so far.
-        share: fraction of the side panel's height that the tree takes.
         followed: the character that the list was last scrolled to.
-        live_hidden: whether the live stage is hidden outside the Perform workspace.
     """
 
     def __init__(self, editor: Editor, live: Callable[[], tuple[str, ...]] = lambda: ()) -> None:
         self.editor, self._get_live = editor, live
         self.typed = self.renaming = self.draft = ""
         self.opened = {f"{GROUP} {name}" for name in ("shapes", "takes", "live")}
-        self.live_hidden = False
-        self.share = _HEIGHT_FRACTION
         self.followed: str | None = None
         self._range_start = ""
         self._cached_rows: tuple[tuple[object, ...], tuple[Row, ...]] | None = None
