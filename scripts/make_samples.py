@@ -19,7 +19,7 @@ from enliven.document import Project
 from enliven.formats.project.file import write_project
 from enliven.meshes import Mesh
 from enliven.samples.shipped import COORDINATE_STEP_M, SAMPLES_FOLDER
-from enliven_viewer.studio.motions import MOTIONS_FILE
+from enliven_viewer.studio.workspace.files import MOTIONS_FILE
 
 
 def write_samples(folder: Path) -> None:

@@ -20,8 +20,8 @@ from enliven.document import ArapSettings, ExampleSettings, GraphShape, Locomoti
 from enliven_viewer.language import CATALOGUES
 from enliven_viewer.render.stage_look import LOOKS
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.perform.session import WORKSPACES
 from enliven_viewer.studio.features.puppets.solver_settings import SETTING_SLIDERS, get_description
-from enliven_viewer.studio.perform.session import WORKSPACES
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 HOUSE = Path(__file__).parents[1]

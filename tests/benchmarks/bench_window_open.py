@@ -19,7 +19,7 @@ LAPS = 5
 CHILD = """
 import time
 from enliven_viewer.studio.settings import StudioSettings
-from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.workspace import Workspace
 

@@ -17,8 +17,8 @@ from figure import Figure
 
 from enliven.document import Project
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.motions import read_library
-from enliven_viewer.studio.perform.session import PerformSession
+from enliven_viewer.studio.features.perform.session import PerformSession
+from enliven_viewer.studio.workspace.files import read_library
 
 RATE = 60.0
 """Frames per second."""

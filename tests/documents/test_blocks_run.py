@@ -12,7 +12,7 @@ from own_files import make_own_files
 
 import enliven.commands.run as run_command
 import enliven_viewer.commands.studio as studio_command
-import enliven_viewer.studio.window as studio_window
+import enliven_viewer.studio.window.window as studio_window
 from enliven import cli
 from enliven.kiosk.profile import KioskProfile
 from enliven.mapping.plan_file import read_plan

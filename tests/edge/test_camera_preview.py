@@ -10,8 +10,8 @@ from enliven.frames import BodyFrame, DepthFrame
 from enliven.person import Body
 from enliven.rotation import from_rotation_vector
 from enliven_edge.camera_preview import CameraPreview, encode_nearness
-from enliven_viewer.studio.perform.preview_placement import find_aspect, project_bodies
-from enliven_viewer.studio.picture.preview_textures import draw_depth_image
+from enliven_viewer.studio.features.perform.preview_placement import find_aspect, project_bodies
+from enliven_viewer.studio.viewport.preview_textures import draw_depth_image
 
 LENS = Intrinsics(320, 240, 290.0, 290.0, 150.0, 118.0)
 STEP = 100_000_000

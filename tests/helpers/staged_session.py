@@ -13,7 +13,7 @@ from enliven.frames import BodyFrame
 from enliven.person.body import Body
 from enliven.possession import Actor, standing_figure
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.perform.session import PerformSession
+from enliven_viewer.studio.features.perform.session import PerformSession
 
 STEP = 33_333_333
 """Nanoseconds between two frames."""

@@ -12,10 +12,10 @@ from enliven.examples.puppet_examples import missing
 from enliven.examples.puppet_motion import evaluate_state
 from enliven.modeling.puppet.poses import change_key_pose
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.examples.coverage import CoverageCache
-from enliven_viewer.studio.examples.example_edits import turn_quarter, with_guessed_joints, with_points
 from enliven_viewer.studio.features.puppets.key_pose_navigator import KeyPoseNavigator
 from enliven_viewer.studio.features.puppets.performer_view import PerformerView
+from enliven_viewer.studio.puppets.coverage import CoverageCache
+from enliven_viewer.studio.puppets.example_edits import turn_quarter, with_guessed_joints, with_points
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))

@@ -23,7 +23,7 @@ from enliven_viewer.playback.document import Document
 from enliven_viewer.settings import RenderSettings, WindowStart
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings
-from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 PATIENCE = 60.0

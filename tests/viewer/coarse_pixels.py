@@ -8,9 +8,9 @@ from itertools import count
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven_viewer.studio.desktop import Desktop
-from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.window_pictures import WindowPictures
+from enliven_viewer.studio.app.panel_layout import Area
+from enliven_viewer.studio.window.desktop import Desktop
+from enliven_viewer.studio.window.window_pictures import WindowPictures
 
 SHARE = 0.125
 """Ratio of drawn to usual pixels in each direction. Layout, hovering and clicking do not change."""

@@ -5,8 +5,8 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.contributions import Panel, ViewOverlay
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import open_panel
-from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.tools.base import Tool
 
 COLOUR = (255, 0, 255)

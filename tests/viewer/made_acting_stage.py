@@ -22,6 +22,7 @@ from enliven.sounds import SOUND_RATE, Sound
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.outliner.outliner import Outliner
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.tools.base import Pointer
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -75,7 +76,7 @@ def ready_for(workspace: Workspace, action: Action) -> None:
     editor = workspace.editor
     workspace.perform.active_workspace = (action.workspaces or ("Animate",))[0]
     workspace.input.activate_tool("choose")
-    workspace.outliner.renaming = ""
+    workspace.state(Outliner).renaming = ""
     editor.go_to(0)
     for factor in (1.1, 1.2):
         editor.edit("scale limb", lambda project, by=factor: scale_character(project, "limb", by))
@@ -90,9 +91,9 @@ def ready_for(workspace: Workspace, action: Action) -> None:
     if action.id.startswith("view.take_"):
         workspace.actions.do(action.id.replace("take", "store"))
     if action.id == "shape.show_all":
-        workspace.outliner.hide("star", on=True)
+        workspace.state(Outliner).hide("star", on=True)
     if action.id == "shape.unlock_all":
-        workspace.outliner.lock("star", on=True)
+        workspace.state(Outliner).lock("star", on=True)
     if action.id.startswith("clip."):
         editor.scrub(0.5)
     if action.id.startswith("sound."):

@@ -56,7 +56,7 @@ def vertex(name: str) -> int:
 
 def project_with(*names: str, take: str = "") -> Project:
     """Returns a project with the library's takes and the star, with control points at the ends of limbs."""
-    from enliven_viewer.studio.motions import read_library
+    from enliven_viewer.studio.workspace.files import read_library
 
     project = make_puppet(Project().with_takes(*read_library()), star(), "star")
     for name in names:

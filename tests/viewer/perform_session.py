@@ -26,7 +26,7 @@ from enliven_viewer.live.possession_choice import PART_CHOICES
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings
-from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 EDGE = Path(__file__).parents[1] / "system" / "staged_edge.py"

@@ -18,12 +18,12 @@ from imgui_bundle import ImVec2, imgui
 from PIL import Image
 
 from enliven_viewer.settings import RenderSettings
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.scan.advice import choose_advice
 from enliven_viewer.studio.features.scan.session import ScanSession
-from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.settings import StudioSettings
-from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 PATIENCE = 150.0

@@ -23,8 +23,9 @@ from deeds import by_key, by_menu, menu_path, press, scripted
 from made_acting_stage import NEEDS, acting_stage, ready_for
 
 from enliven_viewer.studio.actions.action import Action
-from enliven_viewer.studio.picture.viewport import Viewport
-from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.features.outliner.outliner import Outliner
+from enliven_viewer.studio.viewport.viewport import Viewport
+from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 report: dict[str, object] = {"done": False, "menu": [], "keys": [], "refused": {}, "complaints": []}
@@ -71,8 +72,8 @@ def tried(ctx: imgui.test_engine.TestContext, workspace: Workspace) -> None:
             else:
                 report["refused"][f"{name} {action.id}"] = action.why_not() or str(workspace.actions.recent)
             report["complaints"] += [toast.text for toast in workspace.editor.toasts.shown if toast.is_error]
-            if workspace.outliner.renaming:
-                workspace.outliner.renaming = ""
+            if workspace.state(Outliner).renaming:
+                workspace.state(Outliner).renaming = ""
                 ctx.yield_(3)  # the field releases the keys
             if workspace.asking:
                 workspace.cancel()

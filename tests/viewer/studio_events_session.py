@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings
-from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 report: dict[str, object] = {"done": False}

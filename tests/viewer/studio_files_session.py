@@ -27,7 +27,7 @@ from enliven.exporters import exporter_of, sample_performance
 from enliven.mapping.model_clips import played_clip
 from enliven.sounds import SOUND_RATE, Sound
 from enliven_viewer.studio.features.sound.sound_reader import read_sound
-from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.window.window import StudioWindow
 
 report: dict[str, Any] = {"done": False}
 

@@ -17,7 +17,7 @@ from drawn_text import Letters, cut_letters, drawn_letters, overlapping_letters
 from made_acting_stage import acting_stage
 from studio_layout_session import STATES
 
-from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 DIALOGS = ("preferences", "help", "palette", "unsaved")

@@ -22,7 +22,7 @@ from drawn_text import Letters, cut_letters, drawn_letters, overlapping_letters
 from made_acting_stage import acting_stage
 
 from enliven_viewer.studio.features.scan.session import ScanSession
-from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 SIZES = {

@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
 from made_acting_stage import acting_stage
 
-from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.window.window import StudioWindow
 
 report: dict[str, object] = {"done": False, "complaints": []}
 ROW = "//outliner/**/##{}"

@@ -29,7 +29,7 @@ from studio_driver import (
 from studio_driver.filming import WindowStage
 
 from enliven_viewer.studio.features.puppets.puppet_tool import PuppetTool
-from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 report: dict[str, object] = {"done": False}

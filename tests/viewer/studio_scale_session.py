@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
 from made_acting_stage import acting_stage
 
-from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.window.window import StudioWindow
 
 report: dict[str, object] = {}
 X11 = ctypes.CDLL(ctypes.util.find_library("X11") or "libX11.so.6")

@@ -24,7 +24,7 @@ from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
 from enliven_viewer.studio.settings import StudioSettings
-from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 ROW = "//outliner/**/##{}"

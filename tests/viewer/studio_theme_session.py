@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 from made_acting_stage import acting_stage
 from studio_layout_session import ROOMS, enter
 
-from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.theme import THEMES
 
 SETTLED = 5

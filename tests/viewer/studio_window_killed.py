@@ -25,7 +25,7 @@ from enliven.modeling.edits import move_character
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings
-from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.workspace.project_store import ProjectStore
 from enliven_viewer.studio.workspace.workspace import Workspace
 

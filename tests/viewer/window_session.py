@@ -19,7 +19,7 @@ from enliven_viewer.playback.timeline import NS_PER_S
 from enliven_viewer.settings import RenderSettings, WindowStart
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings
-from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 PRESSED = ["p", "_3", "b", "j", "e", "r", "g", "s", "space", "left_arrow", "up_arrow", "f", "f1"]

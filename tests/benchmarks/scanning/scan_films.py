@@ -63,10 +63,10 @@ from enliven_synthesis.sensor.profile import load_profile
 from enliven_viewer.film.sheet import Tile, write_sheet
 from enliven_viewer.render.camera import FilmCamera
 from enliven_viewer.studio.features.scan.preview import ScanPreview, ScanPreviewMesh, ScanPreviewPass
-from enliven_viewer.studio.picture.viewport import Viewport
 from enliven_viewer.studio.viewport.overlay import Overlay
 from enliven_viewer.studio.viewport.picking import Lens
 from enliven_viewer.studio.viewport.selection import Selection
+from enliven_viewer.studio.viewport.viewport import Viewport
 
 OUT = Path(__file__).parents[3] / "out" / "scanning"
 RATE, BIT_RATE = 30.0, 5.0

@@ -3,8 +3,8 @@
 import time
 
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.features.scan.session import ScanSession
-from enliven_viewer.studio.perform.session import PerformSession
 
 ASKED_EVERY = 20.0
 """Seconds between two scan requests, enough for a busy link to recover."""

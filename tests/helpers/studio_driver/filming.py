@@ -12,7 +12,7 @@ from enliven.film.writer import FilmWriter
 from enliven_viewer.film.sheet import Tiles, write_sheet
 from enliven_viewer.studio.actions.imgui_keys import KEYS
 from enliven_viewer.studio.viewport.overlay import Point
-from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 from studio_driver import STEP, Action, steps
 

@@ -6,9 +6,9 @@ import math
 
 from enliven.errors import InputError
 from enliven.modeling.edits import rename_character
+from enliven_viewer.studio.app.panel_layout import lay_out_panels
+from enliven_viewer.studio.features.mapping.map_tool import MapTool
 from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
-from enliven_viewer.studio.panel_layout import lay_out_panels
-from enliven_viewer.studio.tools.map import MapTool
 from enliven_viewer.studio.viewport.overlay import Point
 from enliven_viewer.studio.workspace.workspace import Workspace
 from studio_driver.actions import STEP

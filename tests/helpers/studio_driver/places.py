@@ -8,10 +8,10 @@ from typing import Protocol
 import numpy as np
 
 from enliven.errors import InputError
+from enliven_viewer.studio.features.mapping.map_tool import MapTool
+from enliven_viewer.studio.features.mapping.source_view import SourceView
 from enliven_viewer.studio.features.puppets.performer_view import PerformerView
 from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
-from enliven_viewer.studio.sources.source_view import SourceView
-from enliven_viewer.studio.tools.map import MapTool
 from enliven_viewer.studio.viewport.overlay import Point
 from enliven_viewer.studio.workspace.workspace import Workspace
 

@@ -13,7 +13,7 @@ from enliven.formats.project.file import read_project
 from enliven.meshes.mesh import Mesh
 from enliven.samples import shipped
 from enliven.samples.shipped import COORDINATE_STEP_M, cactus_project, load_sample
-from enliven_viewer.studio.motions import read_library
+from enliven_viewer.studio.workspace.files import read_library
 
 FILES = ("chair.npz", "lamp.npz", "cactus.enliven")
 

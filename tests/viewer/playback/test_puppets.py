@@ -216,7 +216,7 @@ def test_a_window_starts_without_what_its_first_tool_needs() -> None:
     later = {"scipy.spatial", "scipy.optimize", "scipy.ndimage"}
     look = f"""
 import sys
-from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.workspace import Workspace
 print(StudioWindow is not None, *{later} & set(sys.modules))

@@ -17,8 +17,8 @@ from enliven.motion.layers.retarget import bind_chain
 from enliven_viewer.playback.timeline import CueFrame
 from enliven_viewer.render.scene import Scene, SceneCharacter
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.motions import read_library
-from enliven_viewer.studio.perform.live_overlay import LiveOverlay, OverlayConditions
+from enliven_viewer.studio.features.perform.live_overlay import LiveOverlay, OverlayConditions
+from enliven_viewer.studio.workspace.files import read_library
 
 ARM = shape_from_stroke(limb(np.array([[0.0, 0.4], [0.0, 1.4]]), np.array([0.08, 0.05])), id="arm")
 ASIDE = np.array([2.0, 0.0, -2.5], np.float32)

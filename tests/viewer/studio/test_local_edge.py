@@ -6,7 +6,7 @@ import pytest
 from patience import PATIENCE
 
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.perform.session import PerformSession
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.workspace.files import add_sample
 
 

@@ -9,7 +9,7 @@ import time
 import pytest
 from PIL import Image
 
-from enliven_viewer.studio.perform.cameras import Camera, CameraSearch
+from enliven_viewer.studio.features.perform.cameras import Camera, CameraSearch
 
 PATIENCE_S = 120.0
 """Timeout in seconds for the edge's program to start, on a machine with ten times its normal load."""

@@ -10,7 +10,7 @@ from enliven.matching.match_list import MatchList, MatchRow
 from enliven_viewer.playback.timeline import CueFrame
 from enliven_viewer.render.scene import Scene, SceneCharacter
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.perform.close_up import CloseUp, find_pending_limb_box
+from enliven_viewer.studio.features.perform.close_up import CloseUp, find_pending_limb_box
 from enliven_viewer.studio.settings import StudioSettings
 
 LONG = 1.0

@@ -8,7 +8,7 @@ import pytest
 from enliven.person.body import Body
 from enliven.wire import BODIES, HOLDS, POSE, HoldMessage
 from enliven_viewer.link.received_data import ReceivedBodies, ReceivedPose
-from enliven_viewer.studio.perform.recorder import LiveRecorder
+from enliven_viewer.studio.features.perform.recorder import LiveRecorder
 
 STEP = 33_333_333
 

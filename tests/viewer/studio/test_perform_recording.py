@@ -25,8 +25,8 @@ from enliven.samples.shipped import load_sample
 from enliven.takes.performed import PerformedMotion
 from enliven.wire import CALLS, CallMessage
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.perform.session import PerformSession
-from enliven_viewer.studio.perform.stillness import Stillness
+from enliven_viewer.studio.features.perform.recorder import Stillness
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 EDGE = Path(__file__).parents[2] / "system" / "staged_edge.py"

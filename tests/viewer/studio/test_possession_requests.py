@@ -14,8 +14,8 @@ from staged_session import person, staged_sessions
 from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.wire import ScanMessage
-from enliven_viewer.studio.perform import possession_requests
-from enliven_viewer.studio.perform.session import PerformSession
+from enliven_viewer.studio.features.perform import possession_requests
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.workspace.files import add_sample
 
 

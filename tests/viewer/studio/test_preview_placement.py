@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from made_performer import performer
 
 from enliven.person import Body, Joint
-from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.stage.live import find_area_next_to_preview
-from enliven_viewer.studio.perform.preview_placement import (
+from enliven_viewer.studio.app.panel_layout import Area
+from enliven_viewer.studio.features.perform.live_texts import find_area_next_to_preview
+from enliven_viewer.studio.features.perform.preview_placement import (
     DEFAULT_ASPECT,
     PreviewPlacement,
     find_rectangle,

@@ -14,8 +14,8 @@ from patience import PATIENCE
 from enliven.errors import InputError
 from enliven_viewer.live.followed_edge import shared_performer_id
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.panels.stage.camera_preview import list_views
-from enliven_viewer.studio.perform.session import PerformSession
+from enliven_viewer.studio.features.perform.camera_preview import list_views
+from enliven_viewer.studio.features.perform.session import PerformSession
 
 EDGE = Path(__file__).parents[2] / "system" / "staged_edge.py"
 

@@ -25,7 +25,7 @@ from enliven_edge.network.publisher import Publisher
 from enliven_viewer.live.followed_edge import shared_performer_id
 from enliven_viewer.live.shared_space import SharedSpace
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.perform.session import PerformSession
+from enliven_viewer.studio.features.perform.session import PerformSession
 
 MS = 1_000_000
 

@@ -16,14 +16,14 @@ from hypothesis import strategies as st
 from in_a_window import in_a_window
 
 from enliven_viewer import theme
-from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.panel_layout import (
+from enliven_viewer.studio.app.panel_layout import (
     MENU_HEIGHT,
     MIN_TIMELINE_HEIGHT,
     MIN_VIEW_HEIGHT,
     TIMELINE_HEIGHT,
     lay_out_panels,
 )
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.preferences import TEXT_SIZES, Preferences
 from enliven_viewer.studio.workspace.workspace import Workspace
 

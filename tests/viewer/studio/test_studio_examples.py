@@ -28,8 +28,10 @@ from enliven.modeling.edits import change_layers, rename_character
 from enliven.modeling.puppet.edits import make_puppet, play_take
 from enliven.modeling.puppet.points import add_point
 from enliven.modeling.puppet.poses import add_key_pose, set_symmetry
-from enliven_viewer.studio.examples.coverage import CoverageCache
-from enliven_viewer.studio.examples.example_edits import (
+from enliven_viewer.studio.features.puppets.key_pose_navigator import KeyPoseNavigator
+from enliven_viewer.studio.features.puppets.performer_view import PerformerView
+from enliven_viewer.studio.puppets.coverage import CoverageCache
+from enliven_viewer.studio.puppets.example_edits import (
     add_switch,
     describe_joint,
     duplicate_pose,
@@ -46,9 +48,7 @@ from enliven_viewer.studio.examples.example_edits import (
     with_setting,
     without_constraint,
 )
-from enliven_viewer.studio.examples.motion_solver import MotionSolver
-from enliven_viewer.studio.features.puppets.key_pose_navigator import KeyPoseNavigator
-from enliven_viewer.studio.features.puppets.performer_view import PerformerView
+from enliven_viewer.studio.puppets.motion_solver import MotionSolver
 from enliven_viewer.studio.toasts import Toasts
 
 NAMES = ("head", "left", "right", "foot")

@@ -19,8 +19,8 @@ from enliven.cli import run
 from enliven.errors import InputError
 from enliven.exporters import suffixes
 from enliven.formats.project.file import write_project
-from enliven_viewer.studio.background import Cancelled, WorkProgress
-from enliven_viewer.studio.error_texts import find_pattern
+from enliven_viewer.studio.editor.background import Cancelled, WorkProgress
+from enliven_viewer.studio.toasts import find_pattern
 from enliven_viewer.studio.workspace import workspace as workspace_module
 from enliven_viewer.studio.workspace.exporting import (
     ExportOptions,

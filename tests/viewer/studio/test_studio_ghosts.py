@@ -34,8 +34,8 @@ from enliven_viewer.studio.features.animation.ghost_times import choose_ghost_ti
 from enliven_viewer.studio.features.animation.ghosts import Ghosts
 from enliven_viewer.studio.features.animation.motion_samples import smooth_normals
 from enliven_viewer.studio.features.animation.trail_points import find_far_ends
-from enliven_viewer.studio.picture.viewport import Viewport
 from enliven_viewer.studio.viewport.overlay import Overlay
+from enliven_viewer.studio.viewport.viewport import Viewport
 from enliven_viewer.theme import FUTURE_POSE, PAST_POSE
 
 rigs = pytest.mark.parametrize("rig", ["bones", "graph", "points", "cage"])

@@ -11,7 +11,7 @@ import pytest
 from in_a_window import in_a_window
 
 from enliven_viewer.studio.features.paint.paint_tool import PaintTool
-from enliven_viewer.studio.perform.session import WORKSPACES
+from enliven_viewer.studio.features.perform.session import WORKSPACES
 from enliven_viewer.studio.tools.registry import TOOLS
 
 pytestmark = pytest.mark.slow

@@ -12,9 +12,9 @@ from enliven.document.rigged import still_shape
 from enliven.document.skeleton import Skeleton
 from enliven.modeling.edits import scale_character
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.picture.skeletons import make_skeleton_rows
 from enliven_viewer.studio.viewport.overlay import Overlay
 from enliven_viewer.studio.viewport.selection import Selection
+from enliven_viewer.studio.viewport.skeletons import make_skeleton_rows
 from enliven_viewer.studio.workspace.exporting import export
 from enliven_viewer.studio.workspace.model_size import choose_size
 from enliven_viewer.studio.workspace.workspace import Workspace

@@ -18,8 +18,9 @@ from enliven.document.project import are_identical
 from enliven.errors import InputError
 from enliven.formats.project.file import read_project, write_project
 from enliven.rotation import from_rotation_vector, rotate
-from enliven_viewer.studio.numbers.quantity import ANGLE, LENGTH, PERCENTAGE, TIME
-from enliven_viewer.studio.viewport.snapping import Snapping
+from enliven_viewer.studio.app.quantity import ANGLE, LENGTH, PERCENTAGE, TIME
+from enliven_viewer.studio.editor.snapping import Snapping
+from enliven_viewer.studio.features.outliner.outliner import Outliner
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 SESSION = Path(__file__).parents[1] / "studio_numbers_session.py"
@@ -92,7 +93,7 @@ def test_typed_position_size_and_rotation_are_applied(workspace) -> None:
             assert np.allclose(place + rotate(turn, old - place), new, atol=1e-4)
     with pytest.raises(InputError, match="possible height"):
         figures.set_height(-1.0)
-    workspace.outliner.lock("post", on=True)
+    workspace.state(Outliner).lock("post", on=True)
     before = editor.project
     figures.move_to(0, 3.0)
     assert editor.project is before, "a locked one among them is not moved"

@@ -27,7 +27,7 @@ from enliven.modeling.edits import (
     rename_take,
     scale_character,
 )
-from enliven_viewer.studio.outliner.outliner import Outliner
+from enliven_viewer.studio.features.outliner.outliner import Outliner
 from enliven_viewer.studio.workspace.files import list_exportable
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -49,7 +49,7 @@ def row(outliner: Outliner, key: str):
 
 
 def test_the_tree_has_characters_with_what_is_below_them_and_takes(workspace) -> None:
-    outliner = workspace.outliner
+    outliner = workspace.state(Outliner)
     assert labels(outliner)[:4] == [(0, "Shapes"), (1, "star"), (1, "limb"), (1, "post")]
     assert (0, "Takes") in labels(outliner) and (1, "wave") in labels(outliner)
     outliner.fold(row(outliner, "character limb"))
@@ -61,7 +61,7 @@ def test_the_tree_has_characters_with_what_is_below_them_and_takes(workspace) ->
 
 
 def test_the_filter_shows_what_has_the_letters_with_what_it_is_below(workspace) -> None:
-    outliner = workspace.outliner
+    outliner = workspace.state(Outliner)
     outliner.typed = "LEF"
     assert labels(outliner) == [(0, "Shapes"), (1, "star"), (2, "left")], "folded rows are found too"
     outliner.typed = "no such thing"
@@ -69,7 +69,7 @@ def test_the_filter_shows_what_has_the_letters_with_what_it_is_below(workspace) 
 
 
 def test_clicks_choose_one_a_range_or_one_more(workspace) -> None:
-    outliner, editor = workspace.outliner, workspace.editor
+    outliner, editor = workspace.state(Outliner), workspace.editor
     outliner.click(row(outliner, "character star"))
     outliner.click(row(outliner, "character post"), shift=True)
     assert editor.selection.characters == ("star", "limb", "post")
@@ -86,7 +86,7 @@ def test_clicks_choose_one_a_range_or_one_more(workspace) -> None:
 def test_hidden_character_is_not_picked_or_framed_but_exported(workspace) -> None:
     editor, before = workspace.editor, len(list_exportable(workspace.editor.project))
     wide = np.ptp(np.array(editor.measure_bounds()), axis=0)[0]
-    workspace.outliner.hide("post", on=True)
+    workspace.state(Outliner).hide("post", on=True)
     assert (
         "post" not in [posed.id for posed in editor.visible_characters]
         and len(list_exportable(editor.project)) == before
@@ -106,7 +106,7 @@ def test_locked_character_is_not_picked_and_refuses_edits(workspace) -> None:
     joint = JointPlace("limb", 1)
     play([Click(joint)], stage)
     assert editor.selection.character == "limb"
-    workspace.outliner.lock("limb", on=True)
+    workspace.state(Outliner).lock("limb", on=True)
     editor.choose(None)
     before = editor.project
     play([Click(joint), Key("g"), Drag((joint, JointPlace("limb", 2)))], stage)
@@ -159,7 +159,7 @@ def test_a_character_goes_to_its_place_in_the_list_and_the_others_keep_their_ord
 
 
 def test_renaming_changes_only_the_name(workspace) -> None:
-    outliner, editor = workspace.outliner, workspace.editor
+    outliner, editor = workspace.state(Outliner), workspace.editor
     outliner.hide("limb", on=True)
     outliner.begin_rename(row(outliner, "character limb"))
     outliner.draft = " arm "

@@ -22,6 +22,7 @@ from enliven.modeling.edits import (
     turn_characters,
 )
 from enliven.rotation import from_rotation_vector, rotate
+from enliven_viewer.studio.features.outliner.outliner import Outliner
 from enliven_viewer.studio.viewport.selection import Selection
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -136,7 +137,7 @@ def test_clicks_and_boxes_in_the_view_choose_several(workspace) -> None:
     assert np.array_equal(editor.lens.view.eye, view), "the box does not turn the view"
     workspace.actions.do("edit.none")
     assert editor.selection.characters == ()
-    workspace.outliner.lock("post", on=True)
+    workspace.state(Outliner).lock("post", on=True)
     workspace.actions.do("edit.all")
     assert editor.selection.characters == ("star", "limb")
     editor.choose("star")

@@ -19,7 +19,7 @@ from enliven.document import Project
 from enliven.meshes import Texture
 from enliven_viewer.render.materials.textures import Textures
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.pointer_path import PointerPath
+from enliven_viewer.studio.window.desktop import PointerPath
 from enliven_viewer.studio.workspace import project_store as module
 from enliven_viewer.studio.workspace.project_store import ProjectStore
 

@@ -2,8 +2,8 @@
 
 from enliven import History, Project
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.motions import read_library
-from enliven_viewer.studio.sources.source_view import SourceView, pose_take
+from enliven_viewer.studio.features.mapping.source_view import SourceView, pose_take
+from enliven_viewer.studio.workspace.files import read_library
 
 
 def test_another_take_clears_the_hovered_joint():

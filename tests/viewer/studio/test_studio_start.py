@@ -18,9 +18,9 @@ from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.samples.shipped import load_sample
 from enliven.takes.overdub import has_motion
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.panels.start.card_placement import place_arrow, place_card
-from enliven_viewer.studio.start.chair_legs import find_leg_to_cut, find_legs
-from enliven_viewer.studio.start.tour_steps import ENDING, TOUR_STEPS
+from enliven_viewer.studio.features.tour.card_placement import place_arrow, place_card
+from enliven_viewer.studio.features.tour.chair_legs import find_leg_to_cut, find_legs
+from enliven_viewer.studio.features.tour.tour_steps import ENDING, TOUR_STEPS
 from enliven_viewer.studio.workspace.files import SAMPLES
 from enliven_viewer.studio.workspace.workspace import Workspace
 

@@ -13,6 +13,7 @@ from made_acting_stage import acting_stage, two_takes
 from enliven.document import are_identical
 from enliven.modeling.edits import alternative_takes
 from enliven_viewer.studio.app.time_axis import END_MARGIN, LABEL_WIDTH, RULER_HEIGHT
+from enliven_viewer.studio.editor.takes import delete_take_row
 from enliven_viewer.studio.features.timeline.layout import (
     EDGE_GRAB_DISTANCE,
     TAKES_BUTTON_WIDTH,
@@ -20,7 +21,6 @@ from enliven_viewer.studio.features.timeline.layout import (
 )
 from enliven_viewer.studio.features.timeline.take_commands import TakeCommands
 from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
-from enliven_viewer.studio.outliner.takes import delete_take_row
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 

@@ -20,18 +20,16 @@ from enliven.errors import InputError
 from enliven.modeling.edits import change_layers
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.motion.layers.retarget import bind_chain
+from enliven_viewer.studio.app.panel_layout import MIN_TIMELINE_HEIGHT, TIMELINE_HEIGHT, lay_out_panels
 from enliven_viewer.studio.app.time_axis import LABEL_WIDTH, RULER_HEIGHT, TimeAxis
-from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.examples.coverage import CoverageCache
-from enliven_viewer.studio.features.timeline.lane_names import describe_limb
-from enliven_viewer.studio.features.timeline.layout import LANE_HEIGHT, TimelineLayout
+from enliven_viewer.studio.editor.editor import Editor, measure_project_length
+from enliven_viewer.studio.features.timeline.layout import LANE_HEIGHT, TimelineLayout, describe_limb
 from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
-from enliven_viewer.studio.motions import read_library
-from enliven_viewer.studio.panel_layout import MIN_TIMELINE_HEIGHT, TIMELINE_HEIGHT, lay_out_panels
 from enliven_viewer.studio.preferences import Preferences
+from enliven_viewer.studio.puppets.coverage import CoverageCache
 from enliven_viewer.studio.toasts import Toasts
-from enliven_viewer.studio.viewport.project_length import measure_project_length
-from enliven_viewer.studio.window import measure_elapsed
+from enliven_viewer.studio.window.window import measure_elapsed
+from enliven_viewer.studio.workspace.files import read_library
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 

@@ -37,9 +37,9 @@ from enliven.mapping.model_clips import play_own_clip
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.retarget import bind_chain
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.mapping.map_tool import MapTool
 from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
-from enliven_viewer.studio.motions import read_library
-from enliven_viewer.studio.tools.map import MapTool
+from enliven_viewer.studio.workspace.files import read_library
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 Limb = Callable[..., Shape]

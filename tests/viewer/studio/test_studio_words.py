@@ -20,12 +20,12 @@ from enliven.mapping.quality import (
 )
 from enliven_edge.controls.base import WORDS
 from enliven_viewer.live.hud import describe_delay
+from enliven_viewer.studio.features.mapping.panel import _list_quality_lines as motion_words
+from enliven_viewer.studio.features.perform import live_texts
+from enliven_viewer.studio.features.perform.voice_panel import describe_command
 from enliven_viewer.studio.features.puppets.pose_strip import _make_status_text as coverage_words
 from enliven_viewer.studio.features.scan.advice import ADVICE_BOTTOM
 from enliven_viewer.studio.panels.side import describe_parts
-from enliven_viewer.studio.panels.source import _list_quality_lines as motion_words
-from enliven_viewer.studio.panels.stage import live
-from enliven_viewer.studio.panels.stage.voice import describe_command
 
 STUDIO = Path(enliven_viewer.__file__).parent / "studio"
 ENGINEERS = re.compile(
@@ -73,7 +73,7 @@ def test_latency_is_worded_and_shown_only_if_noticeable() -> None:
 
 
 def test_number_of_examples_is_rated_without_percents() -> None:
-    from enliven_viewer.studio.examples.coverage import TakeCoverage
+    from enliven_viewer.studio.puppets.coverage import TakeCoverage
 
     fields = dict.fromkeys(TakeCoverage.__dataclass_fields__, None)
     coverage = TakeCoverage(**{**fields, "take": "sway", "needed": 1, "remaining_distance": 1.38})
@@ -128,6 +128,10 @@ def test_phrase_list_describes_every_command() -> None:
 
 
 def test_heard_words_are_below_the_advice_of_a_scan() -> None:
-    top = live.find_utterance_bottom(ADVICE_BOTTOM) - live._PERFORMER_TEXT_SIZE - live._LINE_PADDING
+    top = (
+        live_texts.find_utterance_bottom(ADVICE_BOTTOM)
+        - live_texts._PERFORMER_TEXT_SIZE
+        - live_texts._LINE_PADDING
+    )
     assert top >= ADVICE_BOTTOM, "the words lie on each other"
-    assert live.find_utterance_bottom(0.0) < live.find_utterance_bottom(ADVICE_BOTTOM)
+    assert live_texts.find_utterance_bottom(0.0) < live_texts.find_utterance_bottom(ADVICE_BOTTOM)

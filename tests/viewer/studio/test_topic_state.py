@@ -8,9 +8,8 @@ import pytest
 
 from enliven.wire import VOICE, VoiceMessage
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.perform import topic_state
-from enliven_viewer.studio.perform.physics import StagePhysics
-from enliven_viewer.studio.perform.voice import StageVoice
+from enliven_viewer.studio.features.perform import stage_switches
+from enliven_viewer.studio.features.perform.stage_switches import StagePhysics, StageVoice
 from enliven_viewer.studio.settings import StudioSettings
 
 WAITING = "Waiting for the stage"
@@ -33,7 +32,7 @@ class Link:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     now = SimpleNamespace(seconds=100.0)
-    monkeypatch.setattr(topic_state.time, "monotonic", lambda: now.seconds)
+    monkeypatch.setattr(stage_switches.time, "monotonic", lambda: now.seconds)
     return now
 
 
@@ -53,7 +52,7 @@ def test_voice_and_physics_wait_for_a_starting_edge_and_call_only_a_silent_one_o
     assert texts() == (WAITING, WAITING), "an edge that compiles for minutes is not an older edge"
     link.edges[0].instance = 7
     assert texts() == (WAITING, WAITING), "the first message, before the states"
-    clock.seconds += topic_state.MAX_FIRST_STATE_DELAY_S + 0.1
+    clock.seconds += stage_switches.MAX_FIRST_STATE_DELAY_S + 0.1
     assert all("older" in text for text in texts())
     link.edges[0].instance = 8
     assert texts() == (WAITING, WAITING), "it was restarted"

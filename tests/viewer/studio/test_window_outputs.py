@@ -26,7 +26,7 @@ from enliven.rotation import IDENTITY, from_rotation_vector, unit
 from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.playback.document import Document
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.live_outputs import WindowOutputs
+from enliven_viewer.studio.window.live_outputs import WindowOutputs
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 MIRROR = np.array([-1.0, 1.0, 1.0])

@@ -59,9 +59,9 @@ def studio(
     from enliven.outputs.settings import outputs_of
     from enliven.space.space_file import load_space
     from enliven_viewer.studio.editor.editor import Editor
-    from enliven_viewer.studio.live_outputs import WindowOutputs
     from enliven_viewer.studio.settings import StudioSettings
-    from enliven_viewer.studio.window import StudioWindow
+    from enliven_viewer.studio.window.live_outputs import WindowOutputs
+    from enliven_viewer.studio.window.window import StudioWindow
     from enliven_viewer.studio.workspace.workspace import Workspace
 
     chosen_settings = load_settings(StudioSettings, settings) if settings else StudioSettings()

@@ -204,9 +204,9 @@ def _open_window(
     from enliven.outputs.opening import open_outputs
     from enliven.space.space_file import load_space
     from enliven_viewer.studio.editor.editor import Editor
-    from enliven_viewer.studio.live_outputs import WindowOutputs
     from enliven_viewer.studio.settings import StudioSettings
-    from enliven_viewer.studio.window import StudioWindow
+    from enliven_viewer.studio.window.live_outputs import WindowOutputs
+    from enliven_viewer.studio.window.window import StudioWindow
     from enliven_viewer.studio.workspace.workspace import Workspace
 
     loaded_space = None if space is None else load_space(space)

@@ -9,16 +9,17 @@ from typing import TypeVar
 from enliven.document import RigBase
 from enliven.errors import EnlivenError, InputError
 from enliven_viewer.language import tr
-from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.studio.actions.table import ActionTable
 from enliven_viewer.studio.app.contributions import FileType, Panel, PanelPlace, ViewLayer, ViewOverlay
+from enliven_viewer.studio.app.panel_layout import SideSplit
 from enliven_viewer.studio.app.targets import DrawnWidgets, Rectangle
 from enliven_viewer.studio.app.time_axis import TimeAxis
 from enliven_viewer.studio.app.viewport_input import ViewportInput, make_tool_action
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.numbers.selection_transform import SelectionTransform
+from enliven_viewer.studio.editor.selection_transform import SelectionTransform
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.tools.base import Tool
+from enliven_viewer.studio.viewport.viewport import Viewport
 
 State = TypeVar("State")
 ToolKind = TypeVar("ToolKind", bound=Tool)
@@ -32,6 +33,7 @@ class App:
         folder: the folder of the preferences; None for the user's default folder.
 
     Attributes:
+        asking: name of the open dialogue, or empty.
         preferences: the artist's lasting preferences.
         actions: every action, for menus, shortcuts, buttons and the command palette.
         input: the input over the view; its ``handles`` take precedence over the active tool.
@@ -39,13 +41,15 @@ class App:
         selection_transform: position and size of the selection. typing: unfinished text in their fields.
         open_key_pose: opens a key pose of the selected puppet by its number.
         begin_key_pose: begins a key pose of the selected puppet at a time of a take.
+        show_take: shows a take next to the characters, by its name.
+        side_split: the division of the right panel.
         panels: panels around the view.
         tool_options: functions that draw the options of a tool in the right panel, by the tool's name.
         perform_sections: functions that draw a section of the Perform panel.
         layer_sections: functions that draw options of the selected layer in the right panel. They take its
             character and its number.
         transport_sections: functions that draw controls next to the timeline's play buttons.
-        panel_pictures: functions that take the renderer of small images. They return a function that draws
+        panel_pictures: functions that take the view of small images. They return a function that draws
             the images of panels, once per frame.
         overlays: marks and text over the view.
         view_layers: geometry in the 3D view.
@@ -60,7 +64,7 @@ class App:
     """
 
     def __init__(self, editor: Editor, folder: Path | None = None) -> None:
-        self.editor = editor
+        self.editor, self.folder, self.asking = editor, folder, ""
         self.preferences = Preferences(folder)
         self.actions = ActionTable(editor.toasts, self.preferences)
         self.input = ViewportInput(editor, self.actions)
@@ -68,12 +72,14 @@ class App:
         self.selection_transform, self.typing = SelectionTransform(editor), dict[str, str]()
         self.open_key_pose: Callable[[int], object] = editor.puppets.edit_pose
         self.begin_key_pose: Callable[[str, float], object] = editor.puppets.begin_pose
+        self.show_take: Callable[[str], object] = lambda name: None
+        self.side_split = SideSplit()
         self.panels: list[Panel] = []
         self.tool_options: dict[str, Callable[[], object]] = {}
         self.perform_sections: list[Callable[[], object]] = []
         self.layer_sections: list[Callable[[RigBase, int], object]] = []
         self.transport_sections: list[Callable[[], object]] = []
-        self.panel_pictures: list[Callable[[Renderer], Callable[[], object]]] = []
+        self.panel_pictures: list[Callable[[Viewport], Callable[[], object]]] = []
         self.overlays: list[ViewOverlay] = []
         self.view_layers: list[ViewLayer] = []
         self.ruler_layers: list[Callable[[float, float], object]] = []
@@ -126,10 +132,13 @@ class App:
         return tool
 
     def find_panel(self, workspace: str, place: PanelPlace = "right") -> Panel | None:
-        """Returns the open panel of a workspace in a place, or None if there is none."""
-        panels = (panel for panel in self.panels if panel.place == place)
+        """Returns the open panel of a workspace in a place, the last one added; None if there is none."""
+        panels = (panel for panel in reversed(self.panels) if panel.place == place)
         panels = (panel for panel in panels if not panel.workspaces or workspace in panel.workspaces)
         return next((panel for panel in panels if panel.is_shown()), None)
+
+    def ask(self, dialogue: str) -> None:
+        """Opens a dialogue. The workspace has the dialogues; an application alone has none."""
 
     def attempt(self, command: Callable[[], object]) -> bool:
         """Calls a function. If it raises an EnlivenError, shows the error as a message and returns False."""

@@ -9,11 +9,20 @@ from typing import Any, Literal
 
 import moderngl
 
-from enliven_viewer.render.gl.targets import RenderTarget
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.panel_layout import Area
+from enliven_viewer.studio.viewport.viewport import RenderPass
 
-PanelPlace = Literal["right", "selection", "bottom", "above timeline", "beside view", "below view"]
+PanelPlace = Literal[
+    "right",
+    "outliner",
+    "selection",
+    "below outliner",
+    "bottom",
+    "above timeline",
+    "beside view",
+    "below view",
+]
 
 
 @dataclass(frozen=True)
@@ -25,9 +34,9 @@ class Panel:
         draw: draws the panel in an area of the window.
         is_shown: returns whether the panel is open.
         workspaces: names of the workspaces that can show it; empty for all.
-        back: name of the widget that closes the panel. The tour points at this widget if the panel hides the
-            tour's target.
-        place: position of the panel in the window; "selection" is below the outliner.
+        back: name of the widget that closes it. The tour points at it if the panel hides its target.
+        place: where the panel is; "selection" is below the outliner, in place of the usual
+            properties; "below outliner" is below both.
     """
 
     name: str
@@ -50,19 +59,6 @@ class ViewOverlay:
 
     draw: Callable[[Area], object]
     find_bottom: Callable[[], float] = lambda: 0.0
-
-
-class RenderPass:
-    """Geometry that is drawn into the image of the 3D view, with its camera and depth buffer.
-
-    A method that draws must resolve the image. The methods of this base class draw nothing.
-    """
-
-    def draw(self, picture: RenderTarget) -> None:
-        """Draws over the characters, below the marks of the tool and the bones."""
-
-    def draw_above_bones(self, picture: RenderTarget) -> None:
-        """Draws over the bones."""
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,37 @@
-"""Draws marks over an image: lines, discs, filled shapes and labels."""
+"""Draws marks over an image: lines, discs, filled shapes, labels, and the world axes."""
 
 from __future__ import annotations
 
+import numpy as np
 from imgui_bundle import ImVec2, ImVec2Like, imgui
 
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import pack_colour
-from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.viewport.overlay import Disc, Fill, Label, Line
-from enliven_viewer.theme import GLASS
+from enliven_viewer.studio.viewport.overlay import Disc, Fill, Label, Line, Point
+from enliven_viewer.studio.viewport.picking import Lens
+from enliven_viewer.theme import AXIS_COLOURS, GLASS, Colour
+
+_AXIS_LENGTH_PX = 24.0
+"""Length of an axis in pixels."""
+
+
+def make_axes_marks(lens: Lens, at: Point) -> tuple[Line | Disc | Label, ...]:
+    """Returns marks of the world axes as seen in a view, centred at a pixel. Axes that point
+    away come first.
+    """
+    seen = lens.view.camera_from_world[:3, :3]
+    marks: list[Line | Disc | Label] = []
+    for axis in sorted(range(3), key=lambda k: seen[2, k]):
+        right, up, nearer = (float(value) for value in seen[:, axis])
+        red, green, blue = AXIS_COLOURS[axis]
+        tint: Colour = (red / 255, green / 255, blue / 255, 0.55 if nearer < -0.15 else 1.0)
+        end = (at[0] + _AXIS_LENGTH_PX * right, at[1] - _AXIS_LENGTH_PX * up)
+        marks.append(Line((at, end), tint, 2.4))
+        if np.hypot(right, up) > 0.3:
+            marks.append(Label((end[0] + 7 * right - 3, end[1] - 8 * up), "xyz"[axis], tint))
+        else:
+            marks.append(Disc(end, 2.5, tint))
+    return tuple(marks)
 
 
 def _find_window_points(mark: Line | Fill, area: Area) -> list[ImVec2Like]:

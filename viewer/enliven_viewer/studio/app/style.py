@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from imgui_bundle import ImVec2, ImVec4, hello_imgui, imgui
 
 from enliven_viewer.language import tr
-from enliven_viewer.studio.panel_layout import Area
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.theme import (
     ACCENT,
     CLEAR,

@@ -10,8 +10,8 @@ from enliven.modeling.edits import change_layers
 from enliven_viewer.language import tr
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import draw_tooltip
+from enliven_viewer.studio.app.quantity import ANGLE, LENGTH, TIME, Quantity
 from enliven_viewer.studio.app.style import push_colours, use_small_text
-from enliven_viewer.studio.numbers.quantity import ANGLE, LENGTH, TIME, Quantity
 from enliven_viewer.theme import QUIET
 
 _AXES = ("x", "y", "z")

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from enliven.document import FREE, History, Project, Puppet, RigBase
+from enliven.document import FREE, History, Project, Puppet, RigBase, closing_time
 from enliven.errors import EnlivenError
 from enliven.modeling.edits import refuse_locked
 from enliven_viewer.language import later, tr
@@ -18,17 +18,16 @@ from enliven_viewer.render.camera import Box, OrbitCamera
 from enliven_viewer.render.camera_moves import CameraMoves
 from enliven_viewer.render.renderer import EMPTY_BOX
 from enliven_viewer.render.stage_look import LOOKS
-from enliven_viewer.studio.background import BackgroundTask
+from enliven_viewer.studio.editor.background import BackgroundTask
 from enliven_viewer.studio.editor.framing import find_visible_points, sample_path_boxes
+from enliven_viewer.studio.editor.snapping import Snapping
 from enliven_viewer.studio.editor.studio_stage import StudioStage
-from enliven_viewer.studio.examples.motion_solver import MotionSolver
+from enliven_viewer.studio.puppets.motion_solver import MotionSolver
 from enliven_viewer.studio.puppets.puppet_editor import PuppetEditor
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.toasts import Toasts
 from enliven_viewer.studio.viewport.picking import Lens
-from enliven_viewer.studio.viewport.project_length import measure_project_length
 from enliven_viewer.studio.viewport.selection import Selection
-from enliven_viewer.studio.viewport.snapping import Snapping
 from enliven_viewer.studio.viewport.stage_character import StageCharacter
 
 Edit = Callable[[Project], Project]
@@ -345,3 +344,13 @@ class Editor:
         """Removes items from the selection that the project no longer contains."""
         self.selection = self.selection.restricted_to(self.project)
         self.time = float(np.clip(self.time, 0.0, self.length))
+
+
+def measure_project_length(project: Project, shortest: float) -> float:
+    """Returns the duration in seconds in which each layer and sound plays once, but at least ``shortest``.
+    With looping layers it is slightly longer, so that all loops restart together.
+    """
+    layers = [layer for character in project.characters.values() for layer in character.playing]
+    sounds = [sound.end for sound in project.sounds.values()]
+    least = max([shortest, *(layer.end(project.length_of(layer)) for layer in layers), *sounds])
+    return closing_time([layer.lasting(project.length_of(layer)) for layer in layers if layer.loop], least)

@@ -15,7 +15,10 @@ from enliven.errors import EnlivenError, ResourceError
 from enliven_viewer.language import tr
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.features.animation import feature as animation
+from enliven_viewer.studio.features.mapping import feature as mapping
+from enliven_viewer.studio.features.outliner import feature as outliner
 from enliven_viewer.studio.features.paint import feature as paint
+from enliven_viewer.studio.features.perform import feature as perform
 from enliven_viewer.studio.features.puppets import feature as puppets
 from enliven_viewer.studio.features.scan import feature as scan
 from enliven_viewer.studio.features.sound import feature as sound
@@ -27,6 +30,9 @@ ENTRY_POINTS = "enliven.studio_features"
 takes the :class:`App`.
 """
 FEATURES: tuple[Register, ...] = (
+    perform.register,
+    outliner.register,
+    mapping.register,
     paint.register,
     sound.register,
     animation.register,

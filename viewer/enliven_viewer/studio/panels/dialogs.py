@@ -9,14 +9,13 @@ from imgui_bundle import ImVec2, imgui
 from enliven.errors import EnlivenError
 from enliven_viewer.language import tr
 from enliven_viewer.studio.app.style import draw_note, push_colours
-from enliven_viewer.studio.panels.files.export_options import draw_export_options
+from enliven_viewer.studio.panels.export_options import draw_export_options
 from enliven_viewer.studio.panels.history import draw_history
 from enliven_viewer.studio.panels.key_list import draw_key_list
 from enliven_viewer.studio.panels.modal import draw_button, draw_choice, open_modal
 from enliven_viewer.studio.panels.palette import draw_palette
 from enliven_viewer.studio.panels.preferences import draw_preferences
-from enliven_viewer.studio.panels.saving.changed_file import draw_changed_file
-from enliven_viewer.studio.panels.saving.unsaved import draw_unsaved
+from enliven_viewer.studio.panels.saving import draw_changed_file, draw_unsaved
 from enliven_viewer.studio.workspace.file_browser import ORDER_LABELS, FileBrowser, list_places
 from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import WAIT

@@ -8,9 +8,9 @@ from enliven.document import RigBase, Shape
 from enliven.mapping.model_clips import own_clips, play_own_clip, played_clip
 from enliven_viewer.language import Texts, later, tr, tr_n
 from enliven_viewer.studio.app.fields import draw_action_button, draw_character_name, draw_tooltip
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import draw_heading, draw_note, open_panel
 from enliven_viewer.studio.app.transform_fields import draw_transform_fields
-from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 _BUTTON_WIDTH = 126.0

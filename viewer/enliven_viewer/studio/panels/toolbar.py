@@ -7,8 +7,8 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.app.fields import draw_action_tooltip
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import open_panel, pack_colour
-from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, INK, QUIET, Colour
 

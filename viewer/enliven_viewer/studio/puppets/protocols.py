@@ -8,7 +8,7 @@ from typing import Protocol, TypeVar
 from enliven.arrays import Float
 from enliven.document import KeyPose, Project, Puppet, RigBase
 from enliven.examples.puppet_motion import State
-from enliven_viewer.studio.examples.motion_solver import MotionSolver
+from enliven_viewer.studio.puppets.motion_solver import MotionSolver
 from enliven_viewer.studio.toasts import Toasts
 from enliven_viewer.studio.viewport.selection import Selection
 

@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from enliven.arrays import Float, Float32, Int32, UInt8
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.viewport.overlay import Overlay, Point
+from enliven_viewer.studio.viewport.overlay import EMPTY_PICTURE, Overlay, Point, ToolPicture
 from enliven_viewer.studio.viewport.picking import Hit, find_bone_at, find_joint_at, find_surface_at
 
 _DISTANCE_TOLERANCE_PX = 3.0
@@ -24,28 +23,6 @@ class Pointer:
     at: Point
     shift: bool = False
     ctrl: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class ToolPicture:
-    """The geometry that a tool draws into the 3D image, over the meshes.
-
-    Attributes:
-        self_intersection: vertices (V, 3) metres in the world, and the self-intersecting faces (K, 3) to
-            highlight, or None.
-        ghost: vertices (V, 3), faces, and size in metres of a mesh to outline, or None.
-        shade: vertices (V, 3) metres in the world, faces, and (V, 4) uint8 sRGB and opacity to overlay; or
-            None.
-        tubes: rows of :class:`~enliven_viewer.render.overlay.tubes.Tubes`, and their depth bias in metres.
-    """
-
-    self_intersection: tuple[Float32, Int32] | None = None
-    ghost: tuple[Float32, Int32, float] | None = None
-    tubes: tuple[tuple[Float32, float], ...] = ()
-    shade: tuple[Float | Float32, Int32, UInt8] | None = None
-
-
-EMPTY_PICTURE = ToolPicture()
 
 
 class Tool:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from enliven_viewer.studio.tools.base import Tool
 from enliven_viewer.studio.tools.cut import CutTool
 from enliven_viewer.studio.tools.limb_ends import LimbEndsTool
-from enliven_viewer.studio.tools.map import MapTool
 from enliven_viewer.studio.tools.move import MoveTool
 from enliven_viewer.studio.tools.nodes import InsertTool, RemoveTool
 from enliven_viewer.studio.tools.pose import PoseTool
@@ -20,7 +19,6 @@ TOOLS: tuple[type[Tool], ...] = (
     InsertTool,
     RemoveTool,
     CutTool,
-    MapTool,
     LimbEndsTool,
 )
 """The built-in tools of the studio. Features add further tools."""

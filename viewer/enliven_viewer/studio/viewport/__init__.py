@@ -1,1 +1,1 @@
-"""Display and picking in the viewport: camera lens, hit testing, overlays, colours, and the selection."""
+"""The 3D view: its renderer, lens, hits, overlays, colours and the selection."""

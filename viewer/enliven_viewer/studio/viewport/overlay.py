@@ -1,9 +1,10 @@
-"""The marks that a tool draws over the viewport: lines, discs and labels, in the viewport's pixels."""
+"""The marks that a tool draws over the viewport, in its pixels, and the geometry that it draws into it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from enliven.arrays import Float, Float32, Int32, UInt8
 from enliven_viewer.theme import Colour
 
 Point = tuple[float, float]
@@ -59,3 +60,25 @@ class Overlay:
     marks: tuple[Line | Disc | Fill | Label, ...] = ()
     chain: tuple[str, tuple[int, ...]] | None = None
     hovered: tuple[str, int] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ToolPicture:
+    """The geometry that a tool draws into the 3D image, over the meshes.
+
+    Attributes:
+        self_intersection: vertices (V, 3) metres in the world, and the self-intersecting faces (K, 3) to
+            highlight, or None.
+        ghost: vertices (V, 3), faces, and size in metres of a mesh to outline, or None.
+        shade: vertices (V, 3) metres in the world, faces, and (V, 4) uint8 sRGB and opacity to overlay; or
+            None.
+        tubes: rows of :class:`~enliven_viewer.render.overlay.tubes.Tubes`, and their depth bias in metres.
+    """
+
+    self_intersection: tuple[Float32, Int32] | None = None
+    ghost: tuple[Float32, Int32, float] | None = None
+    tubes: tuple[tuple[Float32, float], ...] = ()
+    shade: tuple[Float | Float32, Int32, UInt8] | None = None
+
+
+EMPTY_PICTURE = ToolPicture()

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Float32
+from enliven.matching.views import ScreenView as MatchView
 from enliven_viewer.render.camera import CameraView
 from enliven_viewer.studio.viewport.overlay import Point
 from enliven_viewer.studio.viewport.ray import NEAREST, find_first_hit
@@ -85,6 +86,11 @@ class Lens:
     def up(self) -> Float:
         """Returns the (3,) unit vector that points up in the image."""
         return np.asarray(self.view.camera_from_world[1, :3])
+
+
+def make_match_view(lens: Lens) -> MatchView:
+    """Returns a lens as a view for the matcher."""
+    return MatchView(lens.forward, lens.up, lens.view.eye)
 
 
 @dataclass(frozen=True)

@@ -11,16 +11,16 @@ from enliven.errors import EnlivenError
 from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.app.viewport_input import ViewportInput, make_tool_action
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.numbers.view_bookmarks import make_view_actions
-from enliven_viewer.studio.outliner.actions import make_choosing_actions, require_single_shape
+from enliven_viewer.studio.editor.selection_actions import make_choosing_actions, require_single_shape
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.tools.registry import TOOLS
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.files import SAMPLES, list_exportable
-from enliven_viewer.studio.workspace.size_matching import make_fitting_actions
+from enliven_viewer.studio.workspace.model_size import make_fitting_actions
 from enliven_viewer.studio.workspace.view_actions import (
     make_camera_actions,
     make_reading_actions,
+    make_view_actions,
 )
 
 _SINGLE_SHAPE_ACTIONS = (

@@ -28,11 +28,11 @@ from enliven.rotation import from_rotation_vector
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.editor.framing import find_side_offset
-from enliven_viewer.studio.sources.motion_matches import make_match_view
 from enliven_viewer.studio.tools.nodes import remove_joint
+from enliven_viewer.studio.viewport.picking import make_match_view
 from enliven_viewer.studio.workspace.key_commands import KeyCommands
+from enliven_viewer.studio.workspace.model_size import SizeMatching
 from enliven_viewer.studio.workspace.motion_clipboard import MotionClipboard, order_from_root
-from enliven_viewer.studio.workspace.size_matching import SizeMatching
 
 
 class Commands:

@@ -22,7 +22,7 @@ from enliven.exporters import (
 )
 from enliven.sounds import mix_from
 from enliven_viewer.language import tr, tr_n
-from enliven_viewer.studio.background import WorkProgress
+from enliven_viewer.studio.editor.background import WorkProgress
 from enliven_viewer.studio.workspace.files import FILM_SUFFIX, list_exportable
 
 FRAME_RATES = (12, 15, 24, 25, 30, 48, 50, 60)

@@ -13,6 +13,7 @@ from enliven.example_sessions.session import Session, read_session
 from enliven.example_sessions.text import write_session
 from enliven.exporters import suffixes
 from enliven.formats.gltf.read import read_gltf
+from enliven.formats.project.file import read_project
 from enliven.formats.project.one_character import project_of_mesh
 from enliven.formats.rig.rig import Rig, scale_to_height
 from enliven.mapping.model_clips import clip_to_open, own_clips, play_own_clip, played_clip
@@ -336,3 +337,12 @@ FILE_TYPES: tuple[FileType, ...] = (
     FileType(SESSION_SUFFIXES, read_session, _add_session),
 )
 """The file types that the studio opens without features."""
+
+
+MOTIONS_FILE = Path(__file__).resolve().parent / "motions.enliven"
+"""The file of the motions: a project that contains only takes."""
+
+
+def read_library() -> tuple[Clip, ...]:
+    """Returns every motion of the library: wave, curl, reach, walk, sway, and a quarter turn."""
+    return tuple(read_project(MOTIONS_FILE).takes.values())

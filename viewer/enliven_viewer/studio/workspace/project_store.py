@@ -26,7 +26,7 @@ from enliven.formats.project.file import (
 from enliven.modeling.possessed.solving import solve_lost
 from enliven_viewer.language import tr
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.perform.recording import StageRecording
+from enliven_viewer.studio.features.perform.recording import StageRecording
 
 PROJECT_SUFFIX = ".enliven"
 _DEFAULT_NAME = "Untitled"

@@ -14,16 +14,12 @@ from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.palette_search import PaletteSearch
 from enliven_viewer.studio.actions.shortcut_capture import ShortcutCapture
 from enliven_viewer.studio.app.app import App
-from enliven_viewer.studio.background import WorkProgress
+from enliven_viewer.studio.editor.background import WorkProgress
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.examples.coverage import CoverageCache
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.features.registry import register_features
-from enliven_viewer.studio.motions import read_library
-from enliven_viewer.studio.outliner.actions import make_outliner_actions
-from enliven_viewer.studio.outliner.outliner import Outliner
-from enliven_viewer.studio.perform.actions import make_perform_actions
-from enliven_viewer.studio.perform.session import PerformSession
-from enliven_viewer.studio.start.tour import Tour
+from enliven_viewer.studio.features.tour.tour import Tour
+from enliven_viewer.studio.puppets.coverage import CoverageCache
 from enliven_viewer.studio.workspace.action_table import make_studio_actions
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.depth_tracking import DepthTracking, lacks_tracking
@@ -41,6 +37,7 @@ from enliven_viewer.studio.workspace.files import (
     list_exportable,
     list_suffixes,
     read_addable_file,
+    read_library,
     save_session,
 )
 from enliven_viewer.studio.workspace.project_comparison import (
@@ -59,9 +56,7 @@ class Workspace(App):
 
     Attributes:
         commands: the functions behind the studio's own actions.
-        outliner: the tree of all objects.
         depth: the tracker for opened depth recordings.
-        asking: name of the open dialogue, or empty.
         browser: the state of a file dialogue.
         exporting: the options of the next export or film.
         finding: the search of the command palette. wanted_key: the shortcut change in the preferences.
@@ -82,11 +77,6 @@ class Workspace(App):
         self.commands = Commands(editor)
         self.file_types += FILE_TYPES
         self.actions.add(*make_studio_actions(self.commands, self.input, self.ask, self.preferences))
-        self.perform = self.add_state(PerformSession(editor, folder))
-        self.actions.add(*make_perform_actions(self.perform))
-        self.actions.workspace = lambda: self.perform.shortcut_workspace
-        self.outliner = Outliner(editor, lambda: self.perform.present)
-        self.actions.add(*make_outliner_actions(self.outliner))
         self.input.key_filter = lambda key: (
             self.actions.press(key, workspace_only=True) or any(handle(key) for handle in self.key_handlers)
         )
@@ -94,8 +84,7 @@ class Workspace(App):
         self.add_state(CoverageCache())
         self.store, self.depth = ProjectStore(editor, folder), DepthTracking(editor)
         self.transport_sections.append(self._draw_tracking)
-        self.store.recording = self.perform.recording
-        self.asking = self.caption = self.pressed = ""
+        self.caption = self.pressed = ""
         self.browser: FileBrowser | None = None
         self.exporting = ExportOptions()
         self.finding, self.wanted_key = PaletteSearch(self.actions), ShortcutCapture()
@@ -106,6 +95,8 @@ class Workspace(App):
         self._after = ""
         self._path_to_open: Path | None = None
         register_features(self)
+        self.perform = self.state(PerformSession)
+        self.store.recording = self.perform.recording
 
     @classmethod
     def new(cls, editor: Editor, folder: Path | None = None) -> Workspace:

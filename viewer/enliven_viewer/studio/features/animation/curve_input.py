@@ -15,6 +15,7 @@ from enliven.arrays import Float
 from enliven.document import Project
 from enliven.errors import EnlivenError
 from enliven_viewer.language import later
+from enliven_viewer.studio.app.lane_groups import find_lane_layers
 from enliven_viewer.studio.app.time_axis import TimeAxis
 from enliven_viewer.studio.editor.editor import Edit, Editor
 from enliven_viewer.studio.features.animation.channels import (
@@ -37,7 +38,6 @@ from enliven_viewer.studio.features.animation.key_edits import (
     remove_curve_key,
     set_interpolation,
 )
-from enliven_viewer.studio.viewport.lane_groups import find_lane_layers
 
 GROUP_NAMES = ("keys", "moves", "turn", "place", "weight", "speed")
 """All groups of channels, in the order of their buttons."""

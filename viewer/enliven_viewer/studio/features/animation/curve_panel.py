@@ -9,6 +9,7 @@ from enliven.document import EASES
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import draw_tooltip
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import (
     draw_note,
     open_panel,
@@ -21,7 +22,6 @@ from enliven_viewer.studio.features.animation.channels import LAYER_KEY_ATTRIBUT
 from enliven_viewer.studio.features.animation.curve_input import CurveInput
 from enliven_viewer.studio.features.animation.curve_scale import Scale
 from enliven_viewer.studio.features.animation.key_edits import KEY_ATTRIBUTES
-from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.theme import ACCENT, AXIS_COLOURS, DARK, INK, LINE, QUIET, Colour
 
 _GROUP_LABELS = {

@@ -7,10 +7,10 @@ from __future__ import annotations
 from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.contributions import Panel, ViewLayer
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.features.animation.curve_input import CurveInput
 from enliven_viewer.studio.features.animation.ghost_pass import GhostPass
 from enliven_viewer.studio.features.animation.ghosts import Ghosts
-from enliven_viewer.studio.panel_layout import Area
 
 
 def register(app: App) -> None:

@@ -10,10 +10,10 @@ import numpy as np
 from enliven_viewer.render.gl.program import load_program
 from enliven_viewer.render.gl.targets import RenderTarget
 from enliven_viewer.render.overlay.tubes import Tubes
-from enliven_viewer.studio.app.contributions import RenderPass
 from enliven_viewer.studio.features.animation.ghost_picture import GhostBody, GhostPicture
 from enliven_viewer.studio.features.animation.ghosts import Ghosts
 from enliven_viewer.studio.features.animation.motion_samples import GhostSurface
+from enliven_viewer.studio.viewport.viewport import RenderPass
 
 
 class OnionSkin:

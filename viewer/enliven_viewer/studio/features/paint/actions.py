@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.app.viewport_input import ViewportInput
+from enliven_viewer.studio.editor.selection_actions import require_single_shape
 from enliven_viewer.studio.features.paint.paint_tool import BRUSHES, RADIUS_STEP, PaintTool
-from enliven_viewer.studio.outliner.actions import require_single_shape
 
 _MENU = "Brush"
 """The submenu of the brush in the Shape menu."""

@@ -12,8 +12,8 @@ from enliven.modeling.edits import MAX_DOUBLINGS, Brush, brush_stiffness, paint_
 from enliven.modeling.mesh.mirror_plane import plane_of_symmetry
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.tools.base import EMPTY_PICTURE, Pointer, Tool, ToolPicture
-from enliven_viewer.studio.viewport.overlay import Disc, Overlay
+from enliven_viewer.studio.tools.base import Pointer, Tool
+from enliven_viewer.studio.viewport.overlay import EMPTY_PICTURE, Disc, Overlay, ToolPicture
 from enliven_viewer.studio.viewport.picking import find_surface_at
 from enliven_viewer.studio.viewport.stage_character import StageCharacter
 from enliven_viewer.theme import FUTURE_POSE, MARK, PAST_POSE, PLAIN_SURFACE, SHADOW, Colour

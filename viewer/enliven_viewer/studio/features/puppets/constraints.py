@@ -9,7 +9,7 @@ from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.style import draw_heading, draw_note, use_small_text
-from enliven_viewer.studio.examples.example_edits import (
+from enliven_viewer.studio.puppets.example_edits import (
     HardConstraint,
     describe_constraint,
     find_layer_number,

@@ -14,6 +14,7 @@ from enliven.modeling.edits import get_rig_edits
 from enliven_viewer.language import tr
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import draw_character_name, draw_tooltip
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import (
     open_panel,
     pack_colour,
@@ -22,13 +23,12 @@ from enliven_viewer.studio.app.style import (
     use_small_text,
 )
 from enliven_viewer.studio.app.transform_fields import draw_transform_fields
-from enliven_viewer.studio.examples.example_edits import find_layer_number, with_guessed_joints
 from enliven_viewer.studio.features.puppets.constraints import draw_constraints
 from enliven_viewer.studio.features.puppets.key_pose_navigator import KeyPoseNavigator
 from enliven_viewer.studio.features.puppets.performer_view import PerformerView
 from enliven_viewer.studio.features.puppets.points_panel import draw_points, suggest_points
 from enliven_viewer.studio.features.puppets.solver_settings import draw_settings
-from enliven_viewer.studio.panel_layout import Area
+from enliven_viewer.studio.puppets.example_edits import find_layer_number, with_guessed_joints
 from enliven_viewer.theme import ACCENT, BAD, GOOD, INK, QUIET, RAISED, Colour
 
 _BACK_ICON = "\uf060"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from enliven.document import Puppet
 from enliven_viewer.studio.app.viewport_input import ViewportInput
-from enliven_viewer.studio.examples.example_edits import find_layer_number
 from enliven_viewer.studio.features.puppets.performer_view import PerformerView
+from enliven_viewer.studio.puppets.example_edits import find_layer_number
 
 _FRAMING_MARGIN = 1.35
 """Size of the view relative to a puppet when the camera moves to it. 1 fills the view, larger values leave a

@@ -8,12 +8,11 @@ from enliven_viewer.language import labelled, tr
 from enliven_viewer.live.hud import format_time
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import draw_tooltip
-from enliven_viewer.studio.app.marks import draw_mark
+from enliven_viewer.studio.app.marks import draw_mark, make_axes_marks
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import draw_note, open_panel, pack_colour, use_small_text
-from enliven_viewer.studio.examples.example_edits import find_layer_number
 from enliven_viewer.studio.features.puppets.performer_view import PerformerView
-from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.viewport.axes import make_axes_marks
+from enliven_viewer.studio.puppets.example_edits import find_layer_number
 from enliven_viewer.theme import ACCENT, DARK, GLASS, INK, LINE, QUIET
 
 _MIN_ARROW_WIDTH = 110.0

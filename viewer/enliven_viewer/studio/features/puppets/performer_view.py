@@ -20,7 +20,7 @@ from enliven.skeletons.facing import facing_of, rotate_about_y
 from enliven_viewer.language import later, tr
 from enliven_viewer.render.camera import TURN_PER_PIXEL, OrbitCamera
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.examples.example_edits import find_layer_number, with_joint
+from enliven_viewer.studio.puppets.example_edits import find_layer_number, with_joint
 from enliven_viewer.studio.viewport.overlay import Point
 from enliven_viewer.studio.viewport.picking import Lens
 from enliven_viewer.studio.viewport.stage_character import find_joints

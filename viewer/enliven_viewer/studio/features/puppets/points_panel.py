@@ -20,9 +20,9 @@ from enliven_viewer.studio.app.style import (
     push_colours,
     use_small_text,
 )
-from enliven_viewer.studio.examples.example_edits import turn_quarter, with_guessed_joints, with_points
 from enliven_viewer.studio.features.puppets.constraints import draw_constraint_buttons
 from enliven_viewer.studio.features.puppets.performer_view import PerformerView
+from enliven_viewer.studio.puppets.example_edits import turn_quarter, with_guessed_joints, with_points
 from enliven_viewer.studio.puppets.symmetry import find_plane
 from enliven_viewer.theme import ACCENT, INK, QUIET, RAISED, SHADOW, get_point_colour
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import nullcontext
 
+import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Puppet
@@ -12,6 +14,7 @@ from enliven_viewer.language import later, tr
 from enliven_viewer.live.hud import format_time
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import draw_tooltip
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import (
     draw_note,
     open_panel,
@@ -20,14 +23,40 @@ from enliven_viewer.studio.app.style import (
     push_fill,
     use_small_text,
 )
-from enliven_viewer.studio.examples.coverage import CoverageCache, TakeCoverage
-from enliven_viewer.studio.examples.example_edits import duplicate_pose, mirror_pose, retime_pose
 from enliven_viewer.studio.features.puppets.key_pose_navigator import KeyPoseNavigator
-from enliven_viewer.studio.features.puppets.performer_view import PerformerView
-from enliven_viewer.studio.features.puppets.strokes import draw_dashed_rectangle, draw_stick_figure
-from enliven_viewer.studio.features.puppets.thumbnails import Thumbnails
-from enliven_viewer.studio.panel_layout import Area
+from enliven_viewer.studio.features.puppets.performer_view import PerformerFigure, PerformerView
+from enliven_viewer.studio.features.puppets.thumbnails import SIDE, Thumbnails
+from enliven_viewer.studio.puppets.coverage import CoverageCache, TakeCoverage
+from enliven_viewer.studio.puppets.example_edits import duplicate_pose, mirror_pose, retime_pose
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, GLASS, GOOD, INK, LINE, QUIET, RAISED, UNTINTED
+
+
+def draw_stick_figure(draw_list: imgui.ImDrawList, figure: PerformerFigure, area: Area, colour: int) -> None:
+    """Draws a stick figure from its front right, scaled so that its rest pose fits the area."""
+    joints, parents, height = figure.joints, figure.skeleton.parents, figure.height
+    across = joints[:, 0] * math.cos(SIDE) - joints[:, 2] * math.sin(SIDE)
+    scale = area.height / (1.12 * height)
+    xs = area.x + area.width / 2 + np.clip(across * scale, -area.width / 2, area.width / 2)
+    ys = area.y + area.height - np.clip(joints[:, 1] * scale, 0.0, area.height)
+    thick = max(1.3, 0.022 * area.height)
+    for joint in range(1, len(joints)):
+        up = int(parents[joint])
+        if np.hypot(xs[joint] - xs[up], ys[joint] - ys[up]) > 0.6:
+            draw_list.add_line(ImVec2(xs[up], ys[up]), ImVec2(xs[joint], ys[joint]), colour, thick)
+
+
+def draw_dashed_rectangle(draw_list: imgui.ImDrawList, low: ImVec2, high: ImVec2, colour: int) -> None:
+    """Draws a dashed rectangle."""
+    step = 7.0
+    for y in (low.y, high.y):
+        for k in range(int((high.x - low.x) / step / 2) + 1):
+            x = low.x + 2 * k * step
+            draw_list.add_line(ImVec2(x, y), ImVec2(min(x + step, high.x), y), colour, 1.2)
+    for x in (low.x, high.x):
+        for k in range(int((high.y - low.y) / step / 2) + 1):
+            y = low.y + 2 * k * step
+            draw_list.add_line(ImVec2(x, y), ImVec2(x, min(y + step, high.y)), colour, 1.2)
+
 
 TILE_SIZE = ImVec2(88, 80)
 _PLUS_ICON = "\uf067"

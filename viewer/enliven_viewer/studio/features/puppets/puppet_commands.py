@@ -16,7 +16,7 @@ from enliven_viewer.language import later, tr
 from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.editor.framing import find_side_offset
-from enliven_viewer.studio.outliner.actions import require_single_shape
+from enliven_viewer.studio.editor.selection_actions import require_single_shape
 
 
 class PuppetCommands:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.studio.app.app import App
+from enliven_viewer.studio.app.panel_layout import Area
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.features.puppets.performer_picture import PerformerPicture
 from enliven_viewer.studio.features.puppets.performer_view import PerformerView
 from enliven_viewer.studio.features.puppets.thumbnails import Thumbnails
-from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.perform.session import PerformSession
+from enliven_viewer.studio.viewport.viewport import Viewport
 
 
 class PuppetPanels:
@@ -34,10 +34,11 @@ class PuppetPanels:
             and not editor.selection.has_several
         )
 
-    def make_pictures(self, renderer: Renderer) -> Callable[[], object]:
+    def make_pictures(self, view: Viewport) -> Callable[[], object]:
         """Returns the function that draws the images of the panels, once per frame."""
         from enliven_viewer.studio.app.style import to_screen_pixels
 
+        renderer = view.renderer
         performer = self._performer = PerformerPicture(renderer)
         thumbnails = self._thumbnails = Thumbnails(renderer.ctx, self._app.editor.puppets.stage.surfaces)
 

@@ -9,12 +9,16 @@ from enliven_viewer.language import tr
 from enliven_viewer.render.camera import TURN_PER_PIXEL
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.puppets.gizmo import Gizmo
-from enliven_viewer.studio.features.puppets.point_marks import find_suggestion_at
 from enliven_viewer.studio.features.puppets.point_suggestions import PointSuggestions
-from enliven_viewer.studio.features.puppets.puppet_marks import PointDrag, make_marks, make_tool_picture
+from enliven_viewer.studio.features.puppets.puppet_marks import (
+    PointDrag,
+    find_suggestion_at,
+    make_marks,
+    make_tool_picture,
+)
 from enliven_viewer.studio.puppets.puppet_stage import StagePuppet
-from enliven_viewer.studio.tools.base import EMPTY_PICTURE, Pointer, Tool, ToolPicture
-from enliven_viewer.studio.viewport.overlay import Overlay, Point
+from enliven_viewer.studio.tools.base import Pointer, Tool
+from enliven_viewer.studio.viewport.overlay import EMPTY_PICTURE, Overlay, Point, ToolPicture
 from enliven_viewer.studio.viewport.picking import find_joint_at, find_surface_at
 from enliven_viewer.studio.viewport.ray import find_hit_vertex
 

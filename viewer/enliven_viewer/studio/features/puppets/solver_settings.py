@@ -11,7 +11,7 @@ from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import Change, draw_slider, draw_switch, draw_tooltip
 from enliven_viewer.studio.app.style import push_colours
-from enliven_viewer.studio.examples.example_edits import with_default_settings, with_setting
+from enliven_viewer.studio.puppets.example_edits import with_default_settings, with_setting
 from enliven_viewer.theme import PRESSED, RAISED
 
 SETTING_SLIDERS = (

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.contributions import Panel, ViewLayer, ViewOverlay
+from enliven_viewer.studio.app.panel_layout import Area
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.features.scan.actions import make_scan_actions
 from enliven_viewer.studio.features.scan.advice import ADVICE_BOTTOM
 from enliven_viewer.studio.features.scan.preview import ScanPreviewPass
 from enliven_viewer.studio.features.scan.session import ScanSession
-from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.perform.session import PerformSession
 
 
 def register(app: App) -> None:

@@ -9,10 +9,10 @@ from enliven.arrays import Float
 from enliven.wire import ScanMessage
 from enliven_viewer.language import tr
 from enliven_viewer.studio.app.marks import draw_mark
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import pack_colour
 from enliven_viewer.studio.features.scan.advice import ADVICE_BOTTOM, Mood, choose_advice
 from enliven_viewer.studio.features.scan.session import ScanSession
-from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.viewport.overlay import Fill, Line, Point
 from enliven_viewer.studio.viewport.picking import Lens
 from enliven_viewer.theme import ACCENT, BAD, GLASS, GOOD, INK, WAIT, Colour

@@ -8,9 +8,9 @@ from enliven.wire import ScanMessage, ScanMode
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import draw_tooltip
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import draw_heading, draw_note, open_panel, push_colours
 from enliven_viewer.studio.features.scan.session import KeptPart, ScanSession, ScanSize
-from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.theme import ACCENT, GOOD, WAIT
 
 _FULL_WIDTH = ImVec2(-1, 0)

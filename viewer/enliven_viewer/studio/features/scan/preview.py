@@ -15,7 +15,7 @@ from enliven.meshes import Mesh
 from enliven.wire import ScanPieceMessage
 from enliven_viewer.render.gl.program import load_program
 from enliven_viewer.render.gl.targets import RenderTarget
-from enliven_viewer.studio.app.contributions import RenderPass
+from enliven_viewer.studio.viewport.viewport import RenderPass
 from enliven_viewer.theme import PLAIN_SURFACE, WAIT
 
 

@@ -15,10 +15,10 @@ from enliven.meshes import Mesh
 from enliven.wire import SCAN, SCAN_PIECE, Answer, Refused, Scan, ScanMessage, ScanMode
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.perform.actions import NO_STAGE
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.features.scan.crop_box import CropBox, find_initial_box
 from enliven_viewer.studio.features.scan.preview import ScanPreview, ScanPreviewMesh
-from enliven_viewer.studio.perform.actions import NO_STAGE
-from enliven_viewer.studio.perform.session import PerformSession
 from enliven_viewer.studio.viewport.overlay import Point
 
 ScanSize = Literal["thing", "small", "room"]

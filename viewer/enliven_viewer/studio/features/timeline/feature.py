@@ -5,12 +5,12 @@ from __future__ import annotations
 from enliven.document import RigBase
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.contributions import Panel
-from enliven_viewer.studio.examples.coverage import CoverageCache
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.features.timeline.clip_commands import ClipCommands, make_clip_actions
 from enliven_viewer.studio.features.timeline.take_commands import TakeCommands, make_take_actions
 from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
 from enliven_viewer.studio.features.timeline.transport import make_transport_actions
-from enliven_viewer.studio.panel_layout import Area
+from enliven_viewer.studio.puppets.coverage import CoverageCache
 
 
 def register(app: App) -> None:

@@ -1,4 +1,4 @@
-"""The lanes of the timeline: characters' names, clips with thumbnails of their poses, and blends."""
+"""The lanes of the timeline: characters' names, clips with thumbnails, blends, and a clip being recorded."""
 
 from __future__ import annotations
 
@@ -11,19 +11,33 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Clip, PoseStream, Segment
+from enliven_viewer.language import tr
 from enliven_viewer.render.gl.context import get_window_context
 from enliven_viewer.studio.app.style import CLOSED_EYE_ICON, EYE_ICON, pack_colour, use_small_text
-from enliven_viewer.studio.app.time_axis import LABEL_WIDTH
+from enliven_viewer.studio.app.time_axis import LABEL_WIDTH, RULER_HEIGHT
 from enliven_viewer.studio.features.timeline.clip_pictures import POSE_COUNT, SHEET_COLUMNS
 from enliven_viewer.studio.features.timeline.layout import (
     HEAD_HEIGHT,
+    LANE_GAP,
     LANE_HEIGHT,
     TAKES_BUTTON_WIDTH,
     Lane,
     TimelineLayout,
 )
 from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
-from enliven_viewer.theme import ACCENT, DARK, INK, LANE_COLOURS, LINE, ON_COLOUR, QUIET, RAISED, Colour
+from enliven_viewer.theme import (
+    ACCENT,
+    BAD,
+    DARK,
+    INK,
+    LANE_COLOURS,
+    LINE,
+    ON_COLOUR,
+    ON_FILL,
+    QUIET,
+    RAISED,
+    Colour,
+)
 
 _LOCK_ICON, _UNLOCK_ICON, _SOLO_ICON, _OPEN_ICON, _FOLDED_ICON = (
     "\uf023",
@@ -231,3 +245,30 @@ def _draw_blend(
 def find_take_colour(take: str) -> Colour:
     """Returns the colour of a take's clips."""
     return LANE_COLOURS[zlib.crc32(take.encode()) % len(LANE_COLOURS)]
+
+
+def draw_recorded_clip(
+    clip: tuple[float, float], layout: TimelineLayout, origin: ImVec2, height: float
+) -> None:
+    """Draws the growing clip below the last lane, or at the bottom of the timeline if the last lane is out of
+    view.
+
+    Args:
+        clip: begin and end of the recording in seconds.
+        layout: the layout of the timeline.
+        origin: top left corner of the timeline in pixels.
+        height: height of the timeline in pixels.
+    """
+    lanes, draw = layout.lanes(), imgui.get_window_draw_list()
+    below = lanes[-1].top + lanes[-1].height if lanes else RULER_HEIGHT
+    top = origin.y + min(below + LANE_GAP, height - LANE_HEIGHT)
+    low, high = ImVec2(origin.x, top), ImVec2(origin.x + layout.width, top + LANE_HEIGHT)
+    draw.add_rect_filled(low, high, pack_colour(DARK))
+    left, right = (origin.x + layout.x(second) for second in clip)
+    right = max(right, left + 2.0)
+    draw.add_rect_filled(ImVec2(left, top + 2), ImVec2(right, top + LANE_HEIGHT - 2), pack_colour(BAD), 4.0)
+    draw.add_text(ImVec2(origin.x + 28, top + 4), pack_colour(INK), tr("Recording"))
+    with use_small_text():
+        draw.push_clip_rect(ImVec2(left, top), ImVec2(right, top + LANE_HEIGHT), True)
+        draw.add_text(ImVec2(left + 8, top + 5), pack_colour(ON_FILL), f"{clip[1] - clip[0]:.1f} s")
+        draw.pop_clip_rect()

@@ -12,10 +12,10 @@ from enliven.motion.layers.retarget import set_travel
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import Change, draw_slider, draw_switch, draw_tooltip
+from enliven_viewer.studio.app.lane_groups import find_lane_layers
 from enliven_viewer.studio.app.style import draw_heading, draw_note
 from enliven_viewer.studio.features.timeline.take_commands import TakeCommands
 from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
-from enliven_viewer.studio.viewport.lane_groups import find_lane_layers
 
 _NUMBER_RANGES = {
     "weight": (0.0, 1.0, later("weight %.2f")),

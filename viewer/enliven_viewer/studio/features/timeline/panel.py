@@ -8,6 +8,7 @@ from enliven_viewer.language import later
 from enliven_viewer.live.hud import format_time
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import draw_action_tooltip, draw_tooltip
+from enliven_viewer.studio.app.panel_layout import MIN_TIMELINE_HEIGHT, Area
 from enliven_viewer.studio.app.style import (
     draw_note,
     open_panel,
@@ -16,13 +17,11 @@ from enliven_viewer.studio.app.style import (
     use_small_text,
 )
 from enliven_viewer.studio.app.time_axis import LABEL_WIDTH, RULER_HEIGHT
-from enliven_viewer.studio.features.timeline.lane_painter import LanePainter
+from enliven_viewer.studio.features.perform.session import PerformSession
+from enliven_viewer.studio.features.timeline.lane_painter import LanePainter, draw_recorded_clip
 from enliven_viewer.studio.features.timeline.puppet_painter import draw_details, draw_details_tooltip
-from enliven_viewer.studio.features.timeline.recorded_clip import draw_recorded_clip
 from enliven_viewer.studio.features.timeline.ruler_marks import draw_markers, draw_span
 from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
-from enliven_viewer.studio.panel_layout import MIN_TIMELINE_HEIGHT, Area
-from enliven_viewer.studio.perform.session import PerformSession
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, LINE, QUIET
 
 _START_ICON, _PLAY_ICON, _PAUSE_ICON, _LOOP_ICON = "\uf048", "\uf04b", "\uf04c", "\uf01e"

@@ -11,8 +11,10 @@ from enliven.examples.puppet_motion import solve_layer_motion
 from enliven.modeling.edits import change_layers
 from enliven_viewer.language import later
 from enliven_viewer.studio.editor.editor import Edit, Editor
-from enliven_viewer.studio.examples.coverage import CoverageCache, TakeCoverage
-from enliven_viewer.studio.examples.example_edits import (
+from enliven_viewer.studio.features.timeline.layout import LaneHandle, TimelineLayout
+from enliven_viewer.studio.features.timeline.puppet_lanes import PuppetDetails
+from enliven_viewer.studio.puppets.coverage import CoverageCache, TakeCoverage
+from enliven_viewer.studio.puppets.example_edits import (
     add_switch,
     list_constraints,
     move_switch,
@@ -20,8 +22,6 @@ from enliven_viewer.studio.examples.example_edits import (
     retime_pose,
     without_constraint,
 )
-from enliven_viewer.studio.features.timeline.layout import LaneHandle, TimelineLayout
-from enliven_viewer.studio.features.timeline.puppet_lanes import PuppetDetails
 
 DRAG_TITLES = {"pose": later("retime a key pose"), "switch": later("move a switch")}
 """The name of each drag in the undo history."""

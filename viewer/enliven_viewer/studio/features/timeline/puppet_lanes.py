@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from enliven.document import Puppet, PuppetLayer, RigBase, Switch
-from enliven_viewer.studio.examples.coverage import TakeCoverage
-from enliven_viewer.studio.examples.example_edits import HardConstraint, list_constraints
 from enliven_viewer.studio.features.timeline.layout import END_MARGIN, LABEL_WIDTH, Lane, TimelineLayout
+from enliven_viewer.studio.puppets.coverage import TakeCoverage
+from enliven_viewer.studio.puppets.example_edits import HardConstraint, list_constraints
 
 POSE_ROW_HEIGHT = 30.0
 """Height in pixels of the row of key poses: the coverage curve with diamonds over it."""

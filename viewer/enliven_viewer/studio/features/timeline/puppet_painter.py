@@ -8,9 +8,9 @@ from imgui_bundle import ImVec2, imgui
 from enliven.document import Position, Velocity
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.app.style import pack_colour, use_small_text
-from enliven_viewer.studio.examples.example_edits import describe_constraint, list_constraints
 from enliven_viewer.studio.features.timeline.layout import Lane, TimelineLayout
 from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
+from enliven_viewer.studio.puppets.example_edits import describe_constraint, list_constraints
 from enliven_viewer.theme import (
     ACCENT,
     BAD,

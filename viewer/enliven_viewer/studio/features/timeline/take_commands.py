@@ -8,7 +8,7 @@ from enliven.modeling.edits import alternative_takes, choose_take, drop_take, ke
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.outliner.takes import delete_takes, list_unused_takes
+from enliven_viewer.studio.editor.takes import delete_takes, list_unused_takes
 
 _NO_ALTERNATIVES = later(
     "No lane with several takes is chosen. Record another one (Ctrl+Shift+R), and choose its lane."

@@ -9,12 +9,11 @@ from enliven.modeling.edits import change_layers, choose_take, move_marker
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.app.time_axis import RULER_HEIGHT, TimeAxis
 from enliven_viewer.studio.editor.editor import Edit, Editor
-from enliven_viewer.studio.examples.coverage import CoverageCache
-from enliven_viewer.studio.features.timeline.clip_drag import ClipDrag
+from enliven_viewer.studio.features.timeline.clip_drag import ClipDrag, snap_offset, snap_times
 from enliven_viewer.studio.features.timeline.clip_pictures import ClipPictures
 from enliven_viewer.studio.features.timeline.layout import LANE_GAP, Lane, LaneHandle, TimelineLayout
 from enliven_viewer.studio.features.timeline.puppet_input import DRAG_TITLES, PuppetRows
-from enliven_viewer.studio.features.timeline.snapping import snap_offset, snap_times
+from enliven_viewer.studio.puppets.coverage import CoverageCache
 
 _NO_HANDLE = LaneHandle("nothing")
 _MIN_SPAN_S = 0.1

@@ -1,0 +1,261 @@
+"""The table of actions while performing. Menus, shortcuts and the help are built from it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+
+from enliven.wire import Mode
+from enliven_viewer.language import later
+from enliven_viewer.live.live_stage import LiveStage
+from enliven_viewer.live.possession_choice import PART_CHOICES
+from enliven_viewer.studio.actions.action import Action
+from enliven_viewer.studio.features.perform.session import WORKSPACES, PerformSession
+from enliven_viewer.studio.features.perform.stage_switches import LOOSE_LABELS
+
+
+@dataclass(frozen=True)
+class PerformAction:
+    """An action: its label, shortcut, function, and the workspaces in which the shortcut is active.
+
+    The shortcut of an action without workspaces is active in all of them.
+
+    Attributes:
+        live: True if the action applies to the followed stage or take. It is unavailable if none is followed.
+    """
+
+    label: str
+    key: str
+    do: Callable[[PerformSession], object]
+    workspaces: tuple[str, ...] = ()
+    live: bool = True
+    why_not: Callable[[PerformSession], str] = lambda session: ""
+    is_on: Callable[[PerformSession], bool] | None = None
+    about: str = ""
+    group: str = ""
+    apart: bool = False
+
+    @property
+    def id(self) -> str:
+        """Returns a permanent name such as "perform.possess_alone"."""
+        if self.label == _STAND_LABEL:
+            return "perform.stand"  # The start page refers to this action, so its name is fixed.
+        return "perform." + re.sub(r"[^a-z]+", "_", self.label.lower()).strip("_")
+
+    def lacks(self, session: PerformSession) -> str:
+        """Returns the reason why the action is unavailable now, with advice, or an empty text if it is
+        available.
+        """
+        return (NO_STAGE if self.live and session.live is None else "") or self.why_not(session)
+
+
+NO_STAGE = later("No stage is connected. Connect to one, or start one, in the Perform workspace")
+"""The message of actions that need a stage."""
+
+
+def make_perform_actions(session: PerformSession) -> Iterator[Action]:
+    """Yields every action, for menus, the command palette and the list of shortcuts."""
+    for action in PERFORM_ACTIONS:
+        on = None if action.is_on is None else partial(action.is_on, session)
+        yield Action(
+            action.id,
+            "Perform",
+            action.label,
+            (action.key,) if action.key else (),
+            partial(action.do, session),
+            partial(action.lacks, session),
+            on,
+            about=action.about,
+            apart=action.apart,
+            group=action.group,
+            workspaces=action.workspaces,
+        )
+
+
+def _require_live_stage(act: Callable[[LiveStage], object]) -> Callable[[PerformSession], object]:
+    """Returns a function on the followed stage or take. It does nothing if no stage or take is followed."""
+    return lambda session: act(session.live) if session.live is not None else None
+
+
+def _make_possess_function(mode: Mode) -> Callable[[PerformSession], object]:
+    """Returns a function that lets a performer possess a character, as soon as that is possible."""
+    return lambda session: session.possession_requests.press(mode)
+
+
+def _make_group(
+    group: str, rooms: tuple[str, ...], *rows: tuple[str, str, Callable[[LiveStage], object]]
+) -> Iterator[PerformAction]:
+    """Yields actions on the followed stage for one submenu. Each row contains label, shortcut
+    and function.
+    """
+    for label, key, act in rows:
+        yield PerformAction(label, key, _require_live_stage(act), rooms, group=group)
+
+
+def _make_workspace_switch(workspace_name: str) -> Callable[[PerformSession], object]:
+    return lambda session: setattr(session, "active_workspace", workspace_name)
+
+
+_LIVE_WORKSPACES = ("Perform", "Play")
+_STAND_LABEL = "Stand in front of the camera"
+PERFORM_ACTIONS = (
+    PerformAction(_STAND_LABEL, "", _make_workspace_switch("Perform"), live=False),
+    *(
+        PerformAction(
+            f"Workspace: {room}",
+            f"ctrl+{n + 1}",
+            _make_workspace_switch(room),
+            live=False,
+            group="Workspace",
+            is_on=lambda session, room=room: session.active_workspace == room,
+        )
+        for n, room in enumerate(WORKSPACES)
+    ),
+    PerformAction(
+        "Put the chosen character on the stage",
+        "ctrl+enter",
+        PerformSession.put_on_stage,
+        why_not=PerformSession.lacks_to_put,
+        apart=True,
+    ),
+    PerformAction(
+        "Remove the chosen character from the stage",
+        "",
+        PerformSession.remove_from_stage,
+        why_not=PerformSession.lacks_to_take_off,
+    ),
+    PerformAction(
+        "Record, or end the recording",
+        "ctrl+r",
+        lambda session: session.recording.toggle(),
+        why_not=PerformSession.lacks_edge,
+        apart=True,
+    ),
+    PerformAction(
+        "Record again from where it began",
+        "",
+        lambda session: session.recording.record_again(),
+        why_not=PerformSession.lacks_edge,
+    ),
+    PerformAction(
+        "Record an alternative take",
+        "ctrl+shift+r",
+        lambda session: session.recording.record_again(keeps_last=True),
+        why_not=PerformSession.lacks_recording,
+    ),
+    PerformAction(
+        "Recordings begin here",
+        "i",
+        lambda session: session.recording.set_span_end(0),
+        ("Perform",),
+        live=False,
+    ),
+    PerformAction(
+        "Recordings end here",
+        "o",
+        lambda session: session.recording.set_span_end(1),
+        ("Perform",),
+        live=False,
+    ),
+    PerformAction("Possess alone", "p", _make_possess_function("alone"), _LIVE_WORKSPACES, apart=True),
+    PerformAction("Possess together with others", "j", _make_possess_function("join"), _LIVE_WORKSPACES),
+    PerformAction("Hold with these parts as well", "e", _make_possess_function("extend"), _LIVE_WORKSPACES),
+    PerformAction("Release", "r", _require_live_stage(LiveStage.release), _LIVE_WORKSPACES),
+    PerformAction(
+        "Scale with both hands, or end scaling",
+        "x",
+        _require_live_stage(LiveStage.scale_by_hands),
+        _LIVE_WORKSPACES,
+        why_not=PerformSession.lacks_edge,
+    ),
+    PerformAction(
+        "Reset its size",
+        "z",
+        lambda session: session.live and session.sizes.reset(session.target, session.live.feed.ask),
+        _LIVE_WORKSPACES,
+        why_not=lambda session: session.lacks_edge() or session.sizes.lacks_size(session.target),
+    ),
+    *(
+        PerformAction(
+            f"With: {part}",
+            str(n + 1),
+            _require_live_stage(lambda live, n=n: live.choose_parts(n)),
+            _LIVE_WORKSPACES,
+            group="With",
+            apart=n == 0,
+        )
+        for n, part in enumerate(PART_CHOICES)
+    ),
+    *_make_group(
+        "Performers",
+        _LIVE_WORKSPACES,
+        ("Next performer", "b", LiveStage.choose_performer),
+        ("Less smoothed", "comma", lambda live: live.change_smoothing(-1)),
+        ("More smoothed", "period", lambda live: live.change_smoothing(1)),
+        ("Only people here now may perform", "k", LiveStage.toggle_lock),
+        ("Learn the room again", "", LiveStage.learn_room),
+    ),
+    *_make_group(
+        "Matches",
+        _LIVE_WORKSPACES,
+        ("Next match", "n", lambda live: live.show_other_match(1)),
+        ("Match before", "m", lambda live: live.show_other_match(-1)),
+    ),
+    PerformAction(
+        "Open or close the microphone",
+        "",
+        lambda session: session.voice.toggle(session.client),
+        why_not=PerformSession.lacks_voice,
+        is_on=lambda session: session.voice.is_on,
+        about="Spoken commands: the Perform panel shows what was heard, and lists the phrases.",
+    ),
+    *(
+        PerformAction(
+            f"Physics: {label}",
+            "",
+            lambda session, number=number: session.physics.ask(session.client, number),
+            why_not=PerformSession.lacks_physics,
+            is_on=lambda session, number=number: session.physics.number == number,
+            group="Physics",
+        )
+        for number, label in enumerate(LOOSE_LABELS)
+    ),
+    PerformAction(
+        "See more of the bones",
+        "v",
+        lambda p: p.live and p.live.show_bones(p.editor.camera),
+        _LIVE_WORKSPACES,
+        group="See",
+    ),
+    *_make_group(
+        "See",
+        _LIVE_WORKSPACES,
+        ("Deformation graph of the meshes", "g", lambda live: live.switch("graph")),
+        ("Performers' skeletons", "s", lambda live: live.switch("body", "reveal", "cues")),
+    ),
+    PerformAction(
+        "Zoom to the limb before possession",
+        "c",
+        lambda session: session.close_up.toggle(),
+        _LIVE_WORKSPACES,
+        is_on=lambda session: session.close_up.is_on,
+        about="While a pose chooses a limb, the view moves to the limb and also shows "
+        "it from the side. Then it moves back.",
+        group="See",
+    ),
+    *_make_group(
+        "Playing back", _LIVE_WORKSPACES, ("Back to live", "l", lambda live: live.playhead.go_live())
+    ),
+    *_make_group(
+        "Playing back",
+        ("Play",),
+        ("Pause the stage", "space", lambda live: live.playhead.toggle_pause()),
+        ("One pose back", "left", lambda live: live.playhead.step(-1)),
+        ("One pose forward", "right", lambda live: live.playhead.step(1)),
+        ("Faster", "up", lambda live: live.playhead.faster(1)),
+        ("Slower", "down", lambda live: live.playhead.faster(-1)),
+    ),
+)
+"""All actions. Actions without a specific workspace come first."""

@@ -1,1 +1,0 @@
-"""The panels about files: export options, and work in progress."""

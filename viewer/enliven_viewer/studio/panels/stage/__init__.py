@@ -1,1 +1,0 @@
-"""The panels of the stage: workspaces, the Perform panel, and text over the view."""

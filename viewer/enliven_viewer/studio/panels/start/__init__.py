@@ -1,1 +1,0 @@
-"""The start page, the text on an empty stage, and the tour's card, outline and hand."""
