@@ -32,15 +32,15 @@ class GraphShape(RigBase):
         edges: (E, 2) int32 pairs of nodes, to be drawn.
         mesh: the surface at rest.
         skin: the four nodes that each vertex follows.
-        parts: the groups of nodes with their streams. Their node counts sum to N. Only an earlier part can
-            carry a part.
+        parts: the groups of nodes with their streams. Their node counts sum to N. A part can only be carried
+            by an earlier part.
         over: the layers on top of the parts, the outermost first.
         ends: (5, 3) the ends of head, left and right hand, left and right foot at rest, metres, if an artist
-            or a scan provided them; otherwise empty.
-        joints: (20, 3) the joints of a scanned person at rest, metres; otherwise empty.
+            or a scan provided them. Otherwise empty.
+        joints: (20, 3) the joints of a scanned person at rest, metres. Empty for other meshes.
 
     Raises:
-        InputError: if the parts do not fit together.
+        InputError: if the attributes are inconsistent.
     """
 
     id: str
@@ -87,7 +87,7 @@ class GraphShape(RigBase):
         return self.with_changes(parts=parts, over=upper_layers, root_layers=root)
 
     def check(self, held: Mapping[str, Mapping[str, Any]]) -> None:
-        """Raises an error if a take does not exist or does not fit."""
+        """Raises InputError if a take does not exist, or does not match the nodes."""
         super().check(held)
         for layer in (*self.parts, *self.over):
             node_count = held["streams"][layer.take].positions.shape[1]
@@ -98,7 +98,7 @@ class GraphShape(RigBase):
         """Returns the shape without a layer on top of its motion.
 
         Raises:
-            InputError: for a part, since its nodes have no other motion.
+            InputError: if the layer is a part, since its nodes have no other motion.
         """
         if number < len(self.parts):
             advice = "Mute it, or cut that part off."
@@ -117,7 +117,7 @@ class GraphShape(RigBase):
 
 
 _REST_STREAM_ID = "rest"
-"""The id of the stream of a possessed mesh at rest."""
+"""The id of the motionless stream of a possessed mesh at rest."""
 
 
 def graph_shape_at_rest(name: str, nodes: Float, edges: Int32, mesh: Mesh) -> tuple[GraphShape, PoseStream]:
