@@ -1,4 +1,4 @@
-"""Reads arrays from the bytes of an .npy file after checking that the header's size fits the data."""
+"""Reads arrays from the bytes of .npy files. Checks first that the size in the header matches the data."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ could run code, and their size is not in the header."""
 
 
 def read_npy(data: bytes) -> AnyArray:
-    """Reads the array of an .npy file. Memory is allocated only after the header's size is known to match the
-    data.
+    """Reads the array of an .npy file. Memory is allocated only after the size in the header was compared
+    with the data.
 
     Raises:
         ValueError: if the header is invalid, or its size differs from the number of bytes that follow.
