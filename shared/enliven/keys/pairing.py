@@ -5,9 +5,10 @@ the code itself, and then try all codes. SPAKE2 (RFC 9382, in the implementation
 strong key of 256 bits from the code. In each exchange, an attacker can test exactly one code. A recorded
 exchange does not allow testing any code:
 
-1. viewer -> edge: its SPAKE2 message 2. edge -> viewer: the edge's SPAKE2 message 3. viewer -> edge: its
-public key, name and role, in a box (encrypted with the agreed key) 4. edge -> viewer: the edge's public key,
-name and the granted role, in a box (encrypted with the agreed key)
+1. viewer -> edge: its SPAKE2 message
+2. edge -> viewer: the edge's SPAKE2 message
+3. viewer -> edge: its public key, name and role, in a box (encrypted with the agreed key)
+4. edge -> viewer: the edge's public key, name and the granted role, in a box (encrypted with the agreed key)
 
 Only a side that knew the code can decrypt a box. The edge sends its box only after it has decrypted the
 viewer's box. It allows few exchanges per code.
