@@ -1,5 +1,5 @@
-"""Checks of the machine. Each package provides its checks through the entry-point group ``enliven.checks``.
-"""
+"""Checks of the machine. Each package provides its checks through the entry-point group
+``enliven.checks``."""
 
 from __future__ import annotations
 

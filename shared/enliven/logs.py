@@ -30,8 +30,8 @@ OWN_LOGGERS = ("enliven", "enliven_edge", "enliven_viewer", "py.warnings")
 MAX_LOG_FILE_BYTES = 5_000_000
 """Maximum size of a log file in bytes. A full file is renamed to ``FILE.1``, and a new file is started."""
 MAX_OLD_LOG_FILES = 3
-"""Maximum number of renamed log files. ``FILE.1`` is the newest. All log files together have at most 20 MB.
-"""
+"""Maximum number of renamed log files. ``FILE.1`` is the newest. All log files together have at most 20
+MB."""
 REPEAT_WINDOW_S = 60.0
 """Time window in seconds in which the number of identical warnings is limited."""
 MAX_REPEATS = 3

@@ -95,8 +95,8 @@ def to_matrix(q: AnyArray) -> Float:
 
 
 def from_matrix(matrix: AnyArray) -> Float:
-    """Returns the unit quaternions (..., 4), w >= 0, of the proper rotations nearest to matrices (..., 3, 3).
-    """
+    """Returns the unit quaternions (..., 4), w >= 0, of the proper rotations nearest to matrices (..., 3,
+    3)."""
     matrix = np.asarray(matrix, np.float64)
     flat = np.ascontiguousarray(matrix.reshape(-1, 3, 3))
     return canonical(_nearest_quaternions(flat).reshape(*matrix.shape[:-2], 4))
@@ -121,8 +121,8 @@ def from_rotation_vector(vector: AnyArray) -> Float:
 
 
 def to_rotation_vector(q: AnyArray) -> Float:
-    """Converts unit quaternions (..., 4) to rotation vectors (..., 3): axis times angle in [0, pi] radians.
-    """
+    """Converts unit quaternions (..., 4) to rotation vectors (..., 3): axis times angle in [0, pi]
+    radians."""
     q = canonical(q)
     sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
     angle = 2 * np.arctan2(sine, q[..., :1])

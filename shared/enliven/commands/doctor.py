@@ -171,8 +171,8 @@ def installation_checks(url: str, password_file: Path | None, certificate: Path 
 
 
 def _check_table(checks: list[Check]) -> Table:
-    """Builds the table of checks. Each check has a row, and a failed check has another row with its remedy.
-    """
+    """Builds the table of checks. Each check has a row, and a failed check has another row with its
+    remedy."""
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     for check in checks:
         mark = plain_text("ok", "green") if check.ok else plain_text("missing", "red")

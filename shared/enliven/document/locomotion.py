@@ -1,5 +1,5 @@
-"""Settings of a puppet's locomotion over the floor, and the times at which its performer touches the floor.
-"""
+"""Settings of a puppet's locomotion over the floor, and the times at which its performer touches the
+floor."""
 
 from __future__ import annotations
 

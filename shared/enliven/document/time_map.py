@@ -131,8 +131,8 @@ class TimeMap:
             raise InputError(problem, where=where, remedy="Move a clip away, or trim it.")
 
     def lane(self, length: float) -> tuple[Segment, ...]:
-        """Returns the segments of the lane for a take of ``length`` seconds. There is at least one segment.
-        """
+        """Returns the segments of the lane for a take of ``length`` seconds. There is at least one
+        segment."""
         return self.segments or (Segment(0.0, length),)
 
     def ends(self, length: float) -> tuple[float, float]:
@@ -229,8 +229,8 @@ class TimeMap:
         return self.uneven(self.offset + lane_time / self.speed)
 
     def plays(self, second: float, length: float) -> bool:
-        """Returns True if a time of the take is played at some time. It is not played if it was trimmed off.
-        """
+        """Returns True if a time of the take is played at some time. It is not played if it was trimmed
+        off."""
         ends = (sorted((segment.first, segment.last)) for segment in self.lane(length))
         return any(low - _TOUCHING_CLIPS_S <= second <= high + _TOUCHING_CLIPS_S for low, high in ends)
 

@@ -1,2 +1,2 @@
-"""Sessions of example-based retargeting as text files with a mesh, its control points, key poses and takes.
-"""
+"""Sessions of example-based retargeting as text files with a mesh, its control points, key poses and
+takes."""

@@ -1,5 +1,5 @@
-"""Loads a session's mesh from its file, rotates it upright, scales it to its height and puts it on the floor.
-"""
+"""Loads a session's mesh from its file, rotates it upright, scales it to its height and puts it on the
+floor."""
 
 from __future__ import annotations
 

@@ -99,8 +99,8 @@ def add_mirror_images(
 
 
 def _left_right_axis(examples: Examples, order: Int) -> Float:
-    """Computes the horizontal unit vector (3,) from right joints to left joints, averaged over all examples.
-    """
+    """Computes the horizontal unit vector (3,) from right joints to left joints, averaged over all
+    examples."""
     offsets = examples.sources - examples.sources[:, order]
     left = np.arange(len(order)) < order
     horizontal = offsets[:, left].reshape(-1, 3) * [1.0, 0.0, 1.0]

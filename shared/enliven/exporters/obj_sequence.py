@@ -26,8 +26,8 @@ from enliven.files import replace_folder
 from enliven.meshes import Mesh
 
 _OWN_FILE = re.compile(r".+(_\d{4,}\.obj|\.mtl|_texture_\d+\.(png|jpg))", re.DOTALL)
-"""Pattern of the file names in a folder of this format. A folder that contains other files is not replaced.
-"""
+"""Pattern of the file names in a folder of this format. A folder that contains other files is not
+replaced."""
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from enliven.rotation import conjugate, from_matrix, multiply
 PLACEMENTS = (SCALE.name, UP.name, IN_PLACE.name)
 """The names of the options of :class:`ExportPlacement`."""
 _UP_TURNS = {"y": np.eye(3), "z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])}
-"""Rotations from enliven's axes (+Y up) to those of a file, by the file's vertical axis. +X does not change.
-"""
+"""Rotations from enliven's axes (+Y up) to those of a file, by the file's vertical axis. +X does not
+change."""
 _UNITS_PER_METRE = {"m": 1.0, "cm": 100.0}
 """Number of file units per metre."""
 

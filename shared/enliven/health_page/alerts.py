@@ -149,7 +149,7 @@ class AlertDesk:
         return not watched.is_open and not is_quiet and clock_s - watched.begun_s >= ALERT_AFTER_S
 
     def _matters(self, watched: _Watched, clock_s: float) -> bool:
-        """Returns True if a stored problem may still cause or prevent an alert. Otherwise it can be deleted.
-        """
+        """Returns True if a stored problem may still cause or prevent an alert. Otherwise it can be
+        deleted."""
         is_quiet = watched.sent_s is not None and clock_s - watched.sent_s < self._quiet_s
         return watched.is_open or is_quiet or clock_s - watched.seen_s < RECOVERED_AFTER_S

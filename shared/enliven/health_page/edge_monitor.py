@@ -29,8 +29,8 @@ from enliven.wire import (
 )
 
 _MAX_MESSAGE_BYTES = 64 * 1024
-"""Maximum size of a message in bytes. Messages of the subscribed topics have at most a quarter of this size.
-"""
+"""Maximum size of a message in bytes. Messages of the subscribed topics have at most a quarter of this
+size."""
 _MAX_UNREAD = 200
 """Maximum number of unread messages of one edge. An edge sends this number in several seconds."""
 _MAX_READS_PER_POLL = 64

@@ -20,11 +20,11 @@ MAX_LINES = 100
 _MAX_LINE_LENGTH = 500
 """Maximum length of a line in characters. Longer lines are truncated."""
 _MAX_TAIL_BYTES = 64 * 1024
-"""Maximum number of bytes that are read at the end of a file. It is enough for 100 lines of 500 characters.
-"""
+"""Maximum number of bytes that are read at the end of a file. It is enough for 100 lines of 500
+characters."""
 _JOURNAL_TIMEOUT_S = 5.0
-"""Timeout of reading the journal, in seconds. Reading a large journal from a slow memory card takes a second.
-"""
+"""Timeout of reading the journal, in seconds. Reading a large journal from a slow memory card takes a
+second."""
 _MIN_INTERVAL_S = 5.0
 """Minimum interval between two reads of the journal, in seconds. It is limited, because each read starts a
 process."""

@@ -1,5 +1,5 @@
-"""Writes the state of an installation as JSON for scripts, and reads it for ``enliven doctor --remote URL``.
-"""
+"""Writes the state of an installation as JSON for scripts, and reads it for ``enliven doctor --remote
+URL``."""
 
 from __future__ import annotations
 

@@ -23,8 +23,8 @@ from numba.core.extending import _Intrinsic
 _CONSTANTS = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), range, slice, np.generic)
 """Types with a ``repr`` that represents the whole value."""
 _LIBRARIES = ("numba", "numpy", "scipy", "llvmlite", "builtins", "math")
-"""Packages whose functions are hashed by name only, because the package versions are part of every file name.
-"""
+"""Packages whose functions are hashed by name only, because the package versions are part of every file
+name."""
 _FUNCTION = 0x3
 """Flags ``CO_OPTIMIZED | CO_NEWLOCALS`` of a code object. Only the code of functions has them, not that of
 modules and classes.
@@ -36,8 +36,8 @@ _GENERATORS = ("kernels.py", "lanes.py", "lane_blocks.py")
 
 
 def fingerprint(kernel: FunctionType) -> str:
-    """Returns the hash (64 hexadecimal digits) of a kernel's Python function and of all code that it calls.
-    """
+    """Returns the hash (64 hexadecimal digits) of a kernel's Python function and of all code that it
+    calls."""
     hashes, waiting = {}, [kernel]
     while waiting:
         function = waiting.pop()
@@ -101,8 +101,8 @@ def _describe_constant(value: object) -> str:
 
 
 def _globals_of(function: FunctionType) -> Iterator[tuple[str, object]]:
-    """Yields names and values of the globals that a function may read, directly or as attributes of modules.
-    """
+    """Yields names and values of the globals that a function may read, directly or as attributes of
+    modules."""
     names = set(_names_of(function.__code__))
     for name in names & function.__globals__.keys():
         value = function.__globals__[name]

@@ -1,5 +1,5 @@
-"""The name of the running program. This module does not import Numba, so that every command starts quickly.
-"""
+"""The name of the running program. This module does not import Numba, so that every command starts
+quickly."""
 
 import os
 

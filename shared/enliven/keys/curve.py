@@ -19,8 +19,8 @@ from nacl.exceptions import CryptoError
 from enliven.keys.key_files import KEY_BYTES, KeyPair
 
 COMMAND_FLAG = 2
-"""Flag inside an encrypted message that contains a protocol command. The flag 1 means that more parts follow.
-"""
+"""Flag inside an encrypted message that contains a protocol command. The flag 1 means that more parts
+follow."""
 OVERHEAD = 33
 """Number of bytes that encryption adds to a message: name, nonce, authenticator and flags."""
 UNKNOWN_VIEWER = b"400"
@@ -149,8 +149,8 @@ class CurveChannel:
         return b"\x05READY" + count + self._encrypt(metadata, b"CurveZMQREADY---" + count)
 
     def reserve(self) -> int:
-        """Reserves the count of the next message to send. Messages must be sent in the order of their counts.
-        """
+        """Reserves the count of the next message to send. Messages must be sent in the order of their
+        counts."""
         self._sent += 1
         return self._sent
 

@@ -221,8 +221,8 @@ def limit_role(role: Role, highest: Role) -> Role:
 
 
 def _agree_on_key(spake: Any, message: bytes) -> bytes:
-    """Computes the key that both sides agree on. With a wrong code, the key differs, but there is no error.
-    """
+    """Computes the key that both sides agree on. With a wrong code, the key differs, but there is no
+    error."""
     try:
         key: bytes = spake.finish(message)
     except Exception:  # The library raises plain Exceptions for invalid bytes.

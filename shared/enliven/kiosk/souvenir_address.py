@@ -11,8 +11,8 @@ from enliven.web_server.listening import format_address
 from .profile import SouvenirSettings
 
 _MAX_LENGTH = 100
-"""Maximum length of the start of an address. With a longer address, phones cannot read the QR code from 2 m.
-"""
+"""Maximum length of the start of an address. With a longer address, phones cannot read the QR code from 2
+m."""
 _FORM = "Write it as http://kiosk.example:5592/, without a question mark, a hash or a password."
 """The remedy for an invalid address."""
 _REACHABLE = (
@@ -63,8 +63,8 @@ def check_souvenir_address(settings: SouvenirSettings, where: str) -> None:
 
 
 def find_souvenir_address(settings: SouvenirSettings) -> str:
-    """Returns the start of the address of souvenirs, or an empty string if this computer is not in a network.
-    """
+    """Returns the start of the address of souvenirs, or an empty string if this computer is not in a
+    network."""
     if settings.address:
         return settings.address.rstrip("/") + "/"
     address = format_address(settings.host, settings.port, uses_tls=bool(settings.certificate))

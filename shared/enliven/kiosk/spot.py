@@ -11,8 +11,8 @@ from enliven.kiosk.story_table import TRANSITIONS, Event, Phase
 from enliven.kiosk.visitors import Attendance, Place, Visit
 
 Press = Literal["previous", "next", "take", "leave"]
-"""The action of a pressed button: offer the previous or next character, take the character, or give it back.
-"""
+"""The action of a pressed button: offer the previous or next character, take the character, or give it
+back."""
 
 SPOT_MARGIN = 1.3
 """Factor on the spot's radius at which a visitor leaves the spot. It is above 1, so that swaying does not

@@ -182,8 +182,8 @@ class Story:
         return requests
 
     def _follow_performance(self, frame: StoryInput) -> None:
-        """Offers the character in the recorded performance, so that visitors get the character that they saw.
-        """
+        """Offers the character in the recorded performance, so that visitors get the character that they
+        saw."""
         spot = self._spots[0]
         taken = {other.character for other in self._spots[1:]}
         is_free = frame.playing in frame.available and frame.playing not in taken

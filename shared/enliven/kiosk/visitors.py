@@ -17,8 +17,8 @@ Place = tuple[float, float]
 """A point of the floor (x, z) in metres."""
 
 MIN_VISITOR_CONFIDENCE = 0.25
-"""Minimum mean confidence of a body's joints. Bodies with lower confidence may be furniture or reflections.
-"""
+"""Minimum mean confidence of a body's joints. Bodies with lower confidence may be furniture or
+reflections."""
 ZONE_MARGIN_M = 0.25
 """Distance in metres by which a visitor must leave the zone to count as outside. Without this hysteresis, a
 visitor at the border would enter and leave with every breath."""

@@ -419,8 +419,8 @@ def _yaw_rotation(angle: float) -> Float:
 def _follow_take_root(
     project: Project, shape_id: str, take: Clip, axes: _AxesConversion, stride: float
 ) -> Project:
-    """Returns a project in which the shape's root follows the path of the take's root, scaled by ``stride``.
-    """
+    """Returns a project in which the shape's root follows the path of the take's root, scaled by
+    ``stride``."""
     shape, name = project.shape(shape_id), unused(f"{take.id}: way", project.layer_names)
     layers = (*shape.layers, Layer(name, take.id, (0,), axes.plain))
     project = project.with_characters(shape.with_changes(layers=layers, travel=name))

@@ -194,8 +194,8 @@ def _performed_leg(
 
 
 def _driven_bones(skeleton: Skeleton, plan: Plan, mode: Mode) -> set[int]:
-    """Returns the bones of the model that chains of ``mode`` drive at the take's own speed and without delay.
-    """
+    """Returns the bones of the model that chains of ``mode`` drive at the take's own speed and without
+    delay."""
     bones = set[int]()
     for chain in plan.chains:
         is_unchanged = (chain.mode, chain.offset, chain.speed) == (mode, 0.0, 1.0)

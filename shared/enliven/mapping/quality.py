@@ -213,8 +213,8 @@ def _is_visible(faces: Int32, vertices: Float) -> Bool:
 
 
 def stretch_over_time(project: Project, shape_id: str, duration: float) -> tuple[Int32, Float]:
-    """Returns the edges (E, 2) of a shape, and their stretch (T, E) at T times within ``duration`` seconds.
-    """
+    """Returns the edges (E, 2) of a shape, and their stretch (T, E) at T times within ``duration``
+    seconds."""
     edges, rest = visible_edges(project.shape(shape_id))
     times = np.linspace(0.0, duration, _MEASURED_MOMENTS)
     return edges, np.array(

@@ -53,8 +53,8 @@ class FrameThread(Closeable):
             self._changed.notify()
 
     def close(self) -> None:
-        """Sends the last frame if it has not been sent yet, and ends the thread. A second call does nothing.
-        """
+        """Sends the last frame if it has not been sent yet, and ends the thread. A second call does
+        nothing."""
         with self._changed:
             self._ended = True
             self._changed.notify()

@@ -77,8 +77,8 @@ class HumanoidMap:
 
 
 def humanoid_map(skeleton: Skeleton) -> HumanoidMap | None:
-    """Returns the humanoid bones of a skeleton, or None if its joints do not have the names of human joints.
-    """
+    """Returns the humanoid bones of a skeleton, or None if its joints do not have the names of human
+    joints."""
     human = human_joints(skeleton)
     if human is None:
         return None

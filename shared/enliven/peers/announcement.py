@@ -19,8 +19,8 @@ _MAX_INSTANCE_BYTES = 60
 """Maximum size of a service's name in bytes. DNS allows 63, but "-2" is appended if another edge has the same
 name."""
 _MAX_CHARACTERS = 10_000
-"""Maximum number of characters on the stage that an announcement may contain. An edge usually has up to 16.
-"""
+"""Maximum number of characters on the stage that an announcement may contain. An edge usually has up to
+16."""
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ _SHOULDERS = (int(Joint.SHOULDER_LEFT), int(Joint.SHOULDER_RIGHT))
 _COLLAR_FRACTION = 0.25
 """Position at which the collar bone begins, as a fraction of the way from the neck to the shoulder."""
 _SKULL_FRACTION = 0.5
-"""Position at which the head bone begins, as a fraction of the way from the neck to the middle of the head.
-"""
+"""Position at which the head bone begins, as a fraction of the way from the neck to the middle of the
+head."""
 
 
 @njit(cache=True, nogil=True)

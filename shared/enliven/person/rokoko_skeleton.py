@@ -41,8 +41,8 @@ _SIDES = {
         "Foot": (0.0, -_HALF, _HALF, 0.0),
     },
 }
-"""Rotations (x, y, z, w) of the limbs' joints in the T-pose of Rokoko's skeleton, in Unity's axes, by side.
-"""
+"""Rotations (x, y, z, w) of the limbs' joints in the T-pose of Rokoko's skeleton, in Unity's axes, by
+side."""
 _ROWS: tuple[tuple[str, str, tuple[float, ...]], ...] = (
     ("hip", "Hips", (0.0, 0.0, 0.0, 1.0)),
     ("spine", "Spine", _TRUNK),

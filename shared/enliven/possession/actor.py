@@ -18,14 +18,14 @@ other performers attached. "extend" also keeps the earlier attachments of the sa
 
 
 class Actor:
-    """A character that performers can attach to, drive and release. Subclasses define how its mesh is moved.
-    """
+    """A character that performers can attach to, drive and release. Subclasses define how its mesh is
+    moved."""
 
     character: Character
     """The mesh with the pivots that move it."""
     holds: Any
-    """The attached performers, the one attached longest first. ``body`` of each entry is the performer's id.
-    """
+    """The attached performers, the one attached longest first. ``body`` of each entry is the performer's
+    id."""
     busy: frozenset[int] = frozenset()
     """The ids of performers that are attached to other characters. They cannot attach to this character."""
     aside: float = 0.0
@@ -38,8 +38,8 @@ class Actor:
     exaggeration: float | None = None
     """Factor on the overshoot of soft parts that swing. None uses the value in the settings."""
     settings: Any
-    """A dataclass with the settings of the character's approach to its performers and of the motion transfer.
-    """
+    """A dataclass with the settings of the character's approach to its performers and of the motion
+    transfer."""
     _candidate: tuple[int | None, str] = (None, "all")
 
     @property

@@ -18,8 +18,8 @@ _STRENGTH_TIME_CONSTANT_S = 0.12
 flickering tracking confidence would shake the mesh."""
 
 _MAX_TARGET_M = 1e4
-"""Maximum distance of a valid target from the origin of the rest space, metres. It is larger than any room.
-"""
+"""Maximum distance of a valid target from the origin of the rest space, metres. It is larger than any
+room."""
 
 _MAX_SINKING_M = 0.06
 """Maximum depth, metres, of the lowest joint below its level at the time of attaching. The tracked skeleton

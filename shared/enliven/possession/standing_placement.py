@@ -66,8 +66,8 @@ decides between otherwise equal yaws."""
 _HEAD_HEIGHT_FRACTION = 0.85
 """Minimum height of the surface that counts as the head, as a fraction of the mesh's height."""
 _MIN_HEAD_OFFSET_M = 0.15
-"""Minimum horizontal distance, metres, between the head and the middle at which the head indicates the front.
-"""
+"""Minimum horizontal distance, metres, between the head and the middle at which the head indicates the
+front."""
 _BEHIND_FACTOR = 0.5
 """Factor on distances from points behind the surface. It is below 1, because a bone belongs inside a limb
 rather than outside."""

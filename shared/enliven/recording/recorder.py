@@ -130,8 +130,8 @@ class Recorder:
         self._write_message(topic, kind, sensor, data, time_ns)
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
-        """Adds a metadata record with texts for users, such as performer, place, command line or calibration.
-        """
+        """Adds a metadata record with texts for users, such as performer, place, command line or
+        calibration."""
         self._run_step(self._writer.add_metadata, name, values)
 
     def fileno(self) -> int:

@@ -46,8 +46,8 @@ _RECORDS_BETWEEN_CHUNKS = {
     Opcode.CHANNEL,
     Opcode.ATTACHMENT,
 }
-"""The kinds of records that are allowed between chunks. Other bytes between chunks are from a damaged chunk.
-"""
+"""The kinds of records that are allowed between chunks. Other bytes between chunks are from a damaged
+chunk."""
 
 
 @dataclass(frozen=True)

@@ -25,13 +25,13 @@ COORDINATE_STEP_M = 2.0**-14
 
 
 _OWN_PARTS = {"lamp": "hip and right arm"}
-"""The body parts with which performers attach to a sample by default. For other meshes, all parts are used.
-"""
+"""The body parts with which performers attach to a sample by default. For other meshes, all parts are
+used."""
 
 
 def parts_for(mesh: str) -> str:
-    """Returns the body parts that attach to a mesh by default. They depend on the name or path of the mesh.
-    """
+    """Returns the body parts that attach to a mesh by default. They depend on the name or path of the
+    mesh."""
     return _OWN_PARTS.get(mesh, "all")
 
 

@@ -30,8 +30,8 @@ _TWIG_WORDS = re.compile(
 )
 """Pattern of words in joint names for a part of a face or a hand."""
 _PARTNER_DISTANCE = 0.02
-"""Maximum distance between a joint and the mirror image of its partner, as a fraction of the skeleton's size.
-"""
+"""Maximum distance between a joint and the mirror image of its partner, as a fraction of the skeleton's
+size."""
 _MIN_BRANCH_FRACTION = 0.15
 """Minimum length of a limb, as a fraction of the longest branch. A shorter branch is a twig."""
 _MIN_FORK_FRACTION = 0.5

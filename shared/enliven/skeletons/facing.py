@@ -15,8 +15,8 @@ _RIGHT_WORDS = re.compile(r"right|(?<![a-z])r(?![a-z])", re.IGNORECASE)
 _WORD_BOUNDARY = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 """Pattern of the boundaries between the words of a camel-case name."""
 _MIN_FOOT_LENGTH = 0.03
-"""Minimum forward length of both feet together at which they determine the front, as a fraction of the size.
-"""
+"""Minimum forward length of both feet together at which they determine the front, as a fraction of the
+size."""
 _MIN_SIDE_DISTANCE = 0.01
 """Minimum distance between left and right joints at which they determine the left side, as a fraction of the
 size."""

@@ -246,8 +246,8 @@ def _limb_tip(skeleton: Skeleton, words: Sequence[tuple[int, str]], end: int) ->
 def _head_chain(
     skeleton: Skeleton, words: Sequence[tuple[int, str]], chest: int
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Returns the chain from the chest to the end of the head, and the joints at which neck and head begin.
-    """
+    """Returns the chain from the chest to the end of the head, and the joints at which neck and head
+    begin."""
     descendants = skeleton.below(chest)[1:]
     head = _first_named_joint(descendants, words, 0, _HEAD_NAMES)
     if head < 0:

@@ -36,8 +36,8 @@ class Place:
 
     @property
     def camera(self) -> Float | None:
-        """Returns the transform (4, 4) from camera to world, or None for a sensor that tracks bodies itself.
-        """
+        """Returns the transform (4, 4) from camera to world, or None for a sensor that tracks bodies
+        itself."""
         return None if self.world_from_camera is None else np.array(self.world_from_camera)
 
     @property

@@ -8,8 +8,8 @@ import signal
 from pathlib import Path
 
 INTERRUPTED_EXIT_CODE = 130
-"""Exit code of a program that was ended by Ctrl-C or SIGTERM: 128 + SIGINT (2), by the convention of shells.
-"""
+"""Exit code of a program that was ended by Ctrl-C or SIGTERM: 128 + SIGINT (2), by the convention of
+shells."""
 OUT_OF_MEMORY = "killed by the kernel, because the memory was used up"
 """Cause of a program that Linux killed to free memory."""
 _CGROUP_ROOT = Path("/sys/fs/cgroup")

@@ -84,8 +84,8 @@ class Notifier:
             self._socket = None
 
     def _send(self, **fields: str) -> None:
-        """Sends the fields that are not empty as one notification. Drops it if the supervisor does not read.
-        """
+        """Sends the fields that are not empty as one notification. Drops it if the supervisor does not
+        read."""
         if self._socket is None:
             return
         text = "\n".join(f"{key}={value}" for key, value in fields.items() if value)

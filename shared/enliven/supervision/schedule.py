@@ -14,8 +14,8 @@ that always fails uses few resources.
 STABLE_RUN_S = 60.0
 """Running time, in seconds, after which a program counts as stable. Its next restart is then immediate."""
 _SECOND_WAIT_S = 1.0
-"""Delay before the second restart in a row, in seconds. After this time, ports and the camera are free again.
-"""
+"""Delay before the second restart in a row, in seconds. After this time, ports and the camera are free
+again."""
 _NIGHTLY_WINDOW_MIN = 60
 """Length of the window for the nightly restart, in minutes. It covers the hour that daylight saving time
 skips."""

@@ -155,8 +155,8 @@ def _nearest_axis(up: Float) -> tuple[str, bool]:
 
 
 def _zero_pose(capture: Capture) -> Float:
-    """Returns the joint positions (N, 3) in the zero pose (all rotations zero), with the root at the origin.
-    """
+    """Returns the joint positions (N, 3) in the zero pose (all rotations zero), with the root at the
+    origin."""
     positions = np.zeros((len(capture.parents), 3))
     for j, parent in enumerate(capture.parents):
         if parent >= 0:

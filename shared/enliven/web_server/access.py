@@ -36,8 +36,8 @@ _MAX_PASSWORD_BYTES = 4096
 _OTHERS = stat.S_IRWXG | stat.S_IRWXO
 """Permission bits of users other than the owner."""
 _IPV6_PREFIX = 64
-"""Number of bits in the network prefix of an IPv6 address. A computer can choose the remaining bits itself.
-"""
+"""Number of bits in the network prefix of an IPv6 address. A computer can choose the remaining bits
+itself."""
 _TOKEN_BYTES = 16
 """Number of random bytes of a token in a URL. A token of this length cannot be guessed."""
 _TOKEN = re.compile(r"[A-Za-z0-9_-]{22}")

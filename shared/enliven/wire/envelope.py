@@ -50,8 +50,8 @@ class MalformedMessageError(Exception):
 
 
 class OtherVersionError(MalformedMessageError):
-    """Raised for a message from a program with another protocol version. ``version`` is the sender's version.
-    """
+    """Raised for a message from a program with another protocol version. ``version`` is the sender's
+    version."""
 
     def __init__(self, version: int) -> None:
         super().__init__(

@@ -56,8 +56,8 @@ MAX_SETTINGS_LENGTH = 32 * 1024
 """Maximum length in characters of an actor's settings as JSON. It is enough for all settings with 400
 stiffness spheres."""
 MAX_PART_BYTES = 64 * 1024
-"""Maximum size in bytes of one part of an uploaded character. The edge can read such a part within a frame.
-"""
+"""Maximum size in bytes of one part of an uploaded character. The edge can read such a part within a
+frame."""
 MAX_UPLOAD_BYTES = 32 * 1024 * 1024
 """Maximum compressed size in bytes of an uploaded character, about a million vertices. 20,000 vertices take
 half a megabyte.
@@ -93,7 +93,7 @@ def to_bytes(array: AnyArray | Sequence[int], dtype: str) -> bytes:
 
 
 def from_bytes(data: bytes, dtype: str, columns: int) -> AnyArray:
-    """Decodes bytes of the type ``dtype`` to a read-only array (N, ``columns``) in the machine's byte order.
-    """
+    """Decodes bytes of the type ``dtype`` to a read-only array (N, ``columns``) in the machine's byte
+    order."""
     array = np.frombuffer(data, dtype).reshape(-1, columns)
     return array.astype(array.dtype.newbyteorder("="), copy=False)

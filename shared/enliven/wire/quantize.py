@@ -58,8 +58,8 @@ def rotation_vector(q: Float, out: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def turned_by(a: Float, x: float, y: float, z: float, out: Float) -> None:
-    """Writes the unit quaternion a exp(v) with w >= 0 to ``out`` (4,), for the rotation vector v = (x, y, z).
-    """
+    """Writes the unit quaternion a exp(v) with w >= 0 to ``out`` (4,), for the rotation vector v = (x, y,
+    z)."""
     angle = math.sqrt(x * x + y * y + z * z)
     scale = 0.5
     if angle > 1e-12:
@@ -166,8 +166,8 @@ def stretch_of(a: Float, rotation: Float, out: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def stretched(rotation: Float, s: Float, out: Float) -> None:
-    """Writes the product Q S to ``out`` (3, 3). ``s`` are the six entries that :func:`stretch_of` computes.
-    """
+    """Writes the product Q S to ``out`` (3, 3). ``s`` are the six entries that :func:`stretch_of`
+    computes."""
     for m in range(3):
         r0, r1, r2 = rotation[m, 0], rotation[m, 1], rotation[m, 2]
         out[m, 0] = r0 * (1 + s[0]) + r1 * s[3] + r2 * s[4]

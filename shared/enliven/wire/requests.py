@@ -94,8 +94,8 @@ class Release(Order, frozen=True):
 
 
 class Smooth(Order, frozen=True):
-    """Sets the smoothing of a performer's joints. 0 disables it, and None restores the value in the settings.
-    """
+    """Sets the smoothing of a performer's joints. 0 disables it, and None restores the value in the
+    settings."""
 
     body: Identity
     amount: Annotated[float, Meta(ge=0.0, le=20.0)] | None = None
@@ -434,8 +434,8 @@ Body = TypeVar("Body")
 
 
 class Request(Struct, Generic[Body], frozen=True):
-    """The envelope of a viewer's request, whose body is one of :data:`REQUESTS`. The reply has the same id.
-    """
+    """The envelope of a viewer's request, whose body is one of :data:`REQUESTS`. The reply has the same
+    id."""
 
     id: Count
     body: Body

@@ -1,5 +1,5 @@
-"""The messages from the edge to all viewers, such as poses, bodies, cues, props, matches and the heartbeat.
-"""
+"""The messages from the edge to all viewers, such as poses, bodies, cues, props, matches and the
+heartbeat."""
 
 from __future__ import annotations
 

@@ -35,8 +35,8 @@ _COMMAND_FLAG = 4
 _CURVE_COMMAND_FLAG = 2
 """Flag inside an encrypted message that contains a protocol command."""
 _MAX_PARTS = 8
-"""Maximum number of parts of one message. A viewer sends one part, and libzmq's REQ sockets send two parts.
-"""
+"""Maximum number of parts of one message. A viewer sends one part, and libzmq's REQ sockets send two
+parts."""
 _MAX_CONTEXT_BYTES = 16
 """Maximum size in bytes of the context of a PING, which is sent back. The protocol defines this limit."""
 _TTL_BYTES = 2

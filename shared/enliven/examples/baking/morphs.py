@@ -85,8 +85,8 @@ def _gather_displacements(mesh: Mesh, frames: Frames, chosen: list[int]) -> tupl
 
 
 def _vertex_displacements(mesh: Mesh, vertices: Float) -> tuple[Float, Float]:
-    """Returns the displacements (3 V,) of vertices (V, 3) from rest, and the changes of their normals (3 V,).
-    """
+    """Returns the displacements (3 V,) of vertices (V, 3) from rest, and the changes of their normals (3
+    V,)."""
     moved_normals = Mesh(vertices, mesh.faces, mesh.name).vertex_normals() - mesh.vertex_normals()
     return (vertices - mesh.vertices).ravel(), moved_normals.ravel()
 

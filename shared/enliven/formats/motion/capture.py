@@ -1,5 +1,5 @@
-"""A motion capture from a file: a tree of joints with names, and their positions and rotations in each frame.
-"""
+"""A motion capture from a file: a tree of joints with names, and their positions and rotations in each
+frame."""
 
 from __future__ import annotations
 

@@ -66,8 +66,8 @@ def write_project(path: Path | str, project: Project) -> None:
 
 
 def refuse_later_project(path: Path) -> None:
-    """Raises LaterVersionError if a file is a project of a later version. Call it before replacing the file.
-    """
+    """Raises LaterVersionError if a file is a project of a later version. Call it before replacing the
+    file."""
     if not path.is_file():  # Skip pipes, because opening a pipe blocks until its other end is opened.
         return
     try:

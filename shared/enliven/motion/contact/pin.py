@@ -100,8 +100,8 @@ def pin_feet(
 
 
 def unpin(project: Project, shape_id: str, joints: Sequence[int | str] | None = None) -> Project:
-    """Removes the pins of joints of a shape, or all pins if ``joints`` is None. Returns the edited project.
-    """
+    """Removes the pins of joints of a shape, or all pins if ``joints`` is None. Returns the edited
+    project."""
     shape = project.shape(shape_id)
     names = (
         None if joints is None else {shape.skeleton.names[_joint_index(shape.skeleton, j)] for j in joints}

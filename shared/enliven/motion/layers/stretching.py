@@ -178,8 +178,8 @@ def _length_ratios(layer: Layer, line: Polyline, shape: Shape) -> Float:
 
 
 def _layer_parts(spans: tuple[Span, ...], layer: Layer) -> list[tuple[float, Ref]]:
-    """Returns a bone's references to a layer. Each is paired with its span's fraction of the bone's length.
-    """
+    """Returns a bone's references to a layer. Each is paired with its span's fraction of the bone's
+    length."""
     return [(span.share, ref) for span in spans for ref in span.refs if ref.layer == layer.id]
 
 

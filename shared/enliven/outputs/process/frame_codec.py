@@ -109,8 +109,8 @@ def _body_row(number: int, body: Body) -> tuple[Any, ...]:
 
 
 def _array(data: bytes | None, kind: type[np.generic], width: int = 0) -> Any:
-    """Returns the data as a writable array (N, ``width``), because kernels are compiled for writable arrays.
-    """
+    """Returns the data as a writable array (N, ``width``), because kernels are compiled for writable
+    arrays."""
     if data is None:
         return None
     array = np.frombuffer(data, kind).copy()

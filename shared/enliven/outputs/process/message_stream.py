@@ -1,5 +1,5 @@
-"""Exchanges messages between a program and the process of its live outputs, over a pair of connected sockets.
-"""
+"""Exchanges messages between a program and the process of its live outputs, over a pair of connected
+sockets."""
 
 from __future__ import annotations
 
