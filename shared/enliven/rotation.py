@@ -180,7 +180,7 @@ def _perpendicular_unit(a: Float) -> Float:
 
 @njit(cache=True, nogil=True)
 def rotation_matrix(q, out):
-    """Kernel: writes the matrix of a unit quaternion (four numbers) to ``out`` (3, 3)."""
+    """Writes the matrix of a unit quaternion (four numbers) to ``out`` (3, 3)."""
     w, x, y, z = q[0], q[1], q[2], q[3]
     out[0, 0], out[0, 1], out[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
     out[1, 0], out[1, 1], out[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
@@ -189,14 +189,14 @@ def rotation_matrix(q, out):
 
 @njit(cache=True, nogil=True)
 def nearest_rotations(matrices, out):
-    """Kernel: writes the proper rotations nearest to ``matrices`` (N, 3, 3) to ``out`` (N, 3, 3)."""
+    """Writes the proper rotations nearest to ``matrices`` (N, 3, 3) to ``out`` (N, 3, 3)."""
     for i in range(matrices.shape[0]):
         rotation_matrix(nearest_quaternion(matrices[i]), out[i])
 
 
 @njit(cache=True, nogil=True)
 def _nearest_quaternions(matrices):
-    """Kernel: returns the quaternions (N, 4) of the proper rotations nearest to ``matrices`` (N, 3, 3)."""
+    """Returns the quaternions (N, 4) of the proper rotations nearest to ``matrices`` (N, 3, 3)."""
     out = np.empty((matrices.shape[0], 4))
     for i in range(matrices.shape[0]):
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = nearest_quaternion(matrices[i])
@@ -205,7 +205,7 @@ def _nearest_quaternions(matrices):
 
 @njit(cache=True, nogil=True)
 def nearest_quaternion(m):
-    """Kernel: returns the quaternion (w, x, y, z) of the proper rotation R with the largest trace(RᵀM), for a
+    """Returns the quaternion (w, x, y, z) of the proper rotation R with the largest trace(RᵀM), for a
     matrix M (3, 3).
 
     trace(RᵀM) is the quadratic form qᵀKq of a symmetric, traceless 4x4 K (B. K. P. Horn, "Closed-form

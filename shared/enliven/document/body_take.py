@@ -137,7 +137,7 @@ class Possession:
         sizes = [self.size, *self.place[:1]]
         is_valid = rest.ndim == 2 and rest.shape[1] == 3 and len(self.place) in (0, 5) and min(sizes) > 0.0
         if not (is_valid and np.isfinite([*self.place, *sizes, self.height, self.start, self.end]).all()):
-            problem = f"nodes {rest.shape}, a place {self.place} and a size {self.size} do not fit"
+            problem = f"nodes {rest.shape}, a place {self.place} and a size {self.size} are not valid"
             raise InputError(problem, where=f"take {self.take!r}", remedy="Record it again.")
 
     def last(self, take: BodyTake) -> float:
@@ -153,13 +153,13 @@ def _describe_problem(take: BodyTake) -> str:
     if shapes != ((frames, people, joints, 3), (frames, people, joints), (frames, people)):
         return f"joints {shapes[0]}, confidence {shapes[1]}, present {shapes[2]}"
     if take.stature is not None and (take.stature.shape != shapes[2] or not (take.stature >= 0.0).all()):
-        return "a stature is below zero, or missing"
+        return "a stature is negative or missing"
     if len(set(take.people.tolist())) != people:
-        return "two performers have one id"
+        return "two performers have the same id"
     if not (np.isfinite(take.joints).all() and np.isfinite(take.seconds).all()):
         return "something in it is not finite"
     if not ((take.confidence >= 0.0) & (take.confidence <= 1.0)).all():
         return "a confidence is not between 0 and 1"
     if take.seconds[0] != 0.0 or (np.diff(take.seconds) <= 0.0).any() or take.seconds[-1] > _MAX_TAKE_S:
-        return "its times do not rise from 0"
+        return "its times do not increase from 0"
     return ""

@@ -109,7 +109,7 @@ def _describe_problem(character: Character) -> str:
         character.pulls.shape != (count - 1,)
         or not (np.isfinite(character.pulls).all() and (character.pulls >= 0).all())
     ):
-        return f"{count - 1} points pull with {character.pulls.tolist()}"
+        return f"{count - 1} points have the strengths {character.pulls.tolist()}"
     if character.names is not None and not len(character.names) == len(set(character.names)) == count:
         return f"{len(set(character.names))} different names for {count} bones"
     if int(character.skin.indices.max()) >= count:

@@ -117,7 +117,7 @@ class RootLayer(LayerBase):
         self.check_time(where)
         unit = self.basis.shape == (4,) and np.isclose(np.linalg.norm(self.basis), 1.0, atol=1e-6)
         if not (unit and self.about.shape == (3,) and np.isfinite(self.about).all()):
-            problem = f"it cannot be turned by {self.basis} about {self.about}"
+            problem = f"its rotation {self.basis} or its centre {self.about} is not valid"
             raise InputError(problem, where=where, remedy="Set its keys again.")
         if not (0.0 < self.size < np.inf and 0.0 <= self.weight <= 1.0):
             problem = f"it cannot be {self.size} times as large, with a weight of {self.weight}"

@@ -201,7 +201,7 @@ def _describe_problem(skeleton: Skeleton) -> str:
         return "entry 0 must be the one root (parent -1)"
     misplaced = np.flatnonzero(skeleton.parents >= np.arange(count))
     if len(misplaced):
-        return f"joint {skeleton.names[misplaced[0]]!r} comes before its parent"
+        return f"joint {skeleton.names[misplaced[0]]!r} is listed before its parent"
     if not np.isfinite(skeleton.positions).all():
         bad_joint = int(np.flatnonzero(~np.isfinite(skeleton.positions).all(1))[0])
         return f"the position of joint {skeleton.names[bad_joint]!r} is not finite"

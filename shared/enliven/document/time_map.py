@@ -125,7 +125,7 @@ class TimeMap:
             message = f"offset {self.offset}, speed {self.speed} cannot be played"
             raise InputError(message, where=where, remedy="Give seconds, and a speed that is not 0.")
         if not (0.0 <= self.ease < math.inf and 0.0 <= self.smooth < math.inf):
-            message = f"it cannot come in over {self.ease} s and be smoothed over {self.smooth} s"
+            message = f"a fade of {self.ease} s or a smoothing of {self.smooth} s is not possible"
             raise InputError(message, where=where, remedy="Give seconds from 0 on.")
         if problem := _describe_problem(self.segments):
             raise InputError(problem, where=where, remedy="Move a clip away, or trim it.")
@@ -389,7 +389,7 @@ def find_clip_run(lane: Sequence[Segment], number: int) -> tuple[float, float]:
 def _describe_key_problem(weights: Sequence[CurveKey], speeds: Sequence[CurveKey]) -> str:
     for keys in (weights, speeds):
         if any(b.second - a.second < _MIN_KEY_INTERVAL_S for a, b in pairwise(keys)):
-            return "keys of its weight or speed are at one time, or not in order"
+            return "two keys of its weight or speed are at the same time, or keys are not in order"
     if any(not 0.0 <= key.value <= 1.0 for key in weights):
         return f"a key gives it the weight {max((key.value for key in weights), key=lambda v: abs(v - 0.5))}"
     if any(not MIN_SPEED <= key.value <= MAX_SPEED for key in speeds):
@@ -406,13 +406,13 @@ def _limited_second(second: float, length: float) -> float:
 def _describe_problem(segments: Sequence[Segment]) -> str:
     numbers = [x for segment in segments for x in (segment.begin, segment.end, segment.first, segment.speed)]
     if not all(math.isfinite(x) for x in numbers) or any(segment.speed == 0.0 for segment in segments):
-        return "a clip of it has no begin, no end or no speed"
+        return "a clip of it has an invalid begin, end or speed"
     if any(segment.end <= segment.begin for segment in segments):
         return "a clip of it has no length"
     if segments and abs(segments[0].begin) > _TOUCHING_CLIPS_S:
-        return "its first clip does not begin where it begins"
+        return "its first clip does not begin at 0"
     if any(b.begin <= a.begin or b.end <= a.end for a, b in pairwise(segments)):
-        return "one clip of it lies within another"
+        return "one of its clips is within another clip"
     if any(c.begin < a.end - _TOUCHING_CLIPS_S for a, c in zip(segments, segments[2:], strict=False)):
-        return "three clips of it play at once"
+        return "three of its clips play at the same time"
     return ""

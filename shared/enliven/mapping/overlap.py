@@ -111,7 +111,7 @@ def _adjacent_bones(shape: Shape) -> Bool:
 
 @njit(cache=True, nogil=True)
 def wind(points, corners, bones, axis, cells, numbers, exits, ways):
-    """Kernel: computes the winding numbers of the surface about points, along rays parallel to an axis.
+    """Computes the winding numbers of the surface about points, along rays parallel to an axis.
 
     Args:
         points: (P, 3) metres, the test points.
@@ -203,7 +203,7 @@ def wind(points, corners, bones, axis, cells, numbers, exits, ways):
 
 @njit(cache=True, nogil=True)
 def _cell_span(values, low, per, cells):
-    """Kernel: returns the first and the last grid cell covered by three coordinates."""
+    """Returns the first and the last grid cell covered by three coordinates."""
     a = int((min(values[0], values[1], values[2]) - low) * per)
     b = int((max(values[0], values[1], values[2]) - low) * per)
     return min(max(a, 0), cells - 1), min(max(b, 0), cells - 1)
@@ -211,7 +211,7 @@ def _cell_span(values, low, per, cells):
 
 @njit(cache=True, nogil=True)
 def _intersect_face(corners, x, y, one, two, axis):
-    """Kernel: intersects a face with the line through (x, y) along an axis.
+    """Intersects a face with the line through (x, y) along an axis.
 
     Returns the side and the coordinate of the hit on the axis. The side is 1 if the face's normal points
     along the axis, -1 if it points against it, and 0 if the line misses the face. A point on an edge belongs

@@ -57,7 +57,7 @@ _TEN = np.uint32(10)
 
 @njit(cache=True, nogil=True)
 def _write(text, ends, numbers, decimals, out):
-    """Kernel: writes constant text and numbers alternately to ``out``, and returns the number of written
+    """Writes constant text and numbers alternately to ``out``, and returns the number of written
     bytes."""
     length, begin = 0, 0
     for k in range(len(ends)):
@@ -73,7 +73,7 @@ def _write(text, ends, numbers, decimals, out):
 
 @njit(cache=True, nogil=True)
 def _write_number(number, decimals, out, length):
-    """Kernel: writes the shortest text of a rounded number to ``out`` at index ``length``, and returns the
+    """Writes the shortest text of a rounded number to ``out`` at index ``length``, and returns the
     new length."""
     if not np.isfinite(number):
         number = 0.0

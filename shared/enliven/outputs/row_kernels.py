@@ -23,7 +23,7 @@ _MIN_TRACE = 0.1
 
 @njit(cache=True, nogil=True)
 def _quaternion(m):
-    """Kernel: returns the quaternion (w, x, y, z), w >= 0, of the rotation nearest to a matrix (3, 3).
+    """Returns the quaternion (w, x, y, z), w >= 0, of the rotation nearest to a matrix (3, 3).
 
     The search for the nearest rotation takes 1 us. It is skipped for matrices that are rotations, such as the
     transforms of a rig: their quaternion is computed from the entries (S. W. Shepperd, "Quaternion from
@@ -59,7 +59,7 @@ def _quaternion(m):
 
 @njit(cache=True, nogil=True)
 def write_bone_rows(linear, positions, out):
-    """Kernel: writes transforms with linear parts ``linear`` (J, 3, 3) and ``positions`` (J, 3) as rows to
+    """Writes transforms with linear parts ``linear`` (J, 3, 3) and ``positions`` (J, 3) as rows to
     ``out`` (J, 7)."""
     for j in range(len(out)):
         for k in range(3):
@@ -69,7 +69,7 @@ def write_bone_rows(linear, positions, out):
 
 @njit(cache=True, nogil=True)
 def write_placement(linear, positions, pivots, middle, out):
-    """Kernel: writes a character as one rigid object to a row. The character's transform 0 moves it as a
+    """Writes a character as one rigid object to a row. The character's transform 0 moves it as a
     whole.
 
     Args:
@@ -90,7 +90,7 @@ def write_placement(linear, positions, pivots, middle, out):
 
 @njit(cache=True, nogil=True)
 def write_humanoid(linear, positions, transforms, offsets, rest, out_positions, out_turns):
-    """Kernel: writes the humanoid bones of a rigged character.
+    """Writes the humanoid bones of a rigged character.
 
     Args:
         linear: (J, 3, 3) linear parts of the character's transforms, and ``positions``: (J, 3) metres.
@@ -117,7 +117,7 @@ def write_humanoid(linear, positions, transforms, offsets, rest, out_positions, 
 
 @njit(cache=True, nogil=True)
 def write_unity_rows(rows, chosen, out):
-    """Kernel: converts chosen rows to Unity's axes, and writes position (x, y, z) and quaternion (x, y, z, w)
+    """Converts chosen rows to Unity's axes, and writes position (x, y, z) and quaternion (x, y, z, w)
     to ``out`` (N, 7).
 
     Args:
@@ -132,7 +132,7 @@ def write_unity_rows(rows, chosen, out):
 
 @njit(cache=True, nogil=True)
 def write_unity_angles(turns, chosen, out):
-    """Kernel: writes the Euler angles of chosen rotations, in degrees, to ``out[:, 1]``. ``out`` has the
+    """Writes the Euler angles of chosen rotations, in degrees, to ``out[:, 1]``. ``out`` has the
     shape (N, 2, 3).
 
     :func:`enliven.person.unity_euler` defines the angles.
@@ -154,7 +154,7 @@ def write_unity_angles(turns, chosen, out):
 
 @njit(cache=True, nogil=True)
 def write_local_rows(parents, positions, turns, out):
-    """Kernel: converts the bones of a human to Unity's axes, relative to their parents, and writes them to
+    """Converts the bones of a human to Unity's axes, relative to their parents, and writes them to
     ``out`` (B, 7).
 
     Args:
@@ -187,7 +187,7 @@ def write_local_rows(parents, positions, turns, out):
 
 @njit(cache=True, nogil=True)
 def write_multiplied_rows(positions, turns, chosen, right, out):
-    """Kernel: multiplies the rotations of chosen rows by other rest rotations, converts the rows to Unity's
+    """Multiplies the rotations of chosen rows by other rest rotations, converts the rows to Unity's
     axes, and writes them to ``out`` (N, 7).
 
     Args:

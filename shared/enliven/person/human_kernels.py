@@ -19,7 +19,7 @@ head."""
 
 @njit(cache=True, nogil=True)
 def write_human(joints, orientations, begins, ends, hanging, bones, positions, turns):
-    """Kernel: computes the positions at which a performer's bones begin, and their rotations since the
+    """Computes the positions at which a performer's bones begin, and their rotations since the
     T-pose.
 
     Args:
@@ -51,7 +51,7 @@ def write_human(joints, orientations, begins, ends, hanging, bones, positions, t
 
 @njit(cache=True, nogil=True)
 def _write_middle_turn(a, b, out):
-    """Kernel: writes the rotation halfway between the unit quaternions a and b to ``out`` (4,).
+    """Writes the rotation halfway between the unit quaternions a and b to ``out`` (4,).
 
     The sum of two unit vectors points to the middle of the arc between them. The function uses b or -b,
     whichever is nearer to a.

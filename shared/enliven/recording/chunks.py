@@ -100,7 +100,7 @@ def _decompressed_chunk(chunk: Any) -> bytes:
     if chunk.compression != "zstd":
         raise Damage(f"a chunk is compressed with {chunk.compression!r}")
     if zstandard.frame_content_size(chunk.data) not in (size, -1):
-        raise Damage("a chunk states two sizes")
+        raise Damage("a chunk states two different sizes")
     if size > min(_MAX_CHUNK_BYTES, _MIN_CHUNK_BYTE_LIMIT + _MAX_COMPRESSION_RATIO * packed_bytes):
         raise _DecompressionBombError(f"a part of {packed_bytes} bytes states that it unpacks to {size}")
     return zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size)
@@ -140,5 +140,5 @@ def parse_record(opcode: int, data: bytes) -> Any:
     """
     kind = SMALL_RECORDS.get(opcode)
     if kind is None:
-        raise Damage(f"a record of kind {opcode} is out of place")
+        raise Damage(f"a record of kind {opcode} is not allowed here")
     return kind.read(ReadDataStream(BytesIO(data)))

@@ -111,5 +111,5 @@ def metres_per_unit(unit: str | float | None, at_rest: Float, where: str) -> flo
             )
         return UNITS[unit]
     if not 0.0 < unit < 1e6:
-        raise InputError(f"a unit of {unit} m cannot be", where=where, remedy="Give the metres of one unit.")
+        raise InputError(f"a unit of {unit} m is not valid", where=where, remedy="Give the length of one unit in metres.")
     return float(unit)

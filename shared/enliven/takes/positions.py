@@ -91,7 +91,7 @@ def _unit_direction(v: Float) -> Float:
 
 @njit(cache=True, nogil=True)
 def point_bones(parents, vectors, positions, known, turns):
-    """Kernel: computes the world rotations ``turns`` (F, N, 4) that point bones along ``positions``
+    """Computes the world rotations ``turns`` (F, N, 4) that point bones along ``positions``
     (F, N, 3).
 
     ``known`` is (F, N, 4), or (0, N, 4) if nothing is known.

@@ -71,7 +71,7 @@ def read_recorded_clips(
     clips = clips_of_frames(frames, path.stem, chosen)
     if not clips and DEPTH_TOPIC in recording.info.topics:
         advice = f"Find the people in it first: enliven track {path.name} -o bodies.mcap"
-        raise InputError("it holds depth, and no bodies yet", where=str(path), remedy=advice)
+        raise InputError("it contains depth images, but no bodies", where=str(path), remedy=advice)
     if not clips:
         advice = "Record a performance that lasts longer."
         raise InputError(

@@ -256,9 +256,9 @@ class Scan(Order, frozen=True):
     def __post_init__(self) -> None:
         self._complete_mode()
         if (len(self.box), len(self.stage_from_scan)) not in ((0, 0), (6, 12)):
-            raise ValueError("a box has 6 numbers, and 12 of where the scan stood; or none of both")
+            raise ValueError("a box needs 6 numbers and the pose of the scan 12; or give neither")
         if any(low > high for low, high in zip(self.box[:3], self.box[3:], strict=True)):
-            raise ValueError("the lowest corner of the box lies above the highest")
+            raise ValueError("the lowest corner of the box is above the highest corner")
 
     def _complete_mode(self) -> None:
         """Sets ``mode`` from the flags of an older viewer, and the flags for an older edge from ``mode``."""

@@ -123,7 +123,7 @@ class CuesMessage(Struct, array_like=True, frozen=True):
         if self.owners:
             check_length("owners", self.owners, len(self.strengths))
             if max(self.owners) >= len(self.performers):
-                raise ValueError(f"an owner is number {max(self.owners)} of {len(self.performers)}")
+                raise ValueError(f"owner number {max(self.owners)} does not exist; there are {len(self.performers)} performers")
 
 
 class HoldMessage(Struct, array_like=True, frozen=True):
@@ -247,7 +247,7 @@ class MatchesMessage(Struct, array_like=True, frozen=True):
 
     def __post_init__(self) -> None:
         if self.shown >= len(self.matches):
-            raise ValueError(f"match {self.shown} is shown of {len(self.matches)}")
+            raise ValueError(f"match {self.shown} is shown, but there are only {len(self.matches)}")
 
 
 class HealthMessage(Struct, array_like=True, frozen=True):

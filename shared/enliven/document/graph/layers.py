@@ -120,7 +120,7 @@ class GraphPart(SolvedLayer):
             raise InputError(f"it cannot be {self.size} times as large", where=where)
         if not (_is_rotation(self.axes) and _is_rotation(self.turn) and _is_finite(self.place, (3,))):
             problem = (
-                f"it cannot be turned by {self.turn}, its axes by {self.axes}, and moved by {self.place}"
+                f"its rotation {self.turn}, its axes {self.axes} or its displacement {self.place} is not valid"
             )
             raise InputError(
                 problem, where=where, remedy="Move the character again, or possess the mesh again."

@@ -92,7 +92,7 @@ class GraphShape(RigBase):
         for layer in (*self.parts, *self.over):
             node_count = held["streams"][layer.take].positions.shape[1]
             if layer.nodes.size and not 0 <= layer.nodes.min() <= layer.nodes.max() < node_count:
-                raise InputError(f"it plays nodes of {layer.take!r} that are not there", where=self.where)
+                raise InputError(f"it plays nodes of {layer.take!r} that do not exist", where=self.where)
 
     def without_layer(self, number: int) -> GraphShape:
         """Returns the shape without a layer on top of its motion.
@@ -184,11 +184,11 @@ def _describe_problem(shape: GraphShape) -> str:
     if shape.positions.shape != (count, 3) or shape.starts[-1] != count or count == 0:
         return f"positions {shape.positions.shape} of {shape.starts[-1]} nodes"
     if shape.edges.size and not 0 <= shape.edges.min() <= shape.edges.max() < count:
-        return "an edge names a node that is not there"
+        return "an edge refers to a node that does not exist"
     if shape.ends.shape not in ((0, 3), (5, 3)) or not np.isfinite(shape.ends).all():
-        return f"ends {shape.ends.shape}, expected five places or none"
+        return f"ends {shape.ends.shape}, expected five positions or none"
     if shape.joints.shape not in ((0, 3), (20, 3)) or not np.isfinite(shape.joints).all():
-        return f"joints {shape.joints.shape}, expected twenty places or none"
+        return f"joints {shape.joints.shape}, expected twenty positions or none"
     vertices = (len(shape.mesh.vertices), 4)
     if shape.skin.indices.shape != vertices or shape.skin.weights.shape != vertices:
         return f"the skin is {shape.skin.indices.shape}, expected {vertices}"
@@ -196,10 +196,10 @@ def _describe_problem(shape: GraphShape) -> str:
         return f"a vertex follows node {int(shape.skin.indices.max())} of {count}"
     for part, start in zip(shape.parts, shape.starts, strict=False):
         if part.ride is not None and not 0 <= part.ride.node < start:
-            return f"a part rides on node {part.ride.node}, which does not come before it"
+            return f"a part rides on node {part.ride.node}, which is not a node of an earlier part"
     for layer in shape.over:
         if not 0 <= layer.own.min() <= layer.own.max() < count or len(set(layer.own.tolist())) < len(
             layer.own
         ):
-            return f"layer {layer.take!r} moves a node that is not there, or one twice"
+            return f"layer {layer.take!r} moves a node that does not exist, or moves a node twice"
     return ""

@@ -142,7 +142,7 @@ def parse_project(data: bytes, where: str = "project", most: int | None = None) 
         raise InputError(error.what, where=f"{where}, {error.where}", remedy=advice) from None
     except DAMAGE as error:
         logging.getLogger(__name__).debug("project", exc_info=error)
-        problem = "it is damaged: its parts do not fit together"
+        problem = "it is damaged: its parts are inconsistent"
         raise InputError(problem, where=where, remedy="Take an earlier copy.") from None
     assert isinstance(document, Project)
     return document

@@ -51,7 +51,7 @@ def pack(value: Any, arrays: dict[str, AnyArray]) -> Any:
         return value
     if isinstance(value, np.generic):
         return value.item()
-    raise TypeError(f"a document cannot hold a {type(value).__name__}")
+    raise TypeError(f"a document cannot contain a {type(value).__name__}")
 
 
 def array_checksum(array: AnyArray) -> str:

@@ -11,7 +11,7 @@ from enliven.motion.kinematics.quaternions import between, conj, load, mul, stor
 
 @njit(cache=True, nogil=True)
 def own_turns(knots, knot, part, fixed, first, terms, inverse, out):
-    """Kernel: computes for each bone j the product of the terms ``first[j]`` to ``first[j + 1]``, and writes
+    """Computes for each bone j the product of the terms ``first[j]`` to ``first[j + 1]``, and writes
     it to ``out`` (T, N, 4).
 
     A term m with ``knot[m]`` >= 0 is the slerp of ``knots`` (T, K, 4) from ``knot[m]`` to the next knot, at
@@ -34,7 +34,7 @@ def own_turns(knots, knot, part, fixed, first, terms, inverse, out):
 
 @njit(cache=True, nogil=True)
 def compose(parents, vectors, modeling, own, root, turns, joints):
-    """Kernel: computes the world rotations D_j = D_parent m_j a_j (``turns``, (T, N, 4)) and the joint
+    """Computes the world rotations D_j = D_parent m_j a_j (``turns``, (T, N, 4)) and the joint
     positions (``joints``, (T, N, 3), metres).
 
     ``vectors`` (T or 1, N, 3) are the vectors from each parent to its joint before the bone rotates, metres.

@@ -25,7 +25,7 @@ reach it with the current halves."""
 
 @njit(cache=True, nogil=True)
 def reach(points, goal, side, turns):
-    """Kernel: moves the end of a chain of points (K, 3) to ``goal``. Bones keep their lengths, and the first
+    """Moves the end of a chain of points (K, 3) to ``goal``. Bones keep their lengths, and the first
     point stays in place.
 
     Args:

@@ -119,7 +119,7 @@ def locate_on_knots(knots: Float, s: AnyArray) -> tuple[Int32, Float]:
 
 @njit(cache=True, nogil=True)
 def knot_turns(turns, bones, first, bases, at, weights, basis, mirrored, begin, out):
-    """Kernel: computes the rotations basis P basis^-1 at the knots of L polylines of one take. Writes them to
+    """Computes the rotations basis P basis^-1 at the knots of L polylines of one take. Writes them to
     ``out`` (T, K, 4), starting at knot ``begin``.
 
     Each polyline has the identity and then one rotation for each of its bones.

@@ -109,7 +109,7 @@ def _lane_row(lane: Sequence[Segment], number: int) -> tuple[float, ...]:
 
 @njit(cache=True, nogil=True)
 def _play_layers(seconds, rows, lanes, first, out):
-    """Kernel: computes ``TimeMap.moment`` at ``seconds`` (T, L), which do not contain speed keys. Writes to
+    """Computes ``TimeMap.moment`` at ``seconds`` (T, L), which do not contain speed keys. Writes to
     ``out`` (5, T, L), in the order of :class:`Times`.
     """
     for t in range(len(seconds)):

@@ -137,7 +137,7 @@ def _root_position(clip: Clip, second: float) -> Float:
 
 @njit(cache=True, nogil=True)
 def travelled(root, rest, each, frames, rounds, basis, mirrored, factor, still, out):
-    """Kernel: computes the positions ``out`` (T, 3): ``still`` plus the path, which is the displacement of
+    """Computes the positions ``out`` (T, 3): ``still`` plus the path, which is the displacement of
     ``root`` (F, 3) from ``rest`` at frames (T, 1).
 
     ``rounds`` (T, 1) is the number of earlier loops. Each loop adds the displacement ``each`` (3,) over the
