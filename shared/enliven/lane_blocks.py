@@ -165,7 +165,8 @@ def invert6(typing, block, index, sign):
 
 @intrinsic
 def totals6(typing, a, b, c, d, e, f):
-    """Returns a vector whose lanes are the sums of six vectors of eight numbers. The last two lanes are 0."""
+    """Returns a vector with lanes that are the sums of six vectors of eight numbers. The last two lanes are
+    0."""
 
     def generate(context, builder, sig, args):
         def paired(u: Any, v: Any) -> Any:

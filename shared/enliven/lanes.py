@@ -1,9 +1,10 @@
 """SIMD vectors in the processor's registers, for kernels: four float64, or eight float32.
 
 Numba compiles plain loops over three or four numbers to scalar code. For the small dense blocks of a
-deformation graph, this code is several times slower than SIMD code. This module provides a type whose value
-is one vector register, with functions that load it from and store it to flat arrays. LLVM lowers it to the
-processor's instructions (AVX, NEON), so it is portable. Use the functions only inside ``@njit`` functions.
+deformation graph, this code is several times slower than SIMD code. This module provides a type with one
+vector register as its value, and functions that load it from and store it to flat arrays. LLVM lowers it to
+the processor's instructions (AVX, NEON), so it is portable. Use the functions only inside ``@njit``
+functions.
 
     v = load4(x, 4 * j)                 # x: a contiguous float64 array of one dimension
     store4(out, 4 * j, fma4(0.5, v, load4(out, 4 * j)))
@@ -201,7 +202,8 @@ def cross4(typing, a, b):
 
 @intrinsic
 def totals4(typing, a, b, c):
-    """Returns a vector whose lanes are the sums of three vectors of four numbers. The fourth lane is 0."""
+    """Returns a vector with lanes that are the sums of three vectors of four numbers. The fourth lane is
+    0."""
 
     def generate(context, builder, sig, args):
         def paired(u: Any, v: Any) -> Any:

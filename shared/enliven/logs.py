@@ -75,7 +75,7 @@ def _escape_character(letter: str) -> str:
 
 
 class EscapedRecord(logging.LogRecord):
-    """A log record whose message is one printable line, so that untrusted ids and names cannot forge
+    """A log record with a message of one printable line, so that untrusted ids and names cannot forge
     additional lines."""
 
     def getMessage(self) -> str:

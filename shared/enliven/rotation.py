@@ -210,8 +210,8 @@ def nearest_quaternion(m):
 
     trace(RᵀM) is the quadratic form qᵀKq of a symmetric, traceless 4x4 K (B. K. P. Horn, "Closed-form
     solution of absolute orientation using unit quaternions", 1987, section 4), so R is K's top eigenvector.
-    The cyclic Jacobi method finds it for every input. A double top eigenvalue, for which there is no unique
-    rotation, needs no special case.
+    The cyclic Jacobi method finds it for every input. A double top eigenvalue has several rotations, but
+    needs no special case.
     """
     scale = 0.0
     for r in range(3):

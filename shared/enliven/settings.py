@@ -1,7 +1,7 @@
 """Typed settings: every user-facing number has a default, a unit, a range and a one-sentence description.
 
-A group of settings is a frozen dataclass whose fields are created by :func:`setting`. A field created by
-:func:`group` contains a nested group. TOML files override the defaults. An unknown key is an error, whose
+A group of settings is a frozen dataclass with fields created by :func:`setting`. A field created by
+:func:`group` contains a nested group. TOML files override the defaults. An unknown key is an error. Its
 message contains the most similar known key. A key that existed in an earlier version is ignored with a
 warning. Values that no user has a reason to change are constants. :func:`parameter` and :func:`data_field`
 describe values that are not settings.
@@ -54,8 +54,8 @@ def setting(
 ) -> Any:
     """Returns a dataclass field with the description, the unit and the closed range for users.
 
-    ``formerly`` is an earlier name of the key, which old files may contain. If there is no default, the key
-    is required.
+    ``formerly`` is an earlier name of the key, which old files may contain. Without a default, the key is
+    required.
     """
     metadata = {"doc": doc, "unit": unit, "low": low, "high": high, "formerly": formerly}
     return dataclasses.field(default=default, metadata=metadata)
@@ -271,7 +271,7 @@ def _check_value(hint: Any, value: Any, where: str, path: str, field: dataclasse
 
 
 def _build_named_groups(kind: Any, table: Any, where: str, path: str) -> Any:
-    """Builds settings groups from a table whose keys are freely chosen names."""
+    """Builds settings groups from a table with freely chosen names as keys."""
     if not isinstance(table, Mapping):
         raise InputError(f"{path} must be a table", where=where)
     return _build(kind, table, where, path + ".")

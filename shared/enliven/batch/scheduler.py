@@ -100,8 +100,8 @@ def _start_resource_tracker() -> None:
 
 
 def run_jobs(jobs: Sequence[BatchJob], client: Client) -> Iterator[JobResult]:
-    """Yields the result of each job: first the results of earlier runs, then new results as soon as they are
-    finished.
+    """Yields the result of each job: first the results of earlier runs, then each new result when its job
+    ends.
 
     Closing the iterator cancels the jobs that have not begun.
     """

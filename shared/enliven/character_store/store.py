@@ -39,7 +39,7 @@ FOLDER_VARIABLE = "ENLIVEN_CHARACTERS"
 _PACKAGES = ("enliven", "enliven_edge", "enliven_viewer")
 """Packages with code that prepares characters."""
 _LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "pillow")
-"""Libraries whose version may affect the results."""
+"""Libraries that may affect the results by their version."""
 
 
 class CharacterStore:

@@ -167,7 +167,7 @@ class CubicKeys:
         for side, step in ((0, -1), (1, 1)):
             own_slopes = self.slopes[key_index, side]
             slopes[is_own, side] = _tangential_slopes(self.values[key_index], own_slopes)[is_own]
-            # An original key keeps its exact slope on each side on which the piece was not cut.
+            # An original key keeps its exact slope on each side where the piece was not cut.
             neighbour_index = np.clip(np.arange(len(seconds)) + step, 0, len(seconds) - 1)
             is_uncut = (
                 is_own & is_own[neighbour_index] & (np.abs(key_index[neighbour_index] - key_index) == 1)

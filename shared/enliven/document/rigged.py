@@ -177,7 +177,7 @@ def character_of(shape: Shape) -> Character:
 
 
 def bones_to_draw(skeleton: Skeleton) -> Int32:
-    """Returns (E, 2) pairs of transforms whose pivots are the two ends of a bone."""
+    """Returns (E, 2) pairs of transforms. The pivots of a pair are the two ends of a bone."""
     # The pivot of transform j is the parent joint. So a bone is drawn from its own pivot to the pivot of its
     # first child.
     pairs = [(j, below[0]) for j, below in enumerate(skeleton.children) if j > 0 and below]

@@ -350,8 +350,8 @@ def closing_time(loop_lengths: Sequence[float], min_time: float) -> float:
     """Returns a time, at least ``min_time``, at which loops of these lengths all start together again, at
     least nearly.
 
-    Returns ``min_time`` if there are no loops, or if the time would be more than four times ``min_time``. All
-    times are in seconds.
+    Returns ``min_time`` if there is not a loop, or if the time would be more than four times ``min_time``.
+    All times are in seconds.
     """
     loop_lengths = [seconds for seconds in loop_lengths if seconds > _SHORTEST_ROUND]
     if not loop_lengths:

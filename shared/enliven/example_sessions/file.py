@@ -80,7 +80,7 @@ class SessionFile:
             raise InputError(problem, where=f"{self._path}, {where}", remedy=error.remedy) from None
 
     def beside(self, file: str) -> Path:
-        """Returns the absolute path of a file, whose path in the session is relative to the session's folder.
+        """Returns the absolute path of a file. Its path in the session is relative to the session's folder.
         Replaces $NAME by the value of the environment variable NAME.
 
         Raises:

@@ -1,6 +1,6 @@
 """Example-based retargeting during a live performance: frame by frame, with a fixed small lag.
 
-Each new pose is solved together with the recent frames whose control points have not been returned yet.
+Each new pose is solved together with the recent frames that have not returned their control points yet.
 Frames that were already returned are fixed, so the motion never jumps back. The control points of a frame are
 returned ``lag`` frames after its pose, because even later poses would hardly change them. If a motion is
 shorter than the lag, its frames are exactly those of the batch solution.

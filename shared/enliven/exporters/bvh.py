@@ -1,9 +1,9 @@
 """Writes the motion of a skeleton as a Biovision hierarchy file (.bvh).
 
-The zero pose is the skeleton at rest. A joint of the file rotates its whole subtree. So a joint whose bones
-rotate differently becomes several joints at the same position. The first of them keeps the joint's name, and
-the names of the others contain their target ("Hips_to_LeftUpLeg"). The last joint of a limb becomes the end
-site of the previous one. The root's offset is zero and its position is only in its channels, since some
+The zero pose is the skeleton at rest. A joint of the file rotates its whole subtree. So a joint with bones
+that rotate differently becomes several joints at the same position. The first of them keeps the joint's name,
+and the names of the others contain their target ("Hips_to_LeftUpLeg"). The last joint of a limb becomes the
+end site of the previous one. The root's offset is zero and its position is only in its channels, since some
 readers add offset and position. Joints that move along their bone, and joints at the end of a stretched bone,
 also have position channels. These channels replace the joint's offset, which contains its rest position. The
 format cannot store the width of a bone.

@@ -22,7 +22,7 @@ from enliven.wire import spanning_tree
 FRAMES_TOPIC = "/tf"
 _WORLD = "world"
 _Z_UP = "enliven"
-"""Name of the root frame, whose child is the world frame. It has +Z up, as Foxglove expects."""
+"""Name of the root frame, the parent of the world frame. It has +Z up, as Foxglove expects."""
 _DIGITS = 5
 """Number of decimals of positions and rotations. They resolve hundredths of a millimetre, far below the
 quantization error of a pose in network messages.

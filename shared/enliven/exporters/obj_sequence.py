@@ -4,7 +4,7 @@ walk.obj-sequence/walk_0001.obj, walk_0002.obj, ..., walk.mtl, walk_texture_1.pn
 
 The surface of every frame is exact for all rigs, because the files contain vertex positions and no bones. All
 files have the same vertices and faces in the same order. A comment at the top of each file contains its time.
-A character whose motion ends early keeps its last pose.
+A character keeps its last pose if its motion ends early.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ class Performance:
             x of this frame is at turn x + place in the world. If None, the frame is the world.
         morphs: morph targets instead of the skin, or None.
         solved: a function that returns an iterator over the surfaces (V, 3) of all frames. It is used instead
-            of the skin. None if there is no such function.
+            of the skin. None if the skin is used.
         keys: maximum additional error in metres that an exporter may cause by key reduction.
         cubic: the cubic keys of bones and of the root's position, with times as in ``times``. If there are
             any, they contain the complete motion of the character.

@@ -214,8 +214,8 @@ _SAMPLER_BY_RIG: dict[str, Callable[..., Performance]] = {
     Shape.kind: _sample_shape,
     Puppet.kind: _sample_puppet,
 }
-"""Sampling functions by kind of rig, for rigs whose performance also has a skeleton or morph targets. Other
-rigs use :func:`_sample_graph`."""
+"""Sampling functions by kind of rig, for rigs that also export a skeleton or morph targets. Other rigs use
+:func:`_sample_graph`."""
 
 
 def octahedral_bone_mesh(skeleton: Skeleton) -> tuple[Mesh | None, SkinWeights | None]:

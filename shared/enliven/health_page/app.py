@@ -170,7 +170,7 @@ class HealthApplication:
         Args:
             gate: checks passwords. None means that no password is required.
             uses_tls: True if the server encrypts.
-            checks_host: True to answer only requests whose Host header is a loopback address.
+            checks_host: True to answer only requests with a loopback address as their Host header.
         """
         static = Path(__file__).parent / "static"
         middleware = [Middleware(GuardMiddleware, gate=gate, uses_tls=uses_tls, checks_host=checks_host)]

@@ -25,7 +25,7 @@ class Chart:
         path: the curve as an SVG path, with a move command at each gap. Empty without values.
         low: smallest value.
         high: largest value.
-        last: newest value, or NaN if there is no value in the newest interval.
+        last: newest value, or NaN if the newest interval has no value.
     """
 
     title: str

@@ -194,8 +194,8 @@ class HealthCollector:
         self._known_restarts = present
 
     def _measured_folder(self) -> Path:
-        """Returns the folder whose disk is measured: the folder of the recordings, or otherwise the user's
-        data folder."""
+        """Returns the folder on the disk that is measured: the folder of the recordings, or otherwise the
+        user's data folder."""
         recordings = self._profile.care.recordings
         return Path(recordings) if recordings else user_data_folder()
 

@@ -24,8 +24,8 @@ from enliven.wire import messages_to_health
 _MAX_CHARTED_EDGES = 8
 """Maximum number of edges with charts. It keeps a page with 100 edges short and fast to render."""
 _MAX_OPEN_EDGES = 4
-"""Maximum number of edges whose sections are all expanded. If there are more edges, only edges with problems
-are expanded."""
+"""Maximum number of edges with all sections expanded. If there are more edges, only edges with problems are
+expanded."""
 _MAX_RESTARTS = 30
 """Maximum number of restarts on the page. The newest are shown."""
 _MAX_PROBLEMS = 200
@@ -91,7 +91,7 @@ class PageWriter:
             history: the values of the last day.
             log_lines: the newest lines of the log.
             notices: sentences about recent actions.
-            picture_at_s: Unix time of the picture of the screen, in seconds. None if there is no picture.
+            picture_at_s: Unix time of the picture of the screen, in seconds. None without a picture.
         """
         problems = [problem for problem in snapshot.problems if problem.severity > Severity.NOTE]
         return self._render(

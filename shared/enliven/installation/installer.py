@@ -294,8 +294,8 @@ class Installer:
             path.symlink_to(entry.link)
 
     def _keep_recordings(self, manifest: _Manifest) -> list[Path]:
-        """If there are recordings, changes their owner to root and returns their folder. An empty folder is
-        removed.
+        """Changes the owner of the recordings to root, and returns their folder if there are any. An empty
+        folder is removed.
         """
         if not manifest.recordings:
             return []

@@ -81,8 +81,8 @@ def on_compilation(callback: Callable[[int], None]) -> Iterator[None]:
     """Calls a function whenever this process starts to compile a function.
 
     Args:
-        callback: a function whose argument is the number of functions that this process has compiled so far.
-            It runs in the compiling thread, so it must be fast.
+        callback: a function that is called with the number of functions that this process has compiled. It
+            runs in the compiling thread, so it must be fast.
     """
     _compilations.callbacks.append(callback)
     try:

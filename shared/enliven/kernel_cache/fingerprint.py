@@ -23,14 +23,14 @@ from numba.core.extending import _Intrinsic
 _CONSTANTS = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), range, slice, np.generic)
 """Types with a ``repr`` that represents the whole value."""
 _LIBRARIES = ("numba", "numpy", "scipy", "llvmlite", "builtins", "math")
-"""Packages whose functions are hashed by name only, because the package versions are part of every file
+"""Packages with functions that are hashed by name only, because the package versions are part of every file
 name."""
 _FUNCTION = 0x3
 """Flags ``CO_OPTIMIZED | CO_NEWLOCALS`` of a code object. Only the code of functions has them, not that of
 modules and classes.
 """
 _HAS_DOCSTRING = 0x4000000
-"""Flag of a code object whose first constant is a docstring, since Python 3.13."""
+"""Flag of a code object that has a docstring as its first constant, since Python 3.13."""
 _GENERATORS = ("kernels.py", "lanes.py", "lane_blocks.py")
 """Files next to this package that define overloads and intrinsics, which generate code for all kernels."""
 

@@ -37,8 +37,8 @@ code."""
 MAX_TRIES_PER_CODE = 3
 """Maximum number of exchanges with one code. It allows for one or two typing errors."""
 FIRST_PAUSE_S = 30.0
-"""Pause in seconds after too many tries, in which there is no code. The pause doubles with each further code
-that is used up."""
+"""Pause in seconds after too many tries. During it, a code is not shown. The pause doubles with each further
+code that is used up."""
 LONGEST_PAUSE_S = 900.0
 """Maximum pause in seconds after too many tries. With it, an attacker has 288 guesses per day, and a chance
 of 1 in 3,500 to guess a code.
@@ -169,7 +169,7 @@ class PairingDesk:
 
     @property
     def pause_s(self) -> float:
-        """Remaining seconds of the pause after too many tries, or 0 if there is no pause."""
+        """Remaining seconds of the pause after too many tries, or 0 without a pause."""
         return max(0.0, self._paused_until - self._clock())
 
     def poll(self) -> None:

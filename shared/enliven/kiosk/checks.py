@@ -28,7 +28,7 @@ units."""
 _SIZE = re.compile(r"[1-9]\d{1,4}x[1-9]\d{1,4}")
 """Pattern of the window's size, such as 1920x1080."""
 _TABLES_OF_TABLES = ("edges", "characters")
-"""Keys of a profile whose values are tables by name."""
+"""Keys of a profile that have tables by name as values."""
 
 
 def find_mistakes(path: Path, *, starts_here: bool = True) -> list[EnlivenError]:
@@ -38,7 +38,7 @@ def find_mistakes(path: Path, *, starts_here: bool = True) -> list[EnlivenError]
     Args:
         path: the profile (TOML).
         starts_here: False does not check for ports in use and for the folder of recordings. It is used for an
-            installation, which creates this folder, and whose kiosk may already be running.
+            installation, which creates this folder. Its kiosk may already be running.
     """
     try:
         profile = load_profile(path)

@@ -103,7 +103,7 @@ class Spot:
         phase: its state.
         character: the character that is offered or possessed here, or empty.
         visit: number of the visit that the spot serves, or None.
-        former: during the farewell, number of the visit whose session has ended.
+        former: during the farewell, number of the visit with the session that has ended.
         ring: fill level of the ring, 0 to 1.
         step: direction of the last change of the character: 1 for the next, -1 for the previous character.
         since_s: time at which the state began, in seconds.
@@ -156,8 +156,8 @@ class Spot:
         return self._requests
 
     def adopt(self, character: str, visit: Visit, now: float) -> None:
-        """Starts a session for a visitor who possesses the character without a request from here, for example
-        after a button press at the edge."""
+        """Starts a session for a visitor that possesses the character without a request from here, for
+        example after a button press at the edge."""
         self.character, self.visit, self._body = character, visit.number, visit.body
         self._apply(Event.HELD, now)
 
@@ -193,7 +193,7 @@ class Spot:
             self._apply(Event.CHOICE_OVER, frame.now)
 
     def _find_candidate(self, frame: Surroundings) -> Visit | None:
-        """Returns the visitor on the spot who may take the character. The current visitor has priority."""
+        """Returns the visitor on the spot that may take the character. The current visitor has priority."""
         line = frame.line[:1] if frame.now < self._reserved_until else frame.line
         reach = {v.number: SPOT_MARGIN if v.number == self.visit else 1.0 for v in line}
         standing = [v for v in line if v.distance(self.place) <= self.radius * reach[v.number]]

@@ -88,9 +88,9 @@ class StoryView:
         sound: the sound that begins in this frame, or empty.
         spots: the spots, from left to right in world coordinates.
         shown: index of the spot that the texts refer to.
-        queue: tracking ids of the visitors who wait for a turn, in order.
+        queue: tracking ids of the visitors that wait for a turn, in order.
         requests: requests to the edge.
-        problem: one sentence for operators, or empty if there is no problem.
+        problem: one sentence for operators, or empty without a problem.
     """
 
     phase: Phase
@@ -214,7 +214,7 @@ class Story:
         return requests
 
     def _adopt(self, character: str, bodies: tuple[int, ...], now: float) -> bool:
-        """Starts a session on a free spot for the visitor in the zone who possesses a character. Returns
+        """Starts a session on a free spot for the visitor in the zone that possesses a character. Returns
         False if that is not possible."""
         served = {spot.visit for spot in self._spots if spot.visit is not None and spot.is_busy}
         visit = next((v for v in self._attendance.waiting() if (v.body,) == tuple(bodies)), None)

@@ -20,8 +20,8 @@ MIN_VISITOR_CONFIDENCE = 0.25
 """Minimum mean confidence of a body's joints. Bodies with lower confidence may be furniture or
 reflections."""
 ZONE_MARGIN_M = 0.25
-"""Distance in metres by which a visitor must leave the zone to count as outside. Without this hysteresis, a
-visitor at the border would enter and leave with every breath."""
+"""Minimum distance in metres from the zone at which a visitor counts as outside after a visit. Without this
+hysteresis, a visitor at the border would enter and leave with every breath."""
 MIN_VISIT_MEMORY_S = 1.0
 """Minimum time in seconds for which a lost visitor is remembered. It is longer than typical losses of
 tracking."""

@@ -79,7 +79,7 @@ class _ChainPair:
 
     @property
     def bones(self) -> set[int]:
-        """The numbers of the take's bones whose rotations the model's chain plays."""
+        """The numbers of the take's bones with the rotations that the model's chain plays."""
         return set(self.source_joints[1:] or self.source_joints)
 
 

@@ -156,7 +156,7 @@ def _middle_drives(source: Anatomy, target: Anatomy) -> list[Drive]:
 
 def _join_trunk_and_head(trunk: tuple[int, ...], head: tuple[int, ...]) -> tuple[int, ...]:
     """Returns trunk and head as one chain if the head continues the trunk. Otherwise returns the head, or the
-    trunk if there is no head."""
+    trunk if the head is missing."""
     if head and head[0] == trunk[-1]:
         return (*trunk, *head[1:])
     return head or trunk

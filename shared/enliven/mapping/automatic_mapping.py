@@ -277,8 +277,8 @@ def pin_all_feet(
 def _short_step_settings(
     default_settings: ContactSettings, skeleton: Skeleton, leg: Sequence[int], size: float
 ) -> ContactSettings:
-    """Returns contact settings for a foot whose steps are as large as those of a leg with a length of
-    ``size`` metres.
+    """Returns contact settings for a foot with steps as large as those of a leg with a length of ``size``
+    metres.
 
     With these settings the body is not lowered so that the foot reaches the floor.
     """

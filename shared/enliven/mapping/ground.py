@@ -29,8 +29,7 @@ _MAX_FLOOR_DISTANCE = 0.02
 """Maximum distance of the lowest point from y = 0 at which a shape without legs stands on the floor, as a
 fraction of its height."""
 _FOOT_ROLL_HEIGHT = 0.04
-"""Height by which the lowest joint rises while a foot rolls from heel to toe, as a fraction of the
-performer's height."""
+"""Rise of the lowest joint while a foot rolls from heel to toe, as a fraction of the performer's height."""
 _FLOOR_PERCENTILE = 5.0
 """Percentile of the lowest joint's height over a take that is used as the height of the floor."""
 _TOUCHING_HEIGHT = 0.01

@@ -212,7 +212,7 @@ def _bone_partners(skeleton: Skeleton) -> dict[int, int]:
 
 
 def _mirrored_rotations(turns: Float, facing: float) -> Float:
-    """Returns rotations (T, 4) mirrored in the sagittal plane of a body whose ``facing`` is in radians."""
+    """Returns rotations (T, 4) mirrored in the sagittal plane of a body with ``facing`` in radians."""
     mirrored = rotate_about_y(turns[:, 1:], -facing) * [1.0, -1.0, -1.0]
     return np.concatenate([turns[:, :1], rotate_about_y(mirrored, facing)], axis=1)
 

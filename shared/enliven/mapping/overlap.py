@@ -7,8 +7,8 @@ A face is inside if the winding number of the surface about a point just outside
 winding number is counted along a ray: the number of faces through which the ray exits, minus the number of
 faces through which it enters (Nooruddin and Turk, "Simplification and repair of polygonal models using
 volumetric techniques", 2003). The median over rays along the three axes is used, because game models often
-have open borders. The containing part is the part whose surface the rays reach first. Overlap of bones that
-share a joint is ignored, because skin folds at joints.
+have open borders. The containing part is the part with the surface that the rays reach first. Overlap of
+bones that share a joint is ignored, because skin folds at joints.
 """
 
 from __future__ import annotations

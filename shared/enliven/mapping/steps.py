@@ -64,7 +64,7 @@ from enliven.rotation import (
 _MAX_RATE_HZ = 60.0
 """Maximum rate at which steps are computed: the frame rate of common displays."""
 _MAX_TILT = np.radians(30.0)
-"""Largest tilt (radians) by which a foot is rotated to clear the floor. A human ankle allows 20 to 50
+"""Largest tilt (radians) of a foot that is rotated to clear the floor. A human ankle allows 20 to 50
 degrees."""
 _TILT_ANGLES = 7
 """Number of angles from 0 to ``_MAX_TILT`` that are tried."""
@@ -420,8 +420,7 @@ def _end_targets(shape: Shape, step: LegStep, performer: PerformerGait, turns: F
 
 
 def _required_lowering(skeleton: Skeleton, step: LegStep, targets: Float, joints: Float) -> Float:
-    """Returns the distance (T,) in metres by which the body must be lowered for a leg to reach its targets
-    (T, 3)."""
+    """Returns how far (T,), metres, the body must be lowered for a leg to reach its targets (T, 3)."""
     chain = step.leg
     hip, full_length = joints[:, chain[0]], leg_length(skeleton, chain)
     max_distance = np.maximum(

@@ -1,4 +1,4 @@
-"""Finds the moving characters in a file, from which ``enliven export`` can choose."""
+"""Finds the moving characters in a file. ``enliven export`` can choose from them."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ def match(
     """Ranks the parts of a skeleton that a pose could drive, the most similar on the screen first.
 
     Args:
-        body: the performer, whose joints (20, 3) are in metres in the world.
+        body: the performer, with joints (20, 3) in metres in the world.
         skeleton: the skeleton in its rest pose.
         parts: the parts of the body that are matched: "arms", "left leg", ...
         view: view of the skeleton. None looks along -Z, with +Y up.

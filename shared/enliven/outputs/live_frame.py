@@ -276,7 +276,7 @@ class PerformerSlots:
     """An allocator of performer numbers. Each performer gets the lowest free number from 1, and keeps it
     while in view.
 
-    The tracker's ids increase with every person who enters, but receivers need constant addresses.
+    The tracker's ids increase with every person that enters, but receivers need constant addresses.
     """
 
     FORGET_AFTER_NS = 2_000_000_000

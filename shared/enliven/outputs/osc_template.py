@@ -1,4 +1,4 @@
-"""OSC bundles whose addresses are encoded once. In each frame, only the numbers are written.
+"""OSC bundles with addresses that are encoded once. In each frame, only the numbers are written.
 
 python-osc encodes one message in about 20 us of Python. For all messages of a frame this would hold Python's
 global lock for milliseconds, and delay the edge. Here python-osc encodes each set of addresses once. In each

@@ -166,8 +166,8 @@ class OscOutput(LiveOutput):
         return messages, np.array(kept, np.intp)
 
     def _events(self, frame: LiveFrame) -> list[bytes]:
-        """Returns a list with one packet that contains the events of the frame. The list is empty if there
-        are no events."""
+        """Returns a list with one packet that contains the events of the frame. The list is empty without
+        events."""
         events = [(self._addresses.rename(f"{ROOT}/event/{event.kind}"), event) for event in frame.events]
         sent = [(address, event) for address, event in events if address]
         messages = [OscMessage(address, "i", _event_words(event)) for address, event in sent]
@@ -192,6 +192,6 @@ def _encode_name(name: str) -> str:
 
 
 def _encode_names(address: str) -> str:
-    """Percent-encodes the names in an address of a mapping file. Names that are already encoded stay
-    unchanged."""
+    """Encodes the names in an address of a mapping file by percent-encoding. Names that are already encoded
+    stay unchanged."""
     return quote(address, safe=f"{_PLAIN}/*%", errors="surrogatepass")

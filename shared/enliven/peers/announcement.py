@@ -34,7 +34,7 @@ class Announcement:
         control_port: port of the requests.
         has_keys: True if only paired viewers can connect.
         characters: number of characters on the stage.
-        relay_of: the address of the edge whose messages a relay forwards. Empty for an edge.
+        relay_of: the address of the edge that sends the messages which a relay forwards. Empty for an edge.
         wire_version: version of the network protocol.
         version: version of enliven.
     """

@@ -114,7 +114,7 @@ class ClockSync:
         return 0 if self._slew is None else self._slew.at(local_ns)
 
     def probes_due(self, local_ns: int) -> bool:
-        """Returns True if a probe must be sent now, and counts this probe. Also ends a burst whose time is
+        """Returns True if a probe must be sent now, and counts this probe. Also ends a burst when its time is
         over."""
         if self._burst_ns is None:
             self._burst_ns = local_ns
@@ -140,7 +140,7 @@ class ClockSync:
         return self._burst_ns + round(BURST_INTERVAL_S * _NS_PER_S)
 
     def add(self, exchange: Exchange) -> None:
-        """Adds an exchange. An impossible exchange, whose answer is earlier than its probe, is dropped."""
+        """Adds an exchange. An impossible exchange, with an answer earlier than its probe, is dropped."""
         is_current = self._burst_ns is not None and exchange.sent_ns >= self._burst_ns
         if not is_current or exchange.round_trip_ns < 0 or exchange.answered_ns < exchange.arrived_ns:
             return

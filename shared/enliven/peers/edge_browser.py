@@ -210,7 +210,7 @@ def find_edges(seconds: float, interfaces: list[str] | None = None) -> tuple[Dis
 
 def describe_edge(edge: DiscoveredEdge) -> tuple[str, str]:
     """Returns one line of text about an edge on the network, and the remedy for its problem, or an empty
-    string if there is no problem.
+    string without a problem.
     """
     announced, address = edge.announcement, edge.endpoint
     plural = "s" * (announced.characters != 1)

@@ -147,8 +147,8 @@ _BODY_BONES: tuple[tuple[str, Joint, Joint], ...] = (
         )
     ),
 )
-"""Bones of a performer: name, end joint of the tracked bone whose rotation is used, and joint at which the
-bone begins."""
+"""Bones of a performer: name, end joint of the tracked bone that provides the rotation, and joint at which
+the bone begins."""
 BODY_BONE_NAMES = tuple(name for name, _, _ in _BODY_BONES)
 """Names of the bones of a performer, in the order of :func:`human_of_body`."""
 _ENDS = np.array([int(ends) for _, ends, _ in _BODY_BONES])

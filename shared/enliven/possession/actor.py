@@ -50,8 +50,8 @@ class Actor:
 
     @property
     def skeleton(self) -> Skeleton | None:
-        """The skeleton at rest of a rigged character, whose joints its transforms move. None for other
-        characters."""
+        """The skeleton at rest of a rigged character. The character's transforms move its joints. None for
+        other characters."""
         return None
 
     @property

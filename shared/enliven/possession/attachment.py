@@ -306,7 +306,7 @@ def _deformed_nodes(graph: DeformationGraph, deformed: tuple[Float, Float] | Non
 
 @njit(cache=True, nogil=True)
 def _write_targets(joints, turns, bone, along, radial, out):
-    """Kernel of :meth:`Attachment.targets`: writes the targets (L, 3) to ``out``."""
+    """Writes the targets (L, 3) to ``out`` (kernel of :meth:`Attachment.targets`)."""
     for i in range(bone.shape[0]):
         child = bone[i]
         parent = _PARENT_JOINTS[child]

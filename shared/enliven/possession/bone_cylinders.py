@@ -49,8 +49,8 @@ def bone_samples(joints: Float, radius: float = 0.04, along: int = 4, around: in
 
 
 def bone_rotations(rest: Float, joints: Float) -> tuple[Float, Float]:
-    """Returns the rotation (19, 3, 3) of each bone since ``rest``, and the current axes (19, 3, 3) of the
-    part of the torso (hips or shoulders) that the bone belongs to.
+    """Returns the rotation (19, 3, 3) of each bone since ``rest``, and the current axes (19, 3, 3) of its
+    part of the torso (hips or shoulders).
 
     The hips and the shoulders each define a frame (a girdle). A bone first rotates with its girdle or its
     parent bone, then swings by the shortest arc to its current direction. So limbs twist with the body and
@@ -179,7 +179,7 @@ def _girdle_turn(rest, joints, pair, turn, frame):
 
 @njit(cache=True, nogil=True)
 def _write_rotations(rest, joints, turns, axes):
-    """Kernel of :func:`bone_rotations`. All joints of both bodies must be finite."""
+    """Writes the results of :func:`bone_rotations`. All joints of both bodies must be finite."""
     girdle_turn, girdle = np.empty((2, 3, 3)), np.empty((2, 3, 3))
     _girdle_turn(rest, joints, _HIP_JOINTS, girdle_turn[0], girdle[0])
     _girdle_turn(rest, joints, _SHOULDER_JOINTS, girdle_turn[1], girdle[1])
@@ -218,7 +218,7 @@ def _write_rotations(rest, joints, turns, axes):
 
 @njit(cache=True, nogil=True)
 def _sample_cylinders(joints, axes, radius, along, around, points, normals):
-    """Kernel of :func:`bone_samples`: writes to ``points`` and ``normals``."""
+    """Writes ``points`` and ``normals`` (kernel of :func:`bone_samples`)."""
     axis, ahead, side = np.empty(3), np.empty(3), np.empty(3)
     for child in range(1, joints.shape[0]):
         b, start = child - 1, joints[_PARENT_JOINTS[child]]

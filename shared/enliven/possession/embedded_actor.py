@@ -1,4 +1,5 @@
-"""An actor whose mesh is moved by an embedded deformation graph. Performers attach to the graph's nodes."""
+"""An actor with a mesh that is moved by an embedded deformation graph. Performers attach to the graph's
+nodes."""
 
 from __future__ import annotations
 

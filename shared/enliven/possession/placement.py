@@ -59,7 +59,7 @@ def placement_at_performer(body: Body, mesh_height: float, ratio: float) -> Plac
     performer's height times ``ratio``.
 
     Args:
-        mesh_height: metres, height of the rest mesh, whose lowest point is at y = 0.
+        mesh_height: metres, height of the rest mesh. Its lowest point is at y = 0.
         ratio: the mesh's height divided by the performer's height.
     """
     return placement_under_hips(body, ratio * body.height / mesh_height)

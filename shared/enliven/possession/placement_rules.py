@@ -28,7 +28,7 @@ half a person's width."""
 _USUAL_HEIGHT_M = 1.75
 """Performer height, metres, that ``_MAX_ORIGIN_DISTANCE_M`` and the scale of the mesh assume."""
 _TRUNK_JOINTS = (Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT)
-"""Joints whose mean is the middle of a person's trunk."""
+"""Joints with their mean at the middle of a person's trunk."""
 
 
 def needs_person_search(settings: ActorSettings) -> bool:

@@ -40,9 +40,9 @@ class PoseBlend:
     """A blend over a jump. It stores the gap between the displayed and the computed state, and closes the gap
     over time.
 
-    While a gap closes, the displayed speed of a node exceeds its computed speed by at most ``pace``, and by
-    at most 1.5 / seconds times the length of the gap. The length does not include the rotation and scale of
-    the whole mesh. For the rotation of a node it is multiplied by pi / 2.
+    While a gap closes, the displayed speed of a node exceeds its computed speed by at most ``pace``. It also
+    exceeds it by at most 1.5 / seconds times the length of the gap. The length does not include the rotation
+    and scale of the whole mesh. For the rotation of a node it is multiplied by pi / 2.
 
     Args:
         seconds: duration in which a gap closes.

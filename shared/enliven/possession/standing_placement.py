@@ -55,11 +55,11 @@ _TRUNK_BONES = (("SPINE", 1.0), ("SHOULDER_CENTER", 1.0), ("HEAD", 0.5))
 _SURFACE_DISTANCE_M = 0.25
 """Distance from the bones, metres, at which a surface point has a third of the score of a point on a bone."""
 _HEAD_AHEAD_GAIN = 0.4
-"""Relative gain in score per metre by which the head is ahead of the middle. With it, a performer inside a
-horse faces in the horse's direction."""
+"""Relative gain in score per metre that the head is ahead of the middle. With it, a performer inside a horse
+faces in the horse's direction."""
 _MASS_AHEAD_GAIN = 0.03
-"""Relative gain in score per metre by which the mesh's centre is ahead of the person. With it, a performer in
-the back of a chair faces the seat. It is far smaller than the gain for a head."""
+"""Relative gain in score per metre that the mesh's centre is ahead of the person. With it, a performer in the
+back of a chair faces the seat. It is far smaller than the gain for a head."""
 _MODELLED_YAW_GAIN = 0.004
 """Relative gain in score of the modelled yaw compared with a yaw that differs by a quarter turn. It only
 decides between otherwise equal yaws."""
@@ -88,7 +88,7 @@ def standing_figure(height: float = _PERSON_HEIGHT_M) -> Float:
 
 
 def fit_standing_person(mesh: Mesh) -> tuple[Mesh, float]:
-    """Moves a mesh, whose lowest point is at y = 0, so that a person who stands at the origin and faces +Z
+    """Moves a mesh with its lowest point at y = 0, so that a person that stands at the origin and faces +Z
     fits best into it.
 
     Returns:

@@ -55,8 +55,8 @@ class LostSpan:
     """A span of time in which some or all messages were lost.
 
     Attributes:
-        start_ns, end_ns: start and end, nanoseconds of the sensor's clock. None if there is no undamaged
-            chunk before or after the span.
+        start_ns, end_ns: start and end, nanoseconds of the sensor's clock. None without an undamaged chunk
+            before or after the span.
     """
 
     start_ns: int | None

@@ -12,7 +12,7 @@ class WholeFile:
 
     Every write is passed to the operating system immediately.
 
-    After a failed write, of which a part may be on the disk, the file is truncated to its previous end and
+    After a failed write, a part of it may be on the disk. So the file is truncated to its previous end and
     closed.
 
     Raises:

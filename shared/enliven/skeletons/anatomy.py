@@ -96,8 +96,8 @@ class SkeletonLimb:
         start: index in the chain at which the limb proper begins. The girdle (collar bone, hip) is before it.
         grounded: True if the limb stands on the floor.
         end: (3,) position of its end, metres, in a frame in which the body faces +Z and its left side is +X.
-        stop: index in the chain at which the hand or foot begins (wrist, ankle). None if there is no separate
-            hand or foot.
+        stop: index in the chain at which the hand or foot begins (wrist, ankle). None without a separate hand
+            or foot.
         knots: indices in the chain at which segments begin and the last segment ends, determined from joint
             names. For an arm: shoulder, elbow, wrist. For a leg: hip, knee, ankle. For a head: neck and head,
             or the head alone. Empty if the names do not determine them.

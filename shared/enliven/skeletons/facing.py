@@ -62,8 +62,8 @@ def _left_from_names(skeleton: Skeleton) -> Float | None:
     it.
 
     It is computed from pairs of joints with the same parent, such as hips and shoulders. Other pairs, such as
-    hands and feet, are used only if there are no such pairs. They are unreliable, because the rest pose may
-    be a walking pose.
+    hands and feet, are used only without such pairs. They are unreliable, because the rest pose may be a
+    walking pose.
     """
     parents, total, roots = skeleton.parents, np.zeros(3), np.zeros(3)
     by_plain: dict[str, dict[int, int]] = {}

@@ -6,7 +6,7 @@
 Known conventions: Mixamo, VRM and Unity humanoid, Unreal, Rigify (also its split deform bones), Quaternius,
 CMU, Bandai Namco, Biovision, Biped, VRoid, Poser. These conventions use the same words differently. For
 example, a "Leg" is the shin in Mixamo and the thigh elsewhere, and a "Shoulder" is a collar bone or an upper
-arm. So the search for a limb starts at its middle joint, whose names are the least ambiguous. The names of
+arm. So the search for a limb starts at its middle joint, which has the least ambiguous names. The names of
 the other joints are tried from the least to the most ambiguous.
 """
 

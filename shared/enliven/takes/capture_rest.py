@@ -111,5 +111,7 @@ def metres_per_unit(unit: str | float | None, at_rest: Float, where: str) -> flo
             )
         return UNITS[unit]
     if not 0.0 < unit < 1e6:
-        raise InputError(f"a unit of {unit} m is not valid", where=where, remedy="Give the length of one unit in metres.")
+        raise InputError(
+            f"a unit of {unit} m is not valid", where=where, remedy="Give the length of one unit in metres."
+        )
     return float(unit)

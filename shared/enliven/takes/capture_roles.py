@@ -87,8 +87,8 @@ def find_roles(capture: Capture) -> Roles:
 
 
 def _matching_pair(capture: Capture, names: list[str], parts: tuple[str, ...], role: str) -> tuple[int, int]:
-    """Returns the left and the right joint whose names contain the same name part. The first of ``parts``
-    that matches on both sides is used.
+    """Returns the left and the right joint with the same name part. The first of ``parts`` that matches on
+    both sides is used.
     """
     for part in parts:
         sides = [

@@ -18,7 +18,7 @@ class LiveLayer:
     It evaluates the version of the project that it was created with. After an edit, create a new player.
 
     Args:
-        replaced: the bones, given by their joints, whose existing layers are replaced by the live pose.
+        replaced: the bones, given by their joints. The live pose replaces their existing layers.
     """
 
     def __init__(self, project: Project, shape_id: str, replaced: frozenset[int] = frozenset()) -> None:

@@ -32,8 +32,8 @@ def find_shared_motion(positions: Float, rest: Float) -> tuple[Float, Float]:
 
 @njit(cache=True, nogil=True)
 def _fit_shared_motion(positions, rest, turns, moves):
-    """Kernel of :func:`find_shared_motion`: computes the rotations ``turns`` (F, 3, 3) and translations
-    ``moves`` (F, 3)."""
+    """Computes for :func:`find_shared_motion` the rotations ``turns`` (F, 3, 3) and translations ``moves``
+    (F, 3)."""
     weights, spread = np.empty(rest.shape[0]), np.empty((3, 3))
     middle, centre = np.empty(3), np.empty(3)
     for f in range(positions.shape[0]):

@@ -56,8 +56,8 @@ class PoseCodec:
     """An encoder and decoder for the poses of one character. Create it once, and use it for every frame.
 
     Args:
-        character: the character whose pivots and edges define the tree. Sender and receiver must have the
-            same character.
+        character: the character with the pivots and edges that define the tree. Sender and receiver must have
+            the same character.
 
     Raises:
         InputError: if the character has more than ``MAX_TRANSFORMS`` transforms.

@@ -102,7 +102,7 @@ class Smooth(Order, frozen=True):
 
 
 class Lock(Order, frozen=True):
-    """Locks or unlocks the cast (the set of performers). While it is locked, people who arrive later cannot
+    """Locks or unlocks the cast (the set of performers). While it is locked, people that arrive later cannot
     become performers."""
 
     on: bool
@@ -219,7 +219,7 @@ class ScanMode(StrEnum):
 
 _MODE_FLAGS = (ScanMode.PERSON, ScanMode.TURNED, ScanMode.MOVED)
 """Modes that older viewers, which do not know :attr:`Scan.mode`, request by a flag. The first mode in this
-order whose flag is set is used."""
+order with a set flag is used."""
 
 
 class Scan(Order, frozen=True):
@@ -235,7 +235,7 @@ class Scan(Order, frozen=True):
         within: for "start" in the mode "near", maximum depth in metres. Depth beyond it is ignored.
         whole: for "done", True keeps the whole scan. False keeps only the object on the floor.
         moved, turned, person: flags that are set from ``mode``, for programs that do not know ``mode``.
-        box: for "done", a box whose content is kept. Its lowest and its highest corner are six coordinates in
+        box: for "done", a box. Its content is kept. Its lowest and its highest corner are six coordinates in
             metres on the stage.
         stage_from_scan: if a box is given, the pose of the scan on the stage when the box was drawn.
         mode: for "start", how the object is scanned.
@@ -434,8 +434,7 @@ Body = TypeVar("Body")
 
 
 class Request(Struct, Generic[Body], frozen=True):
-    """The envelope of a viewer's request, whose body is one of :data:`REQUESTS`. The reply has the same
-    id."""
+    """The envelope of a viewer's request. The body is one of :data:`REQUESTS`. The reply has the same id."""
 
     id: Count
     body: Body

@@ -123,7 +123,9 @@ class CuesMessage(Struct, array_like=True, frozen=True):
         if self.owners:
             check_length("owners", self.owners, len(self.strengths))
             if max(self.owners) >= len(self.performers):
-                raise ValueError(f"owner number {max(self.owners)} does not exist; there are {len(self.performers)} performers")
+                raise ValueError(
+                    f"owner number {max(self.owners)} does not exist in {len(self.performers)} performers"
+                )
 
 
 class HoldMessage(Struct, array_like=True, frozen=True):

@@ -54,7 +54,7 @@ class Ride:
 
 
 class SolvedLayer(LayerBase):
-    """A layer whose stream was solved from the motion of performers, and can be solved again.
+    """A layer with a stream that was solved from the motion of performers, and can be solved again.
 
     Attributes:
         possession: the inputs of the solution, or None if the stream was not solved.
@@ -119,9 +119,7 @@ class GraphPart(SolvedLayer):
         if not 0.0 < self.size < np.inf:
             raise InputError(f"it cannot be {self.size} times as large", where=where)
         if not (_is_rotation(self.axes) and _is_rotation(self.turn) and _is_finite(self.place, (3,))):
-            problem = (
-                f"its rotation {self.turn}, its axes {self.axes} or its displacement {self.place} is not valid"
-            )
+            problem = f"rotation {self.turn}, axes {self.axes} or displacement {self.place} is not valid"
             raise InputError(
                 problem, where=where, remedy="Move the character again, or possess the mesh again."
             )

@@ -122,8 +122,8 @@ def respond(
 def workspace(most):
     """Allocates the work arrays of :func:`answers`.
 
-    The arrays are the weights, their right-hand sides (b - C q), the numbers of the free weights, the
-    Cholesky factor of the free weights' part of the matrix, and the trial states.
+    They are the weights, their right-hand sides (b - C q), the numbers of the free weights, the Cholesky
+    factor of their part of the matrix, and the trial states.
     """
     factor, trial = np.empty((most, most)), np.empty(most, np.int8)
     return np.empty(most), np.empty(most), np.empty(most, np.int64), factor, trial

@@ -94,7 +94,7 @@ def solve(
 
 @njit(cache=True, nogil=True)
 def _eliminate_held(held, values, matrix, right, reach, offset, slack):
-    """Kernel: eliminates in place the coordinates that are fixed: those with ``held`` (P, F, 3) True have the
+    """Eliminates in place the coordinates that are fixed: those with ``held`` (P, F, 3) True have the
     positions ``values``.
 
     The offset r is the difference between a held coordinate and C w. Its cost becomes part of the weights'

@@ -5,9 +5,9 @@ at the bone's upper end, with the rotation of bone j. This joint is a child of t
 constant offset along the parent bone. If no bone is stretched, only rotations and the root's position are
 animated. Then bones keep their lengths in every program, also between the frames. Bones that are moved or
 stretched have tracks of position and scale. Bones that start at the same joint become glTF joints at the same
-position. The joint whose bone is the straightest continuation keeps the joint's name, and the names of the
-others contain their target ("Hips to LeftUpLeg"). The end of a limb becomes a joint without vertices, so that
-an editor shows the last bone with its length. Reading the file gives the same skeleton again.
+position. The joint with the bone that is the straightest continuation keeps the joint's name, and the names
+of the others contain their target ("Hips to LeftUpLeg"). The end of a limb becomes a joint without vertices,
+so that an editor shows the last bone with its length. Reading the file gives the same skeleton again.
 
 Transforms without a skeleton become sibling joints below a node that moves through the world. Such a joint
 rotates, and stretches along three orthogonal axes, which are constant over time. The joint's rest orientation

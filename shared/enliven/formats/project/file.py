@@ -228,8 +228,8 @@ def _is_integer(value: Any) -> TypeGuard[int]:
 
 
 def _read_arrays(archive: zipfile.ZipFile) -> tuple[dict[str, AnyArray], set[str]]:
-    """Reads the arrays. Returns the arrays by name, and the names of damaged arrays, whose content does not
-    match the checksum in their name.
+    """Reads the arrays. Returns the arrays by name, and the names of damaged arrays. The content of a damaged
+    array does not match the checksum in its name.
     """
     arrays, damaged = dict[str, AnyArray](), set[str]()
     for entry in archive.namelist():

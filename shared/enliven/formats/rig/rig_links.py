@@ -1,8 +1,8 @@
 """Determines the parent of each joint of a rig. It is the file's parent, unless the animations contradict it.
 
 Animators' files contain controllers. For example, a foot driven by inverse kinematics is a child of a
-controller on the ground, and its animation keeps it at the end of the shin. In a skeleton whose bones only
-rotate, the foot must be a child of the shin. So a link to a parent is cut if the joint does not keep its
+controller on the ground, and its animation keeps it at the end of the shin. In a skeleton with bones that
+only rotate, the foot must be a child of the shin. So a link to a parent is cut if the joint does not keep its
 position relative to the parent in the animations. The cut branch is attached to the joint that it follows
 best.
 """

@@ -169,7 +169,7 @@ def _contacts_from_runs(flags: Bool, times: Float) -> Contacts:
 def _lift_sole(
     pin: HeldPin, floor: float, weights: Float, tree: tuple[Int32, Float], turns: Float, joints: Float
 ) -> None:
-    """Raises a foot whose sole is below the height ``floor`` (metres), by the fraction ``weights`` (T,).
+    """Raises a foot with its sole below the height ``floor`` (metres), by the fraction ``weights`` (T,).
 
     Changes turns (T, N, 4) and joints (T, N, 3) in place.
     """

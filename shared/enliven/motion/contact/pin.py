@@ -6,8 +6,8 @@
 
 A limb of more than two bones is treated as two rigid halves. The foot and its descendants keep their world
 rotations, so a flat sole stays flat. If a stretched limb does not reach its position, the root is lowered as
-far as allowed, smoothly over time (Kovar, Schreiner & Gleicher, "Footskate cleanup for motion capture
-editing", 2002). If the position is still out of reach, the foot moves as near to it as possible.
+far as allowed, smoothly over time. (Kovar, Schreiner & Gleicher, "Footskate cleanup for motion capture
+editing", 2002.) If the position is still out of reach, the foot moves as near to it as possible.
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ def copy_motion(
     same arc length interval of the target. Modeling rotations stay unchanged.
 
     Args:
-        view: (3,) the viewing direction from which the two chains look similar (AniMesh, section 5.1).
+        view: (3,) the viewing direction that makes the two chains look similar (AniMesh, section 5.1).
         up: (3,) the camera's up direction.
         basis: (4,) rotation from the source to the target axes. It replaces the basis from the view.
         flip: flips the y axis. It cannot be combined with ``basis``.

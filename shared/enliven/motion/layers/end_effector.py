@@ -156,7 +156,7 @@ def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weights, 
         ends: (2,) the knots at which the chain begins and ends on the take's polyline.
         parts: (2,) the fractions of the bones after these knots.
         knots: (T, S + 1, 4) the take's rotations at its joints.
-        weights: (T,) fraction of the distance to the target by which the end is moved.
+        weights: (T,) fraction of the distance to the target that the end is moved.
         turns: (T, N, 4) world rotations, changed in place.
         joints: (T, N, 3) metres, changed in place.
     """

@@ -118,7 +118,7 @@ def find_five_ends(limb_ends: LimbEnds, max_cost: float = np.inf) -> FiveEnds | 
 
 
 def five_ends_from_points(limb_ends: LimbEnds, points: Float) -> FiveEnds:
-    """Returns the choice whose ends are the given points (5, 3), metres: head, two hands, two feet."""
+    """Returns the choice with ends at the given points (5, 3), metres: head, two hands, two feet."""
     nearest = np.array([np.linalg.norm(limb_ends.points - point, axis=1).argmin() for point in points])
     geodesics = limb_ends.distances_from(nearest)
     end_distances = geodesics[:, nearest]
