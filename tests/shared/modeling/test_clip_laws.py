@@ -303,5 +303,5 @@ def test_invalid_segments_are_reported():
         with pytest.raises(InputError, match=words):
             world(RIGS[0], segments=tuple(wrong))
     for wrong in ({"ease": -1.0}, {"smooth": float("nan")}):
-        with pytest.raises(InputError, match="come in over"):
+        with pytest.raises(InputError, match="smoothing of"):
             world(RIGS[0], **wrong)
