@@ -1,12 +1,12 @@
 """enliven: all mathematics, file formats and messages of the project.
 
-This package has no camera, no window, no thread and no global state, so that the edge, the viewer and user
-scripts can share it. Units are metres, seconds and radians. The world is right-handed with +Y up and the
-floor at y = 0. Quaternions are (w, x, y, z).
+This package contains no camera, window, thread or global state, so the edge, the viewer and user scripts can
+share it. Units are metres, seconds and radians. The world is right-handed with +Y up and the floor at y = 0.
+Quaternions are (w, x, y, z).
 
-``from enliven import …`` gives the common types, and functions that do a whole task in one call.
-docs/library.md shows each in use. Packages such as ``enliven.matching`` contain the solvers behind them. A
-name is loaded when it is first used.
+``from enliven import ...`` provides the common types, and functions that perform a whole task in one call.
+docs/library.md shows how to use each. Packages such as ``enliven.matching`` contain the solvers. A name is
+imported when it is first used.
 """
 
 from importlib.metadata import PackageNotFoundError, version

@@ -6,9 +6,9 @@ import sys
 def main() -> None:
     """Loads the command line and runs it.
 
-    Python remembers a Ctrl-C that interrupted code run by ``exec``, which dataclasses use while modules are
-    loaded. It then ends the process by the signal although the exception was caught. Another call of ``exec``
-    resets this.
+    Dataclasses run code by ``exec`` while modules are loaded. If Ctrl-C interrupts this code, Python ends the
+    process by the signal at exit, although the exception was caught. Another call of ``exec`` resets this
+    state.
     """
     code: int | str | None = 130
     try:

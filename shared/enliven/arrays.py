@@ -1,4 +1,4 @@
-"""Names for the array types in signatures. The docstrings give the shapes."""
+"""Names for the array types in signatures. Docstrings describe the shapes."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ AnyArray = NDArray[Any]
 
 
 def frozen(array: AnyArray, kind: Any = np.float64) -> AnyArray:
-    """Returns the array as a read-only array of a type.
+    """Returns a read-only array with the type ``kind``.
 
-    An array that is already read-only and of the type is returned without a copy, so that values share
+    An array that is already read-only and has this type is returned without a copy, so that objects share
     arrays.
     """
     if isinstance(array, np.ndarray) and array.dtype == kind and not array.flags.writeable:
@@ -33,6 +33,6 @@ def frozen(array: AnyArray, kind: Any = np.float64) -> AnyArray:
 
 
 def freeze(value: object, *names: str, kind: Any = np.float64) -> None:
-    """Makes the named attributes of a frozen dataclass read-only arrays."""
+    """Converts the named attributes of a frozen dataclass to read-only arrays."""
     for name in names:
         object.__setattr__(value, name, frozen(getattr(value, name), kind))

@@ -1,6 +1,6 @@
 """A pinhole camera: intrinsics, lens distortion, and conversion between pixels and metres.
 
-A camera frame is OpenCV's: +X right, +Y down, +Z forward, metres.
+A camera's coordinate frame follows OpenCV: +X right, +Y down, +Z forward, metres.
 """
 
 from __future__ import annotations
@@ -14,8 +14,7 @@ from enliven.arrays import AnyArray, Float
 from enliven.errors import InputError
 
 LEVEL_WORLD_FROM_CAMERA = np.diag([1.0, -1.0, -1.0, 1.0])
-"""(4, 4) world_from_camera of a level camera at the world's origin. It looks along -Z, and the world's +Y
-is up."""
+"""(4, 4) transform from camera to world of a level camera at the world's origin, which looks along -Z."""
 
 
 @dataclass(frozen=True)
@@ -70,10 +69,10 @@ class Intrinsics:
 
 
 def pixel_rays(intrinsics: Intrinsics) -> Float:
-    """Returns x/z and y/z of every pixel's ray in the camera frame, without distortion, (H, W, 2).
+    """Returns the undistorted ray (H, W, 2) of every pixel, as x/z and y/z in the camera frame.
 
     The distortion is inverted by fixed-point iteration, which converges for the mild lenses of depth cameras.
-    Compute it once per camera and keep the result.
+    Compute the rays once per camera, and reuse the result.
     """
     distorted: Float = np.empty((intrinsics.height, intrinsics.width, 2))
     distorted[..., 0] = (np.arange(intrinsics.width) - intrinsics.cx) / intrinsics.fx
@@ -87,20 +86,20 @@ def pixel_rays(intrinsics: Intrinsics) -> Float:
 
 
 def unproject_depth(depth_mm: AnyArray, ray: Float) -> Float:
-    """Returns (H, W, 3) camera-frame points in metres from (H, W) depth in millimetres.
+    """Converts depth (H, W) in millimetres to points (H, W, 3) in metres in the camera frame.
 
     Pixels of 0 mm (unknown) become the origin.
 
     Args:
         depth_mm: (H, W) depth along the optical axis, 0 if unknown.
-        ray: (H, W, 2) from :func:`pixel_rays`.
+        ray: (H, W, 2) the rays from :func:`pixel_rays`.
     """
     z = depth_mm.astype(np.float64) * 1e-3
     return np.stack([ray[..., 0] * z, ray[..., 1] * z, z], -1)
 
 
 def project(points: Float, intrinsics: Intrinsics) -> Float:
-    """Returns (..., 2) pixel coordinates of (..., 3) camera-frame points with z > 0."""
+    """Projects points (..., 3) in the camera frame with z > 0 to pixel coordinates (..., 2)."""
     ideal = points[..., :2] / points[..., 2:]
     distorted = _apply_lens_distortion(ideal, intrinsics) if any(intrinsics.distortion) else ideal
     focal = np.array([intrinsics.fx, intrinsics.fy])
@@ -109,7 +108,7 @@ def project(points: Float, intrinsics: Intrinsics) -> Float:
 
 
 def _apply_lens_distortion(ideal: Float, intrinsics: Intrinsics) -> Float:
-    """Applies Brown-Conrady distortion to (..., 2) ideal normalised coordinates."""
+    """Applies Brown-Conrady distortion to undistorted normalised coordinates (..., 2)."""
     k1, k2, p1, p2, k3 = intrinsics.distortion
     x, y = ideal[..., 0], ideal[..., 1]
     r2 = x * x + y * y
@@ -124,12 +123,13 @@ def _apply_lens_distortion(ideal: Float, intrinsics: Intrinsics) -> Float:
 
 
 def world_from_level_camera(height: float, tilt: float = 0.0, roll: float = 0.0) -> Float:
-    """Returns (4, 4) world_from_camera of a sensor ``height`` metres above the floor.
+    """Returns the transform (4, 4) from camera to world of a sensor ``height`` metres above the floor.
 
     Args:
-        height: metres from the floor to the optical centre.
-        tilt: radians, angle of the optical axis below the horizon.
-        roll: radians, rotation of the image about the optical axis (pi: mounted upside down).
+        height: height of the optical centre above the floor, metres.
+        tilt: angle of the optical axis below the horizontal, radians.
+        roll: rotation of the image about the optical axis, radians. pi means that the camera is mounted
+            upside down.
     """
     ct, st, cr, sr = math.cos(tilt), math.sin(tilt), math.cos(roll), math.sin(roll)
     level_from_tilted = np.array([[1, 0, 0], [0, ct, st], [0, -st, ct]])

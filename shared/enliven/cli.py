@@ -1,9 +1,9 @@
-"""The command line: every package contributes its commands by the entry-point group ``enliven.commands``.
+"""The command line. Each package provides its commands through the entry-point group ``enliven.commands``.
 
-An installation of the edge only has no ``view``, because the viewer's package contains it. An entry point
-names a function, or a typer group of functions. The function's typer annotations define the options, and its
-docstring is the help. A command is imported when it is used; the list of all commands is read from their
-source.
+For example, ``view`` exists only if the viewer's package is installed. An entry point refers to a function,
+or to a typer group of functions. The function's typer annotations define the options, and its docstring is
+the help text. A command is imported only when it is used. The list of all commands is read from their source
+files.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from enliven.logs import escape_text, ignore_broken_stderr, split_log_options, s
 from enliven.supervision.lifetime import end_with_parent
 
 _INTERRUPTED_EXIT_CODE = 130
-"""Exit code of a run that Ctrl-C ended: 128 + SIGINT (2), the convention of shells."""
+"""Exit code of a command that was ended by Ctrl-C: 128 + SIGINT (2), by the convention of shells."""
 _WINDOW = "studio"
-"""The command that runs if none is given."""
+"""The command that runs if no command is given."""
 _GARBAGE_COLLECTION_THRESHOLD = 20_000
-"""Number of new objects that triggers Python's garbage collection. Loading modules creates some 10^5
-objects that stay, and with Python's own 700 collections cost 0.1 s of each start."""
+"""Number of new objects that triggers Python's garbage collection. Loading modules creates about 10^5
+permanent objects. With Python's default of 700, collections would take 0.1 s of each start."""
 
 HELP = """Step into any mesh and bring it alive.
 
@@ -65,14 +65,14 @@ def main() -> None:
     arguments = sys.argv[1:]
     ignore_broken_stderr()
     code = _start_and_run(arguments)
-    # Skip Python's final garbage collection, which takes 0.25 s although the process ends anyway.
+    # Skip Python's final garbage collection. It would take 0.25 s without any use, because the process ends.
     gc.freeze()
     sys.exit(code)
 
 
 def _start_and_run(arguments: list[str]) -> int:
-    """Starts the log with the options of the command line, and runs the remaining arguments. Returns the exit
-    code.
+    """Starts logging with the log options in the arguments, and runs the remaining command line. Returns the
+    exit code.
     """
     try:
         arguments, options = split_log_options(arguments)
@@ -90,7 +90,7 @@ def _start_and_run(arguments: list[str]) -> int:
 
 
 def run(arguments: list[str]) -> int:
-    """Runs one command line and returns its exit code. User errors are printed, not raised."""
+    """Runs one command line and returns its exit code. Errors are printed and not raised."""
     try:
         code = application()(arguments, standalone_mode=False)
     except (typer.Abort, KeyboardInterrupt):
@@ -108,8 +108,8 @@ def run(arguments: list[str]) -> int:
 
 
 def _report_os_error(error: OSError) -> int:
-    """Returns the exit code of an operating system error: the code for a missing resource, or the code for a
-    fault of enliven.
+    """Prints an operating system error. Returns the exit code for a missing resource, or for an internal
+    error of enliven.
     """
     if os.environ.get("ENLIVEN_DEBUG") or not is_file_fault(error):
         return _report_other_error(error)
@@ -120,10 +120,10 @@ def _report_os_error(error: OSError) -> int:
 
 
 def _report_other_error(error: Exception) -> int:
-    """Returns the exit code of wrong usage, or of an internal fault.
+    """Prints an error. Returns the exit code for wrong usage, or for an internal error of enliven.
 
-    Usage errors are recognised by their attributes: their class is click's in some versions of typer and
-    typer's own copy in others.
+    Usage errors are recognised by their attributes, because their class is click's in some versions of typer,
+    and typer's own copy in others.
     """
     if hasattr(error, "show") and hasattr(error, "exit_code"):
         vars(error)["message"] = escape_text(str(vars(error).get("message", "")))
@@ -136,7 +136,7 @@ def _report_other_error(error: Exception) -> int:
 
 
 def application() -> Any:
-    """Builds the command group of every installed command."""
+    """Builds the command group with all installed commands."""
     app = typer.Typer(
         cls=LazyCommands,
         help=HELP,
@@ -166,5 +166,5 @@ def _main_command(
 
 
 def _print_error(message: str) -> None:
-    """Writes one line to standard error."""
+    """Prints one line to standard error."""
     typer.echo(f"enliven: {escape_text(message)}", err=True)

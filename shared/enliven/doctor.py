@@ -1,4 +1,5 @@
-"""Checks of the machine, which each package contributes by the entry-point group ``enliven.checks``."""
+"""Checks of the machine. Each package provides its checks through the entry-point group
+``enliven.checks``."""
 
 from __future__ import annotations
 
@@ -16,13 +17,14 @@ from enliven.errors import ResourceError
 from enliven.kernel_cache.store import shipped_folders, user_folder
 
 DEFAULT_PORTS = (5580, 5581)
-"""TCP ports of the streams and of the commands: those of :mod:`enliven.wire.sockets`, which is not
-imported since pyzmq may be missing."""
+"""Default TCP ports of the streams and of the requests. They equal those in :mod:`enliven.wire.sockets`,
+which is not imported, because pyzmq may be missing."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """One check of the machine: whether it passed, the detail, and the remedy if it failed."""
+    """The result of one check of the machine: a flag that is True if it passed, a detail, and the remedy if
+    it failed."""
 
     name: str
     ok: bool
@@ -31,14 +33,14 @@ class Check:
 
 
 def run_all_checks() -> list[Check]:
-    """Runs every installed package's checks, the library's own first."""
+    """Runs the checks of all installed packages. The checks of this library come first."""
     entries = sorted(entry_points(group="enliven.checks"), key=lambda e: (e.name != "shared", e.name))
     checks: list[Check] = []
     for entry in entries:
         try:
             contributed: Callable[[], list[Check]] = entry.load()
             checks += contributed()
-        except Exception as error:  # A broken package must not hide the results of the other packages.
+        except Exception as error:  # An error in one package must not hide the results of the other packages.
             checks.append(
                 Check(entry.name, False, f"its checks failed: {error}", "Install the package again.")
             )
@@ -62,7 +64,8 @@ def _check_python() -> Check:
 
 
 def _check_compiler_cache() -> Check:
-    """Checks that compiled kernels can be stored between starts, and reports where those of a release are."""
+    """Checks that compiled kernels can be stored between starts, and reports the kernels that a release
+    contains."""
     remedy = "Set NUMBA_CACHE_DIR to a folder that can be written, or every start compiles for two minutes."
     folder = user_folder()
     if folder is None:
@@ -77,13 +80,13 @@ def _check_compiler_cache() -> Check:
 
 
 def _describe_shipped_kernels() -> str:
-    """Returns a text with the number of compiled kernels that the installed release contains."""
+    """Returns a phrase with the number of compiled kernels that the installed release contains."""
     count = sum(len(list(folder.glob("*.kernel"))) for folder in shipped_folders())
     return f"{count} came with the release" if count else "none came with the installation"
 
 
 def _describe_native_kernels() -> str:
-    """Returns a text that lists the programs with kernels compiled for this exact processor."""
+    """Returns a phrase about the programs with kernels that are compiled for this exact processor."""
     try:
         from enliven.kernel_cache.native_set import stored_sets, wants_native_code
         from enliven.kernel_cache.target import host_processor, processor_levels
@@ -103,7 +106,7 @@ def _describe_native_kernels() -> str:
 
 
 def _check_port(port: int) -> Check:
-    """Checks that an edge could listen on this port now."""
+    """Checks that the port is free for an edge."""
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
         try:
             probe.bind(("127.0.0.1", port))
@@ -114,10 +117,11 @@ def _check_port(port: int) -> Check:
 
 
 def need(module: str, extra: str, where: str, package: str = "enliven-edge") -> None:
-    """Raises ResourceError if a library of an extra is not installed. The message says how to install it.
+    """Raises ResourceError if an optional library is not installed. The message contains the installation
+    command.
 
     Args:
-        package: that has the extra.
+        package: the package with the optional dependency group ``extra``.
     """
     if importlib.util.find_spec(module) is None:
         folder = package.removeprefix("enliven-").replace("enliven", "shared")

@@ -1,4 +1,4 @@
-"""Exceptions for users: each contains a problem, its place and a remedy."""
+"""Exceptions with a message for users: a problem, its location and a remedy."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class EnlivenError(Exception):
     Args:
         what: the problem, one sentence without the final full stop.
         where: the affected file, port, sensor or field.
-        remedy: the remedy, one sentence.
+        remedy: one sentence about the remedy.
     """
 
     exit_code = 1
@@ -25,32 +25,34 @@ class EnlivenError(Exception):
 
 
 class InputError(EnlivenError):
-    """A file, frame, mesh or setting that cannot be used (exit code 3)."""
+    """Raised for an invalid file, frame, mesh or setting (exit code 3)."""
 
     exit_code = 3
 
 
 class LaterVersionError(InputError):
-    """A file of a later version than this enliven reads. It is neither used nor replaced."""
+    """Raised for a file of a later version than this version of enliven can read. The file is neither used
+    nor replaced."""
 
 
 class ResourceError(EnlivenError):
-    """A resource of this machine that is missing or in use: a port, a sensor, OpenGL (exit code 4)."""
+    """Raised if a resource of this machine is missing or in use, such as a port, a sensor or OpenGL (exit
+    code 4)."""
 
     exit_code = 4
 
 
 _MAX_PROGRAM_NAME_LENGTH = 40
-"""Maximum length of a program's name that an error repeats from a file."""
+"""Maximum length of a program's name that an error message quotes from a file."""
 
 
 def refuse_later_version(version: int, newest: int, where: str, made_by: str = "") -> None:
-    """Raises LaterVersionError if a file is of a later version than the newest supported one.
+    """Raises LaterVersionError if a file has a later version than the newest supported version.
 
     Args:
-        version: the version that the file states.
-        newest: the newest version of its format that this enliven reads.
-        where: the file, and the place in it.
+        version: the version in the file.
+        newest: the newest version of the file format that this version of enliven can read.
+        where: the file, and the location in the file.
         made_by: the program that wrote the file, such as "enliven 0.3.0". Empty if unknown.
     """
     if version <= newest:
@@ -64,10 +66,10 @@ def refuse_later_version(version: int, newest: int, where: str, made_by: str = "
 
 
 def plain_reason(error: BaseException, otherwise: str = "its contents do not fit together") -> str:
-    """Returns why something failed, in words for users.
+    """Returns the reason of a failure in words for users.
 
-    The result contains no names of Python exceptions and no texts of parsers, only sentences of enliven and
-    of the operating system.
+    The result contains only sentences of enliven and of the operating system, and no names of Python
+    exceptions and no texts of parsers.
 
     Args:
         error: the exception of a library.
@@ -87,7 +89,8 @@ def plain_reason(error: BaseException, otherwise: str = "its contents do not fit
 
 
 def error_location(error: BaseException) -> str:
-    """Returns the place of an internal fault, as a suffix for a message. Empty if unknown."""
+    """Returns the source location of an internal error, as a suffix for a message. The suffix is empty if the
+    location is unknown."""
     trace = error.__traceback__
     if trace is None:
         return ""

@@ -1,10 +1,11 @@
-"""Reads files of other programs: checks their size before reading, and opens only files of the same folder.
+"""Reads and writes files safely. Checks the size of a file before reading, and limits references between
+files to the same folder.
 
 :func:`read_file` reads a file completely. :func:`write_file` and :func:`replace_file` write an output file
-completely or not at all, and :func:`replace_folder` a folder of files. :class:`ReferencedFiles` opens the
-files that another file refers to (buffers and images of a glTF, materials and textures of an OBJ). They must
-be regular files of bounded size in that file's own folder or below it. Pipes, devices, links to other places
-and paths that leave the folder are refused with an error.
+completely or not at all. :func:`replace_folder` does the same for a folder of files. :class:`ReferencedFiles`
+opens the files that another file refers to (buffers and images of a glTF, materials and textures of an OBJ).
+These must be regular files of limited size in the folder of the first file or below it. Pipes, devices, links
+to other folders and paths that leave the folder raise an error.
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ if sys.platform != "win32":
     import fcntl
 
 MAX_FILE_BYTES = 1 << 31
-"""Maximum bytes of one file that is read completely, and of all files that it refers to. A scan of 20 million
-triangles with its images is smaller, and a small machine's memory is larger.
+"""Maximum size in bytes of a file that is read completely, and of all files that it refers to. A scan of 20
+million triangles with its images is smaller, and the memory of a small machine is larger.
 """
 DAMAGE = (
     LookupError,
@@ -50,8 +51,8 @@ DAMAGE = (
     MemoryError,
     RecursionError,
 )
-"""The exceptions that parsers raise when the numbers of a file are damaged. Checking each number explicitly
-would make up most of a reader's code.
+"""The exceptions that parsers raise if the numbers in a file are damaged. Readers catch them, because checks
+of each number would be most of a reader's code.
 """
 DECODE_ERRORS = (msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
 """The exceptions that msgspec's decoders raise for damaged JSON or MessagePack. Text that is not UTF-8 raises
@@ -60,39 +61,41 @@ no MsgspecError.
 _READ_FLAGS = (
     os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 )
-"""Flags for reading. A pipe without a writer is opened and refused, instead of blocking."""
+"""Flags for opening a file for reading. With them, opening a pipe without a writer does not block, so the
+pipe can be refused."""
 _CREATE_FLAGS = (
     os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0)
 )
-"""Flags that create a file, and never open an existing one or one behind a link."""
+"""Flags that create a new file. They prevent opening an existing file and following a link."""
 _OVERWRITE_FLAGS = os.O_RDWR | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 PART_SUFFIX = ".part"
-"""Suffix of a file that is not written completely yet."""
+"""Suffix of a temporary file that is not written completely yet."""
 _MAX_PART_NAME_LENGTH = 40
-"""Maximum length of a file's name within the name of its temporary file. File systems allow 255 bytes in
-total.
+"""Maximum number of characters of a file's name that become part of the name of its temporary file. File
+systems allow 255 bytes in total.
 """
 _MAX_WRITE_S = 86_400.0
-"""Maximum duration of a write, seconds: a day. An older temporary file was left by a killed program."""
+"""Maximum duration of a write in seconds (a day). An older temporary file was left behind by a killed
+program."""
 _BYTE_ORDER_MARKS = (
     (codecs.BOM_UTF8, "utf-8"),
     (codecs.BOM_UTF32_LE, "utf-32-le"),
     (codecs.BOM_UTF16_LE, "utf-16-le"),
     (codecs.BOM_UTF16_BE, "utf-16-be"),
 )
-"""Byte order marks, which state the encoding of a text file. UTF-32 precedes UTF-16, because its mark starts
-with that of UTF-16.
+"""Byte order marks and the encodings that they mean. UTF-32 precedes UTF-16, because its mark starts with the
+mark of UTF-16.
 """
 _USUAL_CODE_PAGE = "cp1252"
-"""The 8-bit code page assumed on computers that use UTF-8. Most old files come from Windows in western Europe
-or America.
+"""The 8-bit code page that is assumed on computers that use UTF-8. Most old files are from Windows in western
+Europe or America.
 """
 _FOLDER_PREFIX = "enliven-capture-"
-"""Prefix of the names of temporary folders, also in older versions."""
+"""Prefix of the names of temporary folders. Older versions used the same prefix."""
 _LOCK_NAME = ".in-use"
-"""Name of the file in a temporary folder that the running process keeps locked."""
+"""Name of the lock file in a temporary folder. The process that uses the folder keeps it locked."""
 _MIN_ABANDONED_AGE_S = 86_400.0
-"""Age, in seconds, above which a temporary folder without a locked file counts as abandoned: a day."""
+"""Minimum age in seconds (a day) at which a temporary folder without a lock file counts as abandoned."""
 _WRITE_ADVICE = "Check the folder's permissions and the space on the disk."
 _FAILING_DISK_ADVICE = (
     "Its card or disk may be failing: check it, and copy what can still be read to another one."
@@ -116,24 +119,26 @@ _DEVICE_FAULTS = {
     for name in names
     if (number := getattr(errno, name, None)) is not None
 }
-"""The remedy for each error number that means a fault of a device or of this machine, not of a file."""
+"""The remedy for each error number that means an error of a device or of this machine, and not of a file."""
 _PERMISSION_ERRORS = {errno.EACCES, errno.EPERM}
-"""Error numbers if the user has no permission for a file."""
+"""Error numbers that mean that the user has no permission for a file."""
 INVALID_NAME_REASON = "no file can have that name"
-"""The reason for a path that the operating system refuses without giving a reason."""
+"""The reason in messages about a path that the operating system refuses without a reason."""
 _SAME_FOLDER_ADVICE = "Keep the files of the model in one folder."
 
 
 def file_fault(
     error: OSError, path: Path | str, doing: Literal["read", "written", "listed", "used"] = "read"
 ) -> EnlivenError:
-    """Returns the error of enliven for a failed operation on a file or folder, with its path and advice.
+    """Converts the error of a failed operation on a file or folder to an error for users, with its path and a
+    remedy.
 
     Args:
         doing: the failed operation as a participle, such as "read" in "it cannot be read".
 
     Returns:
-        ResourceError for a fault of the device or of this machine and for all failed writes, else InputError.
+        ResourceError for an error of the device or of this machine, and for all failed writes. Otherwise
+        InputError.
     """
     problem = f"it cannot be {doing} ({error.strerror or error})"
     remedy = _DEVICE_FAULTS.get(error.errno or 0)
@@ -155,7 +160,7 @@ def is_file_fault(error: OSError) -> bool:
 
 
 class _ReportedFile(io.FileIO):
-    """A file opened for reading. A read that fails raises :func:`file_fault` with the file's path."""
+    """A file that is opened for reading. A failed read raises the error that :func:`file_fault` returns."""
 
     def readinto(self, buffer: bytearray | memoryview) -> int | None:  # type: ignore[override]
         try:
@@ -173,8 +178,8 @@ class _ReportedFile(io.FileIO):
 class TemporaryFolder(tempfile.TemporaryDirectory[str]):
     """A folder in the system's temporary folder. It is removed at the end, or after a crash by a later start.
 
-    A locked file in it shows that its process is running: the operating system releases the lock with the
-    process. On Windows the folder is not removed after a crash.
+    While the process runs, it keeps a file in the folder locked. The operating system releases the lock when
+    the process ends. On Windows the folder is not removed after a crash.
 
     Args:
         purpose: a word that becomes part of the folder's name.
@@ -197,10 +202,10 @@ class TemporaryFolder(tempfile.TemporaryDirectory[str]):
 
 
 def remove_dead_folders() -> list[str]:
-    """Removes this user's temporary folders of processes that were killed. Returns the names.
+    """Removes this user's temporary folders that killed processes have left behind. Returns their names.
 
-    A folder without its locked file was left by an older version, or is being created. It is removed if it is
-    older than a day. Symbolic links are not followed.
+    A folder without a lock file was left behind by an older version, or is being created. It is removed if it
+    is older than a day. Symbolic links are not followed.
     """
     if sys.platform == "win32":
         return []
@@ -218,7 +223,7 @@ def remove_dead_folders() -> list[str]:
 
 @contextlib.contextmanager
 def _open_folder(name: str, within: int | None = None) -> Iterator[int]:
-    """Opens a folder for functions with the parameter ``dir_fd``. Refuses links to folders."""
+    """Opens a folder, and yields its descriptor for the parameter ``dir_fd``. Refuses links to folders."""
     links = 0 if within is None else os.O_NOFOLLOW
     descriptor = os.open(name, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC | links, dir_fd=within)
     try:
@@ -228,7 +233,8 @@ def _open_folder(name: str, within: int | None = None) -> Iterator[int]:
 
 
 def _is_dead(folder: int) -> bool:
-    """Returns True if the process of an opened :class:`TemporaryFolder` has ended."""
+    """Returns True if the process that created a :class:`TemporaryFolder` has ended. ``folder`` is its
+    descriptor."""
     try:
         lock = os.open(_LOCK_NAME, os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=folder)
     except FileNotFoundError:
@@ -243,13 +249,13 @@ def _is_dead(folder: int) -> bool:
 
 
 def user_data_folder() -> Path:
-    """Returns the user's own folder for data that programs keep between runs."""
+    """Returns the user's folder for data that programs store between runs."""
     configured = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
     return (Path(configured) if configured else Path.home() / ".local" / "state") / "enliven"
 
 
 def config_folder() -> Path:
-    """Returns the user's own folder for files that the user configures, such as keys."""
+    """Returns the user's folder for configuration files, such as keys."""
     given = os.environ.get("XDG_CONFIG_HOME") or os.environ.get("APPDATA")
     return (Path(given) if given else Path.home() / ".config") / "enliven"
 
@@ -257,10 +263,10 @@ def config_folder() -> Path:
 def open_file(path: Path) -> BinaryIO:
     """Opens a regular file for reading.
 
-    Reads from it raise ResourceError or InputError with its path if the device fails: :func:`file_fault`.
+    If a later read fails, it raises the error that :func:`file_fault` returns.
 
     Raises:
-        InputError: if it is missing or not readable, or is a folder, a pipe or a device.
+        InputError: if the file is missing or not readable, or is a folder, a pipe or a device.
         ResourceError: if its device fails.
     """
     try:
@@ -288,7 +294,7 @@ def read_file(path: Path, max_bytes: int = MAX_FILE_BYTES) -> bytes:
     """Reads the bytes of a regular file of at most ``max_bytes`` bytes.
 
     Raises:
-        InputError: as :func:`open_file`, and if the file is larger.
+        InputError: in the cases of :func:`open_file`, or if the file is larger.
         ResourceError: if its device fails.
     """
     with open_file(path) as file:
@@ -302,8 +308,8 @@ def read_file(path: Path, max_bytes: int = MAX_FILE_BYTES) -> bytes:
 def decode_text(data: bytes) -> str:
     """Decodes a text file of another program. Every line of the result ends in "\\n".
 
-    A byte order mark states the encoding. Without one, the text is UTF-8 if its bytes are valid UTF-8.
-    Otherwise it is in the computer's own 8-bit code page. All byte sequences can be decoded, so different
+    If there is a byte order mark, it determines the encoding. Otherwise the encoding is UTF-8 if the bytes
+    are valid UTF-8, and else the computer's 8-bit code page. All byte sequences can be decoded, so different
     names stay different.
     """
     for mark, encoding in _BYTE_ORDER_MARKS:
@@ -321,10 +327,10 @@ def decode_text(data: bytes) -> str:
 
 
 def text_bytes(data: bytes) -> bytes:
-    """Returns a text file as bytes in which each line ends in b"\\n" and ASCII characters are single bytes.
+    """Converts a text file to bytes in which each line ends in b"\\n" and ASCII characters are single bytes.
 
-    Readers of large files search these bytes and decode only names. They are UTF-8, or the file's own 8-bit
-    code page, which :func:`decode_text` decodes.
+    Readers of large files search these bytes and decode only names, by :func:`decode_text`. The bytes are
+    UTF-8 or in the file's 8-bit code page.
     """
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE, codecs.BOM_UTF32_LE)):
         return decode_text(data).encode()
@@ -345,10 +351,11 @@ def _decode_code_page(data: bytes) -> str:
 
 
 def require_folder(*paths: Path | None) -> None:
-    """Raises an error if the folder of an output file is missing, before any work begins. None means no file.
+    """Raises ResourceError if the folder of an output file is missing. Call it before any work begins. Paths
+    that are None are ignored.
 
     Raises:
-        ResourceError: names the missing folder and the most similar existing name.
+        ResourceError: if a folder is missing. The message contains the most similar existing name.
     """
     for path in paths:
         folder = Path() if path is None else path.parent
@@ -370,13 +377,14 @@ def require_folder(*paths: Path | None) -> None:
 
 
 def write_file(path: Path, data: bytes | str, remedy: str = "", *, durable: bool = True) -> None:
-    """Writes a file completely or not at all, text as UTF-8. Creates its folder if it is missing.
+    """Writes a file completely or not at all. Text is encoded as UTF-8. Creates the folder if it is missing.
 
     Pipes and devices are written directly. :func:`replace_file` lists what is preserved of a replaced file.
 
     Args:
         remedy: the remedy if it cannot be written. If empty, it depends on the kind of failure.
-        durable: False does not wait for the disk, for a file that a restart of the computer may lose.
+        durable: True waits until the data is on the disk. False is for files that may be lost when the
+            computer restarts.
 
     Raises:
         ResourceError: if it cannot be written. The existing file is then untouched.
@@ -393,7 +401,7 @@ def write_file(path: Path, data: bytes | str, remedy: str = "", *, durable: bool
 
 
 def write_picture(path: Path, picture: Any, remedy: str = "", **options: Any) -> None:
-    """Writes a Pillow image in the format of the path's suffix, as :func:`write_file` does.
+    """Writes a Pillow image by :func:`write_file`, in the format of the path's suffix.
 
     Args:
         options: options of Pillow's writer.
@@ -416,11 +424,12 @@ def write_picture(path: Path, picture: Any, remedy: str = "", **options: Any) ->
 
 @contextlib.contextmanager
 def replace_file(path: Path, remedy: str = "", *, durable: bool = True) -> Iterator[Path]:
-    """Yields an empty file to write, which replaces ``path`` unless something is raised.
+    """Yields the path of an empty file to write. At the end of the ``with`` block, it replaces ``path``,
+    unless an exception was raised.
 
     The mode, the owner and the extended attributes of the existing file are preserved. A symbolic link stays,
-    and its target is replaced. The temporary file is in the same folder. Its name cannot be guessed, and it
-    never opens an existing file.
+    and its target is replaced. The temporary file is in the same folder. Its name cannot be guessed, and an
+    existing file is never opened.
 
     Args:
         remedy: the remedy if it cannot be written. If empty, it depends on the kind of failure.
@@ -449,13 +458,14 @@ def replace_file(path: Path, remedy: str = "", *, durable: bool = True) -> Itera
 
 @contextlib.contextmanager
 def replace_folder(path: Path, is_own: Callable[[str], bool], remedy: str = "") -> Iterator[Path]:
-    """Yields an empty folder to fill, which replaces ``path`` unless something is raised.
+    """Yields the path of an empty folder to fill. At the end of the ``with`` block, it replaces ``path``,
+    unless an exception was raised.
 
-    The temporary folder is next to ``path``. An existing folder is only replaced if it contains nothing but
+    The temporary folder is next to ``path``. An existing folder is only replaced if all of its content are
     regular files of an earlier call, so that no other file is ever deleted.
 
     Args:
-        is_own: returns True for the name of a file that a call may have written.
+        is_own: a function that returns True for the name of a file that an earlier call may have written.
         remedy: the remedy if it cannot be written. If empty, it depends on the kind of failure.
 
     Raises:
@@ -489,7 +499,8 @@ def replace_folder(path: Path, is_own: Callable[[str], bool], remedy: str = "") 
 
 
 def _refuse_foreign_files(path: Path, is_own: Callable[[str], bool]) -> None:
-    """Raises InputError if a path exists and is not a folder with only own files."""
+    """Raises InputError if a path exists, but is not a folder that contains only files for which ``is_own``
+    returns True."""
     remedy = "Choose another name."
     try:
         if not path.is_symlink() and not path.exists():
@@ -510,7 +521,8 @@ def _refuse_foreign_files(path: Path, is_own: Callable[[str], bool]) -> None:
 
 @contextlib.contextmanager
 def explain_write_errors(path: Path, remedy: str) -> Iterator[None]:
-    """Converts operating system errors to an error that contains the file and the remedy."""
+    """Converts operating system errors in the ``with`` block to an error that contains the file and the
+    remedy."""
     try:
         yield
     except OSError as error:
@@ -528,7 +540,7 @@ def _is_stream(path: Path) -> bool:
 
 
 def _stat_regular(path: Path) -> os.stat_result | None:
-    """Returns the state (``os.stat``) of the file that will be replaced. None if it does not exist.
+    """Returns the status (``os.stat``) of the file that will be replaced, or None if it does not exist.
 
     Raises:
         OSError: if the path is a folder, a pipe or a device.
@@ -544,14 +556,14 @@ def _stat_regular(path: Path) -> os.stat_result | None:
 
 
 def _part_path(target: Path) -> Path:
-    """Returns a path in the same folder as another one. Its random name cannot be predicted by other
-    users.
+    """Returns a path for a temporary file in the same folder as ``target``. Its random name cannot be
+    predicted by other users.
     """
     return target.with_name(f".{target.name[:_MAX_PART_NAME_LENGTH]}.{secrets.token_hex(8)}{PART_SUFFIX}")
 
 
 def _create_part_folder(target: Path) -> Path:
-    """Creates an empty folder next to another one."""
+    """Creates an empty temporary folder next to ``target``."""
     while True:
         part = _part_path(target)
         try:
@@ -562,7 +574,7 @@ def _create_part_folder(target: Path) -> Path:
 
 
 def _create_part(target: Path, mode: int) -> Path:
-    """Creates an empty file next to another one."""
+    """Creates an empty temporary file next to ``target``."""
     while True:
         part = _part_path(target)
         try:
@@ -573,8 +585,8 @@ def _create_part(target: Path, mode: int) -> Path:
 
 
 def _remove_leftovers(target: Path) -> None:
-    """Removes the temporary files and folders of ``target`` that are over a day old: their program was
-    killed."""
+    """Removes the temporary files and folders of ``target`` that are more than a day old, because their
+    program was killed."""
     oldest = time.time() - _MAX_WRITE_S
     for part in target.parent.glob(f".{glob.escape(target.name[:_MAX_PART_NAME_LENGTH])}.*{PART_SUFFIX}"):
         with contextlib.suppress(OSError):
@@ -586,22 +598,22 @@ def _remove_leftovers(target: Path) -> None:
 
 
 def _replace_target(part: Path, target: Path, old_attributes: os.stat_result | None, durable: bool) -> None:
-    """Replaces a file by a finished one, and preserves its attributes."""
+    """Replaces ``target`` by the finished file ``part``, and preserves the attributes of ``target``."""
     with part.open("r+b") as file:
         has_attributes = old_attributes is None or _copy_attributes(file.fileno(), target, old_attributes)
         if durable:
             os.fsync(file.fileno())
     if has_attributes:
         os.replace(part, target)
-    else:  # Replacing the file would give it another owner, so overwrite its content instead.
+    else:  # Replacing the file would change its owner, so overwrite its content instead.
         _overwrite_target(part, target)
 
 
 def _copy_attributes(descriptor: int, target: Path, old_attributes: os.stat_result) -> bool:
-    """Gives a new file the owner, mode and extended attributes of the existing file.
+    """Copies owner, mode and extended attributes of the existing file ``target`` to a new file.
 
     Returns:
-        False if this user has no permission to set that owner.
+        False if this user has no permission to set the owner.
     """
     if sys.platform == "win32":
         # On Windows, a new file inherits the permissions of its folder, so there is nothing to copy.
@@ -623,7 +635,8 @@ def _copy_attributes(descriptor: int, target: Path, old_attributes: os.stat_resu
 
 
 def _overwrite_target(part: Path, target: Path) -> None:
-    """Copies a finished file into an existing one of a different owner, after reserving the space."""
+    """Copies the content of a finished file to an existing file with a different owner, after reserving the
+    space."""
     with part.open("rb") as new, os.fdopen(os.open(target, _OVERWRITE_FLAGS), "r+b") as old:
         size = os.fstat(new.fileno()).st_size
         if size and hasattr(os, "posix_fallocate"):
@@ -641,10 +654,10 @@ _recorded_references: ContextVar[list[Path] | None] = ContextVar("references", d
 
 @contextlib.contextmanager
 def record_references() -> Iterator[list[Path]]:
-    """Collects the absolute paths of all files that other files refer to in this thread, including missing
-    ones.
+    """Collects the absolute paths of all files that are opened by reference from other files in this thread,
+    including missing files.
 
-    A cache needs them: its entry is out of date if one of them has changed.
+    A cache needs these paths, because an entry is outdated if one of the files has changed.
     """
     paths: list[Path] = []
     token = _recorded_references.set(paths)
@@ -655,11 +668,12 @@ def record_references() -> Iterator[list[Path]]:
 
 
 class ReferencedFiles:
-    """Opens the files that one file refers to, if they are in its own folder or below.
+    """Opens the files that another file refers to, if they are in its folder or below.
 
     Args:
         path: path of the file that refers to the others.
-        max_bytes: maximum bytes of all reads together. A file named a thousand times counts a thousand times.
+        max_bytes: maximum total size of all reads in bytes. A file that is referred to a thousand times
+            counts a thousand times.
     """
 
     def __init__(self, path: Path, max_bytes: int = MAX_FILE_BYTES) -> None:
@@ -669,7 +683,7 @@ class ReferencedFiles:
         """Returns the bytes of a data URI, or of the file at a percent-encoded relative URI.
 
         Raises:
-            InputError: as :meth:`file`, and for invalid data in the URI.
+            InputError: in the cases of :meth:`file`, or if the URI contains invalid data.
         """
         if not uri.startswith("data:"):
             return self.file(unquote(uri))
@@ -699,7 +713,7 @@ class ReferencedFiles:
                 raise
             raise self._reference_error(name, f"cannot be read ({error.what})", _SAME_FOLDER_ADVICE) from None
         except (OSError, ValueError, RuntimeError) as error:
-            # The path is a loop of symbolic links, or the name is invalid.
+            # Symbolic links form a loop, or the name is invalid.
             raise self._reference_error(
                 name, f"cannot be read ({plain_reason(error, INVALID_NAME_REASON)})", _SAME_FOLDER_ADVICE
             ) from None

@@ -1,4 +1,5 @@
-"""The frames that a sensor delivers: a depth image, or bodies if the sensor tracks people itself."""
+"""The frames that a sensor delivers. A frame contains a depth image, or bodies if the sensor tracks people
+itself."""
 
 from __future__ import annotations
 
@@ -17,13 +18,13 @@ class DepthFrame:
     """One depth image.
 
     Attributes:
-        depth: (H, W) uint16 millimetres along the optical axis. 0 (and 65535) for unknown depth.
-        intrinsics: the camera, of the same width and height.
+        depth: (H, W) uint16, distance along the optical axis in millimetres. 0 and 65535 mean unknown depth.
+        intrinsics: the camera's intrinsics, for the same width and height.
         time_ns: the sensor's own clock, integer nanoseconds.
         sensor: the sensor's identity, such as "kinect1-A00362".
-        colour: (h, w, 3) uint8 sRGB, or None.
+        colour: (h, w, 3) uint8 sRGB image, or None.
         world_from_camera: (4, 4) pose of the sensor, or None if it must be estimated from the floor.
-        sequence: the sensor's own count of its images, or None if the sensor does not count.
+        sequence: sequence number of the image, or None if the sensor does not count its images.
         read_ns: monotonic clock when the frame was read, if it was passed on much later. 0 otherwise.
     """
 
@@ -48,7 +49,7 @@ class DepthFrame:
 
 @dataclass(frozen=True)
 class BodyFrame:
-    """The bodies that a sensor, several of them or a skeleton recording saw at one moment.
+    """The bodies at one time, from one or several sensors or from a skeleton recording.
 
     Attributes:
         bodies: the bodies, in the world frame.
@@ -69,4 +70,4 @@ Frame = DepthFrame | BodyFrame
 
 
 TIME_LIMIT_NS = 1 << 62
-"""Nanoseconds, 146 years: a larger time is invalid. Differences and offsets still fit into 64 bits."""
+"""Maximum valid time in nanoseconds (146 years). Differences and offsets of valid times fit into 64 bits."""

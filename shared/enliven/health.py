@@ -1,4 +1,4 @@
-"""Possible problems of a sensor or a performance, as typed states: kind, time of onset, remedy."""
+"""Health states: typed problems of a sensor or a performance, with kind, start time and remedy."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ class Severity(IntEnum):
     """The severity of a health state."""
 
     NOTE = 0
-    """Not a problem: the state passes by itself, or is only information."""
+    """Not a problem. The state ends by itself, or is only information."""
     WARNING = 1
     """Tracking is impaired."""
     ERROR = 2
@@ -18,7 +18,7 @@ class Severity(IntEnum):
 
 
 class HealthKind(StrEnum):
-    """The kinds of problems."""
+    """The kinds of problems of a sensor or a performance."""
 
     NO_FRAMES = "no frames"
     SENSOR_LOST = "sensor lost"
@@ -50,7 +50,7 @@ class HealthKind(StrEnum):
 
 
 NO_PERFORMER = -1
-"""Value instead of a performer's id: the state concerns the sensor or the whole scene."""
+"""Value instead of a performer's id for a state that concerns the sensor or the whole scene."""
 
 
 @dataclass(frozen=True)
@@ -60,9 +60,9 @@ class HealthState:
     Attributes:
         kind: a :class:`HealthKind`, or an unknown kind from a later version of the program.
         severity: its severity.
-        since_ns: when the problem started, by the sensor's clock.
-        what: the problem, one sentence.
-        remedy: the remedy, one sentence.
+        since_ns: start of the problem, nanoseconds of the sensor's clock.
+        what: one sentence about the problem.
+        remedy: one sentence about the remedy.
         performer: the id of the affected performer, or :data:`NO_PERFORMER`.
     """
 

@@ -1,4 +1,4 @@
-"""A binary min-heap in two arrays (keys and items), for compiled loops."""
+"""A binary min-heap in two arrays (keys and items), for kernels."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enliven.kernels import njit
 
 @njit(cache=True, nogil=True)
 def push(keys, items, size, key, item):
-    """Adds an item to a heap of ``size``. Returns the new size."""
+    """Adds an item to a heap with ``size`` entries. Returns the new size."""
     i = size
     while i > 0:
         parent = (i - 1) // 2
@@ -21,7 +21,8 @@ def push(keys, items, size, key, item):
 
 @njit(cache=True, nogil=True)
 def pop(keys, items, size):
-    """Removes the smallest key from a heap of ``size``. Returns the new size."""
+    """Removes the entry with the smallest key, at index 0, from a heap with ``size`` entries. Returns the new
+    size."""
     size -= 1
     key, item = keys[size], items[size]
     i = 0

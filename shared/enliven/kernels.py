@@ -1,5 +1,5 @@
-"""Shared tools for compiled kernels: the compiler decorator, two threads, pointers to arguments, and copy
-loops."""
+"""Shared tools for compiled kernels: the compiler decorator, execution in two threads, pointers to arguments,
+and copy loops."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ listen_to_compiler()
 def njit(*, cache: bool = False, **options: Any) -> Any:
     """Compiles like ``numba.njit``, without the unused entry point for C.
 
-    Compiling that entry point with every kernel took a tenth of the compile time.
+    Compiling this entry point would take a tenth of the compile time of every kernel.
 
     Args:
-        cache: True to keep the machine code on disk; see :mod:`enliven.kernel_cache`.
+        cache: True stores the machine code on disk, see :mod:`enliven.kernel_cache`.
         options: options of ``numba.njit``.
     """
     compiled = numba.njit(no_cfunc_wrapper=True, **options)
@@ -39,19 +39,20 @@ def njit(*, cache: bool = False, **options: Any) -> Any:
 
 @cache
 def second_thread() -> ThreadPoolExecutor:
-    """Returns the thread that shares the work of its callers."""
+    """Returns an executor with one thread, which shares the work of the calling threads."""
     return ThreadPoolExecutor(1, "enliven-second")
 
 
 def run_in_pieces(kernel: Callable[..., Any], count: int, length: int, *arguments: Any) -> None:
     """Calls ``kernel(*arguments, first, last)`` for pieces that cover 0 to ``count``, in two threads.
 
-    The kernels release the global interpreter lock (GIL) and are serial themselves, because parallel kernels
-    cannot be called from several threads of one process on every platform. Each thread takes the next piece
-    when it is idle. A piece writes only to its own part of the output, so the result is always the same.
+    The kernels release the global interpreter lock (GIL), and each kernel runs serially. Numba's parallel
+    kernels are not used, because on some platforms only one thread of a process may call them. Each thread
+    takes the next piece when it is idle. A piece writes only to its own part of the output, so the result is
+    always the same.
 
     Args:
-        length: the length of a piece. A single piece is computed in the calling thread.
+        length: the length of a piece. If there is only one piece, the calling thread computes it.
     If :func:`second_thread` is busy, the calling thread computes all pieces.
     """
     pieces = deque(range(0, count, length))
@@ -79,9 +80,9 @@ class HeldArgumentsType(types.StructRef):  # type: ignore[misc]
 
 
 class HeldArguments(structref.StructRefProxy):  # type: ignore[misc]
-    """A pointer to arguments that stay the same over many calls, made by :func:`hold`.
+    """A pointer to arguments that stay constant over many calls, created by :func:`hold`.
 
-    A kernel reads its ``values``.
+    A kernel reads them from ``values``.
     """
 
     __slots__ = ()
@@ -97,7 +98,7 @@ def _held(values: tuple[Any, ...]) -> SimpleNamespace:
 
 @overload(_held)
 def _held_in_kernels(values):
-    """Returns the function that builds a structure of these types inside a kernel."""
+    """Returns the function that builds a structure with fields of these types inside a kernel."""
     kind = HeldArgumentsType((("values", types.unliteral(values)),))
 
     def make(values):
@@ -110,21 +111,23 @@ def _held_in_kernels(values):
 
 @njit(cache=True)
 def hold(values):
-    """Returns a :class:`HeldArguments` of arrays, numbers, and tuples and named tuples of them.
+    """Returns a :class:`HeldArguments` for arrays, numbers, tuples and named tuples.
 
-    Numba inspects every array argument of a call, which takes 0.15 microseconds each. The kernels of a
-    deformation graph take 53 arrays in each frame. A pointer to all of them takes the time of one. The arrays
-    are not copied, so kernels see later changes to them. Numbers are copied and do not change.
+    Numba inspects every array argument of a call, which takes 0.15 microseconds per array. The kernels of a
+    deformation graph have 53 array arguments in each frame. A pointer to all arrays takes only the time of
+    one argument. The arrays are not copied, so kernels see later changes. Numbers are copied and do not
+    change.
     """
     return _held(values)
 
 
 @njit(cache=True, nogil=True)
 def copy_row(target: Any, source: Any) -> None:
-    """Copies an array (N,) into another one without checking the lengths.
+    """Copies the array ``source`` (N,) to ``target`` without checking the lengths.
 
-    ``target[:] = source`` checks them. Numba compiles the code that builds the error message into the kernel
-    and into each kernel that calls it. That was a quarter of the compile time of the tracker's kernels.
+    ``target[:] = source`` checks the lengths. Numba compiles the code that builds the error message into the
+    kernel, and into each kernel that calls it. This was a quarter of the compile time of the tracker's
+    kernels.
     """
     for i in range(target.shape[0]):
         target[i] = source[i]
@@ -132,7 +135,7 @@ def copy_row(target: Any, source: Any) -> None:
 
 @njit(cache=True, nogil=True)
 def copy_rows(target: Any, source: Any) -> None:
-    """Copies an array (N, M) into another one without checking the shapes. See :func:`copy_row`."""
+    """Copies the array ``source`` (N, M) to ``target`` without checking the shapes. See :func:`copy_row`."""
     for i in range(target.shape[0]):
         for j in range(target.shape[1]):
             target[i, j] = source[i, j]
@@ -140,7 +143,8 @@ def copy_rows(target: Any, source: Any) -> None:
 
 @njit(cache=True, nogil=True)
 def quantile(ordered, share):
-    """Returns the quantile of sorted values (N,) at a fraction in [0, 1], with linear interpolation."""
+    """Returns the quantile of the sorted values ``ordered`` (N,) at the fraction ``share`` in [0, 1], with
+    linear interpolation."""
     at = share * (len(ordered) - 1)
     low = int(at)
     high = min(low + 1, len(ordered) - 1)

@@ -1,7 +1,7 @@
-"""Small dense blocks in vector registers, for compiled loops: 6x6 float32 in rows of eight lanes.
+"""Operations on small dense blocks in SIMD registers, for kernels: 6x6 float32 in rows of eight lanes.
 
-A block is inverted, transposed or quantised entirely in registers, without memory writes in between. The
-registers are those of :mod:`enliven.lanes`. For use inside ``@njit`` functions only.
+A block is inverted, transposed or quantised entirely in registers (:mod:`enliven.lanes`), without
+intermediate memory writes. Use the functions only inside ``@njit`` functions.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from numba.extending import intrinsic
 from enliven.lanes import EIGHT, I32, I64, address_of, vector_of
 
 _ROWS = 6
-"""Number of rows of a block, and of numbers in a row: three for rotation and three for translation of a node.
+"""Number of rows of a block, and of used numbers in a row: three for rotation and three for translation of a
+node.
 """
 _VECTOR = vector_of(EIGHT)
 _NONE = ir.Constant(_VECTOR, ir.Undefined)
@@ -33,7 +34,7 @@ def _shuffled(builder: Any, a: Any, b: Any, lanes: list[int]) -> Any:
 
 
 def _rows(builder: Any, first: Any) -> list[Any]:
-    """Loads the six rows that start at ``first``."""
+    """Loads six rows, starting at the address ``first``."""
     loaded = []
     for r in range(_ROWS):
         loaded.append(builder.load(builder.gep(first, [ir.Constant(I64, r)])))
@@ -42,7 +43,7 @@ def _rows(builder: Any, first: Any) -> list[Any]:
 
 
 def _put(builder: Any, rows: list[Any], first: Any) -> None:
-    """Stores six rows, starting at ``first``."""
+    """Stores six rows, starting at the address ``first``."""
     for r, row in enumerate(rows):
         builder.store(row, builder.gep(first, [ir.Constant(I64, r)])).align = 4
 
@@ -60,12 +61,12 @@ def _fma(builder: Any, a: Any, b: Any, c: Any) -> Any:
 
 
 def _everywhere(value: float) -> Any:
-    """Returns a vector with the same number in every lane."""
+    """Returns a vector with ``value`` in every lane."""
     return ir.Constant(_VECTOR, [value] * 8)
 
 
 def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
-    """Returns the six rows of the transposed block, with 0 in their last lanes."""
+    """Returns the six rows of the transposed block. The unused last lanes are 0."""
     rows = [*rows, _ZERO, _ZERO]
     # Interleave two rows at a time, separately for the lower and the upper half of the columns.
     pairs = [
@@ -92,8 +93,8 @@ def _both(context: Any, builder: Any, sig: Any, args: Any) -> list[Any]:
 
 @intrinsic
 def transpose6(typing, source, index, target, to):
-    """Writes the transposed block at ``index`` of ``source`` to index ``to`` of ``target``. Unused lanes are
-    0.
+    """Writes the transpose of the block at ``index`` of ``source`` to index ``to`` of ``target``. Unused
+    lanes are 0.
     """
 
     def generate(context, builder, sig, args):
@@ -108,8 +109,8 @@ def transpose6(typing, source, index, target, to):
 
 @intrinsic
 def mirror6(typing, source, index, target, to, sign):
-    """Completes a symmetric block, given by its lower half, multiplies it by ``sign``, and writes it from
-    ``index`` to ``to``.
+    """Completes a symmetric block from its lower half, and multiplies it by ``sign``. Reads it at ``index``
+    of ``source``, and writes it to index ``to`` of ``target``.
     """
 
     def generate(context, builder, sig, args):
@@ -133,11 +134,11 @@ def mirror6(typing, source, index, target, to, sign):
 def invert6(typing, block, index, sign):
     """Replaces the symmetric block at ``index`` by its inverse, by Gauss-Jordan elimination.
 
-    Returns True if ``sign`` times it is positive definite. If not, the result is not an inverse.
+    Returns True if ``sign`` times the block is positive definite. Otherwise, the result is not an inverse.
 
     The row of a pivot p in column k is divided by p, and its entry in that column is set to 1 + 1/p.
     Subtracting f times this row from a row with f in that column gives f - f (1 + 1/p) = -f/p, as required.
-    So only whole registers are written, no single numbers.
+    So only whole registers are written, and no single numbers.
     """
 
     def generate(context, builder, sig, args):
@@ -164,12 +165,13 @@ def invert6(typing, block, index, sign):
 
 @intrinsic
 def totals6(typing, a, b, c, d, e, f):
-    """Returns the sums of six vectors of eight, one per lane. The last two lanes are 0."""
+    """Returns a vector with lanes that are the sums of six vectors of eight numbers. The last two lanes are
+    0."""
 
     def generate(context, builder, sig, args):
         def paired(u: Any, v: Any) -> Any:
-            # Add neighbouring lanes of u and v, and let the sums of u and v alternate. Stay within each half
-            # of the vector, because moving lanes between the halves is slow.
+            # Add neighbouring lanes of u and v, such that the sums of u and v alternate. Stay within each
+            # half of the vector, because moving lanes between the halves is slow.
             even = _shuffled(builder, u, v, [0, 2, 8, 10, 4, 6, 12, 14])
             return builder.fadd(even, _shuffled(builder, u, v, [1, 3, 9, 11, 5, 7, 13, 15]))
 
@@ -211,7 +213,7 @@ def shorten6(typing, block, index, short, to):
 
 @intrinsic
 def loadshort8(typing, short, index):
-    """Loads eight int16 as a vector of eight float32."""
+    """Loads eight int16 at ``index`` as a vector of eight float32."""
     if short.dtype != types.int16:
         return None
 

@@ -1,10 +1,10 @@
-"""Short vectors (SIMD) in the processor's registers, for compiled loops: four float64, or eight float32.
+"""SIMD vectors in the processor's registers, for kernels: four float64, or eight float32.
 
-Numba compiles plain loops over three or four numbers to scalar code. The small dense blocks of a deformation
-graph are then several times slower than the machine allows. This module is the minimum that fixes it: a value
-that is one vector register, read from and written to flat arrays. LLVM lowers it to the processor's
-instructions (AVX, NEON), so it is as portable as the loops around it. For use inside ``@njit`` functions
-only.
+Numba compiles plain loops over three or four numbers to scalar code. For the small dense blocks of a
+deformation graph, this code is several times slower than SIMD code. This module provides a type with one
+vector register as its value, and functions that load it from and store it to flat arrays. LLVM lowers it to
+the processor's instructions (AVX, NEON), so it is portable. Use the functions only inside ``@njit``
+functions.
 
     v = load4(x, 4 * j)                 # x: a contiguous float64 array of one dimension
     store4(out, 4 * j, fma4(0.5, v, load4(out, 4 * j)))
@@ -24,7 +24,7 @@ I32, I64 = ir.IntType(32), ir.IntType(64)
 
 
 class Lanes(types.Type):
-    """Numba's type of a vector register: ``count`` numbers of the type ``scalar``."""
+    """The Numba type of a vector register with ``count`` numbers of the type ``scalar``."""
 
     def __init__(self, count: int, scalar: types.Float) -> None:
         self.count, self.scalar = count, scalar
@@ -36,7 +36,7 @@ def _element(kind: Lanes) -> ir.Type:
 
 
 def vector_of(kind: Lanes) -> ir.VectorType:
-    """Returns LLVM's type of a vector register."""
+    """Returns the LLVM type of a vector register."""
     return ir.VectorType(_element(kind), kind.count)
 
 
@@ -202,12 +202,13 @@ def cross4(typing, a, b):
 
 @intrinsic
 def totals4(typing, a, b, c):
-    """Returns the sums of three vectors of four, one per lane. The fourth lane is 0."""
+    """Returns a vector with lanes that are the sums of three vectors of four numbers. The fourth lane is
+    0."""
 
     def generate(context, builder, sig, args):
         def paired(u: Any, v: Any) -> Any:
-            # Add neighbouring lanes of u and v, and let the sums of u and v alternate. Stay within each half
-            # of the vector, because moving lanes between the halves is slow.
+            # Add neighbouring lanes of u and v, such that the sums of u and v alternate. Stay within each
+            # half of the vector, because moving lanes between the halves is slow.
             even = _shuffled4(builder, u, v, [0, 4, 2, 6])
             return builder.fadd(even, _shuffled4(builder, u, v, [1, 5, 3, 7]))
 
@@ -222,8 +223,8 @@ def totals4(typing, a, b, c):
 def turned8(typing, rows, index, value):
     """Multiplies each half of a vector of eight with a 3x3 matrix in rows of four.
 
-    Each half has three numbers and an ignored fourth one. The result is the sum of the matrix rows, weighted
-    with the three numbers of the half.
+    Each half has three numbers and an ignored fourth number. The result of a half is the sum of the matrix
+    rows, weighted by its three numbers.
     """
 
     def generate(context, builder, sig, args):
@@ -258,8 +259,8 @@ def _make_reorder(order: list[int]) -> Any:
 
 
 together8, apart8 = _make_reorder([0, 1, 2, 4, 5, 6, 3, 7]), _make_reorder([0, 1, 2, 6, 3, 4, 5, 7])
-"""Reorder eight lanes that contain two groups of three numbers: from one free lane after each group to both
-free lanes at the end, and back.
+"""Functions that reorder eight lanes with two groups of three numbers. ``together8`` moves the free lane
+after each group to the end, and ``apart8`` is the inverse.
 """
 load4, store4, splat4, fma4, total4 = (
     make(FOUR) for make in (_make_load, _make_store, _make_splat, _make_fma, _make_total)
@@ -268,5 +269,5 @@ load8, store8, splat8, fma8, total8 = (
     make(EIGHT) for make in (_make_load, _make_store, _make_splat, _make_fma, _make_total)
 )
 loadq, storeq, splatq, fmaq = (make(QUAD) for make in (_make_load, _make_store, _make_splat, _make_fma))
-"""load(array, index), store(array, index, v), splat(scalar), total(v), and fma(a, v, w) = a v + w with a
-number or vector a."""
+"""Functions for vectors of this type: load(array, index), store(array, index, v), splat(scalar), and
+fma(a, v, w) = a v + w with a number or vector a."""

@@ -1,4 +1,4 @@
-"""Logging for people and for services: plain or JSON lines, with text from outside escaped.
+"""Logging as plain lines for people or JSON lines for services. Untrusted text is escaped.
 
 A log file is rotated, and repeated warnings are limited, so that a program that runs for months cannot fill
 its disk.
@@ -28,33 +28,35 @@ OWN_LOGGERS = ("enliven", "enliven_edge", "enliven_viewer", "py.warnings")
 
 
 MAX_LOG_FILE_BYTES = 5_000_000
-"""Maximum bytes of a log file. A full file is renamed to ``FILE.1``, and a new one begins."""
+"""Maximum size of a log file in bytes. A full file is renamed to ``FILE.1``, and a new file is started."""
 MAX_OLD_LOG_FILES = 3
-"""Number of renamed log files that are kept: ``FILE.1`` is the newest. Together all log files have at most 20
-MB.
-"""
+"""Maximum number of renamed log files. ``FILE.1`` is the newest. All log files together have at most 20
+MB."""
 REPEAT_WINDOW_S = 60.0
-"""Seconds in which identical warnings are limited."""
+"""Time window in seconds in which the number of identical warnings is limited."""
 MAX_REPEATS = 3
-"""Number of identical warnings in :data:`REPEAT_WINDOW_S`. Further ones are counted, but not logged."""
+"""Maximum number of identical warnings in :data:`REPEAT_WINDOW_S`. Further warnings are counted, but not
+logged."""
 _DECISION = "is_repeated_too_often"
 """Attribute of a log record that stores the decision of :class:`RepeatLimit`."""
 _MAX_REMEMBERED_WARNINGS = 256
-"""Maximum number of different warnings that are counted, to bound the memory."""
+"""Maximum number of different warnings that are counted. It limits the memory."""
 
 
 _KEPT_CATEGORIES = frozenset({"Zs"})
-"""Unicode categories that are not escaped: spaces, which move no other character."""
+"""Unicode categories that are not escaped although Python counts them as unprintable: spaces, which do not
+affect other characters."""
 _KEPT_JOINERS = frozenset("\u200c\u200d")
-"""Joiners that Persian, Hindi and emoji need. They neither end a line nor change its direction."""
+"""Joiner characters that are not escaped, because Persian, Hindi and emoji need them. They neither end a line
+nor change its direction."""
 _ASCII_PATTERN = re.compile(r"[\x20-\x7e]*")
 
 
 def escape_text(text: str) -> str:
     r"""Returns text with every non-printable character written as ``\x1b`` or ``\u202e``.
 
-    These are control characters, line ends, terminal escapes, marks that change the direction of writing, and
-    surrogates. Escaping text again changes nothing.
+    Non-printable characters are control characters, line ends, terminal escapes, marks that change the
+    writing direction, and surrogates. Escaping is idempotent.
     """
     if _ASCII_PATTERN.fullmatch(text):
         return text
@@ -73,8 +75,8 @@ def _escape_character(letter: str) -> str:
 
 
 class EscapedRecord(logging.LogRecord):
-    """A log record with messages of one printable line: ids and names from outside cannot forge further
-    lines."""
+    """A log record with a message of one printable line, so that untrusted ids and names cannot forge
+    additional lines."""
 
     def getMessage(self) -> str:
         """Returns the message with every non-printable character escaped."""
@@ -82,14 +84,13 @@ class EscapedRecord(logging.LogRecord):
 
 
 def escape_records() -> None:
-    """Escapes the messages of all further records of enliven's loggers, also for handlers of other
-    programs."""
+    """Escapes the messages of all later records of enliven's loggers, also for handlers of other programs."""
     make = logging.getLogRecordFactory()
     if getattr(make, "escapes", False):
         return
 
     def make_escaped(name: str | None, *values: Any, **more: Any) -> logging.LogRecord:
-        if name is None:  # logging.makeLogRecord passes no name, and sets it later.
+        if name is None:  # logging.makeLogRecord does not pass a name, and sets it later.
             return make(name, *values, **more)
         if name.partition(".")[0] in OWN_LOGGERS or name in OWN_LOGGERS:
             return EscapedRecord(name, *values, **more)
@@ -100,8 +101,8 @@ def escape_records() -> None:
 
 
 class JsonLinesFormatter(logging.Formatter):
-    """Formats a record as {"time", "level", "logger", "message"} and extra fields, one object per line,
-    times in UTC."""
+    """Formats a record as a JSON object in one line, with the fields "time" (UTC), "level", "logger",
+    "message", and extra fields."""
 
     _STANDARD_FIELDS = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", _DECISION}
 
@@ -125,7 +126,7 @@ class JsonLinesFormatter(logging.Formatter):
 
 
 class SentenceFormatter(logging.Formatter):
-    """Formats a record as its logger and its message. A Python warning becomes one sentence."""
+    """Formats a record as a line with its logger and its message. A Python warning becomes one sentence."""
 
     def format(self, record: logging.LogRecord) -> str:
         """Returns a record as a sentence for people."""
@@ -134,8 +135,8 @@ class SentenceFormatter(logging.Formatter):
 
 
 class _LossyStream(io.FileIO):
-    """A standard error that never fails. Text that cannot be written, because of a closed pipe or a full
-    disk, is dropped.
+    """A stream for standard error that never raises. Text that cannot be written, because of a closed pipe or
+    a full disk, is dropped.
     """
 
     def write(self, data: Any) -> int:
@@ -146,7 +147,7 @@ class _LossyStream(io.FileIO):
 
 
 def ignore_broken_stderr() -> None:
-    """Prevents a failure of standard error from ending the process or changing its exit code."""
+    """Prevents write errors on standard error from ending the process or changing its exit code."""
     try:
         stream = io.BufferedWriter(_LossyStream(sys.stderr.fileno(), "w", closefd=False))
         sys.stderr = io.TextIOWrapper(
@@ -157,12 +158,13 @@ def ignore_broken_stderr() -> None:
 
 
 class RepeatLimit(logging.Filter):
-    """Leaves out identical warnings and errors beyond :data:`MAX_REPEATS` in :data:`REPEAT_WINDOW_S`.
+    """A filter that drops identical warnings and errors beyond :data:`MAX_REPEATS` within
+    :data:`REPEAT_WINDOW_S`.
 
-    The first one after that time contains the number of those left out.
+    The first identical warning after this time contains the number of dropped warnings.
 
     Args:
-        clock: returns seconds, for tests.
+        clock: a function that returns the time in seconds. Tests replace it.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -171,17 +173,17 @@ class RepeatLimit(logging.Filter):
         self._seen: OrderedDict[tuple[str, int, str], tuple[float, int]] = OrderedDict()
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Returns False for a record that is left out."""
+        """Returns False for a record that is dropped."""
         if record.levelno < logging.WARNING:
             return True
-        # Each handler calls the filter, and all of them need the same decision.
+        # Each handler calls the filter. Store the decision, because all handlers need the same decision.
         decision = vars(record).get(_DECISION)
         if decision is None:
             decision = vars(record)[_DECISION] = self._decide(record)
         return bool(decision)
 
     def _decide(self, record: logging.LogRecord) -> bool:
-        """Counts a record. Returns False if it is left out."""
+        """Counts a record. Returns False if it must be dropped."""
         message, now = record.getMessage(), self._clock()
         key = record.name, record.levelno, message
         with self._lock:
@@ -198,7 +200,7 @@ class RepeatLimit(logging.Filter):
 
 
 class _DatedFormatter(SentenceFormatter):
-    """Formats a record for a file: time in UTC, level, and the sentence."""
+    """Formats a record for a log file: time in UTC, level, and sentence."""
 
     def format(self, record: logging.LogRecord) -> str:
         timestamp = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(record.created))
@@ -206,13 +208,13 @@ class _DatedFormatter(SentenceFormatter):
 
 
 class _LogFile(logging.handlers.RotatingFileHandler):
-    """A log file of bounded size. A full disk loses lines, and never ends the program."""
+    """A log file of limited size. If the disk is full, lines are lost, but the program continues."""
 
     def handleError(self, record: logging.LogRecord) -> None:
         """Drops a line that cannot be written."""
 
     def close(self) -> None:
-        """Closes the file, also if its last line cannot be written."""
+        """Closes the file, even if its last line cannot be written."""
         with contextlib.suppress(OSError):
             super().close()
 
@@ -223,7 +225,7 @@ class LogOptions:
 
     Attributes:
         as_json: True writes JSON lines.
-        file: the log file. None for standard error.
+        file: path of the log file. None means standard error.
     """
 
     as_json: bool = False
@@ -231,7 +233,8 @@ class LogOptions:
 
 
 def split_log_options(arguments: Sequence[str]) -> tuple[list[str], LogOptions]:
-    """Returns a command line without its log options, which every command has, and these options.
+    """Separates the log options, which every command has, from a command line. Returns the other arguments
+    and the options.
 
     They are ``--log-json``, and ``--log-file FILE`` or ``--log-file=FILE``. Arguments after "--" are kept.
 
@@ -257,11 +260,11 @@ def split_log_options(arguments: Sequence[str]) -> tuple[list[str], LogOptions]:
 
 
 def start_logging(*, as_json: bool = False, level: int = logging.INFO, file: Path | None = None) -> None:
-    """Sends the log of every logger under "enliven" to standard error or to a file, escaped.
+    """Configures the loggers of enliven to write escaped lines to standard error or to a file.
 
     Args:
-        file: a log file, which is rotated. A terminal still shows the log. Without a terminal, standard error
-            gets nothing, because a supervisor may collect it without a limit.
+        file: path of a log file, which is rotated. The log is also written to standard error if it is a
+            terminal, but not otherwise, because a supervisor may collect it without a size limit.
 
     Raises:
         OSError: if the file cannot be written.
@@ -284,6 +287,6 @@ def start_logging(*, as_json: bool = False, level: int = logging.INFO, file: Pat
         logger.handlers[:] = handlers
         logger.setLevel(level)
         logger.propagate = False
-    # Print warnings without the source line that raised them.
+    # Show Python warnings without the source line that raised them.
     warnings.formatwarning = lambda message, *place, **more: str(message)
     logging.captureWarnings(True)

@@ -1,4 +1,4 @@
-"""Compiled functions for binary masks."""
+"""Kernels for binary masks."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import numpy as np
 from enliven.kernels import njit
 
 _BLOCK = 32
-"""Number of pixels that are tested together. The block is skipped if none of them is masked."""
+"""Number of pixels in a block. A block without masked pixels is skipped by a single test."""
 
 
 @njit(cache=True, nogil=True)
 def pixels_of(mask):
-    """Returns the flat indices of the masked pixels in row-major order, (M,) int32."""
+    """Returns the flat indices (M,) int32 of the masked pixels, in row-major order."""
     flat = mask.ravel()
     out, count = np.empty(len(flat) + 1, np.int32), 0
     whole = len(flat) // _BLOCK * _BLOCK
@@ -23,7 +23,7 @@ def pixels_of(mask):
         if some == 0:
             continue
         for i in range(first, first + _BLOCK):
-            # Write every index without a branch. If this pixel is not masked, the count does not rise, and
+            # Write every index without a branch. If the pixel is not masked, the count does not increase, and
             # the next pixel overwrites the index.
             out[np.uintp(count)] = i
             count += flat[i]

@@ -1,7 +1,7 @@
 """Rotations: unit quaternions (w, x, y, z) over any batch shape, and the rotation nearest to a matrix.
 
 Every function takes and returns float64 arrays and broadcasts over the leading axes. q and -q are the same
-rotation. :func:`canonical` picks the one with w >= 0, which the wire uses.
+rotation. :func:`canonical` returns the quaternion with w >= 0, as in network messages.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 _MIN_STRETCH = 1e-4
 """Minimum stretch of a linear map. Smaller values are invisible, and the logarithm of zero is undefined."""
 _ROWS, _COLUMNS = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
-"""(6,) rows and columns in a symmetric matrix of the numbers xx, yy, zz, xy, xz, yz."""
+"""(6,) row and column of each of the numbers xx, yy, zz, xy, xz, yz in a symmetric matrix."""
 _SYMMETRIC_INDICES = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
-"""(3, 3) index of these numbers for each matrix entry."""
+"""(3, 3) for each entry of a symmetric matrix, its index in xx, yy, zz, xy, xz, yz."""
 
 
 def multiply(a: AnyArray, b: AnyArray) -> Float:
-    """Returns the rotation ``b`` followed by ``a``, (..., 4): rotate(multiply(a, b), v) == rotate(a,
-    rotate(b, v)).
+    """Returns the product (..., 4), which is the rotation ``b`` followed by ``a``: rotate(multiply(a, b), v)
+    == rotate(a, rotate(b, v)).
     """
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
     aw, ax, ay, az = np.moveaxis(a, -1, 0)
@@ -53,9 +53,9 @@ def rotate(q: AnyArray, v: AnyArray) -> Float:
 
 
 def _cross(a: Float, b: Float) -> Float:
-    """Returns (..., 3) a x b.
+    """Returns the cross product a x b (..., 3).
 
-    NumPy's own version has 50 us overhead, which dominates frames with few nodes.
+    NumPy's version has an overhead of 50 us, which dominates the time of frames with few nodes.
     """
     ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
     bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
@@ -65,7 +65,7 @@ def _cross(a: Float, b: Float) -> Float:
 
 
 def normalized(q: AnyArray) -> Float:
-    """Returns (..., 4) unit quaternions. Zero or non-finite ones become the identity."""
+    """Normalises quaternions (..., 4). A quaternion that is zero or not finite becomes the identity."""
     q = np.asarray(q, np.float64)
     finite = np.isfinite(q).all(-1, keepdims=True)
     q = np.where(finite, q, 0.0)
@@ -76,13 +76,13 @@ def normalized(q: AnyArray) -> Float:
 
 
 def canonical(q: AnyArray) -> Float:
-    """Returns the same rotations (..., 4) with w >= 0."""
+    """Returns the quaternions (..., 4) of the same rotations with w >= 0."""
     q = np.asarray(q, np.float64)
     return np.asarray(np.where(q[..., :1] < 0, -q, q))
 
 
 def to_matrix(q: AnyArray) -> Float:
-    """Returns (..., 3, 3) rotation matrices of unit quaternions (..., 4)."""
+    """Converts unit quaternions (..., 4) to rotation matrices (..., 3, 3)."""
     q = np.asarray(q, np.float64)
     w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
     out = np.empty((*q.shape[:-1], 3, 3))
@@ -95,17 +95,19 @@ def to_matrix(q: AnyArray) -> Float:
 
 
 def from_matrix(matrix: AnyArray) -> Float:
-    """Returns (..., 4) unit quaternions, w >= 0, of the proper rotations nearest to (..., 3, 3) matrices."""
+    """Returns the unit quaternions (..., 4), w >= 0, of the proper rotations nearest to matrices (..., 3,
+    3)."""
     matrix = np.asarray(matrix, np.float64)
     flat = np.ascontiguousarray(matrix.reshape(-1, 3, 3))
     return canonical(_nearest_quaternions(flat).reshape(*matrix.shape[:-2], 4))
 
 
 def nearest_rotation(matrix: AnyArray) -> Float:
-    """Returns the proper rotation R (..., 3, 3) (det +1) that maximises trace(RᵀM), for any (..., 3, 3) M.
+    """Returns the proper rotation R (..., 3, 3) (det +1) that maximises trace(RᵀM), for any matrix M (..., 3,
+    3).
 
-    For det M > 0 this is the rotation of the polar decomposition. It is still a rotation if M is a
-    reflection, singular or zero.
+    For det M > 0, R is the rotation of the polar decomposition. R is also a rotation if M is a reflection,
+    singular or zero.
     """
     return to_matrix(from_matrix(matrix))
 
@@ -114,12 +116,13 @@ def from_rotation_vector(vector: AnyArray) -> Float:
     """Returns the rotation (..., 4) about ``vector`` (..., 3) by its length in radians."""
     vector = np.asarray(vector, np.float64)
     angle = np.linalg.norm(vector, axis=-1, keepdims=True)
-    # np.sinc keeps full precision down to angle 0, where sin(angle / 2) / angle would be 0 / 0.
+    # np.sinc has full precision at angle 0, at which sin(angle / 2) / angle would be 0 / 0.
     return np.concatenate([np.cos(angle / 2), vector * np.sinc(angle / (2 * np.pi)) / 2], -1)
 
 
 def to_rotation_vector(q: AnyArray) -> Float:
-    """Returns (..., 3) axis times angle in [0, pi] radians of unit quaternions (..., 4)."""
+    """Converts unit quaternions (..., 4) to rotation vectors (..., 3): axis times angle in [0, pi]
+    radians."""
     q = canonical(q)
     sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
     angle = 2 * np.arctan2(sine, q[..., :1])
@@ -127,13 +130,15 @@ def to_rotation_vector(q: AnyArray) -> Float:
 
 
 def slerp(a: AnyArray, b: AnyArray, t: AnyArray) -> Float:
-    """Returns (..., 4) rotations at ``t`` (...) on the shorter great arc from ``a`` (t=0) to ``b`` (t=1)."""
+    """Interpolates rotations on the shorter great arc from ``a`` (t=0) to ``b`` (t=1). Returns (..., 4) at
+    ``t`` (...)."""
     step = to_rotation_vector(multiply(conjugate(a), b))
     return multiply(a, from_rotation_vector(step * np.asarray(t, np.float64)[..., None]))
 
 
 def remove_sign_jumps(turns: AnyArray) -> Float:
-    """Returns the same rotations (T, N, 4) without sign jumps over time, with w >= 0 in the first frame."""
+    """Returns quaternions (T, N, 4) of the same rotations without sign jumps over time, and with w >= 0 in
+    the first frame."""
     flips = np.sign(np.einsum("tnc,tnc->tn", turns[1:], turns[:-1]))
     flips[flips == 0] = 1.0
     start = np.where(turns[:1, :, 0] < 0, -1.0, 1.0)
@@ -144,8 +149,8 @@ def remove_sign_jumps(turns: AnyArray) -> Float:
 def swing(a: AnyArray, b: AnyArray) -> Float:
     """Returns the rotation (..., 4) by the shortest arc from the unit vector ``a`` to ``b``, both (..., 3).
 
-    For opposite vectors it is a half turn about an axis perpendicular to ``a``. The rotation is equally short
-    about every such axis; the chosen axis depends only on ``a``.
+    For opposite vectors it is a half turn about an axis perpendicular to ``a``. All perpendicular axes would
+    be equally good. The chosen axis depends only on ``a``.
     """
     a, b = np.broadcast_arrays(np.asarray(a, np.float64), np.asarray(b, np.float64))
     # |a + b| is twice the cosine of half the angle, and |a - b| is twice its sine. Both are exact near 0 and
@@ -167,7 +172,7 @@ def unit(vectors: AnyArray) -> Float:
 
 
 def _perpendicular_unit(a: Float) -> Float:
-    """Returns (..., 3) a unit vector perpendicular to each unit vector of ``a`` (..., 3)."""
+    """Returns unit vectors (..., 3) that are perpendicular to the unit vectors ``a`` (..., 3)."""
     smallest = np.abs(a).argmin(-1)
     axis = np.cross(a, np.eye(3)[smallest])
     return np.asarray(axis / np.maximum(np.linalg.norm(axis, axis=-1, keepdims=True), 1e-300))
@@ -175,7 +180,7 @@ def _perpendicular_unit(a: Float) -> Float:
 
 @njit(cache=True, nogil=True)
 def rotation_matrix(q, out):
-    """Writes to ``out`` (3, 3) the rotation of a unit quaternion, four numbers (kernel)."""
+    """Writes the matrix of a unit quaternion (four numbers) to ``out`` (3, 3)."""
     w, x, y, z = q[0], q[1], q[2], q[3]
     out[0, 0], out[0, 1], out[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
     out[1, 0], out[1, 1], out[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
@@ -184,14 +189,14 @@ def rotation_matrix(q, out):
 
 @njit(cache=True, nogil=True)
 def nearest_rotations(matrices, out):
-    """Writes to ``out`` (N, 3, 3) the proper rotations nearest to ``matrices`` (N, 3, 3) (kernel)."""
+    """Writes the proper rotations nearest to ``matrices`` (N, 3, 3) to ``out`` (N, 3, 3)."""
     for i in range(matrices.shape[0]):
         rotation_matrix(nearest_quaternion(matrices[i]), out[i])
 
 
 @njit(cache=True, nogil=True)
 def _nearest_quaternions(matrices):
-    """Returns (N, 4) quaternions of the proper rotations nearest to ``matrices`` (N, 3, 3) (kernel)."""
+    """Returns the quaternions (N, 4) of the proper rotations nearest to ``matrices`` (N, 3, 3)."""
     out = np.empty((matrices.shape[0], 4))
     for i in range(matrices.shape[0]):
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = nearest_quaternion(matrices[i])
@@ -200,12 +205,13 @@ def _nearest_quaternions(matrices):
 
 @njit(cache=True, nogil=True)
 def nearest_quaternion(m):
-    """Returns (w, x, y, z) of the proper rotation R with the largest trace(RᵀM), M (3, 3) (kernel).
+    """Returns the quaternion (w, x, y, z) of the proper rotation R with the largest trace(RᵀM), for a
+    matrix M (3, 3).
 
     trace(RᵀM) is the quadratic form qᵀKq of a symmetric, traceless 4x4 K (B. K. P. Horn, "Closed-form
     solution of absolute orientation using unit quaternions", 1987, section 4), so R is K's top eigenvector.
-    Cyclic Jacobi finds it for every input. A double top eigenvalue (no unique rotation) needs no special
-    case.
+    The cyclic Jacobi method finds it for every input. A double top eigenvalue has several rotations, but
+    needs no special case.
     """
     scale = 0.0
     for r in range(3):
@@ -294,12 +300,12 @@ def stretch_from_strain(strain: AnyArray) -> Float:
 
 
 def symmetric_matrix(six: AnyArray) -> Float:
-    """Returns the symmetric matrices (..., 3, 3) of (..., 6) numbers xx, yy, zz, xy, xz, yz."""
+    """Converts numbers (..., 6) xx, yy, zz, xy, xz, yz to symmetric matrices (..., 3, 3)."""
     return np.asarray(six, np.float64)[..., _SYMMETRIC_INDICES]
 
 
 def rotate_strain(q: AnyArray, strain: AnyArray) -> Float:
-    """Returns (..., 6) a strain (..., 6) in axes rotated by ``q`` (..., 4): R strain Rᵀ."""
+    """Rotates strains (..., 6) by ``q`` (..., 4): R strain Rᵀ. Returns (..., 6)."""
     rotation = to_matrix(q)
     rotated = rotation @ symmetric_matrix(strain) @ np.swapaxes(rotation, -1, -2)
     return np.asarray(rotated[..., _ROWS, _COLUMNS])

@@ -1,9 +1,10 @@
 """Typed settings: every user-facing number has a default, a unit, a range and a one-sentence description.
 
-A group of settings is a frozen dataclass with fields made by :func:`setting`. A :func:`group` nests another.
-TOML files override the defaults. An unknown key is an error that names the nearest known one. A key that
-existed in an earlier version is ignored with a warning. Values that no user has a reason to change are
-constants. :func:`parameter` and :func:`data_field` describe values that are not settings.
+A group of settings is a frozen dataclass with fields created by :func:`setting`. A field created by
+:func:`group` contains a nested group. TOML files override the defaults. An unknown key is an error. Its
+message contains the most similar known key. A key that existed in an earlier version is ignored with a
+warning. Values that no user has a reason to change are constants. :func:`parameter` and :func:`data_field`
+describe values that are not settings.
 """
 
 from __future__ import annotations
@@ -26,18 +27,19 @@ log = logging.getLogger(__name__)
 T = TypeVar("T")
 
 TOML_VERSION = 1
-"""Newest version of settings, sessions, plans, spaces and calibrations. A missing key gets its default, so
-only a changed meaning of an existing key needs a new version."""
+"""Newest version of the file formats of settings, sessions, plans, spaces and calibrations. A missing key
+gets its default. So a new version is only needed if the meaning of an existing key changes."""
 _VERSION = "version"
-"""Key that holds the version of a TOML file."""
+"""Key of a TOML file's version."""
 MAX_TOML_BYTES = 1 << 22
-"""Maximum bytes of a TOML file: a session of 1,000 key poses with 20 points each has 1.5 million."""
+"""Maximum size of a TOML file in bytes. A session of 1,000 key poses with 20 points each has 1.5 million."""
 MAX_LINE_BYTES = 1 << 14
-"""Maximum bytes of a line: the time to read a key of many dots grows with the square of their number."""
+"""Maximum size of a line in bytes. It is limited, because the time to parse a key with many dots is quadratic
+in their number."""
 MAX_NESTING = 32
-"""Maximum nesting depth of tables and arrays: files written by enliven have at most six."""
+"""Maximum nesting depth of tables and arrays. Files written by enliven have a depth of at most six."""
 _UNKNOWN_KEY_ADVICE = "If a later version of enliven wrote it, update enliven."
-"""Appended to the error about an unknown key."""
+"""Advice that is appended to the error about an unknown key."""
 _TOO_DEEP_REASON = f"tables or arrays are nested deeper than {MAX_NESTING}"
 
 
@@ -52,15 +54,16 @@ def setting(
 ) -> Any:
     """Returns a dataclass field with the description, the unit and the closed range for users.
 
-    ``formerly`` is an earlier name of the key, which files may still contain.
-    Without a default the key is required.
+    ``formerly`` is an earlier name of the key, which old files may contain. Without a default, the key is
+    required.
     """
     metadata = {"doc": doc, "unit": unit, "low": low, "high": high, "formerly": formerly}
     return dataclasses.field(default=default, metadata=metadata)
 
 
 def group(kind: type, doc: str = "") -> Any:
-    """Returns a dataclass field for a nested settings class. Its default has the defaults of that class."""
+    """Returns a dataclass field for a nested settings class. Its default is an instance of this class with
+    all defaults."""
     return dataclasses.field(default_factory=kind, metadata={"doc": doc})
 
 
@@ -74,8 +77,8 @@ def data_field(
 ) -> Any:
     """Returns a dataclass field for data of a document or device, with the arguments of :func:`setting`.
 
-    Examples are the key poses of a session, the chains of a mapping, and the calibration of a camera. Files
-    keep these values, and readers check them like settings.
+    Examples are the key poses of a session, the chains of a mapping, and the calibration of a camera. These
+    values are stored in files, and checked like settings when they are read.
     """
     return setting(default, doc, unit=unit, low=low, high=high)
 
@@ -85,8 +88,8 @@ def parameter(
 ) -> Any:
     """Returns a dataclass field for code and tests, with the arguments of :func:`setting`.
 
-    Users cannot change it: a file that contains it gets a warning. Only files that enliven wrote itself, such
-    as takes, keep it.
+    Users cannot change it: if a settings file contains it, there is a warning. Only files that enliven wrote
+    itself, such as takes, may contain it.
     """
     field = setting(default, doc, unit=unit, low=low, high=high)
     return dataclasses.field(default=default, metadata={**field.metadata, "hidden": True})
@@ -95,16 +98,17 @@ def parameter(
 def load_settings(
     kind: type[T], source: Path | Mapping[str, Any], *, where: str = "", own_file: bool = False
 ) -> T:
-    """Builds a ``kind`` from a TOML file or a mapping, checked key by key.
+    """Builds an instance of ``kind`` from a TOML file or a mapping, and checks each key.
 
     Keys in ``kind.REMOVED_SETTINGS``, and those of a :func:`parameter`, are ignored with one warning.
 
     Args:
-        own_file: enliven wrote the values itself, so the fields of :func:`parameter` are read as well.
+        own_file: True if enliven wrote the values itself. Then fields created by :func:`parameter` are also
+            read.
 
     Raises:
         InputError: if the file cannot be read, a key is unknown or missing, or a value has the wrong type or
-            is out of range; the message contains the key's path.
+            is out of range. The message contains the key's path.
     """
     if isinstance(source, Path):
         where = where or str(source)
@@ -122,7 +126,7 @@ def load_settings(
 def read_toml(path: Path, newest: int = TOML_VERSION) -> dict[str, Any]:
     """Returns the tables of a TOML file, without its format version.
 
-    A file may start with ``version = 1``. A file without it is of version 1.
+    A file may start with ``version = 1``, which is also the default.
 
     Args:
         newest: the newest supported version of the format.
@@ -179,10 +183,11 @@ def _nested_containers(value: Any) -> list[Any]:
 def _without_removed(
     kind: type, values: Mapping[str, Any], own_file: bool, removed: list[str], prefix: str = ""
 ) -> dict[str, Any]:
-    """Returns the values without the keys that users cannot change any more, also in nested groups.
+    """Returns the values without keys that no longer exist or that users cannot change, also in nested
+    groups.
 
     Args:
-        own_file: as in :func:`load_settings`.
+        own_file: the argument of :func:`load_settings`.
         removed: list to which the paths of these keys are appended.
         prefix: the dotted path of the group.
     """
@@ -226,7 +231,8 @@ def _build(kind: type[T], values: Mapping[str, Any], where: str, prefix: str) ->
 
 
 def _apply_renames(values: Mapping[str, Any], names: Mapping[str, str]) -> Mapping[str, Any]:
-    """Returns the values with earlier names of keys replaced. A key under its present name counts first."""
+    """Returns the values with earlier names of keys replaced by the current names. If a file contains both
+    names, the current name has priority."""
     old = {key: names[key] for key in values if key and key in names}
     if not old:
         return values
@@ -234,7 +240,7 @@ def _apply_renames(values: Mapping[str, Any], names: Mapping[str, str]) -> Mappi
 
 
 def _check_value(hint: Any, value: Any, where: str, path: str, field: dataclasses.Field[Any]) -> Any:
-    """Returns one value, checked against its type hint and range."""
+    """Checks a value against its type hint and range, and returns the converted value."""
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
         if not isinstance(value, Mapping):
             raise InputError(f"{path} must be a table", where=where)
@@ -265,7 +271,7 @@ def _check_value(hint: Any, value: Any, where: str, path: str, field: dataclasse
 
 
 def _build_named_groups(kind: Any, table: Any, where: str, path: str) -> Any:
-    """Builds one of several settings groups with freely chosen names."""
+    """Builds settings groups from a table with freely chosen names as keys."""
     if not isinstance(table, Mapping):
         raise InputError(f"{path} must be a table", where=where)
     return _build(kind, table, where, path + ".")
@@ -275,7 +281,8 @@ _INVALID = object()
 
 
 def _convert_value(hint: Any, value: Any) -> Any:
-    """Converts ``value`` to ``hint`` (bool, int, float, str, Literal, tuple, dict, X | None), or _WRONG."""
+    """Converts ``value`` to the type ``hint`` (bool, int, float, str, Literal, tuple, dict, X | None).
+    Returns _WRONG if this is impossible."""
     import msgspec
 
     try:
@@ -286,7 +293,7 @@ def _convert_value(hint: Any, value: Any) -> Any:
 
 
 def _is_finite(value: Any) -> bool:
-    """Returns True if a value, with the tuples and tables inside, contains no NaN or infinity."""
+    """Returns True if a value, including nested tuples and tables, contains no NaN or infinity."""
     if isinstance(value, float):
         return math.isfinite(value)
     inner = value.values() if isinstance(value, dict) else value if isinstance(value, tuple) else ()

@@ -1,4 +1,4 @@
-"""Similarity transforms: a rotation, a scale and a displacement, fitted to corresponding points."""
+"""Similarity transforms (rotation, scale and displacement), and their fit to corresponding points."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ import numpy as np
 from enliven.arrays import Float
 
 _MIN_SQUARE_M2 = 1e-12
-"""Minimum sum of squared distances from the centre, in square metres. Points that coincide define no scale.
+"""Minimum sum of squared distances from the centre, in square metres. Coincident points do not define a
+scale.
 """
 
 
 @dataclass(frozen=True, eq=False)
 class Similarity:
-    """A similarity transform: x becomes size turn x + move.
+    """A similarity transform. A point x is mapped to size turn x + move.
 
     Attributes:
         size: scale factor, above 0.
@@ -28,20 +29,20 @@ class Similarity:
     move: Float = field(default_factory=lambda: np.zeros(3))
 
     def transform(self, points: Float) -> Float:
-        """Returns points (..., 3) under the transform."""
+        """Applies the transform to points (..., 3)."""
         return np.asarray(self.size * points @ self.turn.T + self.move)
 
     def transform_back(self, points: Float) -> Float:
-        """Returns points (..., 3) under the inverse transform."""
+        """Applies the inverse transform to points (..., 3)."""
         return np.asarray((points - self.move) @ self.turn / self.size)
 
 
 def fit_similarity(source: Float, target: Float) -> Similarity:
     """Returns the similarity from source points (N, 3) to target points (N, 3).
 
-    It minimises sum |size turn s + move - t|^2 over rotations and displacements, with the scale that gives
-    both sets the same spread (Horn 1987; Umeyama 1991 for the rotation). It is unique even for a flat mesh,
-    unlike an affine map.
+    It minimises sum |size turn s + move - t|^2 over rotations and displacements (Umeyama 1991). The scale is
+    the ratio of the spreads of both sets (Horn 1987). Unlike an affine map, it is unique even for a flat
+    mesh.
     """
     source_centre, target_centre = source.mean(0), target.mean(0)
     a, b = source - source_centre, target - target_centre

@@ -1,4 +1,4 @@
-"""Sounds that accompany a performance: their storage in a project, and mixing."""
+"""Sounds that accompany a performance: the data type in a project, and mixing."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from enliven.arrays import Int16
 from enliven.errors import InputError
 
 SOUND_RATE = 32_000
-"""Samples per second. This rate is lower than that of music, so that projects stay small, and the sound is
-still clear.
+"""Sampling rate in samples per second. It is lower than the rate of music files, which keeps projects small,
+and the sound is still clear.
 """
 
 
@@ -21,9 +21,9 @@ class Sound:
     """A sound that accompanies a performance, and is included in films of the project.
 
     Attributes:
-        id: its name.
+        id: name of the sound.
         samples: (N,) int16, one channel at :data:`SOUND_RATE`.
-        begin: start in seconds of the project's time.
+        begin: start time in seconds of the project.
     """
 
     id: str
@@ -37,7 +37,7 @@ class Sound:
 
     @property
     def end(self) -> float:
-        """The end in seconds of the project's time."""
+        """The end time in seconds of the project."""
         return self.begin + len(self.samples) / SOUND_RATE
 
 

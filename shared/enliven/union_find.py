@@ -9,7 +9,7 @@ from enliven.kernels import njit
 
 @njit(cache=True, nogil=True)
 def root_of(parent, i):
-    """Returns the root of i in (N,) ``parent``, with path halving."""
+    """Returns the root of item i in ``parent`` (N,), with path halving."""
     while parent[i] != i:
         parent[i] = parent[parent[i]]
         i = parent[i]
@@ -28,7 +28,8 @@ def join(parent, i, j):
 
 @njit(cache=True, nogil=True)
 def number_sets(parent):
-    """Returns (N,) int32 the number of each item's set, in the order of the items, and the number of sets."""
+    """Returns the set number of each item (N,) int32, and the number of sets. Sets are numbered in the order
+    of their first items."""
     label = np.empty(parent.shape[0], np.int32)
     count = 0
     for i in range(parent.shape[0]):

@@ -1,3 +1,3 @@
-"""Batch retargeting: applies every motion of a plan to every character, in parallel. Runs are repeatable and
-can be resumed.
+"""Batch retargeting: applies every motion of a plan to every character, in parallel. An interrupted run can
+be resumed.
 """

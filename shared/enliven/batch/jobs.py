@@ -1,9 +1,9 @@
-"""One pair of a batch: retargets a motion onto a character, and records the result under a content hash.
+"""Runs one job of a batch: retargets a motion to a character, and records the result under a content hash.
 
 A job's digest is the SHA-256 of both files, the mapping, the options and the version of enliven. A record
-``.records/DIGEST.json`` in the folder of the results states the hash of the result. A second run skips a job
-if its record exists and its result has that hash. A result and its record are each written completely or not
-at all. So a worker may crash at any time, and two workers may do the same job.
+``.records/DIGEST.json`` in the folder of the results contains the hash of the result. A second run skips a
+job if its record exists and its result has this hash. A result and its record are written completely or not
+at all. So a worker may crash at any time, and two workers may run the same job.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from enliven.oneshot.retargeting import RetargetedFile, RetargetOptions, retarge
 from enliven.settings import load_settings
 
 RECORDS = ".records"
-"""Folder of the records, in the folder of a character's results."""
+"""Name of the folder of records within the folder of a character's results."""
 _MAX_RECORD_BYTES = 1 << 20
-"""Maximum bytes of a record that is read."""
+"""Maximum size in bytes of a record that is read."""
 _CACHED_DIGESTS = 100_000
 """Maximum number of file hashes in the cache. Its keys are path, size and modification time."""
 _CACHED_MODELS = 1
@@ -42,7 +42,7 @@ _FileStamps = tuple[tuple[str, int, int], ...]
 
 
 class BatchJob(msgspec.Struct, frozen=True):
-    """One pair of a motion and a character.
+    """A pair of a motion and a character.
 
     Attributes:
         motion, character, output: paths of the files.
@@ -75,7 +75,7 @@ class BatchJob(msgspec.Struct, frozen=True):
         return output.parent / RECORDS / f"{self.digest[:32]}.json"
 
     def with_absolute_paths(self) -> BatchJob:
-        """Returns the job with absolute paths, for workers with another current folder."""
+        """Returns the job with absolute paths, because workers may have another current folder."""
         options = dict(self.options)
         if options["mapping"]:
             options["mapping"] = os.path.abspath(str(options["mapping"]))
@@ -91,7 +91,7 @@ class JobResult(msgspec.Struct, frozen=True):
     Attributes:
         job: the job.
         output_digest: SHA-256 of the written file. Empty if the job failed.
-        problem: why the job failed, one sentence with a remedy. Empty if it succeeded.
+        problem: one sentence about the reason why the job failed, and the remedy. Empty if it succeeded.
         faults: visible faults of the motion, one sentence each.
         notes: unusual content of the files, one sentence each.
         measures: measures of the motion by name: ``seconds``, ``bytes``, ``pose_deg`` (median error of the
@@ -134,7 +134,7 @@ def create_results_folder(path: Path) -> None:
     """Creates a folder of results, with the folders above it, if it does not exist.
 
     Raises:
-        InputError: if no folder can have that name.
+        InputError: if the name of the folder is invalid.
         ResourceError: if it cannot be created.
     """
     try:
@@ -170,7 +170,7 @@ def find_finished_result(job: BatchJob) -> JobResult | None:
 
 
 def run_job(job: BatchJob) -> JobResult:
-    """Does one job and records it. A job that failed for a known reason has a result, too, but no record.
+    """Runs one job and records it. A job that failed for a known reason has a result without a record.
 
     Raises:
         OSError: if the process runs out of a resource, such as open files. Then the job may be repeated.
@@ -203,7 +203,7 @@ def run_job(job: BatchJob) -> JobResult:
 
 
 def _collect_options(job: BatchJob) -> RetargetOptions:
-    """Returns the options of a job. They were passed to this process as plain values."""
+    """Returns the options of a job, which were passed to this process as plain values."""
     options = {name: value for name, value in job.options.items() if value is not None}
     return load_settings(RetargetOptions, options, where=job.name)
 
@@ -226,7 +226,7 @@ def _read_model(path: Path, height: float | None) -> Rig:
     try:
         stamps = _stamp_with_references(path)
     except OSError:
-        return read_gltf(path, height=height)  # Raises an error that names the problem.
+        return read_gltf(path, height=height)  # Raises an error with the reason.
     return _cached_model(stamps, height)
 
 
@@ -243,7 +243,7 @@ def _hash_with_references(path: Path) -> str:
 
 
 def _stamp_with_references(path: Path) -> _FileStamps:
-    """Returns the stamps of a file and of the files that a .gltf refers to."""
+    """Returns path, size and modification time of a file and of the files that a .gltf refers to."""
     parts = [path]
     if path.suffix.lower() == ".gltf":
         parts += sorted(file for file in path.parent.rglob("*") if file.is_file() and file != path)

@@ -1,6 +1,6 @@
 """The plan of a batch: its motions, its characters and options, as a TOML file or two folders.
 
-A plan is checked completely before any work: :func:`plan_jobs` names all missing files at once.
+A plan is checked completely before any work. :func:`plan_jobs` reports all missing files at once.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def load_plan(path: Path) -> BatchPlan:
 
 
 def plan_of(motions: Path, characters: Path) -> BatchPlan:
-    """Returns the plan for all motions of a folder onto all characters of another one."""
+    """Returns the plan that retargets all motions in a folder to all characters in another folder."""
     return BatchPlan(motions=(str(motions),), characters=(str(characters),))
 
 
@@ -80,7 +80,7 @@ def plan_jobs(plan: BatchPlan) -> list[BatchJob]:
 
     Raises:
         InputError: if the plan is empty or too large, a height is not above 0, or files are missing. The
-            message names all of them.
+            message lists the missing files.
         ResourceError: if the output folder cannot be created.
     """
     missing_files: list[str] = []
@@ -152,12 +152,12 @@ def _options_for(plan: BatchPlan, character: Path) -> RetargetOptions:
 def _find_files(entries: Sequence[str], kinds: Sequence[str], output: Path, missing: list[str]) -> list[Path]:
     """Returns the files of paths, patterns and folders, sorted and without duplicates.
 
-    Folders and patterns leave out the results of earlier runs, if these are in the same folder.
+    Results of earlier runs in the same folder are left out.
 
     Args:
         kinds: suffixes of the files that are read from a folder.
         output: folder of the results.
-        missing: receives the entries without a file.
+        missing: list to which entries without a file are appended.
     """
     files: list[Path] = []
     results_folder = os.path.abspath(output)
@@ -180,8 +180,8 @@ def _find_files(entries: Sequence[str], kinds: Sequence[str], output: Path, miss
 
 
 def _match_pattern(pattern: Path) -> Iterator[Path]:
-    """Yields the paths that match a pattern, sorted. Brackets in the name of an existing folder are part of
-    the name.
+    """Yields the paths that match a pattern, sorted. If a folder with brackets in its name exists, the
+    brackets are part of the name.
     """
     folder = next((parent for parent in pattern.parents if parent.is_dir()), Path())
     names = glob.glob(str(pattern.relative_to(folder)), root_dir=folder, recursive=True)
@@ -208,7 +208,8 @@ def _is_table(file: Path) -> bool:
 
 
 def _with_unique_names(files: Sequence[Path]) -> list[tuple[Path, str]]:
-    """Returns each file with a name for its results: its stem, with the folder where stems repeat."""
+    """Returns each file with a unique name for its results: its stem, with its folder if several files have
+    the same stem."""
     count = collections.Counter(file.stem.lower() for file in files)
     used_names = set[str]()
     named_files = []

@@ -1,4 +1,4 @@
-"""The HTML report of a batch: finished pairs with their quality, and failures with their reasons.
+"""Writes the HTML report of a batch: finished pairs with their quality, and failures with their reasons.
 
 While the batch runs, the page reloads itself every few seconds, so it also shows the progress.
 """
@@ -47,7 +47,7 @@ def write_report(path: Path, results: Sequence[JobResult], total: int, *, runnin
     Args:
         results: the results up to now.
         total: number of jobs of the plan.
-        running: True while jobs remain. The page then reloads itself.
+        running: True while jobs remain. In this case the page reloads itself.
 
     Raises:
         ResourceError: if it cannot be written.

@@ -4,8 +4,9 @@
         for result in run_jobs(jobs, client):
             ...
 
-A crash of a worker loses nothing: Dask gives its jobs to others, and a job's files are written completely or
-not at all. The same code runs on one computer and on many, if all of them see the files under the same paths.
+If a worker crashes, no result is lost: Dask assigns its jobs to other workers, and a job's files are written
+completely or not at all. The same code runs on one computer or on several computers with the same paths of
+files.
 """
 
 from __future__ import annotations
@@ -30,11 +31,11 @@ log = logging.getLogger(__name__)
 _MAX_ATTEMPTS_PER_JOB = 3
 """Maximum number of attempts for a job if its worker fails for an unknown reason."""
 _MAX_WORKER_DEATHS = 10
-"""Maximum number of workers that may die at one job before the job counts as the cause. Workers may also die
-by chance, because memory is short or their computer is switched off.
+"""Maximum number of workers that may crash during one job before the job counts as the cause. Workers may
+also end for other reasons, such as lack of memory or a computer that is switched off.
 """
 _JOBS_PER_WORKER = 50
-"""Number of jobs that wait for each worker. More would only use the scheduler's memory."""
+"""Number of queued jobs per worker. More jobs would only use the scheduler's memory."""
 _CONNECT_TIMEOUT_S = 8.0
 """Maximum time to connect to a scheduler, in seconds."""
 
@@ -43,13 +44,13 @@ _CONNECT_TIMEOUT_S = 8.0
 def open_client(workers: int = 0, scheduler: str = "") -> Iterator[Client]:
     """Yields a client of a cluster, and closes it at the end.
 
-    Ctrl-C does not reach the workers on this computer. It would end them in the middle of a job, with a long
-    message.
+    Ctrl-C is blocked in the workers on this computer. Otherwise it would end them during a job, with a long
+    error message.
 
     Args:
-        workers: processes on this computer. 0: one per processor core.
-        scheduler: address of a Dask scheduler, such as "tcp://10.0.0.5:8786". Empty: a cluster on this
-            computer, which only programs of this computer can reach.
+        workers: number of processes on this computer. 0 means one per processor core.
+        scheduler: address of a Dask scheduler, such as "tcp://10.0.0.5:8786". If empty, a cluster is started
+            that only programs on this computer can reach.
 
     Raises:
         ResourceError: if Dask is not installed, or the scheduler cannot be reached.
@@ -63,7 +64,8 @@ def open_client(workers: int = 0, scheduler: str = "") -> Iterator[Client]:
         raise ResourceError("the library Dask is not installed", where="batch", remedy=remedy) from None
     settings = {
         "distributed.scheduler.allowed-failures": _MAX_WORKER_DEATHS,
-        # One job uses one core. So several threads of Numba or BLAS would only slow other workers down.
+        # Limit Numba and BLAS to one thread, because each job uses one core, and more threads would slow
+        # other workers down.
         "distributed.nanny.environ": {"NUMBA_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
     }
     with dask.config.set(settings), contextlib.ExitStack() as stack:
@@ -89,7 +91,7 @@ def open_client(workers: int = 0, scheduler: str = "") -> Iterator[Client]:
 def _start_resource_tracker() -> None:
     """Starts the helper process of Python's multiprocessing now.
 
-    Otherwise it starts with the first worker, and its start unblocks Ctrl-C for that worker.
+    Otherwise it would start with the first worker, and its start would unblock Ctrl-C for this worker.
     """
     if hasattr(signal, "pthread_sigmask"):
         from multiprocessing import resource_tracker
@@ -98,7 +100,8 @@ def _start_resource_tracker() -> None:
 
 
 def run_jobs(jobs: Sequence[BatchJob], client: Client) -> Iterator[JobResult]:
-    """Yields the result of each job when it is finished: first those of earlier runs, then new ones.
+    """Yields the result of each job: first the results of earlier runs, then each new result when its job
+    ends.
 
     Closing the iterator cancels the jobs that have not begun.
     """
@@ -113,7 +116,7 @@ def run_jobs(jobs: Sequence[BatchJob], client: Client) -> Iterator[JobResult]:
 
 
 def _run_on(client: Client, jobs: Sequence[BatchJob]) -> Iterator[JobResult]:
-    """Yields the result of each job. A bounded number of jobs waits at the scheduler."""
+    """Yields the result of each job. The number of jobs that are queued at the scheduler is limited."""
     from distributed import as_completed
 
     queue = iter(jobs)
@@ -159,7 +162,8 @@ def _result_from_future(future: Any, job: BatchJob) -> JobResult:
 
 
 async def _try_handshake(address: str) -> None:
-    """Connects to a scheduler once. A client itself would wait forever for the reply of another program."""
+    """Connects to a scheduler once with a timeout. Dask's client would wait forever if another program
+    listens at the address."""
     from distributed import Security
     from distributed.comm import connect
 

@@ -1,9 +1,9 @@
-"""Prepared characters on disk: named by their inputs, never stale, bounded in size.
+"""A cache of prepared characters on disk. Its entries are never outdated, and its size is limited.
 
 The preparation of a mesh for possession takes a second or more: reading, fitting, refinement, the search for
 a person, and the deformation graph. Its result depends only on the mesh, its settings and the code. So it is
-kept in a file, and the file's name is a hash of all of these. A restarted edge then shows its characters at
-once.
+stored in a file, and the file's name is a hash of all these inputs. A restarted edge can then show its
+characters immediately.
 
-A damaged file, and one of another version, counts as missing: the character is prepared again.
+A file that is damaged or has another version counts as missing, and the character is prepared again.
 """

@@ -21,9 +21,9 @@ from enliven.possession import ActorSettings, BodyInMesh
 log = logging.getLogger(__name__)
 
 _NUMPY_NAMES = frozenset({"_reconstruct", "_frombuffer", "ndarray", "dtype", "scalar"})
-"""Names of NumPy that build arrays from data."""
+"""Names in NumPy that are needed to unpickle arrays."""
 _ENLIVEN_MODULES = ("enliven.document.", "enliven.meshes.", "enliven.possession.", "enliven.deformation.")
-"""Modules with the dataclasses of a prepared character."""
+"""Prefixes of the modules with the dataclasses of a prepared character."""
 
 
 @dataclass(frozen=True)
@@ -33,12 +33,12 @@ class PreparedCharacter:
     Attributes:
         character: the mesh with the nodes of its deformation graph.
         settings: the actor's settings, with the ends and joints of this mesh.
-        size: metres of the mesh as modelled per metre of its rest space.
-        height: height in metres of the person that the mesh shows. 0: the height of the mesh.
-        likeness: the person's skeleton in the mesh, if limb drives limb.
+        size: scale: metres of the mesh as modelled per metre of its rest space.
+        height: height in metres of the person that the mesh shows. 0 means the height of the mesh.
+        likeness: the person's skeleton in the mesh if the mesh is driven limb by limb, otherwise None.
         notes: sentences about the mesh for the log.
-        references: digest of each file that the mesh's file names, by its path relative to the mesh's folder.
-            "" for a missing one.
+        references: SHA-256 of each file that the mesh's file refers to, by path relative to the mesh's
+            folder. Empty for a missing file.
     """
 
     character: Character
@@ -78,14 +78,16 @@ def prepare_once(
 ) -> PreparedCharacter:
     """Returns a prepared character from the store, or prepares and stores it.
 
-    Both give the same bits: a fresh result is packed and unpacked, too, because the order of an array's
-    numbers in memory may change the last digit of sums.
+    Both results are bit-identical. For this purpose, a new result is also packed and unpacked, because the
+    memory order of arrays may change the last digit of sums.
 
     Args:
-        key: from :func:`~enliven.character_store.key_of`, with all inputs except the files that a mesh names.
-        prepare: prepares the character.
-        folder: folder of the mesh's file, in which the files that it names are. None: it names none.
-        store: the store. None: the user's folder.
+        key: hash of all inputs except the files that a mesh refers to, from
+            :func:`~enliven.character_store.key_of`.
+        prepare: a function that prepares the character.
+        folder: folder of the mesh's file, which contains the files that it refers to. None if it refers to no
+            files.
+        store: the store. None means the store in the user's folder.
     """
     store, folder = store or CharacterStore.of_user(), folder or Path()
     if (data := store.load(key)) is not None:
@@ -104,12 +106,12 @@ def prepare_once(
 
 
 def _hash_files(names: Iterable[str], folder: Path) -> dict[str, str]:
-    """Returns the SHA-256 of each file of a folder, hexadecimal. "" if it cannot be read."""
+    """Returns the SHA-256 (hexadecimal) of each file in a folder, or an empty string if it cannot be read."""
     return {name: _hash_file(folder / name) for name in names}
 
 
 def _hash_file(path: Path) -> str:
-    """Returns the SHA-256 of a file, hexadecimal. "" if it cannot be read."""
+    """Returns the SHA-256 (hexadecimal) of a file, or an empty string if it cannot be read."""
     try:
         return hashlib.sha256(read_file(path)).hexdigest()
     except InputError:
@@ -117,13 +119,13 @@ def _hash_file(path: Path) -> str:
 
 
 class _Unpickler(pickle.Unpickler):
-    """Reads arrays and the dataclasses of this project, and nothing else."""
+    """An unpickler that accepts only arrays and enliven's dataclasses."""
 
     def find_class(self, module: str, name: str) -> Any:
-        """Returns a class that may be in a file.
+        """Returns a class that a file may contain.
 
         Raises:
-            pickle.UnpicklingError: for all others.
+            pickle.UnpicklingError: for all other classes.
         """
         is_array = module.partition(".")[0] == "numpy" and name in _NUMPY_NAMES
         if is_array or (module.startswith(_ENLIVEN_MODULES) and name[:1].isupper()):

@@ -23,30 +23,33 @@ from enliven.files import read_file, write_file
 log = logging.getLogger(__name__)
 
 FORMAT_VERSION = 1
-"""Version of the files. It is part of every name, so a file of another version is never read."""
+"""Version of the file format. It is part of every file name, so a file of another version is never read."""
 MAX_FILE_BYTES = 64 << 20
-"""Maximum bytes of a prepared character before compression. A larger one is prepared at each start."""
+"""Maximum size in bytes of a prepared character before compression. A larger character is not stored, and is
+prepared at each start."""
 MAX_FOLDER_BYTES = 256 << 20
-"""Maximum bytes of the folder. The files that were unused for the longest time are deleted first."""
+"""Maximum size of the folder in bytes. The least recently used files are deleted first."""
 _COMPRESSION_LEVEL = 1
-"""Compression level of Zstandard. Higher ones save little, and the first start waits for it."""
+"""Compression level of Zstandard. Higher levels save little space, and the first start waits for the
+compression."""
 _SUFFIX = ".prepared"
-"""Suffix of all files of the folder."""
+"""Suffix of all files in the folder."""
 FOLDER_VARIABLE = "ENLIVEN_CHARACTERS"
-"""Environment variable with the user's store: a folder, or ``off`` for none."""
+"""Environment variable with the path of the user's store, or ``off`` to disable it."""
 _PACKAGES = ("enliven", "enliven_edge", "enliven_viewer")
 """Packages with code that prepares characters."""
 _LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "pillow")
-"""Libraries that may compute other results in another version."""
+"""Libraries that may affect the results by their version."""
 
 
 class CharacterStore:
     """A folder of prepared characters.
 
-    A file that cannot be read or written is left out: the store never stops a program.
+    Files that cannot be read or written are ignored, so the store never stops a program.
 
     Args:
-        folder: the folder. It is created at the first write, for its owner only. None: nothing is stored.
+        folder: the folder. It is created at the first write, with access for its owner only. If None, nothing
+            is stored.
     """
 
     def __init__(self, folder: Path | None) -> None:
@@ -54,9 +57,9 @@ class CharacterStore:
 
     @classmethod
     def of_user(cls) -> CharacterStore:
-        """Returns the store in the user's folder for caches, or the one that :data:`FOLDER_VARIABLE` names.
+        """Returns the store in the user's cache folder, or in the folder in :data:`FOLDER_VARIABLE`.
 
-        A user without a home has an empty one.
+        For a user without a home folder, the store is disabled.
         """
         if given := os.environ.get(FOLDER_VARIABLE):
             return cls(None if given == "off" else Path(given))
@@ -85,10 +88,11 @@ class CharacterStore:
         return data
 
     def save(self, key: str, data: bytes) -> None:
-        """Writes data completely or not at all, and deletes the oldest files above the limit."""
+        """Writes data completely or not at all. Then deletes the least recently used files above the size
+        limit."""
         if self._folder is None or len(data) > MAX_FILE_BYTES:
             return
-        # The checksum finds damage, for example by a power cut.
+        # The checksum detects damage, for example after a power cut.
         packed = zstandard.ZstdCompressor(level=_COMPRESSION_LEVEL, write_checksum=True).compress(data)
         try:
             self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -102,13 +106,14 @@ class CharacterStore:
         return self._folder / f"{key}{_SUFFIX}"
 
     def _delete_oldest(self) -> None:
-        """Deletes the files that were unused for the longest time until the folder is small enough."""
+        """Deletes the least recently used files until the folder is small enough."""
         assert self._folder is not None
         sizes: dict[Path, tuple[float, int]] = {}
         for path in self._folder.glob(f"*{_SUFFIX}"):
             with contextlib.suppress(OSError):
                 state = path.stat()
-                # A clock that was set back must not make a file the newest for ever.
+                # A file with a time in the future, from before the clock was set back, must not stay the
+                # newest forever.
                 sizes[path] = min(state.st_mtime, time.time()), state.st_size
         left = sum(size for _, size in sizes.values())
         for path in sorted(sizes, key=lambda each: sizes[each]):
@@ -131,9 +136,11 @@ def key_of(*parts: object) -> str:
 
 @functools.cache
 def _code_version() -> tuple[object, ...]:
-    """Returns the versions of the libraries, and name, size and time of each file of this project's packages.
+    """Returns the versions of the libraries, and name, size and modification time of each file in enliven's
+    packages.
 
-    The files distinguish two states of a checkout with the same version. This takes some milliseconds.
+    The files distinguish two states of a checkout with the same version. Reading them takes some
+    milliseconds.
     """
     versions = []
     for library in _LIBRARIES:
@@ -144,7 +151,8 @@ def _code_version() -> tuple[object, ...]:
 
 
 def _file_states(package: str) -> Iterator[tuple[str, int, int]]:
-    """Yields name, size and time in nanoseconds of each Python file of a package, if it is installed."""
+    """Yields name, size in bytes and modification time in nanoseconds of each Python file of a package, if
+    the package is installed."""
     spec = importlib.util.find_spec(package)
     for root in (spec.submodule_search_locations or ()) if spec is not None else ():
         for folder, _, names in os.walk(root):

@@ -1,1 +1,1 @@
-"""Commands of the shared library: run both programs, and report what this machine lacks."""
+"""The commands of the shared library, such as ``enliven run`` and ``enliven doctor``."""

@@ -1,4 +1,4 @@
-"""The command ``enliven batch``: every motion of a plan onto every character, in parallel."""
+"""The command ``enliven batch``: retargets every motion of a plan to every character, in parallel."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from enliven.batch.plan import BatchPlan
 
 _REPORT_INTERVAL_S = 5.0
-"""Shortest time between two reports of a running batch, in seconds. A report of 10,000 pairs is 5 MB."""
+"""Minimum interval, in seconds, at which the report of a running batch is written. A report of 10,000 pairs
+has 5 MB."""
 
 
 def batch(
@@ -60,7 +61,7 @@ def batch(
       enliven batch PLAN.toml
       enliven batch PLAN.toml --scheduler tcp://10.0.0.5:8786
     """
-    # Heavy modules are imported only here, so that `--help` is quick.
+    # Import large modules only here, so that `--help` is fast.
     from enliven.batch.jobs import find_finished_result
     from enliven.batch.plan import plan_jobs
 
@@ -86,7 +87,7 @@ def _chosen_plan(
     output: Path | None,
     format: str | None,
 ) -> BatchPlan:
-    """Returns the plan in a file, or of two folders. Values of the command line take precedence."""
+    """Returns the plan from a file or from two folders. Values on the command line take precedence."""
     from enliven.batch.plan import load_plan, plan_of
 
     if plan is not None:
@@ -111,7 +112,7 @@ def _with_output(plan: BatchPlan, output: Path | None, format: str | None) -> Ba
 
 
 def _run(jobs: Sequence[BatchJob], report: Path, workers: int, scheduler: str) -> int:
-    """Runs the jobs with a progress bar, and keeps the report current. Returns the number of failed jobs."""
+    """Runs the jobs with a progress bar, and updates the report. Returns the number of failed jobs."""
     from enliven.batch.report import write_report
     from enliven.batch.scheduler import open_client, run_jobs
 

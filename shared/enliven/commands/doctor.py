@@ -1,6 +1,5 @@
-"""The command ``enliven doctor``: checks this machine, a running edge or an installation.
-
-It gives the remedy for each fault."""
+"""The command ``enliven doctor``: checks this machine, a running edge or an installation, and suggests a
+remedy for each fault."""
 
 from __future__ import annotations
 
@@ -20,12 +19,13 @@ _FAILED_CHECK_EXIT_CODE = 4
 """Exit code if a check fails. It equals the exit code 4 of :class:`enliven.errors.ResourceError`."""
 
 _SEE_BELOW = "See its problem below."
-"""The remedy for an edge or a program with a problem, which is a check of its own."""
+"""The remedy for an edge or a program with a problem. The problem is listed as a separate check."""
 MAX_HEARTBEAT_WAIT_S = 5.0
-"""Maximum wait for a heartbeat of an edge, in seconds. An edge sends ten heartbeats in this time."""
+"""Maximum time to wait for a heartbeat of an edge, in seconds. An edge sends ten heartbeats in this time."""
 
 SEARCH_S = 2.5
-"""Duration of a search for edges in seconds. Most edges answer within a second, some only to a second query.
+"""Duration of a search for edges, in seconds. Most edges answer within a second, but some answer only a
+second query.
 """
 
 
@@ -80,10 +80,10 @@ def announced_checks(seconds: float = SEARCH_S, interfaces: list[str] | None = N
 
     Args:
         seconds: duration of the search.
-        interfaces: addresses of this machine to search from. None: all.
+        interfaces: addresses of this machine's network interfaces to search on. None means all.
 
     Raises:
-        ResourceError: if the library for it is missing, or the network does not allow the search.
+        ResourceError: if the required library is missing, or the network does not allow the search.
     """
     from enliven.peers.edge_browser import describe_edge, find_edges
 
@@ -97,7 +97,7 @@ def announced_checks(seconds: float = SEARCH_S, interfaces: list[str] | None = N
 
 
 def edge_checks(address: str) -> list[Check]:
-    """Checks the edge at an address, HOST or HOST:PORT or HOST:PORT:CONTROL_PORT.
+    """Checks the edge at an address in the form HOST, HOST:PORT or HOST:PORT:CONTROL_PORT.
 
     Raises:
         InputError: if the address is invalid.
@@ -136,8 +136,9 @@ def installation_checks(url: str, password_file: Path | None, certificate: Path 
 
     Args:
         url: address of the page, "https://HOST:PORT".
-        password_file: file with its password. None: the password is in the environment, or there is none.
-        certificate: certificate to trust (PEM). None: those of the system.
+        password_file: file with the password. None means that the password is in an environment variable, or
+            that there is none.
+        certificate: trusted certificate (PEM). None means the system's certificates.
 
     Raises:
         InputError: if the address is invalid, a file cannot be used, or the password is missing or wrong.
@@ -170,7 +171,8 @@ def installation_checks(url: str, password_file: Path | None, certificate: Path 
 
 
 def _check_table(checks: list[Check]) -> Table:
-    """Builds the table of checks: one row each, with the remedy below a check that failed."""
+    """Builds the table of checks. Each check has a row, and a failed check has another row with its
+    remedy."""
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     for check in checks:
         mark = plain_text("ok", "green") if check.ok else plain_text("missing", "red")
@@ -182,5 +184,6 @@ def _check_table(checks: list[Check]) -> Table:
 
 
 def _check_as_json(check: Check) -> dict[str, object]:
-    """Returns a check for scripts, which know the remedy by the name "mend"."""
+    """Returns a check as a JSON object. The remedy has the key "mend", because existing scripts use this
+    name."""
     return {"name": check.name, "ok": check.ok, "detail": check.detail, "mend": check.remedy}

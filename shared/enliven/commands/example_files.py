@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LoadedPuppet:
-    """A loaded file: the project, the chosen puppet, and notes about unusual content of the file."""
+    """The result of loading a file: the project, the chosen puppet, and notes about unusual content of the
+    file."""
 
     project: Project
     puppet: Puppet
@@ -55,7 +56,7 @@ def open_puppet(path: Path, name: str | None) -> LoadedPuppet:
 
 
 def find_writer(output: Path) -> Callable[[Job], str]:
-    """Returns the function that writes the kind of file given by the ending of ``output``.
+    """Returns the function that writes files with the suffix of ``output``.
 
     Raises:
         InputError: if no exporter writes this kind of file, or it cannot contain a puppet.
@@ -99,8 +100,8 @@ def _write_project(job: Job) -> str:
 def export_time_span(
     project: Project, puppet: Puppet, start: float, end: float | None
 ) -> tuple[float, float]:
-    """Returns the start and end time to write, in seconds. Without ``end``, it is the end of the puppet's
-    motion."""
+    """Returns the start and end time to write, in seconds. If ``end`` is None, the end time is the end of the
+    puppet's motion."""
     from enliven.document import Project
 
     project_with_puppet = Project(takes=project.takes, characters={puppet.id: puppet})

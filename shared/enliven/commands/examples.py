@@ -168,8 +168,8 @@ def fit(
     project, character = source.project, source.puppet
     problems = missing(project, character)
     if output.suffix.lower() != ".enliven":
-        # A project may still be posed in the studio, but a film of an unposed character would show it sliding
-        # without moving its limbs.
+        # An unposed character may be written to a project, because it can be posed later in the studio. In
+        # other files, it would slide without moving its limbs.
         problems = (*problems, *describe_unposed(character))
     if problems:
         raise InputError("it cannot move yet", where=str(session), remedy=" ".join(problems))
@@ -189,7 +189,8 @@ def fit(
 
 
 def _path_from_session(session: Path, file: Path) -> str:
-    """Returns a file's path for a session: relative to the session if the file is near it, else absolute."""
+    """Returns the path of a file as stored in a session. It is relative to the session's folder if the file
+    is near it, and otherwise absolute."""
     home, there = session.resolve().parent, file.resolve()
     return there.relative_to(home).as_posix() if there.is_relative_to(home) else there.as_posix()
 

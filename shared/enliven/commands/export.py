@@ -72,7 +72,7 @@ def export(
       enliven export TAKE.mcap -o part.mcap --start 2 --end 8
       enliven export SHOW.enliven -o show.mp4 --size 1920x1080
     """
-    # Heavy modules are imported only here, so that `--help` is quick.
+    # Import large modules only here, so that `--help` is fast.
     from enliven.exporters import exporter_of
 
     all_options = {
@@ -112,7 +112,7 @@ def export(
 def _write_with_progress(
     exporter: Exporter, output: Path, performances: list[Performance], title: str, options: dict[str, Any]
 ) -> None:
-    """Writes the output file, and shows the finished fraction if the exporter reports it."""
+    """Writes the output file, and shows a progress bar if the exporter reports its progress."""
     if "progress" not in exporter.options:
         exporter.save(output, performances, title, **options)
         return
@@ -128,11 +128,12 @@ def _write_with_progress(
 def _chosen_characters(
     exportables: list[Exportable], exporter: Exporter, names: list[str], source: Path
 ) -> list[Exportable]:
-    """Returns the characters with the given names. Without names, returns those that the kind of file can
-    contain.
+    """Returns the characters with the given names. Without names, returns all characters that the file format
+    supports.
 
     Raises:
-        InputError: if a name does not exist, or if the file can contain none, or only one, of the characters.
+        InputError: if a name does not exist, or if the file format supports none of the characters, or only a
+            single character.
     """
     by_name = {exportable.name: exportable for exportable in exportables}
     for name in names:
@@ -161,8 +162,8 @@ def _chosen_characters(
 
 
 def _missing_part(exportable: Exportable, exporter: Exporter) -> str:
-    """Returns what a character lacks for a kind of file: "skeleton" or "surface". Empty if it lacks
-    nothing.
+    """Returns the missing part of a character that the exporter requires: "skeleton", "surface", or an empty
+    string.
     """
     if exporter.jointed and not exportable.jointed:
         return "skeleton"

@@ -20,14 +20,15 @@ if TYPE_CHECKING:
     from enliven.supervision.child import Program
 
 STATE_VARIABLE = "STATE_DIRECTORY"
-"""Environment variable with the folder in which an edge keeps its stage. systemd sets it, too."""
+"""Environment variable with the folder in which an edge stores the state of its stage. systemd also sets this
+variable."""
 
 MIN_PAGE_FROZEN_S = 30.0
-"""Minimum time without progress until the health page or the server of souvenirs is restarted, in seconds.
-Neither is needed for the show to continue.
+"""Minimum time without progress, in seconds, until the health page or the souvenir server is restarted. It is
+long, because the show continues without them.
 """
 SOUVENIR_LIBRARIES = ("segno", "starlette", "uvicorn")
-"""Libraries for souvenirs, of the extra ``enliven-viewer[web]``."""
+"""Libraries for souvenirs, from the optional dependency group ``enliven-viewer[web]``."""
 
 
 def kiosk(
@@ -75,7 +76,7 @@ def kiosk(
 
 
 def _supervise(settings: KioskProfile, path: Path, window: bool) -> int:
-    """Runs all programs of a kiosk until it is ended. Returns the exit code."""
+    """Runs all programs of a kiosk until it is stopped. Returns the exit code."""
     from enliven.supervision.records import RUNTIME_VARIABLE, runtime_folder
     from enliven.supervision.supervisor import RecordFolders, Supervisor
 
@@ -91,7 +92,7 @@ def kiosk_programs(settings: KioskProfile, path: Path, *, window: bool = True) -
 
     Args:
         settings: the profile.
-        path: its file.
+        path: path of the profile's file.
         window: False leaves out the window.
     """
     from enliven.files import user_data_folder
@@ -118,7 +119,7 @@ def kiosk_programs(settings: KioskProfile, path: Path, *, window: bool = True) -
     ]
     if window:
         command = enliven_command(window_arguments(path))
-        # Only an operator closes the window without a failure. That ends the kiosk.
+        # If the window ends without a failure, an operator has closed it. Then the kiosk ends.
         programs.append(
             Program("window", command, restart="failure", leads=True, frozen_after_s=frozen_after_s)
         )
@@ -132,7 +133,8 @@ def kiosk_programs(settings: KioskProfile, path: Path, *, window: bool = True) -
 
 
 def _find_lacks(window: bool) -> list[EnlivenError]:
-    """Returns what this computer lacks for a kiosk: programs, a display, or a free screen."""
+    """Returns an error for each requirement of a kiosk that is missing on this computer: programs, a display,
+    or a free screen."""
     problems: list[EnlivenError] = []
     commands = installed_commands()
     required_packages = {
@@ -154,7 +156,7 @@ def _find_lacks(window: bool) -> list[EnlivenError]:
 
 
 def _find_missing_libraries(settings: KioskProfile) -> list[EnlivenError]:
-    """Returns a mistake if the profile makes souvenirs, and a library for them is not installed."""
+    """Returns an error if the profile enables souvenirs, but a library for them is not installed."""
     missing_libraries = [name for name in SOUVENIR_LIBRARIES if importlib.util.find_spec(name) is None]
     if not settings.souvenir.kind or not missing_libraries:
         return []
@@ -165,7 +167,7 @@ def _find_missing_libraries(settings: KioskProfile) -> list[EnlivenError]:
 
 
 def _find_taken_screen(settings: KioskProfile) -> list[EnlivenError]:
-    """Returns a mistake if another kiosk of this user shows its window on the screen."""
+    """Returns an error if another kiosk of this user shows its window on the same screen."""
     from enliven.kiosk.screen_lock import is_screen_taken
 
     number = settings.screen.number
@@ -177,7 +179,7 @@ def _find_taken_screen(settings: KioskProfile) -> list[EnlivenError]:
 
 def _become_edge(name: str, path: Path) -> None:
     """Runs an edge of the profile in this process. A separate process would delay each restart by another
-    start of Python.
+    start of the Python interpreter.
 
     Raises:
         InputError: if the profile cannot be used, or has no such edge on this computer.

@@ -1,6 +1,4 @@
-"""The group of all installed commands. Listing them imports no command; a command is imported when it is
-used.
-"""
+"""The group of all installed commands. A command's module is imported only when the command is used."""
 
 from __future__ import annotations
 
@@ -50,7 +48,8 @@ _COMMAND_ORDER = (
 
 
 class LazyCommands(TyperGroup):
-    """A command group of all entry points. The module of a command is imported when the command is used."""
+    """A command group with a command for each entry point. The module of a command is imported when the
+    command is used."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Returns the names of all installed commands, in the order of ``_COMMAND_ORDER``, then by name."""
@@ -64,15 +63,15 @@ class LazyCommands(TyperGroup):
         return self.commands.get(cmd_name)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Resolves a command as the base class does. For a misspelt name, imports all commands to suggest
-        one."""
+        """Resolves a command. If the name is misspelt, imports all commands so that the base class can
+        suggest one."""
         if args and args[0] not in installed_commands():
             for name in installed_commands():
                 self.get_command(ctx, name)
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Writes one line for each command without importing any."""
+        """Writes one line for each command without importing the commands."""
         with formatter.section("Commands"):
             formatter.write_dl(
                 [(name, command_summary(entry)) for name, entry in installed_commands().items()]
@@ -94,13 +93,13 @@ def installed_commands() -> dict[str, EntryPoint]:
 
 
 def run_command(words: Sequence[str]) -> int:
-    """Runs another command in this process, as the command line would, and returns its exit code.
+    """Runs another command in this process in the same way as the command line, and returns its exit code.
 
     Args:
         words: the name of the command, and its arguments.
 
     Raises:
-        EnlivenError: as the command does.
+        EnlivenError: if the command raises it.
     """
     name, *arguments = words
     name_program(name)
@@ -110,8 +109,8 @@ def run_command(words: Sequence[str]) -> int:
 
 
 def command_summary(entry: EntryPoint) -> str:
-    """Reads the first line of a command's docstring from its source. Returns an empty string without
-    source."""
+    """Reads the first line of a command's docstring from its source file. Returns an empty string if there is
+    no source file."""
     try:
         spec = importlib.util.find_spec(entry.module)
         tree = ast.parse(Path(spec.origin).read_bytes()) if spec and spec.origin else ast.Module([], [])

@@ -8,7 +8,7 @@ from enliven.errors import InputError
 
 
 def check_parts(texts: list[str] | None) -> list[str] | None:
-    """Checks the values of --parts and returns them. Each is like "legs", or like "legs / torso" for several
+    """Checks the values of --parts and returns them. An example is "legs", or "legs / torso" for several
     performers.
 
     Raises:

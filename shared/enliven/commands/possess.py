@@ -47,7 +47,7 @@ def possess(
       enliven possess TAKE.mcap --mesh HORSE.obj -o horse.glb
       enliven possess TAKE.mcap --mesh lamp --parts "hip + right arm" -o lamp.enliven
     """
-    # Heavy modules are imported only here, so that `--help` is quick.
+    # Import large modules only here, so that `--help` is fast.
     from dataclasses import replace
 
     from enliven.document import HoldChange, Project
@@ -82,8 +82,8 @@ def possess(
 
 
 def _read_mesh(spec: str, up: Axis | None) -> tuple[Mesh, bool]:
-    """Returns a mesh, and True if it must be scaled to a person's size. Shipped meshes have that size
-    already.
+    """Returns a mesh, and True if it must be scaled to a person's size. The meshes that enliven contains
+    already have this size.
 
     Raises:
         InputError: if the mesh cannot be read.

@@ -1,4 +1,4 @@
-"""Runs several ``enliven`` programs as one: starts, watches and ends them together."""
+"""Runs several ``enliven`` programs together: starts, monitors and ends them."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ class Process:
     Attributes:
         name: the program's name in messages.
         arguments: the arguments of the ``enliven`` command line that starts it.
-        leads: True if the whole run ends when this program ends.
+        leads: True if all programs end when this program ends.
         again: the arguments for a restart if the program fails after it was ready. If None, its failure ends
-            the run.
-        ready: returns True when the next program can be started.
+            all programs.
+        ready: a function that returns True when the next program can be started.
     """
 
     name: str
@@ -46,18 +46,18 @@ class Process:
 
 
 def run_together(processes: Sequence[Process]) -> int:
-    """Runs the programs until the leading one ends, one fails and cannot be restarted, or Ctrl-C is pressed.
-    Returns the exit code.
+    """Runs the programs until the leading program ends, a program fails and cannot be restarted, or Ctrl-C is
+    pressed. Returns the exit code.
     """
     from enliven.supervision.supervisor import (
-        Supervisor,  # Imported here, because the list of commands must be quick.
+        Supervisor,  # Imported here, so that the list of commands is fast.
     )
 
     return Supervisor([_supervised_program(process) for process in processes]).run()
 
 
 def _supervised_program(process: Process) -> Program:
-    """Returns a process of a run as a program for the supervisor."""
+    """Converts a process to a program for the supervisor."""
     from enliven.supervision.child import Program
 
     return Program(

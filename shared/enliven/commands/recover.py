@@ -41,7 +41,7 @@ def recover(
 
 
 def _span_in_words(start_ns: int | None, end_ns: int | None, origin_ns: int) -> str:
-    """Describes a time span, with times relative to the first recovered message."""
+    """Describes a time span in words, with times relative to the first recovered message."""
     start, end = (None if t is None else f"{max(0, t - origin_ns) * 1e-9:.3f} s" for t in (start_ns, end_ns))
     if start is None and end is None:
         return "everything"

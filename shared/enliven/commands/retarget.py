@@ -89,7 +89,7 @@ def retarget(
       enliven retarget FOX.glb DEER.glb -o out.glb --animation Run
       enliven retarget JOINTS.mcap SPIDER.glb -o out.glb --travel --pin
     """
-    # Heavy modules are imported only here, so that `--help` is quick.
+    # Import large modules only here, so that `--help` is fast.
     from enliven.exporters import find_sheet_function
     from enliven.mapping.plan_file import write_plan
     from enliven.oneshot.retargeting import RetargetOptions, retarget_file

@@ -21,10 +21,11 @@ from enliven.wire import free_ports
 _FILM_SECONDS = 10.0
 """Default length of a film, in seconds. The shipped recording has nine seconds, so its end is included."""
 _OUTPUT = re.compile(r"[A-Za-z]{2,}:")
-"""Start of a live output's address, such as "vmc:". A folder with such a name can be written as ./NAME."""
+"""Pattern of the start of a live output's address, such as "vmc:". A folder with such a name can be written
+as ./NAME."""
 _COMPILE_TIMEOUT_S = 3600.0
-"""Maximum wait for an edge to compile all kernels, in seconds. On a small machine with a load of 10, more
-than 600 s were measured. An edge that fails ends the run at once."""
+"""Maximum time in seconds to wait until an edge has compiled all kernels. On a small machine with a load of
+10, it took more than 600 s. An edge that fails ends the wait immediately."""
 
 
 def run(
@@ -111,7 +112,7 @@ def run(
         "recording": None if sensor else recording,
     }
     source_options |= {"seconds": seconds, "loop": seconds is None and sensor is None and not as_film}
-    # When a film is made, the edge waits for the viewer before it starts, so that no frame is lost.
+    # For a film, the edge waits for the viewer before it starts, so that no frame is lost.
     edge_options = {
         "record": record,
         "overwrite": overwrite,
@@ -136,8 +137,8 @@ def run(
     view_command = _command_line(
         "view", edge=["127.0.0.1"], **(film_to if as_film else {}), **port_options, size=size
     )
-    # The edge first compiles its kernels and prepares the mesh, before it listens. On the very first start
-    # this takes a minute.
+    # The edge compiles its kernels and prepares the mesh before it listens on its port. This takes a minute
+    # at the first start.
     processes = [
         Process(
             "edge",
@@ -168,7 +169,8 @@ def _folder_and_outputs(words: list[str]) -> tuple[Path, list[str]]:
 
 
 def _restart_take_path(record: Path | None) -> Path | None:
-    """Returns the path for the take of a restarted edge. The take recorded before the restart is kept."""
+    """Returns the path for the take of a restarted edge. It differs from the path of the earlier take, which
+    is kept."""
     if record is None or "{number}" in record.name or "{time}" in record.name:
         return record
     return record.with_stem(f"{record.stem}-restart{{number}}")
@@ -191,8 +193,8 @@ def _check_programs() -> None:
 
 
 def _command_line(program: str, /, **options: Any) -> list[str]:
-    """Returns a command line from options by name. None and False are left out, True gives an option without
-    a value, and a list repeats the option.
+    """Converts options by name to a command line. None and False are left out, True gives an option without a
+    value, and a list repeats the option.
     """
     arguments = [program]
     for option, value in options.items():

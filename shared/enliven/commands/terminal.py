@@ -1,7 +1,7 @@
-"""Output of commands: lines, tables and progress bars in which foreign text is escaped.
+"""Terminal output of commands: lines, tables and progress bars. Untrusted text is escaped.
 
-File names, names of devices and characters, and output of other programs may contain terminal escapes, line
-ends or the markup of rich. Every command prints through this module, so that none of these has an effect.
+File names, names of devices and characters, and output of other programs may contain terminal escape
+sequences, line ends or rich markup. All commands print through this module, which makes them harmless.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def print_line(line: str, *, err: bool = False) -> None:
-    """Prints one line. Characters that are not printable are written as escape sequences.
+    """Prints one line. Unprintable characters are replaced by visible escape codes.
 
     Args:
         err: True to print to standard error.
@@ -41,14 +41,14 @@ def plain_console(*, err: bool = False) -> Console:
 
 
 def plain_text(line: str, style: str = "") -> Text:
-    """Returns one line of text for a table. Unprintable characters are escaped."""
+    """Returns one line of text for a table. Unprintable characters are replaced by visible escape codes."""
     from rich.text import Text
 
     return Text(escape_text(line), style)
 
 
 def facts_table(facts: Iterable[tuple[str, ...]]) -> Table:
-    """Returns a table without lines from rows of text."""
+    """Returns a table without borders from rows of text."""
     from rich.table import Table
 
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))

@@ -14,9 +14,9 @@ from enliven.errors import InputError
 from enliven.person import Body, Joint
 
 HoldMode = Literal["alone", "join", "extend", "release", "take over", "remove"]
-"""Effect of a change on the attachments (holds) of a character."""
+"""Effect of a :class:`HoldChange` on the attachments (holds) of a character."""
 _MAX_TAKE_S = 1e7
-"""Maximum duration of a take in seconds: 115 days. A later time indicates a damaged clock."""
+"""Maximum duration of a take in seconds: 115 days. A longer take indicates an error of the clock."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,16 +25,16 @@ class BodyTake:
 
     Attributes:
         id: its name in the project.
-        seconds: (F,) float64, rising from 0.
+        seconds: (F,) float64 times of the frames, increasing from 0.
         people: (B,) int64 ids of the performers.
-        joints: (F, B, 20, 3) float64 metres, world frame; 0 for a performer that is not in view.
+        joints: (F, B, 20, 3) float64 metres, world frame. 0 for a performer that is not in view.
         confidence: (F, B, 20) float64 in [0, 1].
         present: (F, B) bool, true for performers in view.
-        stature: (F, B) body height from soles to crown, metres; 0 where it was not measured. None if it was
+        stature: (F, B) body height from soles to crown, metres, or 0 if it was not measured. None if it was
             never measured.
 
     Raises:
-        InputError: if the arrays do not fit together or are not finite.
+        InputError: if the shapes of the arrays are inconsistent or values are not finite.
     """
 
     id: str
@@ -79,16 +79,17 @@ class BodyTake:
 class HoldChange:
     """An event of a take: a performer attaches to a character, or releases it.
 
-    A change is applied after the frame at its time. Only "take over" is applied before this frame.
+    A change is applied after the frame at its time. The exception is "take over", which is applied before
+    this frame.
 
     Attributes:
         seconds: time of the event in the take.
         performer: the id of the performer. None means the first performer in view or, for "release", all
             performers.
         parts: the parts of the body that attach: "all", "legs", "upper body", ...
-        mode: "alone" ends all other attachments. "join" keeps the holds of other performers. "extend" also
-            keeps the performer's own. "release" ends them. "take over" continues the attachments of
-            ``former``. "remove" removes the character from the stage.
+        mode: "alone" detaches all other performers. "join" keeps other performers attached. "extend" also
+            keeps the performer's earlier attachment. "release" detaches the performer. "take over" transfers
+            the attachment of ``former`` to the performer. "remove" removes the character from the stage.
         former: for "take over", the id of the absent performer.
     """
 
@@ -101,18 +102,18 @@ class HoldChange:
 
 @dataclass(frozen=True, eq=False)
 class Possession:
-    """A record of how performers moved a mesh: all inputs for solving the motion again, for this mesh or
-    another one.
+    """A record of the performance that moved a mesh. It contains all inputs for solving the motion again, for
+    this mesh or another mesh.
 
     Attributes:
         take: the id of the performers' take.
         holds: the events of attaching and releasing, in the order of time.
         settings: the settings of the actor, as JSON.
-        height: height of the mesh at rest during the recording, metres, which determined its placement; 0:
-            use its current height.
-        size: metres of the mesh as modelled for one metre of its rest space.
-        place: placement of the waiting mesh: scale, radians about +Y, x, y, z in metres. Empty: the settings
-            determine it.
+        height: height of the mesh at rest during the recording, metres, which determined its placement. 0
+            means its current height.
+        size: scale: metres of the mesh as modelled per metre of its rest space.
+        place: placement of the waiting mesh: scale, radians about +Y, x, y, z in metres. If empty, the
+            settings determine the placement.
         start, end: range of the take that is played, seconds; an end of 0 means the end of the take.
         rest: (N, 3) metres, the nodes at rest when the motion was solved or recorded.
         solved: a checksum of the inputs of the solution. Empty if the motion was not solved yet.
@@ -136,7 +137,7 @@ class Possession:
         sizes = [self.size, *self.place[:1]]
         is_valid = rest.ndim == 2 and rest.shape[1] == 3 and len(self.place) in (0, 5) and min(sizes) > 0.0
         if not (is_valid and np.isfinite([*self.place, *sizes, self.height, self.start, self.end]).all()):
-            problem = f"nodes {rest.shape}, a place {self.place} and a size {self.size} do not fit"
+            problem = f"nodes {rest.shape}, a place {self.place} and a size {self.size} are not valid"
             raise InputError(problem, where=f"take {self.take!r}", remedy="Record it again.")
 
     def last(self, take: BodyTake) -> float:
@@ -152,13 +153,13 @@ def _describe_problem(take: BodyTake) -> str:
     if shapes != ((frames, people, joints, 3), (frames, people, joints), (frames, people)):
         return f"joints {shapes[0]}, confidence {shapes[1]}, present {shapes[2]}"
     if take.stature is not None and (take.stature.shape != shapes[2] or not (take.stature >= 0.0).all()):
-        return "a stature is below zero, or missing"
+        return "a stature is negative or missing"
     if len(set(take.people.tolist())) != people:
-        return "two performers have one id"
+        return "two performers have the same id"
     if not (np.isfinite(take.joints).all() and np.isfinite(take.seconds).all()):
         return "something in it is not finite"
     if not ((take.confidence >= 0.0) & (take.confidence <= 1.0)).all():
         return "a confidence is not between 0 and 1"
     if take.seconds[0] != 0.0 or (np.diff(take.seconds) <= 0.0).any() or take.seconds[-1] > _MAX_TAKE_S:
-        return "its times do not rise from 0"
+        return "its times do not increase from 0"
     return ""

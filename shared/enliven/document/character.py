@@ -1,10 +1,10 @@
 """A character and its poses: a mesh and the transforms that move it. Each vertex follows at most four
 transforms.
 
-A bone of a rig and a node of a deformation graph are equivalent for network, shader and export: a transform
-about a pivot that moves the vertices around it. So both use the same pose, shader and message. A control
-point of a puppet is a transform too. The program that displays the puppet solves the surface between the
-control points (:class:`enliven.deformation.arap.solver.ArapSolver`), in the frame of transform 0.
+A bone of a rig and a node of a deformation graph are both a transform about a pivot that moves the vertices
+around it. So network messages, the shader and exports treat them in the same way. A control point of a puppet
+is a transform too. The program that displays the puppet solves the surface between the control points
+(:class:`enliven.deformation.arap.solver.ArapSolver`), in the frame of transform 0.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ class SkinWeights:
 
 @dataclass(frozen=True)
 class Character:
-    """A mesh at rest, in world metres, with the pivots that move it.
+    """A mesh at rest, in metres in the world frame, with the pivots of the transforms that move it.
 
     Attributes:
-        id: its name on the network, unique on its edge.
+        id: name of the character on the network. It is unique on an edge computer.
         vertices: (V, 3) float32 metres.
         faces: (F, 3) int32.
         skin: four transforms per vertex.
@@ -44,12 +44,12 @@ class Character:
         kind: "graph", "bones" or "points".
         colours: (V, 3) uint8 sRGB, or None.
         held: (J - 1,) int32, for kind "points": the vertex that each transform except the first one moves.
-        pulls: (J - 1,) float32, the strength of each of these handles if it is soft, 0 if it is hard. None:
-            all are hard.
-        surface: settings for how the surface follows the handles. None: the defaults.
+        pulls: (J - 1,) float32, the strength of each of these handles if it is soft, 0 if it is hard. None
+            means that all are hard.
+        surface: settings of the solver that makes the surface follow the handles. None means the defaults.
         names: (J,) unique names of the joints at the ends of the bones. None if they have no names.
         materials: the materials of the faces with their textures, or None for colours only.
-        stiffness: (V,) float32 as in :class:`enliven.meshes.Mesh`, for kind "graph"; None: 1 everywhere.
+        stiffness: (V,) float32 as in :class:`enliven.meshes.Mesh`, for kind "graph". None means 1 everywhere.
     """
 
     id: str
@@ -109,7 +109,7 @@ def _describe_problem(character: Character) -> str:
         character.pulls.shape != (count - 1,)
         or not (np.isfinite(character.pulls).all() and (character.pulls >= 0).all())
     ):
-        return f"{count - 1} points pull with {character.pulls.tolist()}"
+        return f"{count - 1} points have the strengths {character.pulls.tolist()}"
     if character.names is not None and not len(character.names) == len(set(character.names)) == count:
         return f"{len(set(character.names))} different names for {count} bones"
     if int(character.skin.indices.max()) >= count:

@@ -20,15 +20,16 @@ from enliven.errors import InputError
 from enliven.rotation import from_rotation_vector, normalized, rotate, stretch_from_strain
 
 _SAME_KEY = 1e-6
-"""Two keys within this time, in seconds, count as one. It is the rounding error of float32 after a minute."""
+"""Maximum difference in time, in seconds, between equal keys. It is the rounding error of float32 after a
+minute."""
 _KEY_INTERVAL_S = 1 / 120
-"""Seconds between the additional keys of a cubic curve piece that was cut. The error of the curve is then
-below 1e-6."""
+"""Interval in seconds between the additional keys in a piece of a cubic curve that was cut. It keeps the
+error of the curve below 1e-6."""
 
 
 @dataclass(frozen=True, eq=False)
 class FineFrames:
-    """A clip's motion at uneven times. It is used if evenly spaced frames would lose keys or jumps.
+    """A clip's motion at unevenly spaced times. It is used if evenly spaced frames would lose keys or jumps.
 
     Attributes:
         seconds: (K,) increasing times from the clip's first frame to its last.
@@ -74,12 +75,12 @@ class CubicKeys:
     """The keys of a cubic curve, as glTF 2.0 (appendix C) interpolates CUBICSPLINE keys.
 
     Attributes:
-        bone: the number of the bone that it moves.
+        bone: the number of the bone that the curve moves.
         seconds: (K,) increasing times of the keys.
-        values: (K, 4) unit quaternions (w, x, y, z), the rotation of the bone relative to its parent; or
-            (K, 3) metres, the position of the root. Rotations are interpolated by components and normalised
-            afterwards.
-        slopes: (K, 2, 4 or 3) derivatives per second (tangents): the incoming and outgoing one of each key.
+        values: (K, 4) unit quaternions (w, x, y, z), the rotation of the bone relative to its parent, or
+            (K, 3) metres, the position of the root. The components of rotations are interpolated separately
+            and normalised afterwards.
+        slopes: (K, 2, 4 or 3) the incoming and the outgoing tangent of each key: derivatives per second.
 
     Raises:
         InputError: if the arrays do not fit together, or the times do not rise.
@@ -142,12 +143,12 @@ class CubicKeys:
     def between(self, start: float, stop: float) -> CubicKeys:
         """Cuts the curve to the range from ``start`` to ``stop`` seconds, with a new key at each cut end.
 
-        All keys in between are kept. A piece that was cut gets additional keys, because a part of a
+        All keys in the range are kept. A curve piece that was cut gets additional keys, because a part of a
         normalised cubic is not exactly a normalised cubic.
         """
         first, last = max(start, float(self.seconds[0])), min(stop, float(self.seconds[-1]))
         if first >= last:
-            # All keys are before or after this range, so the curve is constant.
+            # All keys are before or after the range, so the curve is constant.
             key_index = np.array([start])
             return CubicKeys(self.bone, key_index, self.at(key_index), np.zeros((1, 2, self.values.shape[1])))
         extra_times = list[Float]()
@@ -166,7 +167,7 @@ class CubicKeys:
         for side, step in ((0, -1), (1, 1)):
             own_slopes = self.slopes[key_index, side]
             slopes[is_own, side] = _tangential_slopes(self.values[key_index], own_slopes)[is_own]
-            # If the piece next to an original key was not cut, the key keeps its exact slope on that side.
+            # An original key keeps its exact slope on each side where the piece was not cut.
             neighbour_index = np.clip(np.arange(len(seconds)) + step, 0, len(seconds) - 1)
             is_uncut = (
                 is_own & is_own[neighbour_index] & (np.abs(key_index[neighbour_index] - key_index) == 1)
@@ -203,25 +204,26 @@ class Clip:
         id: its name in the project.
         skeleton: the performer's skeleton at rest.
         turns: (F, N, 4) float64 unit quaternions D_j in world axes. The bone that ends at joint j points
-            along D_j @ (its direction at rest), and everything rigidly attached to it is rotated by D_j.
-            Entry 0 is the rotation of the whole character.
+            along D_j @ (its direction at rest), and everything rigidly attached to it is rotated by D_j. D_0
+            is the rotation of the whole character.
         root: (F, 3) float64 metres, the position of joint 0.
         step: seconds from one frame to the next.
         offsets: (F, N, 3) metres, displacement of each joint along its bone's rest axes, before the bone
-            stretches and rotates. None: bones keep their lengths.
+            stretches and rotates. None means that bones keep their lengths.
         strains: (F, N, 6) the Hencky strain log U_j of each bone in the rest axes, in the format of
             :func:`enliven.rotation.hencky_strain`. Everything rigidly attached to bone j is moved by D_j U_j,
-            and joint j is at D_j U_j (its vector at rest + its offset) from its parent. None: bones only
-            rotate.
+            and joint j is at D_j U_j (its vector at rest + its offset) from its parent. None means that bones
+            only rotate.
         mirrors: (F, N) 1, or -1 for a bone that is also reflected through its start joint, which negates U_j.
-            None: no bone is reflected.
+            None means that no bone is reflected.
         keys: the keys that the frames were computed from, in order of time. Empty for a performance.
-        fine: the motion at more times, for players and exporters; None if the frames contain everything.
-        cubic: the file's own cubic keys of bones and of the root's position. A glTF export contains them
-            again if nothing else moves the character. The frames contain this motion, too.
+        fine: the motion at more times, for players and exporters. None if the frames contain the complete
+            motion.
+        cubic: the file's own cubic keys of bones and of the root's position. A glTF export contains these
+            keys if nothing else moves the character. The frames contain this motion, too.
 
     Raises:
-        InputError: if the arrays do not fit the skeleton or are not finite.
+        InputError: if the shapes of the arrays do not match the skeleton or values are not finite.
     """
 
     id: str
@@ -291,8 +293,8 @@ class Clip:
 
     @property
     def links(self) -> Float:
-        """(F or 1, N, 3) the vectors from each joint's parent to the joint before the bone rotates,
-        metres.
+        """(F or 1, N, 3) metres, the vector from each joint's parent to the joint before the bone stretches
+        and rotates.
         """
         links = self.skeleton.vectors[None]
         links = links if self.offsets is None else links + self.offsets

@@ -9,7 +9,7 @@ from enliven.settings import data_field
 
 @dataclass(frozen=True)
 class Position:
-    """A control point is at ``place`` (3,) metres, in the mesh's frame, at a frame."""
+    """A constraint: at a frame, a control point is at ``place`` (3,), metres in the mesh's frame."""
 
     point: str = data_field(doc="Name of the control point.")
     frame: int = data_field(doc="Frame of the layer's take.", low=0)
@@ -22,8 +22,8 @@ class Position:
 
 @dataclass(frozen=True)
 class Velocity:
-    """A control point moves with ``velocity`` (3,), metres per second, from the previous frame to this
-    one."""
+    """A constraint: a control point moves with ``velocity`` (3,), metres per second, from the previous frame
+    to this frame."""
 
     point: str = data_field(doc="Name of the control point.")
     frame: int = data_field(doc="Frame of the layer's take.", low=0)
@@ -36,7 +36,8 @@ class Velocity:
 
 @dataclass(frozen=True)
 class Coupling:
-    """``point`` is ``apart`` (3,) metres from ``other`` at a frame, by default at the same height."""
+    """A constraint: at a frame, the vector from ``other`` to ``point`` is ``apart`` (3,), metres. By default
+    only their heights are constrained to be equal."""
 
     point: str = data_field(doc="Name of the control point.")
     other: str = data_field(doc="Name of the other control point.")

@@ -38,9 +38,9 @@ class _Step:
 class History:
     """A project and its earlier values, one before each edit.
 
-    Every call of :meth:`do` adds one named step. Consecutive steps of one ``drag`` are combined to one step,
-    until :meth:`end_drag`. Equal arrays are stored once, so a step needs memory only for its changes. The
-    memory is limited: the oldest steps are dropped, but never the current project.
+    Every call of :meth:`do` adds one named step. Successive edits of one ``drag`` form a single step, until
+    :meth:`end_drag`. Equal arrays are stored once, so a step needs memory only for its changes. The memory is
+    limited: the oldest steps are dropped, but never the current project.
     """
 
     def __init__(self, project: Project, settings: HistorySettings | None = None) -> None:
@@ -130,7 +130,7 @@ class History:
         """Reverts the last step, and returns the project.
 
         Raises:
-            InputError: at the first step.
+            InputError: if the project is at the first step.
         """
         if self._at == 0:
             raise InputError("there is nothing to undo", where="history")
@@ -170,8 +170,8 @@ class History:
 
 
 def share_equal_parts(project: Project, old_project: Project) -> Project:
-    """Returns the project, with all parts that are bit-identical to those of ``old_project`` replaced by the
-    latter, to save memory.
+    """Returns the project with shared memory. All parts that are bit-identical to parts of ``old_project``
+    are replaced by the old parts.
     """
     maps = {}
     for part in fields(project):

@@ -19,10 +19,10 @@ KEY_STEP = 1.0 / 30.0
 _MAX_KEY_S = 3600.0
 """Maximum time of a key in seconds: one hour, or about 100,000 frames."""
 EASES: tuple[str, ...] = ("smooth", "linear", "step")
-"""Kinds of interpolation from a key to the next: smooth (continuous speed, no overshoot), linear, or step."""
+"""Interpolation from a key to the next key: smooth (continuous speed without overshoot), linear, or step."""
 _BISECTION_STEPS = 60
-"""Number of bisection steps for finding a time. They reduce an interval of a thousand seconds to the rounding
-error."""
+"""Number of bisection steps in the search for a time. They reduce an interval of a thousand seconds to the
+rounding error."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,8 @@ class MotionKey:
         second: time in the take.
         degrees: rotation vector in degrees, in the axes of the rest pose.
         ease: interpolation to the next key.
-        metres: displacement, in the same axes. It is zero for a bone, because bones are only rotated.
+        metres: displacement in metres, in the axes of the rest pose. It is zero for a bone, because bones are
+            only rotated.
     """
 
     second: float
@@ -76,7 +77,8 @@ def key_values(keys: Sequence[MotionKey], seconds: AnyArray) -> Float:
 
 
 def interpolate_keys(at: Sequence[float], values: Float, eases: Sequence[str], seconds: AnyArray) -> Float:
-    """Interpolates channels through values (K, C) at seconds ``at`` (K,). Returns (T, C) at seconds (T,).
+    """Interpolates C channels through values (K, C) at times ``at`` (K,). Returns values (T, C) at times
+    ``seconds`` (T,).
 
     Before the first and after the last key the values are constant. Smooth pieces are cubic, with the
     monotone slopes of Fritsch and Carlson (1980), which do not overshoot.
@@ -85,7 +87,7 @@ def interpolate_keys(at: Sequence[float], values: Float, eases: Sequence[str], s
     seconds = np.clip(np.asarray(seconds, np.float64), times[0], times[-1])
     if len(times) == 1:
         return np.repeat(values, len(seconds), axis=0)
-    # If the times of a frame and a key differ only by rounding errors, the frame is on the key.
+    # A frame gets the exact value of a key if their times differ only by rounding errors.
     piece = np.clip(np.searchsorted(times, seconds + 1e-9, side="right") - 1, 0, len(times) - 2)
     durations = np.diff(times)[:, None]
     slopes = _key_slopes(durations, np.diff(values, axis=0) / durations)
@@ -108,7 +110,7 @@ def _key_slopes(durations: Float, steep: Float) -> Float:
     """Computes the slopes (K, C) at K keys from the durations (K - 1, 1) and gradients (K - 1, C) of the
     pieces between them.
 
-    The slope is 0 at the ends, and where a channel changes direction.
+    The slope is 0 at the first and last key, and at keys at which a channel changes direction.
     """
     previous_gradients, next_gradients = steep[:-1], steep[1:]
     first, second = 2 * durations[1:] + durations[:-1], durations[1:] + 2 * durations[:-1]
@@ -125,7 +127,7 @@ class CurveKey:
     """A keyframe of a layer attribute.
 
     Attributes:
-        second: time of the project, relative to the start of the layer's lane.
+        second: time of the project in seconds, relative to the start of the layer's lane.
         value: a weight from 0 to 1, or a speed factor.
         ease: interpolation to the next key.
     """

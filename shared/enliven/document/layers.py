@@ -1,10 +1,10 @@
-"""Layers: references to takes. A bone stores spans of layers. Nothing is baked before export.
+"""Layers: references to takes that move bones. Motion is evaluated from the takes, and baked only at export.
 
-A layer defines which joint chain of a take's skeleton drives bones, in which basis, and when. A bone has
-*spans*: fractions of its length, each with the interval [start, end] of every layer's arc length that falls
-on it. Inserting a node splits a span in proportion. Removing a node concatenates the spans of two bones. So a
-bone between two bones with different takes keeps both takes exactly. AniMesh drops them in that case (section
-8, Figure 13).
+A layer defines the joint chain of a take's skeleton that drives bones, its basis, and its timing. A bone is
+divided into *spans*, which are fractions of its length. A span contains, for each layer, the interval [start,
+end] of the layer's arc length that moves it. Inserting a node splits a span in proportion. Removing a node
+concatenates the spans of two bones. So a bone between two bones with different takes keeps both takes
+exactly. AniMesh drops them in that case (section 8, Figure 13).
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ from enliven.errors import InputError
 from enliven.rotation import IDENTITY
 
 MODES: tuple[str, ...] = ("turns", "end")
-"""The part of a take that a layer uses: the rotations along its chain, or the position of the chain's end."""
+"""The data of a take that a layer uses: the rotations along its chain ("turns"), or the position of the
+chain's end ("end")."""
 FEET: tuple[str, ...] = ("auto", "always", "never", "ground")
-"""Foot lock modes of a layer: locked while low and slow; locked whenever low; never locked; or only kept
-above the floor."""
+"""Foot lock modes of a layer. "auto" locks a foot while it is low and slow, "always" whenever it is low, and
+"never" not at all. "ground" only keeps it above the floor."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,11 +33,12 @@ class Layer(LayerBase):
     Attributes:
         id: its name in the project.
         take: the id of a clip.
-        chain: consecutive joints of the take's skeleton. Arc length s runs from 0 at the first to 1 at the
-            last. The rotations are relative to the bone that ends at the first joint. A chain of one joint
-            means the rotation of this entry itself (for the root: (0,)), from none at s = 0 to the full
-            rotation at s = 1.
-        basis: (4,) unit quaternion target_from_source: a rotation Q of the source becomes basis Q basis^-1.
+        chain: consecutive joints of the take's skeleton. Arc length s increases from 0 at the first to 1 at
+            the last joint. The rotations are relative to the bone that ends at the first joint. If the chain
+            has a single joint, such as (0,) for the root, it stands for the rotation of this joint's bone.
+            This rotation increases from none at s = 0 to the full rotation at s = 1.
+        basis: (4,) unit quaternion, the rotation from the source's axes to the target's axes. A rotation Q of
+            the source becomes basis Q basis^-1.
         weight: factor on the rotation of each source bone. 0 leaves the bone as modeled, and 1 applies the
             full rotation.
         muted: True leaves the layer out.
@@ -85,7 +87,8 @@ class Layer(LayerBase):
 
 @dataclass(frozen=True, eq=False)
 class RootLayer(LayerBase):
-    """A clip that rotates and moves a whole character in the world, on top of its other layers.
+    """A layer with a clip that rotates and moves a whole character in the world, in addition to its other
+    layers.
 
     Let r be the clip's rotation and d its position at a time. Then a point x in the world becomes R (x -
     about) + about + m, with R = L r L^-1 and m = size L d. If the layer is mirrored, L = basis S with S =
@@ -114,7 +117,7 @@ class RootLayer(LayerBase):
         self.check_time(where)
         unit = self.basis.shape == (4,) and np.isclose(np.linalg.norm(self.basis), 1.0, atol=1e-6)
         if not (unit and self.about.shape == (3,) and np.isfinite(self.about).all()):
-            problem = f"it cannot be turned by {self.basis} about {self.about}"
+            problem = f"its rotation {self.basis} or its centre {self.about} is not valid"
             raise InputError(problem, where=where, remedy="Set its keys again.")
         if not (0.0 < self.size < np.inf and 0.0 <= self.weight <= 1.0):
             problem = f"it cannot be {self.size} times as large, with a weight of {self.weight}"
@@ -129,10 +132,10 @@ class RootLayer(LayerBase):
 @dataclass(frozen=True)
 class Ref:
     """A reference to the interval of a layer's arc length, from ``start`` to ``end`` within [0, 1], that
-    falls on a span.
+    moves a span.
 
-    A reference with equal start and end causes no rotation. A bone that rigidly continues another bone uses
-    it to apply the stretch at this position.
+    A reference with equal start and end causes no rotation. It only applies the stretch at this position, to
+    a bone that rigidly continues another bone.
     """
 
     layer: str
@@ -142,8 +145,8 @@ class Ref:
 
 @dataclass(frozen=True)
 class Span:
-    """A part of a bone: its fraction (``share``) of the bone's length, and the layers that rotate it, the
-    first outermost.
+    """A part of a bone: its fraction (``share``) of the bone's length, and the layers that rotate it. The
+    first layer is the outermost.
 
     Its own rotation is C(0)^-1 C(1), with C(u) the product, in order, of every layer's q(start + u (end -
     start)). Such a product telescopes along a chain, so inserting nodes never changes the total rotation, for
@@ -155,8 +158,8 @@ class Span:
             rotation at the joint itself, for example the rotation of a root that was grafted onto another
             shape.
         refs: the intervals of layers that fall on the span.
-        before: unit quaternion (w, x, y, z), a fixed rotation at the start of the span. It is the modeling
-            rotation of a bone that was joined to its parent when the node between them was removed.
+        before: unit quaternion (w, x, y, z), a fixed rotation at the start of the span. If a node was
+            removed, it is the modeling rotation of the lower bone, which was joined to its parent.
     """
 
     share: float = 1.0

@@ -1,4 +1,5 @@
-"""Settings for how a puppet moves over the floor, and the times at which its performer touches it."""
+"""Settings of a puppet's locomotion over the floor, and the times at which its performer touches the
+floor."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ Kind = Literal["contact", "flight"]
 
 @dataclass(frozen=True)
 class LocomotionSettings:
-    """Settings for how a mesh moves over the floor."""
+    """Settings of a mesh's locomotion over the floor."""
 
     contact: ContactSettings = group(ContactSettings)
     runner: float = data_field(

@@ -6,9 +6,9 @@ from collections.abc import Container
 
 
 def unused(stem: str, taken: Container[str], between: str = " ") -> str:
-    """Returns ``stem``, or the first of ``stem 2``, ``stem 3``, ... that is not taken.
+    """Returns ``stem`` if it is unused, or otherwise the first unused name of ``stem 2``, ``stem 3``, ...
 
-    If the stem ends in a number, counting continues from it: after "part 2" comes "part 3".
+    If the stem ends in a number, counting continues from this number, as from "part 2" to "part 3".
     """
     if stem not in taken:
         return stem

@@ -9,7 +9,8 @@ from enliven.settings import data_field
 
 @dataclass(frozen=True)
 class ContactSettings:
-    """Settings for when a joint stands on the floor, relative to the length of its limb."""
+    """Criteria for the contact of a joint with the floor, relative to the length of its limb, and settings of
+    the foot lock."""
 
     height: float = data_field(
         0.04,
@@ -61,7 +62,7 @@ class Pin:
     Attributes:
         joint: the name of the foot's joint. A pin is ignored if an edit removed one of its joints.
         start: the name of the joint at which the limb starts (a hip), above the foot.
-        settings: criteria for contact.
+        settings: criteria for contact, and settings of the foot lock.
     """
 
     joint: str

@@ -1,4 +1,4 @@
-"""The project: characters and takes. It is an immutable value: an edit creates another, and undo restores the
+"""The project: characters and takes. It is immutable: an edit creates a new project, and undo restores the
 old one."""
 
 from __future__ import annotations
@@ -49,10 +49,10 @@ class CameraMark:
 
     Attributes:
         id: its name.
-        target: x, y, z in metres, the point that the camera looks at.
-        azimuth: radians around the target from +Z towards +X.
-        elevation: radians above the floor.
-        distance: metres from the target.
+        target: the point that the camera looks at: x, y, z in metres.
+        azimuth: angle around the target from +Z towards +X, radians.
+        elevation: angle above the horizontal, radians.
+        distance: distance from the target, metres.
     """
 
     id: str
@@ -69,14 +69,13 @@ class CameraMark:
 
 @dataclass(frozen=True)
 class DisplayState:
-    """The display state of a character in an artist's window; exports ignore it.
+    """The display state of a character in an artist's window. Exports ignore it.
 
     Attributes:
-        hidden: the window does not draw it.
-        locked: it can be neither selected nor edited.
-        size: display scale on a stage relative to its own size, which performers set by gestures.
-        exaggeration: strength with which its soft parts overshoot the motion on a stage. None: the stage's
-            setting.
+        hidden: True if the window does not draw the character.
+        locked: True if the character can be neither selected nor edited.
+        size: display scale on a stage, relative to the character's own size. Performers set it by gestures.
+        exaggeration: factor on the overshoot of its soft parts on a stage. None means the stage's setting.
     """
 
     hidden: bool = False
@@ -98,8 +97,8 @@ FREE = DisplayState()
 
 @dataclass(frozen=True, eq=False)
 class Project:
-    """A project: all characters by id, with any rig, and the takes and streams that they play. Takes and
-    streams are immutable.
+    """A project: all characters by id, with any kind of rig, and the takes and streams that they play. Takes
+    and streams are immutable.
 
     Attributes:
         characters: rigged shapes, possessed meshes, puppets, and other characters with a rig.
@@ -145,7 +144,7 @@ class Project:
         """Returns the project without a character. The takes that it played stay in the project.
 
         Raises:
-            InputError: if it does not exist; the message lists the existing ids.
+            InputError: if the character does not exist. The message lists the existing ids.
         """
         self.character(character_id)
         return replace(self, characters={k: v for k, v in self.characters.items() if k != character_id})
@@ -242,7 +241,8 @@ class Project:
 def are_identical(a: object, b: object) -> bool:
     """Returns True if two projects, or two parts of them, are equal bit for bit.
 
-    Arrays are equal if type, shape and bytes are; so -0.0 differs from 0.0, and a NaN equals itself.
+    Arrays are equal if their types, shapes and bytes are equal. So -0.0 differs from 0.0, and a NaN equals
+    itself.
     """
     if a is b:
         return True

@@ -20,11 +20,11 @@ class Props:
         time_ns: time of the sensor's clock, nanoseconds.
         ids: (P,) ids that stay the same while an object exists.
         shapes: (P,) uint8, BOX or BALL.
-        sizes: (P, 3) float32 metres: the half edge lengths of a box; for a ball, its radius in all three
+        sizes: (P, 3) float32 metres: the half edge lengths of a box, or the radius of a ball in all three
             columns.
         colours: (P, 3) uint8 sRGB.
         positions: (P, 3) metres, world frame.
-        turns: (P, 4) unit quaternions (w, x, y, z), world_from_prop.
+        turns: (P, 4) unit quaternions (w, x, y, z), the rotations from prop to world.
         note: one line of text for users, such as a score. May be empty.
     """
 

@@ -1,11 +1,12 @@
-"""A puppet: a mesh driven by control points, with example poses that pair a performer's poses with its own.
+"""A puppet: a mesh driven by control points, with example poses. An example pairs a performer's pose with a
+pose of the mesh.
 
 A mesh may have no part that corresponds to a skeleton, like a cactus that directs traffic. The user then
 pairs joints of a performer with control points of the mesh, and poses a few examples. The examples determine
 how the mesh follows all similar motions (Celikcan, Yaz and Capin, "Example-based retargeting of human motion
 to arbitrary mesh models", 2015). :mod:`enliven.examples` computes the trajectories of the points, and
-:mod:`enliven.deformation.arap.solver` the surface between them. Nothing is baked: a puppet stores its
-examples, and layers that refer to takes.
+:mod:`enliven.deformation.arap.solver` computes the surface between them. Motion is not baked: a puppet stores
+its examples, and layers that refer to takes.
 """
 
 from __future__ import annotations
@@ -33,14 +34,14 @@ MIN_EXAMPLES = 2
 
 @dataclass(frozen=True)
 class ControlPoint:
-    """A vertex of the mesh that a joint, or the user, moves.
+    """A vertex of the mesh that is moved by a performer's joint, or by the user.
 
     Attributes:
-        name: unique on the puppet.
+        name: name of the point, unique on the puppet.
         vertex: number of the vertex in the mesh.
-        joint: the performer's joint that is paired with the point; empty if there is none.
+        joint: the performer's joint that is paired with the point, or empty.
         foot: True if the puppet can stand on the point.
-        weight: strength of the point as a soft handle; None for a hard handle (see ``Handle``).
+        weight: strength of the point as a soft handle, or None for a hard handle (see ``Handle``).
     """
 
     name: str
@@ -79,20 +80,20 @@ class Plane:
 
 @dataclass(frozen=True)
 class PuppetLayer(LayerBase):
-    """A take that the puppet plays, like an animation layer of a shape: the first is at the bottom.
+    """A take that the puppet plays as an animation layer. The first layer is at the bottom.
 
     Attributes:
         take: id of the take, which contains the joints that are paired with the control points.
-        points: names of the control points that the layer moves; empty for all.
+        points: names of the control points that the layer moves. Empty means all.
         weight: interpolation weight, 0 to 1, from the positions of the layers below (0) to those of this
             layer (1).
         travel: True if the layer moves the puppet through the world (``locomotion``). The first unmuted layer
             with ``travel`` determines the path. Otherwise the puppet stays in place.
         level_feet: True constrains two feet to equal heights at the frame at which the anchor changes from
-            one to the other.
+            one foot to the other.
         switches: frames of the take at which contact and flight begin, or None to detect them.
-        positions, velocities, couplings: hard constraints. Their frames are frames of the take.
-        mirrored: True reverses rotations as in a mirror, which a mirrored puppet needs.
+        positions, velocities, couplings: hard constraints. Their frame numbers refer to the take.
+        mirrored: True reverses rotations as in a mirror. It is set if the puppet was mirrored.
     """
 
     take: str
@@ -123,18 +124,19 @@ class Puppet(RigBase):
 
     Attributes:
         id: its name in the project.
-        mesh: the surface at rest, metres, +Y up; it stands on y = 0 if it has feet.
+        mesh: the surface at rest, metres, +Y up. If it has feet, it stands on y = 0.
         points: its control points.
         poses: its example poses, in the order in which they were created.
         layers: the layers that it plays, the first at the bottom.
         symmetry: the mesh's symmetry plane, if mirrored examples are to be added; otherwise None.
         place: (3,) position in the world, metres.
         turn: (4,) rotation in the world, unit quaternion.
-        surface, examples, locomotion: settings of the three solvers.
+        surface, examples, locomotion: settings of the surface solver, the example-based retargeting and the
+            locomotion.
 
     Raises:
-        InputError: if the parts do not fit together. An unfinished puppet, with too few examples or with
-            points that have no joint, is accepted. An error is raised only when its motion is solved.
+        InputError: if the attributes are inconsistent. A puppet with too few examples, or with points without
+            a joint, is accepted. Solving its motion raises an error.
     """
 
     id: str
@@ -168,8 +170,8 @@ class Puppet(RigBase):
 
     @property
     def is_possessable(self) -> bool:
-        """True if performers can attach to its surface: it has a mesh, but fewer example poses than its
-        solver needs.
+        """True if performers can attach to its surface. This requires a mesh, and fewer example poses than
+        the example-based solver needs.
         """
         return self.mesh is not None and len(self.poses) < MIN_EXAMPLES
 
@@ -197,7 +199,7 @@ class Puppet(RigBase):
         """Returns the number of a control point.
 
         Raises:
-            InputError: if the name does not exist; the message lists the existing ones.
+            InputError: if the name does not exist. The message lists the existing names.
         """
         for number, point in enumerate(self.points):
             if point.name == name:
@@ -211,7 +213,7 @@ def character_from_puppet(puppet: Puppet) -> Character:
     """Converts the puppet to a character for viewers, of kind "points". Its frame is transform 0, and control
     point k - 1 is transform k.
 
-    Viewers solve the surface. In a viewer without a solver, the puppet moves as one rigid piece, because all
+    Viewers solve the surface. In a viewer without a solver, the puppet moves as a rigid object, because all
     vertices follow transform 0.
 
     Raises:

@@ -2,11 +2,11 @@
 
 A character is a single value, and its class is its kind of rig. It is not composed of separate objects for
 mesh, rig, layers and placement, because only the mesh could be separated in all three kinds. The layers of a
-skeleton are referenced by the spans of its bones, and removed with the last reference. The layers of a
-deformation graph are its nodes; each part has its own placement in the world and its own carrier. So neither
-is complete without the other. The placement of a skeleton is the first of its modeling rotations. The
-placement of a graph is in every part. This module contains the common part, and the edits are written once
-against :class:`enliven.modeling.rig.RigEdits`.
+skeleton are referenced by the spans of its bones, and removed with the last reference. In a deformation
+graph, the parts define both nodes and layers. Each part has its own placement in the world and its own
+carrying node. So rig and layers depend on each other. The placement of a skeleton is the first of its
+modeling rotations. The placement of a graph is in every part. This module contains the common part, and the
+edits are written once against :class:`enliven.modeling.rig.RigEdits`.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ class RigBase:
         played: name of the attribute that contains the layers.
         drawn_by: names of the attributes that determine the surface at rest.
         kinds: all rig classes by kind. Each class registers itself.
-        jointed: True if the handles are joints. A joint is rotated by its bone, and cannot be moved by
-            itself.
+        jointed: True if the handles are joints. A joint is rotated by its bone, and cannot be moved
+            independently.
         id: its name in the project.
         mesh: the surface at rest, or None.
         root_layers: layers that rotate and move the whole character on top of all other layers, the innermost
@@ -67,7 +67,7 @@ class RigBase:
 
     @property
     def where(self) -> str:
-        """The name of the character in messages."""
+        """A phrase with the kind and id of the character, for error messages."""
         return f"{self.word} {self.id!r}"
 
     @property
@@ -87,8 +87,8 @@ class RigBase:
 
     @property
     def is_possessable(self) -> bool:
-        """True if the character can be moved on a stage only by performers that attach to its surface,
-        because it has no bones and too few examples.
+        """True if performers can only move the character by attaching to its surface, because it has no bones
+        and too few examples.
         """
         return False
 
@@ -144,7 +144,7 @@ class RigBase:
         return self.with_playing(*(layer.with_takes_named(names) for layer in self.playing))
 
     def check(self, held: Mapping[str, Mapping[str, Any]]) -> None:
-        """Raises an error if a take does not exist or does not fit.
+        """Raises InputError if a take does not exist or is incompatible.
 
         Args:
             held: the collections of the project, by name.

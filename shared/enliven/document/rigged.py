@@ -24,8 +24,8 @@ class Shape(RigBase):
     """A skeleton with its skinned mesh, its modeling rotations, and the layers that move it.
 
     The world rotation of bone j is D_j = D_parent m_j a_j(t). m_j is the *modeling rotation*, which posing,
-    cutting and merging change. a_j(t) is the *animation rotation* that the layers give (AniMesh, section 6).
-    Both are in the axes of the rest pose. The root has D_0 = m_0 a_0(t).
+    cutting and merging change. a_j(t) is the *animation rotation*, computed from the layers (AniMesh, section
+    6). Both are in the axes of the rest pose. The root has D_0 = m_0 a_0(t).
 
     Attributes:
         id: its name in the project.
@@ -40,10 +40,10 @@ class Shape(RigBase):
         travel_scale: metres that the root moves per metre of the take's root, or None for the ratio of the
             body sizes; see :mod:`enliven.motion.layers.travel`.
         pins: the feet that are locked while they stand; see :mod:`enliven.motion.contact.pin`.
-        layers: the layers to which spans and ``travel`` refer. Unreferenced layers are dropped.
+        layers: the layers that spans and ``travel`` refer to. Unreferenced layers are dropped.
 
     Raises:
-        InputError: if the parts do not fit together.
+        InputError: if the attributes are inconsistent.
     """
 
     id: str
@@ -114,7 +114,7 @@ class Shape(RigBase):
         """Returns the layer with an id.
 
         Raises:
-            InputError: if it does not exist; the message lists the existing ones.
+            InputError: if the layer does not exist. The message lists the existing layers.
         """
         for layer in self.layers:
             if layer.id == layer_id:
@@ -124,7 +124,7 @@ class Shape(RigBase):
         raise InputError(f"the layer {layer_id!r} does not exist", where=self.where, remedy=advice)
 
     def check(self, held: Mapping[str, Mapping[str, Any]]) -> None:
-        """Raises an error if a take does not exist or does not fit."""
+        """Raises InputError if a take does not exist, or lacks joints of a layer's chain."""
         super().check(held)
         for layer in self.layers:
             if max(layer.chain) >= len(held["takes"][layer.take].skeleton):
@@ -177,7 +177,7 @@ def character_of(shape: Shape) -> Character:
 
 
 def bones_to_draw(skeleton: Skeleton) -> Int32:
-    """Returns (E, 2) pairs of transforms with pivots at the two ends of a bone."""
+    """Returns (E, 2) pairs of transforms. The pivots of a pair are the two ends of a bone."""
     # The pivot of transform j is the parent joint. So a bone is drawn from its own pivot to the pivot of its
     # first child.
     pairs = [(j, below[0]) for j, below in enumerate(skeleton.children) if j > 0 and below]

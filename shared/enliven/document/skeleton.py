@@ -1,9 +1,9 @@
 """A skeleton: a tree of joints at rest, and the bones between them.
 
 Bone ``j`` is the link from ``parents[j]`` to joint ``j``. It rotates about ``parents[j]``, and moves joint
-``j`` and all its descendants. Entry 0, the root, has no link: its rotation rotates the whole skeleton. So
-there is one rotation per joint, and two arms at the same chest joint rotate independently, like AniMesh's
-bones.
+``j`` and all its descendants. Entry 0 is the root. It has no link, and its rotation rotates the whole
+skeleton. So there is one rotation per joint, and two arms at the same chest joint rotate independently, as in
+AniMesh.
 """
 
 from __future__ import annotations
@@ -27,12 +27,13 @@ class Skeleton:
 
     Attributes:
         names: (N,) unique names of the joints.
-        parents: (N,) int32; -1 at entry 0, the root, and smaller than the joint's own number elsewhere.
+        parents: (N,) int32 number of each joint's parent. It is -1 for the root (entry 0), and otherwise
+            smaller than the joint's own number.
         positions: (N, 3) float64 metres at rest.
 
     Raises:
-        InputError: if the arrays do not fit together. :func:`skeleton_from_links` sorts joints that are only
-            out of order.
+        InputError: if the arrays are inconsistent. If joints are only out of order,
+            :func:`skeleton_from_links` can sort them.
     """
 
     names: tuple[str, ...]
@@ -54,18 +55,18 @@ class Skeleton:
 
     @cached_property
     def vectors(self) -> Float:
-        """(N, 3) vectors from each joint's parent to the joint at rest, metres; zero at the root."""
+        """(N, 3) vectors from each joint's parent to the joint at rest, metres. The root's vector is zero."""
         parents = np.maximum(self.parents, 0)
         return frozen(np.where(self.parents[:, None] < 0, 0.0, self.positions - self.positions[parents]))
 
     @cached_property
     def lengths(self) -> Float:
-        """(N,) lengths of the bones, metres; zero at the root."""
+        """(N,) lengths of the bones, metres. The root's length is zero."""
         return frozen(np.linalg.norm(self.vectors, axis=1))
 
     @cached_property
     def children(self) -> tuple[tuple[int, ...], ...]:
-        """The child joints of each joint, in their order."""
+        """The child joints of each joint, in ascending order."""
         below: list[list[int]] = [[] for _ in self.names]
         for joint, parent in enumerate(self.parents):
             if parent >= 0:
@@ -76,7 +77,7 @@ class Skeleton:
         """Returns the number of a joint.
 
         Raises:
-            InputError: if the name does not exist; the message lists the existing ones.
+            InputError: if the name does not exist. The message lists the existing names.
         """
         if name not in self.names:
             first_names = ", ".join(self.names[:12]) + (", ..." if len(self.names) > 12 else "")
@@ -120,13 +121,13 @@ def skeleton_from_links(
     Args:
         links: pairs of joints.
         positions: (N, 3) metres at rest.
-        root: the joint that becomes the root; None takes joint 0.
+        root: the joint that becomes the root. None means joint 0.
 
     Returns:
         The skeleton, and for each of its joints the old number.
 
     Raises:
-        InputError: if the links form a cycle or leave joints unconnected; the message names those joints.
+        InputError: if the links form a cycle or leave joints unconnected. The message names these joints.
     """
     where = "skeleton"
     if not names:
@@ -155,8 +156,8 @@ def skeleton_from_links(
 def _depth_first_order(
     names: Sequence[str], neighbours: list[list[int]], root: int
 ) -> tuple[list[int], dict[int, int]]:
-    """Returns joints in depth-first order from the root, and the parent of each. Raises an error for a
-    cycle."""
+    """Returns the joints in depth-first order from the root, and the parent of each joint. Raises InputError
+    if there is a cycle."""
     order, parents, waiting = [], {root: -1}, [root]
     while waiting:
         joint = waiting.pop()
@@ -200,7 +201,7 @@ def _describe_problem(skeleton: Skeleton) -> str:
         return "entry 0 must be the one root (parent -1)"
     misplaced = np.flatnonzero(skeleton.parents >= np.arange(count))
     if len(misplaced):
-        return f"joint {skeleton.names[misplaced[0]]!r} comes before its parent"
+        return f"joint {skeleton.names[misplaced[0]]!r} is listed before its parent"
     if not np.isfinite(skeleton.positions).all():
         bad_joint = int(np.flatnonzero(~np.isfinite(skeleton.positions).all(1))[0])
         return f"the position of joint {skeleton.names[bad_joint]!r} is not finite"

@@ -15,14 +15,14 @@ from enliven.rotation import normalized
 
 T = TypeVar("T", bound=Clip | PoseStream)
 _CACHED_TAKES = 64
-"""Number of smoothed takes in the cache: enough for several characters while a slider is dragged."""
+"""Number of smoothed takes in the cache. It is enough for several characters while a slider is dragged."""
 
 
 def smooth_take(take: T, seconds: float) -> T:
     """Returns a take smoothed by a Gaussian filter over time. The result is cached by take and seconds.
 
     Args:
-        seconds: the standard deviation of the Gaussian weights; 0 returns the take itself.
+        seconds: the standard deviation of the Gaussian filter. 0 returns the take itself.
     """
     return take if seconds <= 0.0 else _compute_smooth_take(take, seconds)
 

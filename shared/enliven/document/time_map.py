@@ -16,17 +16,16 @@ MIN_SPEED = 0.02
 MAX_SPEED = 50.0
 """Maximum speed factor of a speed key."""
 _MIN_KEY_INTERVAL_S = 1e-3
-"""Minimum time in seconds between two keys of a weight or a speed. A shorter interval contains no frame."""
+"""Minimum time in seconds between two keys of a weight or a speed. It is shorter than any frame."""
 _MAX_LOOP_TIME_RATIO = 4.0
-"""Maximum time after which all loops must start together again, as a multiple of the required minimum
-duration."""
+"""Maximum time until all loops start together again, as a multiple of the required minimum duration."""
 _MAX_LOOP_MISMATCH = 0.02
-"""Maximum mismatch between loops at this time, as a fraction of a loop. A smaller mismatch is not visible as
-a jump."""
+"""Maximum mismatch between loops that count as starting together, as a fraction of a loop. A smaller mismatch
+is not visible as a jump."""
 _SHORTEST_ROUND = 0.05
 """Minimum duration of a loop in seconds. A shorter one counts as a static pose and is ignored."""
 _TOUCHING_CLIPS_S = 1e-9
-"""Maximum distance in seconds of two clips that touch. It allows for rounding."""
+"""Maximum distance in seconds between two clips that touch. It allows for rounding."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +34,8 @@ class Segment:
 
     Attributes:
         begin, end: start and end of the segment, seconds of the lane.
-        first: time of the take, in seconds, that plays at ``begin``. Before its first and after its last
-            frame, a take is constant.
+        first: time of the take, in seconds, at ``begin``. Before its first and after its last frame, a take
+            is constant.
         speed: seconds of the take per second of the lane. A negative speed plays backwards.
     """
 
@@ -60,7 +59,7 @@ class Moment(NamedTuple):
 
     The take at ``second`` has the weight 1 - ``share``, and the take at ``other`` has the weight ``share``.
     ``rounds`` is the number of completed loops of the lane. ``weight``, from 0 to 1, is the layer's strength.
-    It is 0 if no segment plays and no frame is held.
+    It is 0 if no segment plays and no frame is frozen (``hold``).
     """
 
     second: float
@@ -76,23 +75,25 @@ class TimeMap:
 
     A layer plays a lane: a sequence of segments of its take. Two overlapping segments are blended over the
     overlap. A lane without segments plays the take once. At t seconds of the project, the lane is at (t -
-    offset) speed seconds, counted from its end if the speed is below 0. After its segments, a layer holds the
-    last frame, plays nothing, or loops.
+    offset) speed seconds, counted from its end if the speed is negative. After the last segment, a layer
+    freezes the last frame, has no effect, or loops.
 
     Attributes:
         offset: time of the project at which the lane begins, seconds.
         speed: 1 plays as recorded, 0.5 at half speed, and negative values backwards from the end.
-        loop: True starts again at the end. Otherwise the last frame is held, or nothing plays.
-        segments: the segments of the lane. The first begins at 0. Empty: the whole take.
-        hold: True holds the first and last frame before and after the lane. Otherwise nothing plays there, as
-            if the layer was muted.
+        loop: True restarts the lane at its end.
+        segments: the segments of the lane. The first begins at 0. Empty means the whole take.
+        hold: True freezes the first frame before the lane, and the last frame after it. Otherwise the layer
+            is muted before and after the lane.
         ease: seconds of the lane over which a layer that does not hold fades in and out.
-        smooth: duration over which the take is smoothed, seconds; 0 plays it as recorded.
-        recorded: the name of the recording that created the layer; empty if there is none.
+        smooth: standard deviation of the Gaussian filter that smooths the take, seconds. 0 plays the take as
+            recorded.
+        recorded: the name of the recording that created the layer, or empty.
         alternatives: the name of the group of alternative takes to which the recording belongs. Only one take
             of a group plays, on all characters. Empty without a group.
-        weights: keyframes of the layer's weight, from 0 to 1, in the order of time. Empty: full weight.
-        speeds: keyframes of the lane's speed factor, above 0, so that time never stops or reverses. Empty: 1.
+        weights: keyframes of the layer's weight, from 0 to 1, in the order of time. Empty means full weight.
+        speeds: keyframes of the lane's speed factor. It is above 0, because time must not stop or reverse.
+            Empty means 1.
     """
 
     offset: float = 0.0
@@ -108,7 +109,7 @@ class TimeMap:
     speeds: tuple[CurveKey, ...] = ()
 
     def check_time(self, where: str) -> None:
-        """Raises an error for values that cannot be played.
+        """Checks that all values can be played.
 
         Raises:
             InputError: if a number is not finite, a speed is 0, or segments are not in sequence.
@@ -124,17 +125,19 @@ class TimeMap:
             message = f"offset {self.offset}, speed {self.speed} cannot be played"
             raise InputError(message, where=where, remedy="Give seconds, and a speed that is not 0.")
         if not (0.0 <= self.ease < math.inf and 0.0 <= self.smooth < math.inf):
-            message = f"it cannot come in over {self.ease} s and be smoothed over {self.smooth} s"
+            message = f"a fade of {self.ease} s or a smoothing of {self.smooth} s is not possible"
             raise InputError(message, where=where, remedy="Give seconds from 0 on.")
         if problem := _describe_problem(self.segments):
             raise InputError(problem, where=where, remedy="Move a clip away, or trim it.")
 
     def lane(self, length: float) -> tuple[Segment, ...]:
-        """Returns the segments of the lane for a take of ``length`` seconds, at least one."""
+        """Returns the segments of the lane for a take of ``length`` seconds. There is at least one
+        segment."""
         return self.segments or (Segment(0.0, length),)
 
     def ends(self, length: float) -> tuple[float, float]:
-        """Returns the times, in seconds, of a take of ``length`` seconds at the lane's start and end."""
+        """Returns the times of a take of ``length`` seconds that play at the lane's start and end, in
+        seconds."""
         lane = self.lane(length)
         return _limited_second(lane[0].first, length), _limited_second(lane[-1].last, length)
 
@@ -158,7 +161,7 @@ class TimeMap:
             weight = self._weight_within(lane_time, rounds, lane, number)
         if self.weights:
             weight *= float(curve_from_keys(self.weights)([time - self.offset])[0])
-        # After its end, a clip holds its last frame until the next clip begins.
+        # After the end of a clip, its last frame is shown until the next clip begins.
         second = _limited_second(current.second(min(max(lane_time, current.begin), current.end)), length)
         if number and lane_time < previous.end:
             fraction = ease_in_out((lane_time - current.begin) / (previous.end - current.begin))
@@ -199,7 +202,7 @@ class TimeMap:
         )
 
     def played(self, time: float, length: float) -> tuple[float, int]:
-        """Returns the time of a take of ``length`` seconds that has the largest weight at a time of the
+        """Returns the time within a take of ``length`` seconds that has the largest weight at a time of the
         project.
 
         Returns:
@@ -226,7 +229,8 @@ class TimeMap:
         return self.uneven(self.offset + lane_time / self.speed)
 
     def plays(self, second: float, length: float) -> bool:
-        """Returns True if a time of the take plays at all. It may have been trimmed off."""
+        """Returns True if a time of the take is played at some time. It is not played if it was trimmed
+        off."""
         ends = (sorted((segment.first, segment.last)) for segment in self.lane(length))
         return any(low - _TOUCHING_CLIPS_S <= second <= high + _TOUCHING_CLIPS_S for low, high in ends)
 
@@ -282,10 +286,11 @@ class TimeMap:
         return replace(self, offset=start, speed=1.0, segments=lane)
 
     def with_lane(self, change: Callable[[Self], Self]) -> Self:
-        """Changes the lane by an edit that does not handle keys of weight or speed.
+        """Applies an edit that does not support keys of weight or speed.
 
         Args:
-            change: receives the layer without these keys. Its times are returned by :meth:`even`.
+            change: a function that edits the layer without these keys. The times of this layer are those that
+                :meth:`even` returns.
         """
         changed = change(self._without_keys())
         if not (self.weights or self.speeds):
@@ -342,11 +347,11 @@ class LayerBase(TimeMap):
 
 
 def closing_time(loop_lengths: Sequence[float], min_time: float) -> float:
-    """Returns the time, at least ``min_time``, at which loops of these lengths all start together again, or
-    nearly.
+    """Returns a time, at least ``min_time``, at which loops of these lengths all start together again, at
+    least nearly.
 
-    It returns ``min_time`` without loops, or if this would take more than four times ``min_time``. All times
-    are in seconds.
+    Returns ``min_time`` if there is not a loop, or if the time would be more than four times ``min_time``.
+    All times are in seconds.
     """
     loop_lengths = [seconds for seconds in loop_lengths if seconds > _SHORTEST_ROUND]
     if not loop_lengths:
@@ -384,7 +389,7 @@ def find_clip_run(lane: Sequence[Segment], number: int) -> tuple[float, float]:
 def _describe_key_problem(weights: Sequence[CurveKey], speeds: Sequence[CurveKey]) -> str:
     for keys in (weights, speeds):
         if any(b.second - a.second < _MIN_KEY_INTERVAL_S for a, b in pairwise(keys)):
-            return "keys of its weight or speed are at one time, or not in order"
+            return "two keys of its weight or speed are at the same time, or keys are not in order"
     if any(not 0.0 <= key.value <= 1.0 for key in weights):
         return f"a key gives it the weight {max((key.value for key in weights), key=lambda v: abs(v - 0.5))}"
     if any(not MIN_SPEED <= key.value <= MAX_SPEED for key in speeds):
@@ -401,13 +406,13 @@ def _limited_second(second: float, length: float) -> float:
 def _describe_problem(segments: Sequence[Segment]) -> str:
     numbers = [x for segment in segments for x in (segment.begin, segment.end, segment.first, segment.speed)]
     if not all(math.isfinite(x) for x in numbers) or any(segment.speed == 0.0 for segment in segments):
-        return "a clip of it has no begin, no end or no speed"
+        return "a clip of it has an invalid begin, end or speed"
     if any(segment.end <= segment.begin for segment in segments):
         return "a clip of it has no length"
     if segments and abs(segments[0].begin) > _TOUCHING_CLIPS_S:
-        return "its first clip does not begin where it begins"
+        return "its first clip does not begin at 0"
     if any(b.begin <= a.begin or b.end <= a.end for a, b in pairwise(segments)):
-        return "one clip of it lies within another"
+        return "one of its clips is within another clip"
     if any(c.begin < a.end - _TOUCHING_CLIPS_S for a, c in zip(segments, segments[2:], strict=False)):
-        return "three clips of it play at once"
+        return "three of its clips play at the same time"
     return ""

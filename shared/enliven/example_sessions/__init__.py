@@ -1,1 +1,2 @@
-"""Text-file sessions of example-based retargeting: a mesh, its control points, key poses and takes."""
+"""Sessions of example-based retargeting as text files with a mesh, its control points, key poses and
+takes."""

@@ -1,4 +1,4 @@
-"""The tables of a session's TOML file, with type checks and error locations."""
+"""Reads the tables of a session's TOML file, with type checks and error locations."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _TABLE_NAMES = ("mesh", "take", "puppet", "symmetry", "settings", "point", "pose
 
 
 class SessionFile:
-    """Reads a session's TOML table by table.
+    """A reader of a session's TOML file, table by table.
 
     Raises:
-        InputError: if the file cannot be read, or a table is unknown; the message names the nearest known
-            table.
+        InputError: if the file cannot be read, or a table is unknown. The message names the most similar
+            known table.
     """
 
     def __init__(self, path: Path) -> None:
@@ -60,7 +60,7 @@ class SessionFile:
         ]
 
     def read_inner_tables(self, where: str, table: Mapping[str, Any], name: str, kind: type[T]) -> list[T]:
-        """Returns the tables of a kind inside another table."""
+        """Returns the tables named ``name`` inside another table."""
         inner_tables = enumerate(self._table_list(table, name, f", {where}"), 1)
         return [
             self.parse_table(f"{where}, {name} {number}", kind, inner_table)
@@ -72,8 +72,7 @@ class SessionFile:
         return load_settings(kind, value, where=f"{self._path}, {where}")
 
     def locate_errors(self, where: str, step: Callable[P, None], *values: P.args, **named: P.kwargs) -> None:
-        """Runs a step, and adds the name of the table to the location of an InputError that the step
-        raises."""
+        """Runs a step. If it raises an InputError, adds the name of the table to the error's location."""
         try:
             step(*values, **named)
         except InputError as error:
@@ -81,8 +80,8 @@ class SessionFile:
             raise InputError(problem, where=f"{self._path}, {where}", remedy=error.remedy) from None
 
     def beside(self, file: str) -> Path:
-        """Returns the absolute path of a file that the session names relative to its own folder. Replaces
-        $NAME by the value of that environment variable.
+        """Returns the absolute path of a file. Its path in the session is relative to the session's folder.
+        Replaces $NAME by the value of the environment variable NAME.
 
         Raises:
             InputError: if the environment variable is not set.

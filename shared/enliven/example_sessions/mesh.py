@@ -1,4 +1,5 @@
-"""Loads a session's mesh from its file, turned upright, scaled to its height and put on the floor."""
+"""Loads a session's mesh from its file, rotates it upright, scales it to its height and puts it on the
+floor."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ from enliven.rotation import from_rotation_vector, rotate
 
 
 class SessionMesh(NamedTuple):
-    """A mesh, the default name of its puppet, and notes on anything unusual in the file."""
+    """A mesh, the default name of its puppet, and notes on unusual content of the file."""
 
     mesh: Mesh
     name: str
@@ -24,7 +25,7 @@ class SessionMesh(NamedTuple):
 
 
 def load_session_mesh(table: MeshTable, path: Path) -> SessionMesh:
-    """Loads the mesh that a table describes from the file at ``path``.
+    """Loads the mesh of a session from the file at ``path``, with the settings in the table [mesh].
 
     Raises:
         InputError: if the file cannot be read, or the project does not contain the puppet.

@@ -20,7 +20,7 @@ layers.
     [[layer]]
     loop = true
 
-    [[root]]                          # it crosses the stage while it acts
+    [[root]]                          # the puppet moves across the stage
     [[root.key]]
     second = 2.0
     metres = [1.5, 0.0, 0.0]
@@ -71,9 +71,9 @@ class Session:
     Attributes:
         project: the project, with one puppet and the takes.
         puppet: the puppet's name.
-        notes: remarks on anything unusual in the files.
-        mesh: the table that names the mesh's file.
-        takes: the table that names each take's file, by the take's name.
+        notes: sentences about unusual content of the files.
+        mesh: the table with the path of the mesh's file.
+        takes: the table with the path of each take's file, by the take's name.
     """
 
     project: Project
@@ -87,7 +87,7 @@ def read_session(path: Path | str) -> Session:
     """Reads a session from its file.
 
     Raises:
-        InputError: if the file cannot be read, or a value is invalid; the message names the table and the
+        InputError: if the file cannot be read, or a value is invalid. The message names the table and the
             key.
     """
     return _Reader(SessionFile(Path(path))).session()
@@ -225,7 +225,8 @@ class _Reader:
     def _layer_contents(
         self, table_name: str, layer: Mapping[str, Any], inside: Mapping[str, tuple[str, type]]
     ) -> dict[str, Any]:
-        """Returns the clips, keys, constraints and switches in a layer's table."""
+        """Returns the attributes of a layer that are given by the tables inside its table, such as clips,
+        keys, constraints and switches."""
         attributes = {}
         for name, (attribute, kind) in inside.items():
             if name in layer:
@@ -233,7 +234,7 @@ class _Reader:
         return attributes
 
     def _take_named(self, name: str) -> str:
-        """Returns the ID of the take with that name; the first take if the name is empty."""
+        """Returns the ID of the take with a name, or of the first take if the name is empty."""
         if not self._takes:
             raise InputError("the session has no take", remedy='Add [[take]] file = "..." first.')
         if name and name not in self._takes:

@@ -25,7 +25,7 @@ Vector3 = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class MeshTable:
-    """The table [mesh]: the mesh's file and how it is fitted."""
+    """The table [mesh]: the mesh's file, and its orientation and size."""
 
     file: str = data_field(doc="Path of the mesh, or of an .enliven project that contains the puppet.")
     height: float | None = data_field(
@@ -104,7 +104,7 @@ class SymmetryTable:
 
 @dataclass(frozen=True)
 class LayerTable:
-    """The table [[layer]]: how a take is played."""
+    """The table [[layer]]: a take that the puppet plays, and its timing."""
 
     take: str = data_field("", "Take that the layer plays. Empty: the first take.")
     points: tuple[str, ...] = data_field((), "Control points that the layer moves. Empty: all.")
@@ -140,8 +140,8 @@ INNER_TABLES: dict[str, tuple[str, type]] = {
     "weight_key": ("weights", CurveKey),
     "speed_key": ("speeds", CurveKey),
 }
-"""The tables inside a layer, such as [[layer.clip]]: the attribute of the layer that each one sets, and its
-type.
+"""For each table inside a layer, such as [[layer.clip]]: the attribute of the layer that it sets, and the
+type of its values.
 """
 
 

@@ -25,7 +25,7 @@ def write_puppet_take(
     An existing file is replaced.
 
     Raises:
-        InputError: if the puppet has nothing to animate.
+        InputError: if the puppet has no motion.
         ResourceError: if the file cannot be written.
     """
     character = character_from_puppet(puppet)

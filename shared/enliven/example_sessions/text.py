@@ -3,7 +3,7 @@
     write_session("cactus.toml", project, "cactus", mesh=MeshTable("cactus.off", 1.2),
                   takes={"traffic": TakeTable("traffic.bvh")})
 
-A mesh or take without a file of its own is saved in a project file next to the session.
+A mesh or take without a separate file is saved in a project file next to the session.
 """
 
 from __future__ import annotations
@@ -44,16 +44,16 @@ def write_session(
     mesh: MeshTable | None = None,
     takes: Mapping[str, TakeTable] | None = None,
 ) -> None:
-    """Writes a puppet of a project in the format that :func:`enliven.example_sessions.session.read_session`
-    reads.
+    """Writes a puppet of a project as a session, which :func:`enliven.example_sessions.session.read_session`
+    can read.
 
     Args:
-        mesh: the file of the puppet's mesh, relative to the session.
-        takes: the files of its takes, by the takes' names.
+        mesh: the table of the puppet's mesh. The path of its file is relative to the session.
+        takes: the tables of the puppet's takes, by the takes' names.
 
     Raises:
-        InputError: if the puppet does not exist, the path ends in .enliven, or the existing file is of a
-            later version.
+        InputError: if the puppet does not exist, the path ends in .enliven, or the existing file has a later
+            version.
         ResourceError: if a file cannot be written.
     """
     path, takes = Path(path), dict(takes or {})
@@ -112,7 +112,7 @@ def session_text(
 
 
 def used_takes(puppet: Puppet) -> list[str]:
-    """Returns the IDs of the takes of key poses and layers, each once."""
+    """Returns the IDs of the takes of key poses and layers, without duplicates."""
     return list(
         dict.fromkeys([*(pose.take for pose in puppet.poses), *(layer.take for layer in puppet.layers)])
     )
@@ -131,16 +131,17 @@ def _pose_lines(pose: KeyPose, puppet: Puppet) -> list[str]:
 
 
 def _layer_lines(layer: PuppetLayer) -> list[str]:
-    """Returns the lines of a layer and of the tables inside it. Arrays of tables come last."""
+    """Returns the TOML lines of a layer and of the tables inside it. Arrays of tables come last."""
     lines = ["[[layer]]", *_changed_value_lines(layer, LayerTable)]
     inner = {name: getattr(layer, attribute) for name, (attribute, _) in INNER_TABLES.items()}
-    # An empty list of switches is written explicitly. If the entry is missing, the switches are detected.
+    # Write an empty list of switches explicitly, because switches are detected if the entry is missing.
     lines += ["switch = []"] if inner["switch"] == () else []
     return lines + _inner_table_lines("layer", inner)
 
 
 def _root_layer_lines(layer: RootLayer, keys: Sequence[MotionKey]) -> list[str]:
-    """Returns the lines of a root layer. If several layers play the same keys, these are written once."""
+    """Returns the TOML lines of a root layer. If several layers play the same keys, the keys are written only
+    once."""
     inner = {
         name: getattr(layer, attribute) for name, (attribute, _) in ROOT_INNER_TABLES.items() if name != "key"
     }
@@ -152,7 +153,7 @@ def _root_layer_lines(layer: RootLayer, keys: Sequence[MotionKey]) -> list[str]:
 
 
 def _changed_value_lines(layer: Any, table: type) -> list[str]:
-    """Returns the lines of a layer's values that differ from the table's defaults."""
+    """Returns the TOML lines of a layer's values that differ from the table's defaults."""
     lines = []
     for field in dataclasses.fields(table):
         value = getattr(layer, field.name)
@@ -163,7 +164,7 @@ def _changed_value_lines(layer: Any, table: type) -> list[str]:
 
 
 def _inner_table_lines(title: str, tables: Mapping[str, Any]) -> list[str]:
-    """Returns the lines of the tables inside a layer."""
+    """Returns the TOML lines of the tables inside a layer."""
     lines = list[str]()
     for name, items in tables.items():
         for item in items or ():
@@ -172,7 +173,7 @@ def _inner_table_lines(title: str, tables: Mapping[str, Any]) -> list[str]:
 
 
 def _changed_lines(values: Any) -> list[str]:
-    """Returns the lines of a dataclass's values that differ from their defaults."""
+    """Returns the TOML lines of a dataclass's values that differ from their defaults."""
     lines = []
     for field in dataclasses.fields(values):
         value = getattr(values, field.name)
@@ -182,7 +183,7 @@ def _changed_lines(values: Any) -> list[str]:
 
 
 def _settings_lines(title: str, values: Any, usual: Any) -> list[str]:
-    """Returns the lines of settings that differ from their defaults, including nested groups."""
+    """Returns the TOML lines of settings that differ from their defaults, including nested groups."""
     groups, own_lines = list[str](), list[str]()
     for field in dataclasses.fields(values):
         value, default = getattr(values, field.name), getattr(usual, field.name)

@@ -17,13 +17,13 @@ _SAME_POSE_DISTANCE = 1e-3
 
 @dataclass(frozen=True)
 class Coverage:
-    """The distance of the poses of a take from the examples.
+    """The coverage of a take by the examples: the distance of its poses from the nearest examples.
 
     Attributes:
         take: id of the take.
-        gap: the largest distance between a pose and its nearest example, metres (root mean square over the
-            joints).
-        frame, time: frame and time (seconds) of this pose in the take.
+        gap: the largest distance between a pose of the take and the example nearest to it, metres (root mean
+            square over the joints).
+        frame, time: frame and time (seconds) in the take of the pose with this gap.
         share: the gap divided by the largest distance between two examples.
     """
 

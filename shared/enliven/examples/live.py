@@ -1,9 +1,9 @@
 """Example-based retargeting during a live performance: frame by frame, with a fixed small lag.
 
-Each new pose is solved together with the frames that were not returned yet. Frames that were already returned
-are fixed, so that the motion never jumps back. The control points of a frame are returned ``lag`` frames
-after its pose. Later poses would hardly change them. If a motion ends within the lag, its frames are exactly
-those of the batch solution.
+Each new pose is solved together with the recent frames that have not returned their control points yet.
+Frames that were already returned are fixed, so the motion never jumps back. The control points of a frame are
+returned ``lag`` frames after its pose, because even later poses would hardly change them. If a motion is
+shorter than the lag, its frames are exactly those of the batch solution.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class LiveExamples:
     """An incremental solver that returns control points while the performer moves.
 
     Args:
-        mapping: the retargeting by the examples.
+        mapping: the map from poses to control points, defined by the examples.
         step: seconds between frames.
         lag: number of frames between a pose and the return of its control points. With 0 they are returned at
             once.
@@ -31,7 +31,7 @@ class LiveExamples:
 
     def __init__(self, mapping: ExampleMap, step: float, lag: int = 3) -> None:
         if lag < 0:
-            raise InputError(f"a lag of {lag} frames cannot be", where="live examples")
+            raise InputError(f"a lag of {lag} frames is not possible", where="live examples")
         self.mapping, self.lag = mapping, lag
         self._step = step
         pairs = len(mapping.examples.points)
@@ -54,7 +54,7 @@ class LiveExamples:
             return None
         places = self._solve_points(poses)
         solved = np.concatenate([self._out, places[:, fixed_count : fixed_count + 1]], axis=1)
-        # Drop the oldest frames, because no acceleration that is still to be solved depends on them.
+        # Drop the oldest frames. The remaining accelerations do not depend on them.
         obsolete_count = max(solved.shape[1] - _AFFECTED_FRAMES, 0)
         self._poses, self._out = poses[obsolete_count:], solved[:, obsolete_count:]
         return np.asarray(self.mapping.in_metres(places[:, fixed_count : fixed_count + 1])[0])
@@ -71,9 +71,7 @@ class LiveExamples:
         return due
 
     def _solve_points(self, poses: Float) -> Float:
-        """Solves the control points (P, F, 3) of the frames that affect later results. The unit is the size
-        of the mesh.
-        """
+        """Solves the control points (P, F, 3) of all stored frames, in units of the mesh's size."""
         is_fixed = np.zeros((poses.shape[1], len(poses), 3), np.bool_)
         values = np.zeros(is_fixed.shape)
         is_fixed[:, : self._out.shape[1]] = True

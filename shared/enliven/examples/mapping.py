@@ -101,8 +101,8 @@ class ExampleMap:
         workers: Executor | None = None,
         only: Sequence[int] | None = None,
     ) -> Solution:
-        """Solves poses that were already checked. Returns positions in units of the mesh's size, for the
-        points in ``only``, or for all points.
+        """Solves poses that were already checked. Returns positions in units of the mesh's size. If ``only``
+        is given, only these points are solved.
         """
         # Scale the weight, so that equal accelerations (per second squared) have equal costs at any frame
         # rate.

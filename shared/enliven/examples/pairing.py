@@ -35,8 +35,8 @@ _OTHER_JOINT_COST = 0.9
 _LIMB_END_FRACTION = 0.4
 """Fraction of a limb's length, from its end, that counts as its end."""
 _WIDTH_WEIGHT = 0.5
-"""Weight of width relative to height. Outstretched arms reach farther to the side than legs, but this need
-not be so for a mesh."""
+"""Weight of width relative to height. It is below 1, because outstretched arms reach farther to the side than
+legs, but a mesh may have other proportions."""
 _DEPTH_WEIGHT = 0.3
 """Weight of depth relative to height."""
 _WRONG_SIDE_COST = 0.3
@@ -52,12 +52,14 @@ _MIN_DEPTH_RATIO = 1.5
 _MIN_JOINT_MOTION = 0.01
 """A joint is still if it moves less than this fraction of body height relative to the hips."""
 _MIN_UPRIGHT_RATIO = 0.6
-"""Minimum ratio of height to length of a mesh that stands on a single foot. A fish has a lower ratio."""
+"""Minimum ratio of height to length of a mesh that can stand on a single foot. A fish, which has no foot, has
+a lower ratio."""
 _LAST_RESORT_COST = 30.0
-"""Cost of a still joint, so that it is chosen only if no moving joint of its kind is left. It lies between
-:data:`_SAME_END_COST` and :data:`_CROSSED_SIDES_COST`."""
+"""Cost of a still joint. It is chosen only if no moving joint of its kind is left, because this cost is
+between :data:`_SAME_END_COST` and :data:`_CROSSED_SIDES_COST`."""
 _SIDE_WIDTH_FRACTION = 0.15
-"""Minimum distance of a position on a side from the middle, as a fraction of half the width."""
+"""Minimum distance from the middle at which a position counts as left or right, as a fraction of half the
+width."""
 _WRONG_GROUND_COST = 0.3
 """Cost of a foot joint for a point above the ground, and of any other joint for a point on the ground, if the
 feet move."""
@@ -74,7 +76,8 @@ _HAND_FRACTION = 0.35
 
 
 _Unit = tuple[int, ...]
-"""Rows or columns of the cost matrix that are assigned together: a single one, or two mirror images."""
+"""Rows or columns of the cost matrix that are assigned together: one row or column, or those of two mirror
+images."""
 
 
 class _Candidate(NamedTuple):
@@ -133,12 +136,12 @@ def guess_joints(
 
     Args:
         taken: joints that other control points already follow.
-        requested_points: numbers of the control points that need a joint; None for all. The other control
-            points only define the size of the mesh.
-        motion: how much the joints move in the take. Joints that move more are preferred. A still joint is
+        requested_points: numbers of the control points that need a joint. None means all. The other control
+            points only help to define the extent of the mesh.
+        motion: the motion of the joints in the take. Joints that move more are preferred. A still joint is
             suggested only for the base of a mesh that stands on one foot. With ``partners``, it is also
             suggested if its mirror image moves, or if too few middle joints or pairs move.
-        partners: (P,) numbers of the control points' mirror images; a point on the symmetry plane has its own
+        partners: (P,) numbers of the control points' mirror images. A point on the symmetry plane has its own
             number. Mirror images follow the corresponding joints of both sides. Points on the plane follow
             middle joints.
     """
@@ -147,8 +150,8 @@ def guess_joints(
     if len(rest) == 0:
         return ()
     extents = np.ptp(rest, axis=0)
-    # If mirror images are known, they define left and right, even for a fish, which is longer than wide.
-    # Otherwise, the longer horizontal extent of the mesh is its left-right axis.
+    # If mirror images are known, they define left and right. This also works for a fish, which is longer than
+    # wide. Otherwise, the longer horizontal extent of the mesh is its left-right axis.
     if partners is None and extents[2] > _MIN_DEPTH_RATIO * extents[0]:
         rest = rotate_about_y(rest, -np.pi / 2)
     anatomy = find_anatomy(skeleton)
@@ -267,8 +270,8 @@ def _usable_candidates(
     """Returns the candidates that move.
 
     With ``partners``, a joint is also usable if its mirror image moves. If too few middle joints or pairs
-    move, all of them are usable: a point in the middle that follows a side joint would move the mesh to one
-    side.
+    move, all of them are usable. Otherwise a point in the middle would have to follow a side joint, which
+    would move the mesh to one side.
     """
     if partners is None:
         return [candidate for candidate in candidates if candidate.joint not in still]
@@ -300,7 +303,7 @@ def _unit_cost(cost: Float, row: _Unit, column: _Unit) -> tuple[float, tuple[int
 
 
 def _point_units(requested_points: Sequence[int], partners: Sequence[int] | None) -> list[_Unit]:
-    """Returns the rows of the requested control points. Two mirror images form a pair if both are
+    """Groups the rows of the requested control points into units. Two mirror images form a pair if both are
     requested.
     """
     row = {point: number for number, point in enumerate(requested_points)}
@@ -313,7 +316,8 @@ def _point_units(requested_points: Sequence[int], partners: Sequence[int] | None
 
 
 def _joint_units(joints: Sequence[int], anatomy: Anatomy, skeleton: Skeleton) -> list[_Unit]:
-    """Returns the columns of the joints: middle joints one by one, and side joints in pairs."""
+    """Groups the columns of the joints into units: a middle joint alone, and two corresponding side joints as
+    a pair."""
     column = {joint: number for number, joint in enumerate(joints)}
     images = _mirror_images(anatomy, len(skeleton))
     side_joints = _side_joints(anatomy, skeleton)
@@ -368,7 +372,7 @@ def _limb_joints(limb: SkeletonLimb) -> tuple[int, ...]:
 
 
 def _stands_on_feet(points: Float, sides: Float) -> bool:
-    """Returns True if points of both sides are close to the ground, or if no point is.
+    """Returns True if points of both sides are close to the ground, or if no point is close to the ground.
 
     Args:
         points: (N, 3) positions as fractions of the body's height.
@@ -379,7 +383,7 @@ def _stands_on_feet(points: Float, sides: Float) -> bool:
 
 
 def _upper_body_candidates(found: list[_Candidate], anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
-    """Returns the candidates without legs, with no cost for the hips."""
+    """Returns the candidates without the joints of legs, and sets the cost of the hips to zero."""
     legs = {joint for pair in anatomy.legs for limb in pair for joint in skeleton.below(limb.chain[1])}
     upper = [candidate for candidate in found if candidate.joint not in legs]
     return [
@@ -389,8 +393,8 @@ def _upper_body_candidates(found: list[_Candidate], anatomy: Anatomy, skeleton: 
 
 
 def _extend_arms(level: Float, anatomy: Anatomy) -> Float:
-    """Returns the joints (N, 3) with the arms stretched out to the sides, because the hand of a hanging arm
-    would be below its elbow.
+    """Returns the joint positions (N, 3) with the arms stretched out to the sides. Otherwise the hand of a
+    hanging arm would be below its elbow.
     """
     extended = level.copy()
     for left, right in anatomy.arms:
@@ -405,8 +409,7 @@ def _joint_costs(anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
     """Returns all joints as candidates, with a cost by their kind: end of a limb, middle of a limb, trunk, or
     other.
 
-    Joints near the end, such as a wrist before fingers, have a high cost, since the end moves in the same
-    way.
+    Joints near the end of a limb, such as a wrist, have a high cost, since the end moves in the same way.
     """
     cost, side = np.full(len(skeleton), _OTHER_JOINT_COST), np.zeros(len(skeleton), np.int64)
     singles: list[SkeletonLimb] = [limb for limb in (anatomy.head, anatomy.tail) if limb is not None]

@@ -1,7 +1,8 @@
 """Converts a performer's joints to the body frame: relative to the root, without the root's yaw (section 5,
 law 1).
 
-The converted pose does not depend on the performer's position and heading, but contains leaning and tumbling.
+The converted pose does not depend on the performer's position and heading, but still contains pitch and roll,
+such as leaning and tumbling.
 
     performed(clip, joints) -> PerformerClip
 """
@@ -26,7 +27,7 @@ class PerformerClip:
         poses: (F, P, 3) metres in the body frame.
         world: (F, P, 3) metres in the world.
         root: (F, 3) metres, position of the root.
-        yaw: (F,) rotation about +Y relative to the rest pose, radians, without jumps of 2 pi.
+        yaw: (F,) rotation of the root about +Y relative to the rest pose, radians, without jumps of 2 pi.
         step: seconds between frames.
     """
 
@@ -57,5 +58,6 @@ def yaw_from_rotation(turns: Float) -> Float:
 
 
 def to_body_frame(places: Float, root: Float, yaw: Float) -> Float:
-    """Converts world positions (F, P, 3) to the body frame of the root (F, 3), without the yaw (F,)."""
+    """Converts world positions (F, P, 3) to the body frame: relative to the root (F, 3), and rotated back by
+    the yaw (F,)."""
     return rotate_about_y(places - root[:, None], -np.asarray(yaw)[:, None])

@@ -1,7 +1,7 @@
 """Converts the poses of one performer to another performer's joints, size and facing direction.
 
 The key poses and the take may be from different performers, such as an adult and a child. Poses are compared
-by joints in the body frame, so every performer is converted to the reference:
+by joints in the body frame, so every performer is converted to one reference performer:
 
 - joints are matched by name, or otherwise by body part (:mod:`enliven.skeletons.anatomy`),
 - positions are scaled joint by joint, by the joint's distance from the root along the bones,
@@ -57,14 +57,14 @@ class Role:
 def match_performer(
     reference: Skeleton, skeleton: Skeleton, joints: Sequence[str], take_name: str = "performer"
 ) -> Role:
-    """Finds the joints of a skeleton that correspond to the reference's joints, and their scale.
+    """Finds the joints of a skeleton that correspond to the reference's joints, and the scale of each joint.
 
     Args:
         take_name: the take's name, for messages.
 
     Raises:
-        InputError: if the skeleton has neither the joint nor a corresponding one. The message lists its
-            joints.
+        InputError: if the skeleton has neither the named joint nor a corresponding one. The message lists the
+            skeleton's joints.
     """
     if reference is skeleton or _is_same_performer(reference, skeleton):
         for name in joints:
@@ -109,8 +109,8 @@ def _is_same_performer(a: Skeleton, b: Skeleton) -> bool:
 
 
 def _size_ratio(reference: Skeleton, skeleton: Skeleton, theirs: Anatomy, ours: Anatomy) -> float:
-    """Returns the size ratio of the reference to a performer: the ratio of leg lengths, or of overall sizes
-    if one of them has no legs.
+    """Returns the size of the reference divided by that of a performer. The size is the leg length, or the
+    overall size if one of the two has no legs.
     """
     legs = _leg_length(reference, theirs), _leg_length(skeleton, ours)
     if min(legs) <= 0.0:
@@ -128,7 +128,7 @@ def _leg_length(skeleton: Skeleton, anatomy: Anatomy) -> float:
 
 
 def _check_joint(skeleton: Skeleton, name: str, take_name: str) -> None:
-    """Raises an error if a skeleton lacks a joint."""
+    """Raises InputError if a skeleton has no joint with this name."""
     if name not in skeleton.names:
         advice = f"Known: {', '.join(skeleton.names)}."
         raise InputError(
@@ -162,7 +162,7 @@ def _counterpart_joint(
 
 
 def _body_chains(anatomy: Anatomy) -> dict[tuple[str, int, int], tuple[int, ...]]:
-    """Returns chains of joints by their kind, number and side."""
+    """Returns the chains of joints of a body. The key is the chain's kind, number and side."""
     parts = {("trunk", 0, 0): anatomy.trunk}
     for kind, pairs in (("arm", anatomy.arms), ("leg", anatomy.legs)):
         for number, pair in enumerate(pairs):

@@ -66,7 +66,7 @@ class Examples:
         """Returns the number of a control point.
 
         Raises:
-            InputError: if it does not exist; the message lists the existing ones.
+            InputError: if it does not exist. The message lists the existing control points.
         """
         if name not in self.points:
             advice = f"Known: {', '.join(self.points)}."
@@ -109,7 +109,7 @@ class Examples:
 
 
 def drop_repeated_poses(sources: Float) -> list[int]:
-    """Returns the poses (n, P, 3) that do not repeat an earlier one."""
+    """Returns the indices of the poses (n, P, 3) that do not repeat an earlier pose."""
     kept_numbers: list[int] = []
     tolerance = _SAME_POSE_TOLERANCE * max(_pose_size(sources), 1e-12)
     for number, pose in enumerate(sources):

@@ -1,4 +1,4 @@
-"""A puppet's key poses as examples, and the data that it still lacks before it can move."""
+"""Converts a puppet's key poses to examples, and lists the data that is missing before it can move."""
 
 from __future__ import annotations
 
@@ -61,16 +61,16 @@ class IdentityKey(Generic[T]):
 
 @dataclass(frozen=True)
 class Material:
-    """The inputs of a layer's motion, compared by value or by identity. It is the cache key of the solved
-    motion.
+    """The inputs of a layer's motion. They form the cache key of the solved motion, and are compared by value
+    or by identity.
 
     Attributes:
         points, poses, symmetry: attributes of the puppet.
         mesh: the puppet's mesh.
-        shown: the takes that contain the performer poses of the key poses.
+        shown: the takes in which the performer shows the key poses.
         take: the take that the layer plays.
-        layer: the layer without attributes that only affect its timing.
-        examples, locomotion: the settings.
+        layer: the layer, with default values for attributes that only affect its timing.
+        examples, locomotion: the settings of the examples and of the locomotion.
         puppet: the puppet's name, for messages.
     """
 

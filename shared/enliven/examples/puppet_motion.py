@@ -1,4 +1,4 @@
-"""The motion of a puppet in the world. The takes of its layers are retargeted by its key poses.
+"""The motion of a puppet in the world. Its key poses retarget the takes of its layers to its control points.
 
     missing(project, puppet)                  # sentences about missing data; empty if it can move
     evaluate_state(project, puppet, seconds)    # its control points and its position
@@ -26,7 +26,7 @@ from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
 from enliven.skeletons.facing import rotate_about_y
 
 _CACHED_MOTIONS = 64
-"""Number of motions in the least-recently-used cache, over all puppets, layers and edits."""
+"""Number of solved motions in the least-recently-used cache. All puppets, layers and edits share it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +36,8 @@ class State:
     Attributes:
         places: (P, 3) positions of the control points in the mesh's own frame, metres.
         yaw: radians about +Y.
-        root: (3,) metres: x in the mesh's frame maps to yaw(x) + root, before the puppet's own rotation and
-            position.
+        root: (3,) metres. A point x in the mesh's frame maps to yaw(x) + root. The puppet's own rotation and
+            position are applied afterwards.
     """
 
     places: Float
@@ -57,8 +57,8 @@ def solve_layer_motion(project: Project, puppet: Puppet, layer: int) -> PuppetMo
 
 
 def evaluate_state(project: Project, puppet: Puppet, time: float) -> State:
-    """Returns the control points at a time of the project, with all layers mixed. Without layers, the puppet
-    is at rest.
+    """Returns the state of a puppet at a time of the project in seconds, with all layers mixed. Without
+    layers, the puppet is at rest.
 
     Raises:
         InputError: in the same cases as :func:`solve_layer_motion`.
@@ -82,7 +82,7 @@ def evaluate_state(project: Project, puppet: Puppet, time: float) -> State:
             layer.weight * loop_moment.weight * (np.asarray(played)[moved_points] - places[moved_points])
         )
         if motion.travels:
-            # The path comes from the layers that travel. The first one determines it, in proportion to its
+            # The layers that travel determine the path. The first of them dominates, in proportion to its
             # weight.
             for weight, frame in zip(weights, frames, strict=True):
                 layer_yaw, layer_root = motion.root_at(frame, loop_moment.rounds, ends)
@@ -95,7 +95,8 @@ def evaluate_state(project: Project, puppet: Puppet, time: float) -> State:
 
 
 def loop_position(layer: PuppetLayer, motion: PuppetMotion, time: float) -> tuple[float, int]:
-    """Returns the (fractional) frame of its take that a layer plays, and the number of completed loops."""
+    """Returns the fractional frame of the take that a layer plays at ``time`` (seconds), and the number of
+    completed loops."""
     second, rounds = layer.played(time, (motion.frames - 1) * motion.step)
     return motion.frame_of(second), rounds
 

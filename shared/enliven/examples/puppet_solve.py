@@ -115,8 +115,8 @@ class _Solve:
             check_switches(self._layer.switches, len(self._take.turns))
 
     def places(self, level: tuple[Coupling, ...] = (), known: Float | None = None) -> Float:
-        """Solves the control points (F, P, 3) in the mesh's frame, metres. If feet are coupled, the other
-        points are copied from the ``known`` solution.
+        """Solves the control points (F, P, 3) in the mesh's frame, metres. If ``level`` couples feet, the
+        other points are copied from the ``known`` solution.
         """
         control_points = np.tile(self._rest, (len(self.converted_take.poses), 1, 1))
         solve_inputs = self.converted_take.poses, self.converted_take.step, (*self._asked, *level)
@@ -125,13 +125,14 @@ class _Solve:
         return control_points
 
     def locate(self, places: Float, yaw: Float) -> PlacedMotion:
-        """Returns the motion of control points (F, P, 3) in the world, moved only by the mesh's own feet."""
+        """Returns the motion of control points (F, P, 3) in the world. Only the contact of the mesh's own
+        feet moves the mesh."""
         mixed = self._rest + self._layer.weight * (places - self._rest)
         if self._performer_feet is None:
             no_root = np.zeros((len(places), 3))
             return PlacedMotion(rotate_about_y(mixed, yaw[:, None]), no_root, _no_anchors(places), ())
         placed = self._performer_feet.locate(mixed, yaw, self._alternating_stance, self._layer.switches)
-        # Keep the control points of the feet as high above the soles as in the rest pose.
+        # The control points of the feet keep the height above the soles that they have in the rest pose.
         placed.root[:, 1] += self._rest[self._feet, 1].min()
         if self._travel.feet:
             return placed
@@ -150,8 +151,8 @@ class _Solve:
         )
 
     def follow_path(self, placed: PlacedMotion) -> tuple[PlacedMotion, Complex]:
-        """Pulls the motion towards the performer's path. Returns the motion, and (F, K) the displacements of
-        the feet, metres.
+        """Pulls the motion towards the performer's path. Returns the motion, and the displacements (F, K) of
+        the feet from their positions in the mesh, metres.
         """
         # The layer's weight scales the whole motion, including the drift limit: half the weight gives half
         # the motion.
@@ -175,8 +176,8 @@ class _Solve:
             pull += following.next(offset - pull, stands)
             pulls[frame], held[frame] = pull, following.held
         if self.converted_take.step < contact_settings.blend:
-            # Fade the displacements of the feet to zero at the end. They also begin at zero, so the take can
-            # loop.
+            # Fade the displacements of the feet to zero at the end. They are zero at the start too, so the
+            # take can loop.
             held *= np.minimum(
                 np.arange(len(held))[::-1] * self.converted_take.step / contact_settings.blend, 1.0
             )[:, None]
@@ -210,8 +211,8 @@ class _Solve:
 
     @property
     def _held_feet(self) -> list[int]:
-        """The feet that stay in place while the mesh is pulled back to the path: all feet if the mesh steps,
-        otherwise none.
+        """Numbers of the feet that stay in place while the mesh is pulled back to the path. These are all
+        feet if the mesh steps, and otherwise none.
         """
         return self._feet if self._travel.feet else []
 
@@ -260,7 +261,7 @@ class _Solve:
 
 
 def _no_anchors(places: Float) -> Int:
-    """Returns (F,) anchors of a motion (F, P, 3) in which no foot ever stands: -1."""
+    """Returns the anchors (F,) of a motion (F, P, 3) in which no foot ever stands. All are -1."""
     return np.full(len(places), -1, np.int64)
 
 

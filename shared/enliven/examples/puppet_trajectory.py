@@ -26,11 +26,11 @@ class PuppetMotion:
         root: (F, 3) position of the root, metres; 0 if the layer does not travel.
         path: (F, 3) metres on the floor, the performer's path scaled to the puppet's stride. The root stays
             near it.
-        anchors: (F,) the number of the control point that stays in place on the floor. -1 in flight, and if
-            the puppet does not step.
+        anchors: (F,) the number of the control point that stays in place on the floor. It is -1 in flight,
+            and if the puppet does not step.
         switches: the times at which contact and flight begin; empty if the layer does not travel.
         travels: True if the layer moves the puppet through the world.
-        notes: assumptions, as sentences for the user.
+        notes: sentences for the user about assumptions that were made.
     """
 
     step: float
@@ -69,11 +69,11 @@ class PuppetMotion:
     def root_at(
         self, frame: float, rounds: int = 0, ends: tuple[float, float] | None = None
     ) -> tuple[float, Float]:
-        """Returns yaw and root (3,) at a fractional frame, after ``rounds`` loops of the range ``ends`` of
-        the take.
+        """Returns yaw (radians) and root (3,) in metres at a fractional frame, after ``rounds`` loops of the
+        range ``ends`` of the take.
 
-        ``ends`` are two times in seconds. None loops the whole take. The anchor stays in place at frames and
-        between frames.
+        ``ends`` are two times in seconds. None loops the whole take. The anchor stays in place also between
+        frames.
         """
         before, after, part = self._frames_around(frame)
         yaw = float((1.0 - part) * self.yaw[before] + part * self.yaw[after])
@@ -95,10 +95,9 @@ class PuppetMotion:
         """Returns the yaw and the root after whole rounds of the loop. Each round continues where the
         previous one ended.
 
-        Round n maps x to R^n x + (1 + R + ... + R^(n-1)) offset, where R is the turn of one round. This
-        geometric series also holds for n < 0. It is computed from the path, so that the root's distance from
-        the path does not accumulate over rounds. The remaining jump at the seam is eased out within the
-        round.
+        Round n maps x to R^n x + (1 + R + ... + R^(n-1)) offset, where R is the turn of one round. The
+        formula also holds for n < 0. It is computed from the path, so that the root's distance from the path
+        does not accumulate over rounds. The remaining jump at the seam is eased out within the round.
         """
         if rounds == 0 or not self.travels:
             return yaw, root

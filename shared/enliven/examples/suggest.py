@@ -1,4 +1,4 @@
-"""Suggests which frames of a motion to use as key poses, and how many are enough. The frames are those that
+"""Suggests frames of a motion as key poses, and the number of key poses that is enough. The suggested frames
 differ most from one another.
 
 suggested = suggest_poses(performed(clip, joints).poses)      # frames, and remaining distances
@@ -15,13 +15,14 @@ from enliven.errors import InputError
 from enliven.settings import parameter
 
 _OUTLIER_DISTANCES = 0.5
-"""A single frame that is farther from its neighbours than this fraction of the median distance is ignored as
-a tracking outlier."""
+"""Minimum distance of a single frame from both neighbours, as a fraction of the median distance. Frames
+beyond it are ignored as tracking outliers."""
 
 
 @dataclass(frozen=True)
 class SuggestSettings:
-    """Settings for when the examples are enough."""
+    """Settings of the suggestion of key poses: the maximum number, and the distance at which the examples are
+    enough."""
 
     most: int = parameter(12, "Maximum number of suggested key poses.", low=2, high=1000)
     enough: float = parameter(

@@ -16,7 +16,7 @@ from enliven.errors import InputError
 from enliven.examples.poses import Examples
 
 _SELF_MIRROR_TOLERANCE = 1e-3
-"""A pose equals its own mirror image if it differs by less than this fraction of its size."""
+"""Maximum difference between a symmetric pose and its mirror image, as a fraction of the pose's size."""
 
 
 def find_partners(
@@ -56,8 +56,8 @@ def reflect_points(places: Float, point: Float, normal: Float) -> Float:
 def mirror_places(places: Float, rest: Float, partners: Sequence[int], normal: Float) -> Float:
     """Mirrors positions (..., P, 3) of control points.
 
-    Each point moves from its own rest position (P, 3) by the reflected displacement of its partner. So the
-    rest pose is its own mirror image even if the mesh is not quite symmetric.
+    Each point moves from its rest position in ``rest`` (P, 3) by the reflected displacement of its partner.
+    So the rest pose is its own mirror image even if the mesh is not exactly symmetric.
     """
     order = list(partners)
     return np.asarray(rest + reflect_points(places[..., order, :] - rest[order], np.zeros(3), normal))
@@ -76,7 +76,7 @@ def add_mirror_images(
         partners: (P,) the mirror image of each control point. The paired joints are assumed to be mirror
             images in the same way.
         rest: (P, 3) metres, the control points at rest.
-        normal: (3,) of the mesh's symmetry plane.
+        normal: (3,) the normal of the mesh's symmetry plane.
         across: (3,) the performer's left-right axis in the body frame. If None, it is computed from the
             joints.
 
@@ -99,7 +99,8 @@ def add_mirror_images(
 
 
 def _left_right_axis(examples: Examples, order: Int) -> Float:
-    """Computes the horizontal unit vector (3,) from right joints to left joints, over all examples."""
+    """Computes the horizontal unit vector (3,) from right joints to left joints, averaged over all
+    examples."""
     offsets = examples.sources - examples.sources[:, order]
     left = np.arange(len(order)) < order
     horizontal = offsets[:, left].reshape(-1, 3) * [1.0, 0.0, 1.0]

@@ -1,4 +1,5 @@
-"""The locomotion of a puppet: its stepping feet, and how far it travels for each metre of the performer.
+"""The locomotion of a puppet: its stepping feet, and the distance that it travels per metre of the
+performer's path.
 
     travel = find_travel(project, puppet)                # for all takes that it plays, and on the stage
     path = travel.path_of(took, facing, size)          # (F,) target path of the puppet on the floor
@@ -35,12 +36,12 @@ from enliven.examples.spacetime.locomotion import PlacedMotion, find_switches, p
 from enliven.skeletons.facing import facing_of, rotate_about_y
 
 _CACHED_TRAVELS = 64
-"""Number of puppets and edits in the least-recently-used cache."""
+"""Number of results in the least-recently-used cache. Each edit of a puppet gives a new result."""
 _MIN_STEP_LENGTH = 0.05
-"""Minimum relative movement of two feet between key poses that counts as a step, as a fraction of the
-puppet's size."""
+"""Minimum movement of one foot relative to another foot, between key poses, that counts as a step. Fraction
+of the puppet's size."""
 _MAX_GROUND_HEIGHT = 0.02
-"""Maximum height above the lowest foot of a foot that counts as on the ground, as a fraction of the puppet's
+"""Maximum height above the lowest foot at which a foot counts as on the ground, as a fraction of the puppet's
 size."""
 _SAMPLES_PER_SECOND = 30.0
 """Frames per second at which steps are measured. A stride takes half a second or more."""
@@ -49,8 +50,8 @@ _COMPARED_PATH_S = 1.0
 a stride, so steps average out."""
 _EXPLAINED_VARIANCE_RANGE = (0.7, 0.9)
 """Range of the explained variance of the puppet's path by the performer's path. Below this range, the stride
-is the ratio of sizes. Above it, the stride is measured from the steps. In between, the two are mixed. The
-value is above 0.9 in walks, and below 0.7 if the performer stays in place."""
+is the ratio of sizes. Above it, the stride is measured from the steps. Within the range, the two are blended.
+The explained variance is above 0.9 in walks, and below 0.7 if the performer stays in place."""
 
 
 @dataclass(frozen=True)
@@ -99,8 +100,8 @@ def find_travel(project: Project, puppet: Puppet) -> PuppetTravel:
 
 
 def layer_travel(material: Material) -> PuppetTravel:
-    """Returns the feet and the stride of the puppet of a layer. Of all attributes of the layer, only
-    mirroring affects the result.
+    """Returns the feet and the stride of a layer's puppet. The layer affects the result only by its
+    mirroring.
 
     Raises:
         InputError: if the puppet lacks data.
@@ -110,7 +111,7 @@ def layer_travel(material: Material) -> PuppetTravel:
 
 
 def alternating_feet(targets: Float, feet: Sequence[int]) -> tuple[int, ...]:
-    """Returns those feet that alternate on the ground in the key poses (n, P, 3), metres.
+    """Returns the numbers of the feet that alternate on the ground in the key poses (n, P, 3), metres.
 
     Two feet alternate if each is on the ground in at least one pose, and their relative position changes
     between poses.
@@ -142,11 +143,11 @@ class PerformerFeet:
     """The feet of a performer in a take, and the control points that follow them.
 
     Attributes:
-        seen: (F, K, 3) metres, the performer's feet in the world.
+        seen: (F, K, 3) metres, positions of the performer's feet in the world.
         feet: (K,) numbers of the control points.
         legs: mean length of the bones from the root to the feet, metres.
         step: seconds between frames.
-        how: the locomotion settings.
+        how: the settings of locomotion.
     """
 
     seen: Float
@@ -156,14 +157,14 @@ class PerformerFeet:
     how: LocomotionSettings
 
     def stands(self) -> Bool:
-        """Returns (F, K) true for feet that stand."""
+        """Returns (F, K) True for feet that stand."""
         return standing_feet(self.seen, self.step, self.legs, self.how)
 
     def locate(
         self, places: Float, yaw: Float, stands: Bool, switches: Sequence[Switch] | None = None
     ) -> PlacedMotion:
-        """Returns the motion of control points (F, P, 3) in the world, moved only by the contact of these
-        feet."""
+        """Returns the motion of control points (F, P, 3) in the world. Only the contact of these feet moves
+        the mesh."""
         if switches is None:
             switches = find_switches(self.seen, self.step, self.legs, self.how)
         return place_motion(places, yaw, self.step, switches, self.feet, self.how, stands)

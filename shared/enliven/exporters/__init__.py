@@ -1,4 +1,5 @@
-"""Exporters for other programs: one type of performance for every rig, one exporter per file suffix."""
+"""Exporters to files of other programs. Each file suffix has one exporter, and all exporters read the same
+performance type."""
 
 import lazy_loader
 

@@ -1,12 +1,12 @@
 """Writes the motion of a skeleton as a Biovision hierarchy file (.bvh).
 
 The zero pose is the skeleton at rest. A joint of the file rotates its whole subtree. So a joint with bones
-that rotate differently becomes several joints at one position. The first of them keeps the joint's name, and
-the names of the others contain their target ("Hips_to_LeftUpLeg"). The last joint of a limb becomes the end
-site of the previous one. The root's position is only in its channels. The root's offset is zero, since some
-readers add offset and position. Two other kinds of joints have position channels: joints that move along
-their bone, and joints at the end of a stretched bone. These channels replace the joint's offset, which
-contains its rest position. The format cannot store the width of a bone.
+that rotate differently becomes several joints at the same position. The first of them keeps the joint's name,
+and the names of the others contain their target ("Hips_to_LeftUpLeg"). The last joint of a limb becomes the
+end site of the previous one. The root's offset is zero and its position is only in its channels, since some
+readers add offset and position. Joints that move along their bone, and joints at the end of a stretched bone,
+also have position channels. These channels replace the joint's offset, which contains its rest position. The
+format cannot store the width of a bone.
 """
 
 from __future__ import annotations
@@ -28,15 +28,14 @@ from enliven.files import write_file
 from enliven.rotation import nearest_rotation
 
 _SAME_ROTATION_DIFFERENCE = 1e-9
-"""Maximum difference between the entries of two rotation matrices that count as equal: rounding of the last
-digits."""
+"""Maximum difference between the entries of two equal rotation matrices. It allows for rounding."""
 _MIN_BONE_MOTION_FRACTION = 1e-6
-"""Minimum motion of a joint along its bone for position channels, as a fraction of the length of all
-bones."""
+"""Minimum motion of a joint along its bone, as a fraction of the length of all bones. With less motion, a
+joint has no position channels."""
 _STILL_STEP = 1.0 / 30.0
 """Frame time of a still pose, in seconds. The format requires a frame time even for one frame."""
 _ROTATION_CHANNELS = "Zrotation Xrotation Yrotation"
-"""Rotations in the order of multiplication, which most recorders use."""
+"""Rotation channels in the order of multiplication. Most motion capture programs use this order."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +43,9 @@ class _Joint:
     """A joint of the file.
 
     Attributes:
-        offset: (3,) metres from the joint above it.
-        at: the index of the corresponding joint in the skeleton.
-        moved: whether its position relative to the joint above changes.
+        offset: (3,) metres from the parent joint.
+        at: number of the corresponding joint in the skeleton.
+        moved: True if its position relative to the parent joint changes.
         bone, above: the bones that define the rotations of this joint and of its parent joint.
         end: (3,) metres, the offset of its end site, or None.
     """
@@ -115,7 +114,8 @@ def bvh_text(performance: Performance, unit: str = "m") -> str:
 
 
 def _joint_places(skeleton: Skeleton, turns: Float, performance: Performance) -> Float:
-    """Returns the position (T, N, 3) of each joint in metres, in the rotated frame of its bone."""
+    """Returns the position (T, N, 3) of each joint relative to its parent joint, in metres, in the rotated
+    frame of its bone."""
     assert performance.joints is not None
     offsets = performance.joints - performance.positions
     return np.asarray(np.einsum("tnba,tnb->tna", turns, offsets))
@@ -139,12 +139,12 @@ def _file_joints(skeleton: Skeleton, linear: Float, places: Float | None) -> lis
         """Adds joint ``at`` with the rotation of ``bone``, and the subtrees of the bones that end at the
         joints ``ends``.
 
-        ``at`` is -1 for a joint at the place of the root. ``more`` means that other joints will be attached
-        to it.
+        ``at`` is -1 for a joint at the position of the root. ``more`` is True if other joints will be
+        attached to the new joint.
         """
         is_end = len(ends) == 1 and not skeleton.children[ends[0]] and not more and not is_moving[ends[0]]
         end = skeleton.vectors[ends[0]] if is_end else None if ends or more else np.zeros(3)
-        # Many readers take only the part of a name before the first blank.
+        # Many readers use only the part of a name before the first space.
         joint_name = unused("_".join(name.split()) or "joint", used_names, "_")
         used_names.add(joint_name)
         offset = np.zeros(3) if at < 0 else skeleton.vectors[at]
@@ -170,7 +170,7 @@ def _file_joints(skeleton: Skeleton, linear: Float, places: Float | None) -> lis
 
 
 def _equal_rotation_groups(linear: Float, bones: Sequence[int]) -> list[list[int]]:
-    """Groups the bones that rotate equally in all frames, in their order."""
+    """Groups the bones that rotate equally in all frames. The order of the bones is kept."""
     groups: list[list[int]] = []
     for bone in bones:
         for group in groups:
@@ -183,7 +183,7 @@ def _equal_rotation_groups(linear: Float, bones: Sequence[int]) -> list[list[int
 
 
 def _hierarchy_lines(joints: Sequence[_Joint], scale: float) -> list[str]:
-    """Returns the lines from ROOT to the last brace."""
+    """Returns the lines of the hierarchy section, from ROOT to the last brace."""
     lines = []
     for joint, after in zip(joints, [*joints[1:], None], strict=True):
         tabs = "\t" * joint.depth
@@ -215,8 +215,8 @@ def _local_rotations(linear: Float, above: int, bone: int) -> Float:
 
 
 def _euler_angles(turns: Float) -> Float:
-    """Returns (T, 3) angles in degrees about Z, X and Y with rotation = Z X Y, without jumps of a full
-    turn.
+    """Returns Euler angles (T, 3) in degrees about Z, X and Y, with rotation = Z X Y. The angles do not jump
+    by a full turn.
     """
     cos_x = np.hypot(turns[:, 2, 0], turns[:, 2, 2])
     level = cos_x > 1e-9

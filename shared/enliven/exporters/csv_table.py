@@ -3,12 +3,12 @@
 The columns are:
 
 - ``character``, ``frame`` (from 0), ``time_s`` (seconds from the first frame)
-- ``part``: the joint's name, or ``part 0``, ``part 1``, ... for a surface without a skeleton; ``parent``: the
-  name of the joint above, or empty
+- ``part``: the joint's name, or ``part 0``, ``part 1``, ... for a surface without a skeleton. ``parent``: the
+  name of the parent joint, or empty
 - ``x_m``, ``y_m``, ``z_m``: position in the world in metres (with the unit cm: ``x_cm``, ...)
 - ``qw``, ``qx``, ``qy``, ``qz``: rotation in the world since the rest pose, as a unit quaternion without sign
-  jumps. A joint has the rotation of the bone that ends there, and the root has the rotation of the whole
-  skeleton
+  jumps. A joint has the rotation of the bone that ends at the joint, and the root has the rotation of the
+  whole skeleton
 - ``stretch_x``, ``stretch_y``, ``stretch_z``: stretch factors along the axes of the rest pose
 """
 
@@ -46,7 +46,7 @@ def write_csv(
         progress: called with the finished fraction. An exception that it raises ends the export.
 
     Raises:
-        InputError: for an unknown unit.
+        InputError: if the unit is unknown.
         ResourceError: if the file cannot be written.
     """
     scale = units_per_metre(unit)
@@ -84,7 +84,7 @@ def _frame_rows(performance: Performance, scale: float) -> Iterator[list[list[st
         places = performance.joints
     rotations = remove_sign_jumps(from_matrix(nearest_rotation(linear)))
     values = np.concatenate([places * scale, rotations, np.linalg.norm(linear, axis=2)], 2)
-    # Adding zero turns -0.0 into 0.0.
+    # Adding zero converts -0.0 to 0.0.
     rounded_values = np.round(values, 6) + 0.0
     for number, (time, frame) in enumerate(zip(performance.times, rounded_values.tolist(), strict=True)):
         head = [performance.name, str(number), f"{time:.6f}"]
@@ -95,7 +95,7 @@ def _frame_rows(performance: Performance, scale: float) -> Iterator[list[list[st
 
 
 def _part_names(performance: Performance) -> tuple[list[str], list[str]]:
-    """Returns the name of each part and of its parent."""
+    """Returns the names of all parts, and the names of their parents."""
     skeleton = performance.skeleton
     if skeleton is None:
         count = len(performance.pivots)

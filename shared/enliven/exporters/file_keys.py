@@ -1,4 +1,5 @@
-"""Keeps the cubic keys of a file on export, if a shape plays only a clip of that file."""
+"""Finds the cubic keys of an imported file for export. They can be kept if a shape plays only a clip of that
+file."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ _MAX_CURVE_DEVIATION = 1e-2
 """Maximum deviation of a curve from the sampled motion, in radians or as a fraction of the skeleton's length.
 
 Interpolation between frames at 120 Hz has errors of this size during fast rotations. A larger deviation means
-that something else also moves the bone.
+that the bone also has other motion.
 """
 _MAX_POSED_CHANGE = 1e-9
 """Maximum change of a quaternion entry, or of the root in metres, that counts as rounding. A larger change is
@@ -22,7 +23,7 @@ an edit of an artist.
 
 
 _MAX_RIGID_STRETCH = 1e-6
-"""Maximum stretch of a bone that counts as rigid: rounding of long chains."""
+"""Maximum stretch of a bone that counts as rigid. It allows for rounding errors in long chains."""
 
 
 def find_file_keys(
@@ -31,7 +32,8 @@ def find_file_keys(
     """Returns the cubic keys that move a shape, with times in seconds of its performance.
 
     All bones must play one clip with cubic keys, once, forwards and at one speed, and nothing else may move
-    them. Layered, blended, looped, smoothed or edited motion has no such keys and is sampled instead.
+    them. The result is empty for layered, blended, looped, smoothed or edited motion, which is sampled
+    instead.
 
     Args:
         project: contains the shape.
@@ -60,7 +62,7 @@ def find_file_keys(
 
 
 def _is_rigid(linear: Float) -> bool:
-    """Returns True if no map (T, N, 3, 3) stretches or mirrors its bone."""
+    """Returns True if none of the linear maps (T, N, 3, 3) stretches or mirrors its bone."""
     gram = np.einsum("tnba,tnbc->tnac", linear, linear)
     return bool(np.abs(gram - np.eye(3)).max() <= _MAX_RIGID_STRETCH and (np.linalg.det(linear) > 0).all())
 
@@ -88,7 +90,7 @@ def _only_clip(project: Project, shape: Shape) -> tuple[Clip | None, Layer | Non
 
 
 def _playing_fields(layer: Layer) -> tuple[object, ...]:
-    """Returns the fields of a layer that define how and when it plays."""
+    """Returns the fields of a layer that define its timing and its effect."""
     time_fields = (
         layer.take,
         layer.offset,

@@ -1,4 +1,5 @@
-"""The joints or parts of a performance as coordinate frames for Foxglove (foxglove.FrameTransforms in JSON).
+"""Converts the joints or parts of a performance to coordinate frames for Foxglove (foxglove.FrameTransforms
+in JSON).
 
 Foxglove draws a line from each frame to its parent, so a skeleton appears as a stick figure.
 """
@@ -21,10 +22,10 @@ from enliven.wire import spanning_tree
 FRAMES_TOPIC = "/tf"
 _WORLD = "world"
 _Z_UP = "enliven"
-"""Name of the frame above the world frame. Foxglove draws +Z up."""
+"""Name of the root frame, the parent of the world frame. It has +Z up, as Foxglove expects."""
 _DIGITS = 5
-"""Number of decimal digits of positions: hundredths of a millimetre, far below the error of a pose on the
-wire.
+"""Number of decimals of positions and rotations. They resolve hundredths of a millimetre, far below the
+quantization error of a pose in network messages.
 """
 _NANOSECONDS_PER_S = 1_000_000_000
 """Number of nanoseconds in a second."""
@@ -94,7 +95,7 @@ def _encode(time_ns: int, pairs: list[tuple[str, str]], places: Float, turns: Fl
     """Returns the message of frames (parent, child) with (J, 3) positions and (J, 4) rotations."""
     seconds, nanoseconds = divmod(time_ns, _NANOSECONDS_PER_S)
     timestamp = {"sec": seconds, "nsec": nanoseconds}
-    rows = np.round(np.concatenate([places, turns], 1), _DIGITS) + 0.0  # Adding zero turns -0.0 into 0.0.
+    rows = np.round(np.concatenate([places, turns], 1), _DIGITS) + 0.0  # Adding zero converts -0.0 to 0.0.
     transforms = [
         {
             "timestamp": timestamp,

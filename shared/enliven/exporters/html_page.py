@@ -1,8 +1,8 @@
-"""Writes characters in motion as one web page (.html) that opens offline in every current browser.
+"""Writes animated characters as a single web page (.html) that works offline in every current browser.
 
-The page contains the viewer of ``enliven web`` with three.js. The characters have the form of the wire: a
-character message and one coded pose for each frame. They are stored together as one MessagePack map,
-compressed by gzip, in base64. docs/written-files.md describes the map.
+The page contains the viewer of ``enliven web`` with three.js. The characters are stored as network messages:
+one character message, and one encoded pose per frame. All messages form one MessagePack map, which is
+compressed by gzip and encoded in base64. docs/written-files.md describes the map.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from enliven.web_page.page_files import make_standalone_page
 from enliven.wire import PoseCodec, character_to_message, pack_payload
 
 MAX_PAGE_MB = 256
-"""Maximum size of a page in megabytes. Browsers hold text, unpacked take and images in memory, several times
-this size in total. Phones have no more memory than that.
+"""Maximum size of a page in megabytes. A browser needs several times this size for the text, the unpacked
+take and the images. Phones do not have more memory.
 """
 _REMEDY = "Choose another place."
 
@@ -44,7 +44,7 @@ def write_html(
         progress: called with the finished fraction. An exception that it raises ends the export.
 
     Raises:
-        InputError: if a character is too large for the wire, or the page exceeds :data:`MAX_PAGE_MB`.
+        InputError: if a character is too large for network messages, or the page exceeds :data:`MAX_PAGE_MB`.
         ResourceError: if the file cannot be written.
     """
     frames = max(sum(len(performance.times) for performance in performances), 1)
@@ -63,7 +63,7 @@ def write_html(
         tracks.append({"payload": payload, "times": times, "poses": poses})
     seconds = max((float(performance.times[-1]) for performance in performances), default=0.0)
     take = msgspec.msgpack.encode({"title": name, "seconds": seconds, "characters": tracks})
-    # Leave out the time of compression, so that equal takes give equal files.
+    # Set the compression time to 0, so that equal takes give equal files.
     page = make_standalone_page(name, base64.b64encode(gzip.compress(take, 6, mtime=0)).decode())
     if progress is not None:
         progress(1.0)
@@ -74,9 +74,7 @@ HTML = Exporter(write_html, placements=("scale", "in_place"))
 
 
 def _check_size(size: int, path: Path | str) -> None:
-    """Raises InputError for takes that are too large for browsers. Base64 adds a third, which compression
-    saves.
-    """
+    """Raises InputError if a take is too large for browsers."""
     if size > MAX_PAGE_MB * 1_000_000:
         raise InputError(
             f"the page would have more than {MAX_PAGE_MB} MB",

@@ -3,7 +3,7 @@ weights.
 
 A bone of a :class:`Skeleton` rotates about its upper end. Joints in files of other programs rotate about
 their own position. So bone j becomes a joint at its parent's position, and the end of a limb becomes a joint
-that moves nothing.
+without vertices.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ class JointTracks:
     """Joints of a file, parents before children, with their motion relative to the parent joint.
 
     Attributes:
-        names: bones first, then the ends of limbs.
-        parents: (J,) number of the joint above, -1 for the root.
-        bones: number of bones. Later joints are ends of limbs.
+        names: names of the joints: first the bones, then the ends of limbs.
+        parents: (J,) number of the parent joint, -1 for the root.
+        bones: number of bones. The joints after them are ends of limbs.
         pivots: (J, 3) metres at rest, in the world.
         axes: (J, 3, 3) rotations at rest, in the world.
         offsets: (J, 3) metres at rest, position in the frame of the parent joint.
@@ -100,7 +100,8 @@ def joint_tracks(performance: Performance, skeleton: Skeleton, half_scales: bool
 def bone_names(skeleton: Skeleton) -> list[str]:
     """Names each bone after its start joint.
 
-    If several bones start at the joint, the names of all but one also contain their target.
+    If several bones start at a joint, one bone gets the joint's name, and the names of the others also
+    contain their target.
     """
     names = []
     for j, parent in enumerate(skeleton.parents):
@@ -125,7 +126,8 @@ def _straightest_child(skeleton: Skeleton, joint: int) -> int:
 
 
 def local_rotations(skeleton: Skeleton, turns: Float) -> Float:
-    """Returns rotations (T, N, 4) of bones relative to their parents, D_parent^-1 D, without sign jumps."""
+    """Converts world rotations D (T, N, 4) to rotations relative to the parent bones, D_parent^-1 D, without
+    sign jumps."""
     local = turns.copy()
     for j in range(1, len(skeleton)):
         local[:, j] = multiply(conjugate(turns[:, skeleton.parents[j]]), turns[:, j])
@@ -133,7 +135,8 @@ def local_rotations(skeleton: Skeleton, turns: Float) -> Float:
 
 
 def local_offsets(skeleton: Skeleton) -> Float:
-    """Returns the rest offset (N, 3) in metres of each bone's start joint from that of its parent bone."""
+    """Returns the rest offset (N, 3) in metres from the start joint of the parent bone to each bone's start
+    joint."""
     offsets = np.zeros((len(skeleton), 3))
     offsets[1:] = skeleton.vectors[skeleton.parents[1:]]
     return offsets
@@ -163,8 +166,8 @@ def local_motion(skeleton: Skeleton, linear: Float, joints: Float, half_scales: 
     """Returns the motion of nodes that may stretch, from linear maps (T, N, 3, 3) and joints (T, N, 3) in the
     world.
 
-    A node cannot shear. So a bone's shear relative to its parent is left out, but its children keep their
-    transforms.
+    A node cannot shear. So the shear of a bone relative to its parent is lost. Its children still get their
+    exact transforms.
 
     Args:
         half_scales: True to round scales to float16.
@@ -194,7 +197,8 @@ def local_motion(skeleton: Skeleton, linear: Float, joints: Float, half_scales: 
 
 
 def normalize_skin(indices: UInt16, weights: Float32) -> tuple[UInt16, Float32]:
-    """Normalises (V, 4) skin weights for the format: no repeated bone, index 0 for weight 0, sums of one."""
+    """Normalises skin weights (V, 4) for file formats. In the result, no bone is repeated, unused entries
+    have index 0 and weight 0, and the weights of each vertex sum to one."""
     indices, exact_weights = indices.copy(), np.maximum(weights.astype(np.float64), 0.0)
     for b in range(1, 4):
         for a in range(b):

@@ -2,9 +2,9 @@
 
 walk.obj-sequence/walk_0001.obj, walk_0002.obj, ..., walk.mtl, walk_texture_1.png
 
-The surface of every frame is exact for all rigs, because the files contain points and no bones. All files
-have the same vertices and faces in the same order. A comment at the top of each file states its time. If its
-motion ends earlier than others, a character keeps its last pose.
+The surface of every frame is exact for all rigs, because the files contain vertex positions and no bones. All
+files have the same vertices and faces in the same order. A comment at the top of each file contains its time.
+A character keeps its last pose if its motion ends early.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ from enliven.files import replace_folder
 from enliven.meshes import Mesh
 
 _OWN_FILE = re.compile(r".+(_\d{4,}\.obj|\.mtl|_texture_\d+\.(png|jpg))", re.DOTALL)
-"""Names of the files in a folder of this format. A folder with other files is not replaced."""
+"""Pattern of the file names in a folder of this format. A folder that contains other files is not
+replaced."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ class _Part:
 
     Attributes:
         head: the lines before the vertices.
-        colours: (V,) texts that follow the position of each vertex. Empty without vertex colours.
+        colours: (V,) text of each vertex's colour, which follows its position. Empty without vertex colours.
         tail: the lines after the vertices.
         count: number of vertices.
     """
@@ -61,14 +62,14 @@ def write_obj_sequence(
         progress: called with the finished fraction. An exception that it raises ends the export.
 
     Raises:
-        InputError: if no character is given, one has no mesh, the unit is unknown, or an existing folder
-            contains other files.
-        ResourceError: if the folder cannot be written. An existing one is then untouched.
+        InputError: if no character is given, a character has no mesh, the unit is unknown, or an existing
+            folder contains other files.
+        ResourceError: if the folder cannot be written. An existing folder then stays unchanged.
     """
     path, scale = Path(path), units_per_metre(unit)
     if not performances:
         raise InputError("there is nothing to write", where=str(path), remedy="Give a character.")
-    # Many readers take only the part of a file name before the first blank.
+    # Many readers use only the part of a file name before the first space.
     stem, title = "_".join(path.stem.split()), " ".join(name.split())
     times = max((performance.times for performance in performances), key=len)
     count = len(times)
@@ -105,8 +106,8 @@ def _is_own_file(name: str) -> bool:
 
 
 def _surfaces_at(performance: Performance, times: Float) -> Iterator[Float32]:
-    """Yields the surface at each time: the surface of the nearest frame, and the last surface after the
-    end.
+    """Yields the surface (V, 3) at each time. It is the surface of the nearest frame, or the last surface
+    after the end.
     """
     own_times = performance.times
     boundaries = (own_times[1:] + own_times[:-1]) / 2.0

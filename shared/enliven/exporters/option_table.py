@@ -1,6 +1,6 @@
-"""The options that several formats share, for the command line and the window.
+"""The export options that several formats share. The command line and the window use this table.
 
-This module imports nothing heavy, so that ``enliven export --help`` is quick.
+This module imports no large libraries, so that ``enliven export --help`` is fast.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ Value = TypeVar("Value")
 
 @dataclass(frozen=True)
 class ExportOption(Generic[Value]):
-    """An option of exports.
+    """An export option.
 
     Attributes:
         name: the keyword of :meth:`enliven.exporters.Exporter.save`.
-        default: the value without an effect.
-        help: its effect in one sentence.
-        choices: all values, if there are few.
+        default: the value that has no effect.
+        help: one sentence about the effect of the option.
+        choices: all valid values, if there are only a few.
     """
 
     name: str
@@ -40,4 +40,5 @@ SHARED_OPTIONS: tuple[ExportOption[float] | ExportOption[str] | ExportOption[boo
 )
 """All shared options."""
 MAX_SCALE = 1e6
-"""Maximum scale, and maximum of its reciprocal. Beyond it, float32 is not accurate enough for motion."""
+"""Maximum scale. Its reciprocal is the minimum scale. Beyond these limits, float32 is not accurate enough for
+motion."""

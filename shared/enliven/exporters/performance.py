@@ -18,36 +18,37 @@ from enliven.meshes import Mesh
 from enliven.rotation import from_matrix, remove_sign_jumps, rotate, to_matrix
 
 _RIGID_TOLERANCE = 1e-6
-"""Maximum stretch of a rigid bone, and its maximum motion as a fraction of the length of all bones: rounding
-in long chains."""
+"""Maximum stretch of a rigid bone, and maximum motion of its joint as a fraction of the length of all bones.
+It allows for rounding errors in long chains."""
 
 
 @dataclass(frozen=True, eq=False)
 class Performance:
-    """A mesh with transforms over time: v' = sum_k w_k (linear_k (v - pivot_k) + position_k), then the pose
-    of the frame.
+    """A mesh with transforms over time. Vertex v moves to v' = sum_k w_k (linear_k (v - pivot_k) +
+    position_k). Then the pose of the coordinate frame is applied.
 
     Attributes:
         name: the character's name.
-        times: (T,) seconds, increasing from 0. Evenly spaced, unless they include key times of the
+        times: (T,) seconds, increasing from 0. They are evenly spaced, unless they include key times of the
             character's clips.
         pivots: (J, 3) metres, positions of the transforms at rest.
         linear: (T, J, 3, 3) linear parts of the transforms. With a skeleton they are rotations, unless its
             takes stretch bones.
         positions: (T, J, 3) metres, positions of the pivots.
-        mesh: the mesh at rest, or None for a skeleton without a mesh.
-        skin: skin weights: the transforms that each vertex follows. None without a mesh.
-        skeleton: the joints. Transform j moves bone j about its parent joint. None if the transforms form no
+        mesh: the mesh at rest. None for a skeleton without a mesh.
+        skin: the skin weights, that is, the transforms that each vertex follows. None without a mesh.
+        skeleton: the joints. Transform j moves bone j about its parent joint. None if the transforms have no
             hierarchy, like the nodes of a deformation graph.
         joints: (T, J, 3) metres, positions of the skeleton's joints. None without a skeleton.
-        axes: (J, 3, 3) rotations: the stretch axes of each transform. None for the axes of the mesh.
+        axes: (J, 3, 3) rotations, the stretch axes of each transform. None means the axes of the mesh.
         turns, places: (T, 4) and (T, 3) metres, the pose of the coordinate frame of the arrays above. A point
             x of this frame is at turn x + place in the world. If None, the frame is the world.
         morphs: morph targets instead of the skin, or None.
-        solved: returns an iterator over the surfaces (V, 3) of all frames, instead of the skin; or None.
+        solved: a function that returns an iterator over the surfaces (V, 3) of all frames. It is used instead
+            of the skin. None if the skin is used.
         keys: maximum additional error in metres that an exporter may cause by key reduction.
-        cubic: the cubic keys of bones and of the root's position, in the seconds of ``times``. If there are
-            any, nothing else moves the character.
+        cubic: the cubic keys of bones and of the root's position, with times as in ``times``. If there are
+            any, they contain the complete motion of the character.
         error: deviation of the baked surface from the displayed one, or None if nothing was baked.
     """
 
@@ -145,9 +146,9 @@ class Performance:
 
 
 def split_stretch(linear: Float) -> tuple[Float, Float]:
-    """Splits (T, N, 3, 3) maps R S into (T, N, 4) rotations R and (T, N, 3) scales, the diagonal of S.
+    """Splits linear maps R S (T, N, 3, 3) into rotations R (T, N, 4) and scales (T, N, 3), the diagonal of S.
 
-    A mirroring map has negative scales.
+    A map that mirrors has negative scales.
     """
     rotations = from_matrix(linear * np.where(np.linalg.det(linear) < 0, -1.0, 1.0)[..., None, None])
     scales = np.einsum("tnji,tnji->tni", to_matrix(rotations), linear)

@@ -1,4 +1,4 @@
-"""The tracked bodies that a humanoid performance corresponds to, so that it can possess other characters."""
+"""Converts the performance of a humanoid to tracked bodies, so that it can possess other characters."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from enliven.rotation import conjugate, from_matrix, multiply, nearest_rotation
 
 
 def bodies_from_performance(performance: Performance, id: int) -> list[Body]:
-    """Returns the body of each frame. Empty if the character is not a humanoid.
+    """Returns the body of each frame. The list is empty if the character is not a humanoid.
 
-    A tracked person keeps its 20 joints. Other humanoids are found by the names of their joints.
+    A tracked person keeps the 20 tracked joints. In other humanoids, the joints are found by their names.
 
     Args:
         id: the id of the returned bodies.

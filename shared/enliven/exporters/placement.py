@@ -1,4 +1,4 @@
-"""Options that every format can share: scale, vertical axis, motion in place, and the unit of length."""
+"""Options that every format can support: scale, vertical axis, motion in place, and the unit of length."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from enliven.rotation import conjugate, from_matrix, multiply
 PLACEMENTS = (SCALE.name, UP.name, IN_PLACE.name)
 """The names of the options of :class:`ExportPlacement`."""
 _UP_TURNS = {"y": np.eye(3), "z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])}
-"""Rotations from enliven's axes (+Y up) to those of a file, by the file's vertical axis. +X does not change.
-"""
+"""Rotations from enliven's axes (+Y up) to those of a file, by the file's vertical axis. +X does not
+change."""
 _UNITS_PER_METRE = {"m": 1.0, "cm": 100.0}
-"""Units of a file per metre."""
+"""Number of file units per metre."""
 
 
 def units_per_metre(unit: str = "m") -> float:
@@ -43,7 +43,7 @@ class ExportPlacement:
 
     Attributes:
         scale: factor of all lengths.
-        up: the vertical axis of the file: "y", or "z", which turns +Y to +Z and +Z to -Y.
+        up: the vertical axis of the file: "y", or "z", which rotates +Y to +Z and +Z to -Y.
         in_place: True to remove the horizontal motion of the root. The root stays at its position in the
             first frame.
 

@@ -1,4 +1,4 @@
-"""Materials in the form that formats other than glTF can store: factors and images."""
+"""Simplified materials for formats other than glTF, with factors and images only."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from enliven.meshes import MeshMaterials
 
 _SUFFIXES = {"image/png": ".png", "image/jpeg": ".jpg"}
 _MAX_REPEATS = 1e4
-"""Maximum repeats of an image, and maximum offset and rotation of its coordinates."""
+"""Maximum number of repeats of an image, and maximum offset and rotation of its coordinates."""
 _DEFAULT_CUTOFF = 0.5
-"""Opacity below which a masked material is invisible, if the material does not define it."""
+"""Default of the opacity below which a masked material is invisible."""
 
 
 @dataclass(frozen=True)
@@ -20,10 +20,10 @@ class TextureUse:
     """A texture of a material.
 
     Attributes:
-        texture: its number in the textures of the mesh.
+        texture: number of the texture in the textures of the mesh.
         uv_set: number of the set of texture coordinates.
-        offset, rotation, scale: the transform of the coordinates (KHR_texture_transform), in the order scale,
-            rotation in radians, offset.
+        offset, rotation, scale: the transform of the coordinates (KHR_texture_transform). The scale is
+            applied first, then the rotation (radians), then the offset.
     """
 
     texture: int
@@ -40,12 +40,12 @@ class TextureUse:
 
 @dataclass(frozen=True)
 class PlainMaterial:
-    """A glTF material. Of the extensions, only the transforms of texture coordinates are kept.
+    """A simplified glTF material. The transforms of texture coordinates are the only supported extension.
 
     Attributes:
         name: the material's name, or an empty string.
-        base: linear colour and opacity.
-        emissive: linear colour.
+        base: base colour (linear RGB) and opacity, 0 to 1.
+        emissive: emitted colour (linear RGB).
         mode: "OPAQUE", "MASK" or "BLEND".
         cutoff: opacity below which a masked material is invisible.
         base_map, finish_map, normal_map, occlusion_map, emissive_map: textures, or None. The finish map
@@ -68,7 +68,7 @@ class PlainMaterial:
 
 
 def plain_materials(materials: MeshMaterials) -> list[PlainMaterial]:
-    """Returns the materials of a mesh, in their order. Values of a wrong type are ignored."""
+    """Returns the simplified materials of a mesh, in the same order. Values of a wrong type are ignored."""
     return [_plain_material(json.loads(definition), materials) for definition in materials.definitions]
 
 
@@ -114,7 +114,7 @@ def _plain_material(value: dict[str, Any], materials: MeshMaterials) -> PlainMat
 
 
 def _nested_object(value: dict[str, Any], name: str) -> dict[str, Any]:
-    """Returns a nested JSON object. Empty if the value is something else."""
+    """Returns a nested JSON object, or an empty object if the value has another type."""
     inner = value.get(name)
     return inner if isinstance(inner, dict) else {}
 

@@ -1,11 +1,10 @@
-"""Writes characters in motion as a recording (.mcap), which the viewer plays and an edge replays.
+"""Writes animated characters as a recording (.mcap), which the viewer plays and an edge replays.
 
 Topics:
 
-- ``character``, ``pose``, ``stage``: messages of the wire, as in a take of an edge. ``enliven view`` plays
-  them, and every command that reads takes accepts them.
-- ``/bodies``: the humanoids among the characters as tracked people. ``enliven replay`` possesses meshes with
-  them.
+- ``character``, ``pose``, ``stage``: network messages, as in a take of an edge. ``enliven view`` plays them,
+  and every command that reads takes accepts them.
+- ``/bodies``: the humanoid characters as tracked people. With them, ``enliven replay`` can possess meshes.
 - ``/tf``: the joints or parts as coordinate frames, for Foxglove.
 """
 
@@ -45,7 +44,7 @@ from enliven.wire import (
 )
 
 _REVISION = 1
-"""Revision of all characters, which do not change."""
+"""Revision number of all characters. It is constant, because the characters do not change."""
 _REMEDY = "Choose another place."
 _Write = Callable[[], Any]
 _Step = tuple[int, int, _Write]
@@ -65,7 +64,7 @@ def write_recording(
         progress: called with the finished fraction. An exception that it raises ends the export.
 
     Raises:
-        InputError: if a character is too large for the wire, or there are too many.
+        InputError: if a character is too large for network messages, or there are too many characters.
         ResourceError: if the file cannot be written.
     """
     path = Path(path)
@@ -76,7 +75,7 @@ def write_recording(
     seconds = max(float(performance.times[-1]) for performance in performances)
     with replace_file(path, _REMEDY) as part:
         try:
-            # Without intermediate syncs, equal performances give equal files.
+            # Sync only at the end, so that equal performances give equal files.
             with Recorder(part, sync_seconds=math.inf, overwrite=True) as recorder:
                 _write_characters(recorder, characters, name)
                 for time_ns, _, write in _merge_steps(recorder, characters, performances):
@@ -133,7 +132,7 @@ def _write_pose(recorder: Recorder, message: PoseMessage, frames: bytes) -> None
 def _body_steps(recorder: Recorder, performances: Sequence[Performance], rank: int) -> Iterator[_Step]:
     """Yields a step for each time of any person, which writes all people at that time.
 
-    Between its frames, a person keeps its last pose.
+    At times between two frames of a person, the last pose is repeated.
     """
     people = list[tuple[Int, list[Body]]]()
     for number, performance in enumerate(performances, 1):
@@ -151,6 +150,6 @@ def _body_steps(recorder: Recorder, performances: Sequence[Performance], rank: i
 
 
 def _write_kind(recorder: Recorder, topic: str, kind: MessageKind, data: bytes, time_ns: int) -> None:
-    """Writes a message of a type that is not part of the wire format."""
+    """Writes a message of a type that is not part of the network protocol."""
     schema = kind.schema_name, kind.schema_text, kind.schema_encoding
     recorder.write(topic, *schema, kind.message_encoding, data, time_ns)

@@ -2,8 +2,9 @@
 
     exporter_of("out.glb").save(path, performances, "title")
 
-A new exporter is one file with an :class:`Exporter` and one line here. In another package it is an entry
-point of the group ``enliven.exporters``, named by the suffix without its dot.
+To add an exporter, add a module with an :class:`Exporter`, and one line in this module. Other packages
+register exporters as entry points of the group ``enliven.exporters``. The name of the entry point is the
+suffix without its dot.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ ENTRY_POINTS = "enliven.exporters"
 :class:`Exporter`."""
 
 _PICTURES = "enliven.pictures"
-"""Entry-point group through which other packages draw contact sheets. An entry point refers to a function."""
+"""Entry-point group through which other packages provide functions that draw contact sheets."""
 _BUILT_IN = {
     "bvh": "enliven.exporters.bvh:BVH",
     "csv": "enliven.exporters.csv_table:CSV",
@@ -44,9 +45,10 @@ _BUILT_IN = {
 _REFUSALS = {
     "up": "Leave it out: the format fixes the vertical axis.",
 }
-"""Advice for options that a format cannot support, if the advice is more than to leave the option out."""
+"""Advice in error messages about options that a format does not support. The default advice is to leave the
+option out."""
 _IN_PACKAGES = {"mp4": "enliven-viewer"}
-"""File suffixes of exporters in packages that may not be installed, with the name of the package."""
+"""Names of the packages with further exporters, by file suffix. They may not be installed."""
 
 
 @dataclass(frozen=True)
@@ -54,18 +56,20 @@ class Exporter:
     """An exporter for one kind of file.
 
     Attributes:
-        write: takes the path, the performances, a title, and options as keywords. It writes completely or
-            not at all. If it takes ``progress``, it calls that with the finished fraction.
+        write: a function with the parameters path, performances, title, and options as keywords. It writes
+            the file completely or not at all. If it has the parameter ``progress``, it calls this function
+            with the finished fraction.
         jointed: True if it supports only characters with a skeleton.
         solid: True if it supports only characters with a surface.
         single: True if its files contain only one character.
-        heard: True if it supports sound. ``write`` then has the parameter ``sound``, the audio samples
-            starting at the first pose.
-        keyed: True if it supports keys at uneven times, such as those of a clip's own file.
+        heard: True if it supports sound. ``write`` then has the parameter ``sound``: audio samples that start
+            at the first pose.
+        keyed: True if it supports keys at uneven times, such as the keys of an imported file.
         pointwise: True if it stores the surface of each frame. Then puppets need no baking.
         placements: options of :class:`ExportPlacement` that it supports. A format with a fixed vertical axis
             lacks "up".
-        check: takes the options of ``write`` and raises for invalid ones, before any work.
+        check: a function that takes the options of ``write`` and raises InputError if one is invalid. It is
+            called before any work.
     """
 
     write: Callable[..., None]
@@ -84,7 +88,7 @@ class Exporter:
         return frozenset((*list(inspect.signature(self.write).parameters)[3:], *self.placements))
 
     def save(self, path: Path | str, performances: Sequence[Performance], name: str, **options: Any) -> None:
-        """Places the performances, and writes them.
+        """Applies the placement options to the performances, and writes the file.
 
         Args:
             name: the title.
@@ -100,7 +104,7 @@ class Exporter:
         self.write(Path(path), placed_performances, name, **self.own_options(options))
 
     def representation(self, morphs: bool = False) -> Representation:
-        """Returns how the exporter needs puppets to be sampled.
+        """Returns the form in which the exporter needs the surfaces of puppets.
 
         Args:
             morphs: True if the caller requests morph targets.
@@ -108,7 +112,7 @@ class Exporter:
         return "morphs" if morphs else "points" if self.pointwise else "skin"
 
     def own_options(self, options: dict[str, Any]) -> dict[str, Any]:
-        """Returns the options that ``write`` itself accepts."""
+        """Returns those of the options that ``write`` accepts, without the placement options."""
         parameters = inspect.signature(self.write).parameters
         return {key: value for key, value in options.items() if key in parameters or key not in PLACEMENTS}
 
@@ -119,14 +123,14 @@ def suffixes() -> list[str]:
 
 
 def exporter_of(path: Path | str, also: tuple[str, ...] = (), **options: Any) -> Exporter:
-    """Returns the exporter of a file. Unsupported output is refused before any work.
+    """Returns the exporter for a file. Unsupported output is refused before any work.
 
     Args:
-        also: suffixes that the caller writes itself, for the list of known suffixes in an error.
-        options: options for its :meth:`Exporter.save`.
+        also: suffixes that the caller writes itself. Error messages list them as known suffixes.
+        options: options for :meth:`Exporter.save`.
 
     Raises:
-        InputError: for a suffix without an exporter, or an unknown or invalid option.
+        InputError: if the suffix has no exporter, or an option is unknown or invalid.
         ResourceError: if the folder is missing.
     """
     path = Path(path)
@@ -142,10 +146,10 @@ def exporter_of(path: Path | str, also: tuple[str, ...] = (), **options: Any) ->
 
 
 def _load_exporter(name: str, where: str, also: tuple[str, ...]) -> Exporter:
-    """Returns the exporter of that name.
+    """Returns the exporter for the suffix ``name``.
 
-    The exporter is imported on request, so that a missing library of one exporter does not disable the
-    others.
+    The exporter is imported only when it is needed, so that a missing library of one exporter does not
+    disable the others.
     """
     if name in _BUILT_IN:
         module, _, attribute = _BUILT_IN[name].partition(":")
@@ -166,7 +170,7 @@ def find_sheet_function(kind: str) -> Callable[..., None]:
     """Returns the function that draws contact sheets of a kind, from the package that provides it.
 
     Args:
-        kind: "motion" of a retargeted shape, or "puppet".
+        kind: "motion" for a retargeted shape, or "puppet".
 
     Raises:
         ResourceError: if no installed package provides it.

@@ -1,4 +1,4 @@
-"""Performances of a project's characters and of clips, sampled at even times.
+"""Samples the motion of a project's characters and of clips as performances, at evenly spaced times.
 
 sample_performance(project, "horse", rate=30.0)      # a rigged shape, a possessed mesh or a puppet
 performance_of_clip(clip)                        # a take: its skeleton, drawn as sticks
@@ -40,10 +40,10 @@ from enliven.rotation import multiply, to_matrix
 Representation = Literal["skin", "morphs", "points"]
 """The form of a puppet's surface: transforms with skin weights, morph targets, or exact vertices."""
 _BONE_WIDTH_RATIO = 0.08
-"""Width of a drawn bone as a fraction of its length, as in animation programs."""
+"""Width of a bone's octahedron as a fraction of its length, as in animation programs."""
 _MAX_EQUAL_TIME_S = 1e-4
-"""Maximum difference of two times that count as equal, in seconds. It is shorter than a jump in a glTF
-file."""
+"""Maximum difference of two times that count as equal, in seconds. It is shorter than the interval between
+the two keys of a jump in a glTF file."""
 _MAX_KEYED_ROUNDS = 1000
 """Maximum number of repetitions of a looped clip that are sampled at its keys. Later repetitions are sampled
 evenly."""
@@ -66,11 +66,11 @@ def sample_performance(
         character: a rigged shape, a possessed mesh or a puppet of the project, or the id of one.
         end: end time in seconds. If None, it is the end of the character's last layer. Loops repeat until all
             characters of the project have ended, and then finish the current repetition.
-        how: bakes a puppet as transforms with skin weights, or as morph targets. With "points", keeps its
-            solved surfaces and bakes nothing.
+        how: form of a puppet's surface: "skin" bakes it to transforms with skin weights, and "morphs" to
+            morph targets. "points" keeps the solved surfaces without baking.
         settings: accuracy of baking a puppet.
-        keyed: True to also sample at the key times of its clips' files, so that no jump becomes a ramp. Their
-            cubic keys are kept if nothing else moves the character, instead of sampled frames.
+        keyed: True to sample also at the key times of imported clips, so that no jump becomes a ramp. If the
+            character has no other motion, the cubic keys of the clips are kept instead of sampled frames.
 
     Raises:
         InputError: if the character does not exist, lacks data that it needs to move, or the times are
@@ -91,8 +91,8 @@ def sample_performance(
 
 
 def _loop_end_time(project: Project, character: RigBase, start: float, rate: float) -> tuple[float, float]:
-    """Returns the time in seconds at which a character has played all layers, and a rate (Hz) that fits a
-    loop's end."""
+    """Returns the time in seconds at which a character has played all layers, and a sampling rate (Hz) at
+    which a frame is exactly at a loop's end."""
     active_layers = [layer for layer in character.playing if not layer.muted]
     rounds = [layer.lasting(project.length_of(layer)) for layer in active_layers if layer.loop]
     end = project.end_of(character)
@@ -106,7 +106,7 @@ def _loop_end_time(project: Project, character: RigBase, start: float, rate: flo
 def _add_key_times(project: Project, character: Shape, times: Float) -> Float:
     """Returns (T,) even times in seconds, plus the times at which keys of a character's clips are played.
 
-    Even times next to a key are left out, so that a jump keeps its two times.
+    Evenly spaced times very close to a key are left out, so that a jump is sampled at exactly two times.
     """
     key_times = list[Float]()
     for layer in (*character.layers, *character.root_layers):
@@ -151,7 +151,8 @@ def _performance_from_maps(
     mesh: Mesh | None,
     skin: SkinWeights | None,
 ) -> Performance:
-    """Returns the performance of a skeleton with maps (T, N, 3, 3) and joints (T, N, 3) in the world."""
+    """Returns the performance of a skeleton from linear maps (T, N, 3, 3) and joint positions (T, N, 3) in
+    the world."""
     above = np.maximum(skeleton.parents, 0)
     parent_frame = (skeleton.positions[above], linear, joints[:, above])
     return Performance(name, times - times[0], *parent_frame, mesh, skin, skeleton=skeleton, joints=joints)
@@ -195,7 +196,8 @@ def _sample_puppet(
             puppet.id, times - times[0], baked.pivots, linear, positions, mesh, baked.skin, axes=baked.axes
         )
     else:
-        # The skin follows a single transform that never moves.
+        # All vertices follow a single static transform, because the motion is in the morph targets or the
+        # solved surfaces.
         zeros = np.zeros((len(times), 1, 3))
         weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(mesh.vertices), 1))
         skin = SkinWeights(np.zeros(weights.shape, np.uint16), weights)
@@ -212,7 +214,8 @@ _SAMPLER_BY_RIG: dict[str, Callable[..., Performance]] = {
     Shape.kind: _sample_shape,
     Puppet.kind: _sample_puppet,
 }
-"""Functions for rigs with more than transforms in their performance: a skeleton, or morph targets."""
+"""Sampling functions by kind of rig, for rigs that also export a skeleton or morph targets. Other rigs use
+:func:`_sample_graph`."""
 
 
 def octahedral_bone_mesh(skeleton: Skeleton) -> tuple[Mesh | None, SkinWeights | None]:

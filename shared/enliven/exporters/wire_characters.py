@@ -1,4 +1,4 @@
-"""Converts characters of performances to messages of the wire, for formats that store such messages."""
+"""Converts the characters of performances for file formats that store network messages."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from enliven.wire import MAX_ID_LENGTH
 
 
 def wire_characters(performances: Sequence[Performance]) -> list[Character]:
-    """Returns the characters of performances as messages. Their ids are unique and short enough.
+    """Returns the characters of performances, with ids that are unique and short enough for network messages.
 
     Raises:
         InputError: if one has no mesh.
@@ -23,7 +23,8 @@ def wire_characters(performances: Sequence[Performance]) -> list[Character]:
 
 
 def _unique_id(name: str, number: int, performances: Sequence[Performance]) -> str:
-    """Returns a character's name, shortened to the wire's length, with its number if it is not unique."""
+    """Returns a character's name, shortened to the maximum length of an id. If the name is not unique, its
+    number is appended."""
     short_name = name[:MAX_ID_LENGTH] or "character"
     if sum(other.name[:MAX_ID_LENGTH] == short_name for other in performances) < 2:
         return short_name

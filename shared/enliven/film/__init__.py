@@ -1,1 +1,1 @@
-"""Films: writes images and sound to an MP4 file, with the encoders of the machine."""
+"""Films: writes images and sound to an MP4 file, with the encoders that are available on this machine."""

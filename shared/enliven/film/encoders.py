@@ -1,4 +1,5 @@
-"""The film encoders: their licences, their options, and the selection of one that works on this machine."""
+"""Lists the video encoders with their licences and options, and selects an encoder that works on this
+machine."""
 
 from __future__ import annotations
 
@@ -31,22 +32,22 @@ ENCODERS = (
     ),
     FilmEncoder("mpeg4", "MPEG-4 part 2", "LGPL-2.1-or-later"),
 )
-"""Encoders in order of preference. H.264 plays everywhere, VP9 in browsers and most players, MPEG-4 part 2
-in players only. Those without options get a bit rate."""
+"""Encoders in order of preference. H.264 plays everywhere, VP9 in browsers and most players, and MPEG-4 part
+2 only in players. Encoders without options get a bit rate."""
 AUTO = "auto"
-"""The setting that takes the first of :data:`ENCODERS` that opens."""
+"""The setting that selects the first of :data:`ENCODERS` that can be opened."""
 
 
 def choose_encoder(av: ModuleType, size: tuple[int, int] = (1280, 720), requested: str = AUTO) -> FilmEncoder:
-    """Returns the requested encoder, or the first that opens for images of this size.
+    """Returns the requested encoder, or the first encoder that can be opened for images of this size.
 
     Args:
-        av: PyAV, which this library does not need otherwise.
+        av: the module PyAV. It is a parameter, because this library does not depend on it.
         size: width and height in pixels, both even.
         requested: an encoder's name, or :data:`AUTO`.
 
     Raises:
-        ResourceError: if no encoder opens.
+        ResourceError: if no encoder can be opened.
     """
     for encoder in ENCODERS:
         if requested in (AUTO, encoder.name) and _can_open(av, encoder, size):
@@ -63,9 +64,9 @@ def choose_encoder(av: ModuleType, size: tuple[int, int] = (1280, 720), requeste
 
 
 def _can_open(av: ModuleType, encoder: FilmEncoder, size: tuple[int, int]) -> bool:
-    """Returns True if the encoder opens.
+    """Returns True if the encoder can be opened.
 
-    It may be listed although its hardware or system library is missing.
+    FFmpeg may list an encoder although its hardware or system library is missing.
     """
     if encoder.name not in av.codecs_available:
         return False

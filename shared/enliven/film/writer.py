@@ -1,4 +1,4 @@
-"""Writes images and sound as an MP4 file with PyAV, in H.264 and AAC if encoders for them exist."""
+"""Writes images and sound to an MP4 file with PyAV, as H.264 and AAC if these encoders exist."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from enliven.film.encoders import AUTO, choose_encoder
 log = logging.getLogger(__name__)
 
 _SOUND_CODEC = "aac"
-"""The sound encoder that every player supports."""
+"""Name of the sound encoder. Every player supports its format."""
 _SOUND_BIT_RATE = 128_000
-"""Bit rate of sound, bits per second. It is more than enough for one channel of music."""
+"""Bit rate of sound in bits per second. It is more than enough for one channel of music."""
 
 
 _OTHER_PLACE_ADVICE = "Choose another place for it."
-"""Advice for a film that cannot be written."""
+"""The remedy if a film cannot be written."""
 
 
 class _Abandoned(Exception):
@@ -36,18 +36,19 @@ class _Abandoned(Exception):
 class FilmWriter:
     """An MP4 file that is written image by image and replaces ``path`` when it is complete.
 
-    Leaving the ``with`` block completes the file. If it has no images, or an error occurred, the existing
-    file stays. Ctrl-C also completes the file, because films of a sensor have no other end.
+    Leaving the ``with`` block completes the file. If it contains no images, or an error occurred, the
+    existing file stays. Ctrl-C also completes the file, because this is the usual end of films of a live
+    sensor.
 
     Args:
         path: path of the .mp4 file. Its folder is created.
-        size: width and height in pixels, or None for the size of the first image. An odd size loses its last
-            row or column (4:2:0 needs even sizes).
+        size: width and height in pixels, or None for the size of the first image. If width or height is odd,
+            the last column or row is cut off, because 4:2:0 requires even sizes.
         rate: images per second.
-        bit_rate: Mbit/s, for encoders without a quality option.
+        bit_rate: bit rate in Mbit/s, for encoders without a quality option.
         encoder: the name of one of :data:`enliven.film.encoders.ENCODERS`, or "auto".
         sound: (N,) samples of one channel, and the sample rate. The sound starts with the first image and
-            ends with the last one.
+            ends with the last image.
 
     Raises:
         ResourceError: if PyAV is missing, the file cannot be written, or the encoder does not exist.
@@ -77,7 +78,7 @@ class FilmWriter:
 
     @contextmanager
     def _explain_error(self) -> Iterator[None]:
-        """Converts an error of the operating system to one that names the film. Removes the unfinished
+        """Converts an operating system error to a ResourceError with the film's path. Removes the unfinished
         file.
         """
         try:
@@ -111,7 +112,7 @@ class FilmWriter:
             self._begin_sound(self._sound[1])
 
     def _begin_sound(self, rate: int) -> None:
-        """Adds the sound stream to the file, before the first packet of either."""
+        """Adds the sound stream to the file. Call it before the first packet is written."""
         try:
             stream = self._file.add_stream(_SOUND_CODEC, rate=rate)
         except (ValueError, self._av.FFmpegError):  # PyAV may have been built without this codec.
@@ -138,7 +139,8 @@ class FilmWriter:
             self._sound_end = until
 
     def add(self, picture: UInt8) -> None:
-        """Appends one sRGB image, (H, W, 3) or with an ignored fourth channel, with any strides.
+        """Appends one sRGB image (H, W, 3), or (H, W, 4) with an ignored fourth channel. Any strides are
+        allowed.
 
         Raises:
             ResourceError: if it cannot be written.

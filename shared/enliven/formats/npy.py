@@ -1,4 +1,4 @@
-"""Reads arrays from the bytes of an .npy file after checking that the header's size fits the data."""
+"""Reads arrays from the bytes of .npy files. Checks first that the size in the header matches the data."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ could run code, and their size is not in the header."""
 
 
 def read_npy(data: bytes) -> AnyArray:
-    """Reads the array of an .npy file. Memory is allocated only after the header's size is known to match the
-    data.
+    """Reads the array of an .npy file. Memory is allocated only after the size in the header was compared
+    with the data.
 
     Raises:
         ValueError: if the header is invalid, or its size differs from the number of bytes that follow.
@@ -29,11 +29,11 @@ def read_npy(data: bytes) -> AnyArray:
     try:
         shape, fortran, kind = read(file)
     except Exception:  # The header is a Python literal, and its parser may raise any exception.
-        raise ValueError("its head is damaged") from None
+        raise ValueError("its header is damaged") from None
     count = math.prod(shape)
     if kind.kind not in _ACCEPTED_ARRAY_KINDS or kind.names is not None or min(shape, default=0) < 0:
         raise ValueError(f"it holds {kind} of shape {shape}")
     if count * kind.itemsize != len(data) - file.tell():
-        raise ValueError(f"its head states {count} numbers, and {len(data) - file.tell()} bytes follow")
+        raise ValueError(f"its header states {count} numbers, but {len(data) - file.tell()} bytes follow")
     flat_values = np.frombuffer(data, kind, count, file.tell())
     return np.array(flat_values.reshape(shape[::-1]).T if fortran else flat_values.reshape(shape))

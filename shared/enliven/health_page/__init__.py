@@ -1,1 +1,2 @@
-"""The health page: state of edges, programs and machine, with metrics, alerts and a page for technicians."""
+"""The health page: a web page for technicians with the state of edges, programs and the computer, plus
+metrics and alerts."""

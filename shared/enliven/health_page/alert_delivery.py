@@ -1,4 +1,4 @@
-"""Delivers alerts to a webhook and to a command, in the background, with repeated attempts."""
+"""Delivers alerts to a webhook and to a command, in the background and with retries."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from enliven.kiosk.profile import AlertSettings
 log = logging.getLogger(__name__)
 
 WEBHOOK_TIMEOUT_S = 10.0
-"""Timeout for connecting to a webhook and for each of its answers, in seconds."""
+"""Timeout, in seconds, of the connection to a webhook and of each response."""
 COMMAND_TIMEOUT_S = 30.0
 """Time in seconds after which a command is killed."""
 FIRST_RETRY_S = 5.0
-"""Wait before the second attempt, in seconds. The wait doubles with each attempt."""
+"""Delay before the second attempt, in seconds. The delay doubles with each attempt."""
 MAX_RETRY_S = 300.0
-"""Maximum wait between two attempts, in seconds."""
+"""Maximum delay between two attempts, in seconds."""
 GIVE_UP_AFTER_S = 3600.0
-"""Time in seconds after which an alert that cannot be delivered is dropped: then it is old news."""
+"""Time in seconds after which an undelivered alert is dropped, because it is outdated."""
 _MAX_WAITING = 200
-"""Maximum number of alerts that wait for delivery. Further ones are dropped."""
+"""Maximum number of queued alerts. Further alerts are dropped."""
 _CLOSING_TIMEOUT_S = 2.0
-"""Longest wait for a delivery at the end of the program, in seconds."""
+"""Maximum time to wait for a running delivery when the program ends, in seconds."""
 
 
 class AlertTarget(Protocol):
@@ -50,9 +50,9 @@ class AlertTarget(Protocol):
 
 
 class WebhookTarget:
-    """A web address that receives each alert as JSON by POST.
+    """A webhook, that is, a URL that receives each alert as JSON by POST.
 
-    Redirections count as failures, so that alerts reach only the configured host.
+    HTTP redirects count as failures, so that alerts are sent only to the configured host.
 
     Args:
         url: the address.
@@ -80,7 +80,7 @@ class WebhookTarget:
         self.name = f"webhook at {host}"
 
     def deliver(self, alert: Alert) -> None:
-        """Sends one alert. Errors as for :class:`AlertTarget`."""
+        """Sends one alert. Raises the errors of :meth:`AlertTarget.deliver`."""
         from http.client import HTTPException
         from urllib.request import HTTPHandler, HTTPSHandler, OpenerDirector, ProxyHandler, Request
 
@@ -106,7 +106,7 @@ class CommandTarget:
         command: the command and its arguments, quoted as in a shell.
 
     Raises:
-        InputError: if the quotes do not match.
+        InputError: if a quote is not closed.
     """
 
     def __init__(self, command: str) -> None:
@@ -121,7 +121,7 @@ class CommandTarget:
         self.name = f"command {self._words[0]}"
 
     def deliver(self, alert: Alert) -> None:
-        """Runs the command for one alert. Errors as for :class:`AlertTarget`."""
+        """Runs the command for one alert. Raises the errors of :meth:`AlertTarget.deliver`."""
         try:
             process = subprocess.Popen(
                 self._words, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, start_new_session=True
@@ -130,7 +130,7 @@ class CommandTarget:
             reason = getattr(error, "strerror", None) or error
             raise ResourceError(f"it cannot be started ({reason})", where=self.name) from None
         try:
-            # A command that does not read its input is not a fault.
+            # A command may end without reading its input. This is not an error.
             with contextlib.suppress(BrokenPipeError):
                 process.communicate(alert.json() + b"\n", timeout=COMMAND_TIMEOUT_S)
             code = process.wait(timeout=COMMAND_TIMEOUT_S)
@@ -144,12 +144,12 @@ class CommandTarget:
 
 
 class AlertCourier:
-    """Delivers the alerts of one target in their order, in a thread of its own.
+    """A thread that delivers the alerts of one target in order.
 
     Attributes:
         sent: number of delivered alerts.
         failures: number of failed attempts.
-        fault: why the newest attempt failed. Empty after a success.
+        fault: the reason why the last attempt failed. Empty after a success.
     """
 
     def __init__(self, target: AlertTarget) -> None:
@@ -169,7 +169,7 @@ class AlertCourier:
             log.warning("%s: an alert was dropped, since %d wait already.", self._target.name, _MAX_WAITING)
 
     def close(self) -> None:
-        """Ends the delivery. Alerts that wait are dropped."""
+        """Ends the thread. Queued alerts are dropped."""
         self._is_closing.set()
         with contextlib.suppress(queue.Full):
             self._alerts.put_nowait(None)
@@ -182,7 +182,7 @@ class AlertCourier:
                 self._deliver(alert)
 
     def _deliver(self, alert: Alert) -> None:
-        """Delivers one alert, with repeated attempts until it is old."""
+        """Delivers one alert. Retries until :data:`GIVE_UP_AFTER_S` has passed."""
         wait_s, end = FIRST_RETRY_S, time.monotonic() + GIVE_UP_AFTER_S
         while not self._is_closing.is_set():
             try:
@@ -197,7 +197,7 @@ class AlertCourier:
                 self._is_closing.wait(wait_s)
                 wait_s = min(2.0 * wait_s, MAX_RETRY_S)
             except Exception:
-                # A fault of a target must not end the thread, which also delivers all later alerts.
+                # An unexpected error must not end the thread, which also delivers all later alerts.
                 self.failures += 1
                 self.fault = f"{self._target.name}: a fault of enliven"
                 log.exception("the alert about %s is dropped", alert.kind)
@@ -209,7 +209,7 @@ class AlertCourier:
 
 
 def alert_targets(settings: AlertSettings) -> list[AlertTarget]:
-    """Returns the targets that the settings name.
+    """Returns the alert targets in the settings.
 
     Raises:
         InputError: if an address or a command is invalid.
@@ -223,7 +223,7 @@ def alert_targets(settings: AlertSettings) -> list[AlertTarget]:
 
 
 def deliver_now(targets: Sequence[AlertTarget], alert: Alert) -> list[str]:
-    """Delivers an alert to all targets at once, one attempt each. Returns a sentence for each failure."""
+    """Delivers an alert to all targets without retries. Returns a sentence for each failure."""
     faults = []
     for target in targets:
         try:
@@ -234,7 +234,7 @@ def deliver_now(targets: Sequence[AlertTarget], alert: Alert) -> list[str]:
 
 
 def _kill_group(process: subprocess.Popen[bytes]) -> None:
-    """Kills a process and those that it has started."""
+    """Kills a process and its child processes."""
     if hasattr(os, "killpg"):
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, signal.SIGKILL)

@@ -1,4 +1,5 @@
-"""Decides which problems operators hear of: once per problem, with a quiet time, and when it is over."""
+"""Decides which alerts are sent: one when a problem begins and one when it ends, with a minimum time between
+alerts about the same problem."""
 
 from __future__ import annotations
 
@@ -14,16 +15,16 @@ from enliven.health_page.snapshot import STATUS_WORDS, Problem
 from enliven.logs import escape_text
 
 RECOVERED_AFTER_S = 15.0
-"""Time without a problem, in seconds, after which it is over. A loose cable comes and goes within seconds."""
+"""Time in seconds without a problem after which the problem has ended. It is longer than the interruptions of
+a loose cable."""
 ALERT_AFTER_S = 10.0
-"""Duration of a problem, in seconds, after which operators hear of it. A program that restarts is silent for
-some seconds, and its restart is a problem of its own."""
+"""Duration of a problem, in seconds, after which an alert is sent. A program that restarts is silent for a
+shorter time, and the restart itself is reported as another problem."""
 _MAX_REMEMBERED = 1000
-"""Maximum number of problems that are remembered. An edge that reports ever new kinds cannot fill the
-memory."""
+"""Maximum number of stored problems. It limits the memory if an edge reports many different kinds."""
 
 Event = Literal["problem", "recovered", "test"]
-"""Kinds of alerts: a problem has begun, it is over, or an operator tries the delivery."""
+"""Kinds of alerts: a problem has begun, a problem has ended, or an operator tests the delivery."""
 
 
 class Alert(msgspec.Struct, frozen=True):
@@ -35,10 +36,10 @@ class Alert(msgspec.Struct, frozen=True):
         host: name of the computer.
         at: time in UTC, ISO 8601.
         kind: kind of the problem.
-        subject: the affected edge, program or file. Empty: the machine.
+        subject: the affected edge, program or file. Empty means the computer.
         severity: "note", "warning" or "error".
-        message: the problem, one sentence.
-        remedy: the remedy, one sentence.
+        message: one sentence about the problem.
+        remedy: one sentence about the remedy.
     """
 
     event: Event
@@ -78,14 +79,15 @@ def make_alert(event: Event, installation: str, problem: Problem, at_s: float) -
 
 @dataclass
 class _Watched:
-    """A problem that is or was present.
+    """The state of a problem that exists or existed.
 
     Attributes:
         problem: its newest description.
         begun_s: time at which it began, in seconds of the monotonic clock.
-        seen_s: time at which it was last present.
-        sent_s: time of the last alert about its begin. None: there was none.
-        is_open: True between the alert about its begin and the one about its end.
+        seen_s: time at which it last existed, in seconds of the monotonic clock.
+        sent_s: time of the last alert about its begin, in seconds of the monotonic clock. None if there was
+            none.
+        is_open: True between the alert about its begin and the alert about its end.
     """
 
     problem: Problem
@@ -96,11 +98,11 @@ class _Watched:
 
 
 class AlertDesk:
-    """The rules of alerts.
+    """Applies the rules that decide which alerts are sent.
 
     Args:
         installation: name of the installation.
-        quiet_s: shortest time between two alerts about the begin of the same problem, in seconds.
+        quiet_s: minimum time between two alerts about the begin of the same problem, in seconds.
     """
 
     def __init__(self, installation: str, quiet_s: float) -> None:
@@ -108,10 +110,10 @@ class AlertDesk:
         self._watched: dict[tuple[str, str], _Watched] = {}
 
     def update(self, problems: Iterable[Problem], clock_s: float, at_s: float) -> list[Alert]:
-        """Returns the alerts that the present problems cause.
+        """Updates the state of all problems. Returns the alerts to send.
 
         Args:
-            problems: all present problems. Those with ``alerts`` False are ignored.
+            problems: all current problems. Those with ``alerts`` False are ignored.
             clock_s: time in seconds of the monotonic clock.
             at_s: Unix time in seconds, for the text of the alerts.
         """
@@ -131,7 +133,7 @@ class AlertDesk:
         return alerts
 
     def _see(self, problem: Problem, clock_s: float) -> None:
-        """Stores a present problem."""
+        """Stores the state of a current problem."""
         key = (str(problem.kind), problem.subject)
         watched = self._watched.get(key)
         if watched is not None:
@@ -142,11 +144,12 @@ class AlertDesk:
             self._watched[key] = _Watched(problem, clock_s, clock_s)
 
     def _is_due(self, watched: _Watched, clock_s: float) -> bool:
-        """Returns True if operators should hear of the begin of a present problem."""
+        """Returns True if an alert about the begin of a current problem must be sent now."""
         is_quiet = watched.sent_s is not None and clock_s - watched.sent_s < self._quiet_s
         return not watched.is_open and not is_quiet and clock_s - watched.begun_s >= ALERT_AFTER_S
 
     def _matters(self, watched: _Watched, clock_s: float) -> bool:
-        """Returns True if a problem may still cause an alert, or prevent one."""
+        """Returns True if a stored problem may still cause or prevent an alert. Otherwise it can be
+        deleted."""
         is_quiet = watched.sent_s is not None and clock_s - watched.sent_s < self._quiet_s
         return watched.is_open or is_quiet or clock_s - watched.seen_s < RECOVERED_AFTER_S

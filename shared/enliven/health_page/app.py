@@ -1,4 +1,4 @@
-"""The web application of the health page: its routes, access, and actions. Starlette speaks HTTP."""
+"""The web application of the health page, based on Starlette: routes, access control, and actions."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ from enliven.wire import LearnRoom, send_order, show_pairing_code
 log = logging.getLogger(__name__)
 
 SERVICE_NAME = "health"
-"""Name of this program in its own record."""
+"""Name of this program in the service record that it writes."""
 _HEADERS = {
     "Content-Security-Policy": "default-src 'none'; style-src 'self'; script-src 'self'; img-src 'self'; "
     "connect-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'",
@@ -58,32 +58,33 @@ _HEADERS = {
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cache-Control": "no-store",
 }
-"""Headers of every answer. They forbid everything that does not come from this server."""
+"""Headers of every response. They forbid content from other servers."""
 _STRICT_TRANSPORT = "max-age=31536000"
-"""Header of answers over TLS: browsers then use TLS for a year, also if an address is typed without https."""
+"""Strict-Transport-Security header of responses over TLS. Browsers then use TLS for a year, even if a user
+enters an address without https."""
 _MAX_FORM_BYTES = 4096
-"""Maximum bytes of a form. Those of the page have 300."""
+"""Maximum size of a submitted form in bytes. The forms of the page have about 300 bytes."""
 _MAX_PICTURE_BYTES = 32 << 20
-"""Maximum bytes of the picture of the screen."""
+"""Maximum size in bytes of the picture of the screen."""
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 """First bytes of a PNG file."""
 _NOTICE_S = 60.0
-"""Time in seconds for which the page shows an action."""
+"""Time in seconds for which the page shows a notice about an action."""
 _MAX_NOTICES = 5
-"""Maximum number of actions that are shown."""
+"""Maximum number of notices that are shown."""
 _MIN_ACTION_INTERVAL_S = 3.0
 """Minimum time between two actions, in seconds. A double click must not restart a program twice."""
 _LOAD_AGAIN = "Load the page again."
-"""The remedy for a form that cannot be used."""
+"""The remedy for an invalid form."""
 _RECORD_INTERVAL_S = 10.0
-"""Time between two writes of the program's own record, in seconds."""
+"""Interval in seconds at which this program writes its service record."""
 
 
 class GuardMiddleware:
-    """Refuses requests without the password, and adds the headers of every answer.
+    """ASGI middleware that refuses requests without the password, and adds headers to every response.
 
     Args:
-        gate: checks passwords. None: everyone that can connect is admitted.
+        gate: checks passwords. None means that no password is required.
         uses_tls: True if the connection is encrypted.
         checks_host: True to answer only requests to a name of this computer's loopback.
     """
@@ -109,7 +110,8 @@ class GuardMiddleware:
         await (refusal or self._app)(scope, receive, send_with_headers)
 
     def _refuse(self, request: Request) -> Response | None:
-        """Returns the answer to a request with a wrong host or without the right password, or None."""
+        """Returns the response to a request with a wrong host or password. Returns None if the request is
+        accepted."""
         if self._checks_host and not names_this_computer(request.headers.get("host", "")):
             return PlainTextResponse("Use the address http://127.0.0.1.\n", 400)
         if self._gate is None:
@@ -129,15 +131,16 @@ class GuardMiddleware:
 
 
 class HealthApplication:
-    """The routes of the health page, and the loop that refreshes its state.
+    """The web application: the routes of the health page, and the loop that refreshes its state.
 
     Args:
         collector: collects the state.
         desk: decides which alerts are sent.
-        couriers: deliver the alerts.
+        couriers: the threads that deliver the alerts.
         notifier: reports progress to the supervisor.
-        should_stop: returns True if the program shall end, for example since its parent has ended.
-        stop: ends the server.
+        should_stop: a function that returns True if the program must end, for example because its parent has
+            ended.
+        stop: a function that ends the server.
     """
 
     def __init__(
@@ -156,7 +159,7 @@ class HealthApplication:
         self._notices: deque[tuple[float, str]] = deque(maxlen=_MAX_NOTICES)
         self._acted_s = -_MIN_ACTION_INTERVAL_S
         self._started_s, self._recorded_s = time.time(), -_RECORD_INTERVAL_S
-        # One thread only: sockets of ZeroMQ belong to one thread at a time.
+        # Use a single thread, because only one thread at a time may use a ZeroMQ socket.
         self._executor = ThreadPoolExecutor(1, "health")
 
     def asgi(
@@ -165,9 +168,9 @@ class HealthApplication:
         """Returns the application for a server.
 
         Args:
-            gate: checks passwords. None: no password.
+            gate: checks passwords. None means that no password is required.
             uses_tls: True if the server encrypts.
-            checks_host: True to answer only requests to a name of this computer's loopback.
+            checks_host: True to answer only requests with a loopback address as their Host header.
         """
         static = Path(__file__).parent / "static"
         middleware = [Middleware(GuardMiddleware, gate=gate, uses_tls=uses_tls, checks_host=checks_host)]
@@ -194,12 +197,13 @@ class HealthApplication:
             task.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await task
-            # The last refresh may still run, and the sockets belong to its thread.
+            # Wait for the last refresh, which may still use the sockets.
             await asyncio.get_running_loop().run_in_executor(self._executor, self._collector.close)
             self._executor.shutdown()
 
     async def _refresh_forever(self) -> None:
-        """Refreshes the state, sends alerts, and reports progress. A failed refresh is not progress."""
+        """Refreshes the state, sends alerts, and reports progress to the supervisor, in a loop. A failed
+        refresh is not reported as progress."""
         loop, has_warned = asyncio.get_running_loop(), False
         while not self._should_stop():
             try:
@@ -218,7 +222,7 @@ class HealthApplication:
         self._stop()
 
     def _send_alerts(self) -> None:
-        """Gives new alerts to the couriers."""
+        """Passes new alerts to the threads that deliver them."""
         snapshot = self._collector.snapshot
         for alert in self._desk.update(snapshot.problems, time.monotonic(), snapshot.at_s):
             log.info("alert: %s: %s: %s", alert.event, alert.subject or "this computer", alert.message)
@@ -226,7 +230,7 @@ class HealthApplication:
                 courier.submit(alert)
 
     def _alert_faults(self) -> list[Problem]:
-        """Returns a problem for each receiver that the newest alert did not reach."""
+        """Returns a problem for each target to which the newest alert was not delivered."""
         return [
             Problem(
                 ProblemKind.ALERTS_FAIL,
@@ -240,7 +244,7 @@ class HealthApplication:
         ]
 
     def _write_own_record(self) -> None:
-        """Writes this program's own record from time to time."""
+        """Writes this program's service record if the interval has passed."""
         time_now = time.monotonic()
         if time_now - self._recorded_s < _RECORD_INTERVAL_S:
             return
@@ -294,7 +298,7 @@ class HealthApplication:
         return Response(data, media_type="image/png")
 
     async def _confirm(self, request: Request) -> Response:
-        """Asks before an action. Without JavaScript, this page is the confirmation."""
+        """Returns the page that asks for confirmation of an action. It is used if JavaScript is disabled."""
         action, subject = request.query_params.get("action", ""), request.query_params.get("subject", "")
         if action == "restart" and subject in self._pids():
             question = (
@@ -334,7 +338,7 @@ class HealthApplication:
         return Response(status_code=303, headers={"Location": "/"})
 
     async def _code(self, request: Request) -> Response:
-        """Shows the pairing code of an edge. This program needs the role *operate* there."""
+        """Shows the pairing code of an edge. This program needs the role *operate* on the edge."""
         try:
             subject = await self._read_action(request, "code")
             endpoint = self._collector.endpoints.get(subject)
@@ -351,7 +355,7 @@ class HealthApplication:
         return HTMLResponse(self._writer.result(f"Pairing code of {subject}", text, code=escape_text(code)))
 
     async def _learn_room(self, request: Request) -> Response:
-        """Makes an edge learn the room again. This program needs the role *operate* there."""
+        """Makes an edge learn the room again. This program needs the role *operate* on the edge."""
         try:
             subject = await self._read_action(request, "room")
             endpoint = self._collector.endpoints.get(subject)
@@ -367,10 +371,10 @@ class HealthApplication:
         return Response(status_code=303, headers={"Location": "/"})
 
     async def _read_action(self, request: Request, action: str) -> str:
-        """Returns the subject of a form.
+        """Checks a submitted form, and returns the edge or program that it refers to.
 
         Raises:
-            InputError: if the form is not one of this page, or follows another one too soon.
+            InputError: if the form is not from this page, or follows another action too soon.
         """
         headers = request.headers
         fields = await _read_form(request)
@@ -395,7 +399,7 @@ class HealthApplication:
 
 
 def _read_picture() -> bytes:
-    """Returns the file with the picture of the screen."""
+    """Returns the bytes of the picture of the screen (PNG)."""
     return read_file(runtime_folder() / SCREEN_PICTURE, _MAX_PICTURE_BYTES)
 
 
@@ -403,7 +407,7 @@ async def _read_form(request: Request) -> dict[str, str]:
     """Returns the fields of a form.
 
     Raises:
-        InputError: if it is too long.
+        InputError: if the form is too long.
     """
     data = b""
     async for part in request.stream():

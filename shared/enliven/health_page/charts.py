@@ -1,4 +1,5 @@
-"""Small charts of the last day as SVG. They contain no text from outside, and no styles that CSP blocks."""
+"""Draws small charts of the last day as SVG. They contain no untrusted text, and no styles that the Content
+Security Policy blocks."""
 
 from __future__ import annotations
 
@@ -7,24 +8,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 WIDTH = 240
-"""Width of the drawing area in units of the SVG: one per point, so six minutes each."""
+"""Width of the drawing area in SVG units. There is one data point per unit, for six minutes."""
 HEIGHT = 40
-"""Height of the drawing area in units of the SVG."""
+"""Height of the drawing area in SVG units."""
 _MARGIN = 2.0
-"""Distance of the curve from the lower and upper edge, so that its stroke is not cut off."""
+"""Distance of the curve from the lower and upper edge in SVG units, so that its stroke is not cut off."""
 
 
 @dataclass(frozen=True)
 class Chart:
-    """One chart.
+    """A chart of one measured value.
 
     Attributes:
         title: name of the measured value.
-        unit: its unit, such as "ms". Empty: none.
-        path: the curve as an SVG path. Gaps are moves. Empty: no values.
+        unit: unit of the value, such as "ms", or empty.
+        path: the curve as an SVG path, with a move command at each gap. Empty without values.
         low: smallest value.
         high: largest value.
-        last: newest value. NaN: none in the newest interval.
+        last: newest value, or NaN if the newest interval has no value.
     """
 
     title: str
@@ -36,7 +37,7 @@ class Chart:
 
 
 def draw_chart(title: str, unit: str, values: Sequence[float]) -> Chart:
-    """Returns the chart of a series of values, the oldest first. NaN leaves a gap.
+    """Returns the chart of a series of values, the oldest first. NaN causes a gap.
 
     The vertical axis starts at 0 for values that are never negative.
     """
@@ -53,7 +54,7 @@ def draw_chart(title: str, unit: str, values: Sequence[float]) -> Chart:
             is_drawing = False
             continue
         x, y = number * step, HEIGHT - _MARGIN - (value - bottom) * scale
-        # A single value between two gaps becomes a line of one step, since a point would be invisible.
+        # Draw a single value between two gaps as a line of one unit, since a point would be invisible.
         commands.append(f"{'L' if is_drawing else 'M'}{x:.1f} {y:.1f}H{x + step:.1f}")
         is_drawing = True
     return Chart(title, unit, "".join(commands), low, high, values[-1])

@@ -1,4 +1,4 @@
-"""Collects the state of edges, programs and machine, once per second."""
+"""Collects the state of edges, programs and the computer, once per second."""
 
 from __future__ import annotations
 
@@ -44,41 +44,42 @@ from enliven.wire import Endpoint
 log = logging.getLogger(__name__)
 
 REFRESH_INTERVAL_S = 1.0
-"""Time between two states, in seconds."""
+"""Interval in seconds at which the state is collected."""
 SAVE_INTERVAL_S = 3600.0
-"""Time between two writes of the history file, in seconds. A power cut loses the charts since then."""
+"""Interval in seconds at which the history file is written. A power failure loses the values since the last
+write."""
 HISTORY_FILE = "health-history.msgpack"
 """Name of the history file in the user's data folder."""
 EDGE_SERIES = (("fps", "frame rate", "/s"), ("latency", "delay (99 %)", "ms"), ("people", "people", ""))
-"""Series of each edge: key, title and unit."""
+"""Charted values of each edge: key, title and unit."""
 MACHINE_SERIES = (
     ("temperature", "temperature", "°C"),
     ("memory", "memory in use", "%"),
     ("disk", "disk free", "GB"),
     ("load", "load", ""),
 )
-"""Series of the machine: key, title and unit."""
+"""Charted values of the computer: key, title and unit."""
 PROGRAM_SERIES = (("rss", "memory", "MB"),)
-"""Series of each program: key, title and unit."""
+"""Charted values of each program: key, title and unit."""
 _DAY_S = 86_400.0
-"""Seconds of a day."""
+"""Duration of a day in seconds."""
 _TEMPERATURE_FIGURE = "temperature_c"
-"""Figure in an edge's record with the temperature of its sensor."""
+"""Name of the value in an edge's service record that contains the temperature of its sensor."""
 
 
 class HealthCollector:
     """The state of an installation, and its history.
 
-    All methods except :meth:`close` are called by one thread at a time.
+    Only one thread at a time may call the methods, except :meth:`close`.
 
     Args:
         profile: the profile of the installation.
-        certificate: the TLS certificate of the health page. None: there is none.
+        certificate: the TLS certificate of the health page, or None.
 
     Attributes:
         snapshot: the newest state.
         history: the values of the last day.
-        restart_counts: restarts since the start of this program, by program.
+        restart_counts: for each program, its number of restarts since the start of this program.
 
     Raises:
         InputError: if the address of an edge is invalid.
@@ -103,13 +104,14 @@ class HealthCollector:
         return self._edges.endpoints
 
     def refresh(self, faults: Sequence[Problem] = ()) -> bool:
-        """Receives heartbeats for :data:`REFRESH_INTERVAL_S`, and reads everything else.
+        """Updates :attr:`snapshot`. Receives heartbeats for :data:`REFRESH_INTERVAL_S`, and reads all other
+        values.
 
         Args:
             faults: problems that other parts of the program report.
 
         Returns:
-            True if a heartbeat or the records were read. Only then, this program has made progress.
+            True if a heartbeat or the records were read, which counts as progress of this program.
         """
         heartbeats = self._edges.poll(REFRESH_INTERVAL_S)
         at_s = time.time()
@@ -168,9 +170,10 @@ class HealthCollector:
         return records, [restart for restart in restarts if abs(now_s - restart.at_s) <= _DAY_S], True
 
     def _read_certificates(self) -> Iterator[CertificateState]:
-        """Yields the TLS certificates of the health page and of the souvenirs, as far as these use TLS.
+        """Yields the TLS certificates of the health page and of the souvenir server, if they use TLS.
 
-        The page loads its certificate at its start. The certificate of the souvenirs is read from its file.
+        The page loads its certificate when it starts. The certificate of the souvenir server is read from its
+        file.
         """
         if self._certificate is not None:
             yield CertificateState("health", str(self._certificate.path), self._certificate.end_s)
@@ -183,7 +186,7 @@ class HealthCollector:
             yield CertificateState("souvenirs", souvenir.certificate, None, error.what)
 
     def _count_restarts(self, restarts: Sequence[RestartRecord]) -> None:
-        """Counts the restarts since the start of this program."""
+        """Adds new restarts to :attr:`restart_counts`."""
         present = set(restarts)
         if self._known_restarts is not None:
             for restart in present - self._known_restarts:
@@ -191,7 +194,8 @@ class HealthCollector:
         self._known_restarts = present
 
     def _measured_folder(self) -> Path:
-        """Returns the folder of the recordings, or else the one of the user's data."""
+        """Returns the folder on the disk that is measured: the folder of the recordings, or otherwise the
+        user's data folder."""
         recordings = self._profile.care.recordings
         return Path(recordings) if recordings else user_data_folder()
 
@@ -200,7 +204,7 @@ class HealthCollector:
             self._save()
 
     def _save(self) -> None:
-        """Writes the history. A disk that cannot be written is reported once, and never fatal."""
+        """Writes the history. A write error is logged once and is never fatal."""
         self._saved_s = time.monotonic()
         try:
             self.history.save(self._history_path)
@@ -221,7 +225,7 @@ def _program_state(record: ServiceRecord, restarts: Sequence[RestartRecord]) -> 
 
 
 def _with_temperature(edge: WatchedEdge, records: Sequence[ServiceRecord]) -> WatchedEdge:
-    """Returns an edge's state with the temperature that its own record contains."""
+    """Returns an edge's state with the temperature from the edge's service record."""
     names = {edge.name, f"edge {edge.name}"}
     for record in records:
         if record.name in names and _TEMPERATURE_FIGURE in record.figures:
@@ -232,7 +236,7 @@ def _with_temperature(edge: WatchedEdge, records: Sequence[ServiceRecord]) -> Wa
 def _series_values(
     edges: Sequence[WatchedEdge], programs: Sequence[ProgramState], machine: MachineState
 ) -> dict[str, float | None]:
-    """Returns the present values of all series by name."""
+    """Returns the current values of all series by name."""
     values: dict[str, float | None] = {
         "machine/temperature": machine.temperature_c,
         "machine/load": machine.load,

@@ -1,4 +1,5 @@
-"""Receives the heartbeats of several edges, and times their frames, as a viewer that only watches."""
+"""Receives the heartbeats of several edges and measures the age of their frames. It connects as a viewer with
+the role "watch"."""
 
 from __future__ import annotations
 
@@ -28,23 +29,27 @@ from enliven.wire import (
 )
 
 _MAX_MESSAGE_BYTES = 64 * 1024
-"""Maximum bytes of a message. The topics that are subscribed have at most a quarter of this."""
+"""Maximum size of a message in bytes. Messages of the subscribed topics have at most a quarter of this
+size."""
 _MAX_UNREAD = 200
-"""Maximum unread messages of one edge. Several seconds produce this number."""
+"""Maximum number of unread messages of one edge. An edge sends this number in several seconds."""
 _MAX_READS_PER_POLL = 64
-"""Maximum messages of one edge that are read in turn, so that a flood does not hide the other edges."""
+"""Maximum number of messages of one edge that are read at once, so that a flood from one edge does not delay
+the others."""
 _KEY_CHECK_INTERVAL_S = 10.0
-"""Time without heartbeats, in seconds, after which the keys are read again: a pairing may change them."""
+"""Time without heartbeats, in seconds, after which the keys are read again, because a pairing may have
+changed them."""
 _POLL_SLICE_MS = 100
-"""Longest wait for a message before the connections are checked, in milliseconds."""
+"""Interval in milliseconds at which the connections are checked while waiting for messages."""
 _STATUS_PREFIX = STATUS.name.encode() + b"\0"
 """First bytes of a heartbeat."""
 _FRAME_PREFIX = BODIES.name.encode() + b"\0"
-"""First bytes of a frame's result. An edge publishes one per frame, also without people."""
+"""First bytes of a message with the bodies of a frame. An edge sends one per frame, even if there are no
+people."""
 
 
 def edge_endpoint(edge: EdgeOfKiosk) -> Endpoint:
-    """Returns the address of an edge of a profile. A port in its address counts before ``port``.
+    """Returns the address of an edge in a profile. A port in the address takes precedence over ``port``.
 
     Raises:
         InputError: if the address is invalid.
@@ -64,14 +69,14 @@ class _Link:
         endpoint: its address.
         since_s: start of the first attempt, in seconds of the monotonic clock.
         socket: the SUB socket, or None if the keys cannot be read.
-        watch: watches the handshakes of the socket.
+        watch: monitors the handshakes of the socket.
         keys: the keys of the socket.
-        checked_s: time of the last check of the keys.
+        checked_s: time of the last check of the keys, in seconds of the monotonic clock.
         status: the newest heartbeat.
-        status_s: time at which it arrived.
+        status_s: time at which the newest heartbeat arrived.
         first_s: time at which the first heartbeat arrived.
         frame_s: time at which the newest frame's result arrived.
-        fault: why heartbeats cannot be read, and the remedy.
+        fault: the reason why heartbeats cannot be read, and the remedy.
     """
 
     name: str
@@ -89,9 +94,9 @@ class _Link:
 
 
 class EdgeMonitor:
-    """The heartbeats of all edges of a profile.
+    """The connections to all edges of a profile, with their newest heartbeats.
 
-    It belongs to one thread at a time. Connections are kept, and libzmq renews them.
+    Only one thread at a time may use it. Connections stay open, and libzmq reconnects if they break.
 
     Args:
         edges: the edges by name.
@@ -114,7 +119,7 @@ class EdgeMonitor:
         return {link.name: link.endpoint for link in self._links}
 
     def poll(self, seconds: float) -> int:
-        """Receives messages for some time. Returns the number of heartbeats."""
+        """Receives messages for ``seconds``. Returns the number of heartbeats."""
         heartbeats, end = 0, time.monotonic() + seconds
         while True:
             remaining_ms = 1000.0 * (end - time.monotonic())
@@ -186,7 +191,7 @@ class EdgeMonitor:
         return True
 
     def _check_links(self) -> None:
-        """Reads the results of handshakes, and the keys of silent edges."""
+        """Reads the results of handshakes, and reads the keys of silent edges again."""
         time_now = time.monotonic()
         for link in self._links:
             if link.watch is not None:
@@ -201,7 +206,7 @@ class EdgeMonitor:
                 self._renew_keys(link)
 
     def _renew_keys(self, link: _Link) -> None:
-        """Opens the connection of a silent edge again if its keys have changed."""
+        """Reconnects to a silent edge if its keys have changed."""
         link.checked_s = time.monotonic()
         try:
             has_changed = link.socket is None or link.endpoint.find_keys() != link.keys
@@ -212,7 +217,7 @@ class EdgeMonitor:
             self._open(link)
 
     def _open(self, link: _Link) -> None:
-        """Connects to an edge. If its keys cannot be read, only stores the reason."""
+        """Connects to an edge. If its keys cannot be read, stores the reason instead."""
         link.checked_s = time.monotonic()
         try:
             link.keys = link.endpoint.find_keys()

@@ -1,4 +1,5 @@
-"""The measured values of the last day, one per minute, in memory and in a file that survives restarts."""
+"""The history of measured values over the last day, one per minute. It is kept in memory, and in a file so
+that it survives restarts."""
 
 from __future__ import annotations
 
@@ -15,19 +16,19 @@ from enliven.files import DECODE_ERRORS, read_file, write_file
 INTERVAL_S = 60.0
 """Time between two stored values, in seconds."""
 CAPACITY = 1440
-"""Number of stored values of each series: one day of minutes."""
+"""Number of stored values of each series: one per minute for a day."""
 MAX_SERIES = 500
-"""Maximum number of series. All together take 3 MB. Further ones are not stored."""
+"""Maximum number of series. They take 3 MB in total. Further series are not stored."""
 _MAX_FILE_BYTES = 16 << 20
-"""Maximum bytes of a file that is read: :data:`MAX_SERIES` series have 3 MB."""
+"""Maximum size in bytes of a file that is read. A file with :data:`MAX_SERIES` series has 3 MB."""
 _VERSION = 1
-"""Version of the file. A file of another version is ignored, and replaced."""
+"""Version of the file format. A file of another version is ignored and replaced."""
 _VALUE_BYTES = 4
-"""Bytes of a stored value."""
+"""Size of a stored value in bytes."""
 _MINUTE_BYTES = 8
-"""Bytes of a stored minute."""
+"""Size of a stored minute number in bytes."""
 _NO_MINUTE = -1
-"""Stored instead of a minute in a slot without values."""
+"""Minute number of a slot without values."""
 
 
 class _HistoryFile(msgspec.Struct, frozen=True):
@@ -39,10 +40,10 @@ class _HistoryFile(msgspec.Struct, frozen=True):
 
 
 class DayHistory:
-    """The values of the last day as one ring of minutes, shared by all series.
+    """The values of the last day in a ring buffer with one slot per minute, which all series share.
 
-    A slot is found by the number of the minute since 1970, so that a jump of the clock leaves gaps, and never
-    shifts values.
+    The slot follows from the number of the minute since 1970. So a jump of the clock causes gaps, but does
+    not shift values.
     """
 
     def __init__(self) -> None:
@@ -78,11 +79,12 @@ class DayHistory:
         return has_stored
 
     def read(self, name: str, at_s: float, points: int = CAPACITY) -> list[float]:
-        """Returns the values of the last day, the oldest first. NaN: no value.
+        """Returns the values of a series over the last day, the oldest first. NaN means that there is no
+        value.
 
         Args:
             at_s: Unix time of the newest value, in seconds.
-            points: number of values. Each is the mean of the same number of minutes.
+            points: number of returned values. Each is the mean over an equal number of minutes.
         """
         values = self._series.get(name)
         if values is None:
@@ -95,7 +97,7 @@ class DayHistory:
         ]
 
     def load(self, path: Path) -> None:
-        """Reads the values of a file. A missing, damaged or later file changes nothing."""
+        """Reads the values from a file. A file that is missing, damaged or of a later version is ignored."""
         try:
             content = msgspec.msgpack.decode(read_file(path, _MAX_FILE_BYTES), type=_HistoryFile)
         except (InputError, *DECODE_ERRORS):
@@ -121,7 +123,7 @@ class DayHistory:
         write_file(path, msgspec.msgpack.encode(_HistoryFile(_VERSION, self._minutes.tobytes(), series)))
 
     def _store(self) -> bool:
-        """Stores the means of the present minute. Returns True if there were any."""
+        """Stores the means of the current minute. Returns True if there were any values."""
         if not self._sums:
             return False
         slot = self._minute % CAPACITY
@@ -138,7 +140,7 @@ class DayHistory:
         return True
 
     def _value(self, values: array[float], minute: int) -> float:
-        """Returns the value of a minute. NaN: none was stored."""
+        """Returns the value of a minute, or NaN if none was stored."""
         slot = minute % CAPACITY
         return values[slot] if self._minutes[slot] == minute else math.nan
 

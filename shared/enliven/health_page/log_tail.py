@@ -1,4 +1,5 @@
-"""The newest lines of the log: from systemd's journal, or else from log files in the user's data folder."""
+"""Reads the newest lines of the log from systemd's journal, or otherwise from log files in the user's data
+folder."""
 
 from __future__ import annotations
 
@@ -13,24 +14,27 @@ from enliven.files import user_data_folder
 from enliven.logs import escape_text
 
 UNIT_PATTERN = "enliven*"
-"""Names of the systemd units with the programs of enliven."""
+"""Pattern of the names of enliven's systemd units."""
 MAX_LINES = 100
-"""Number of lines."""
+"""Maximum number of lines that are shown."""
 _MAX_LINE_LENGTH = 500
-"""Maximum length of a line. The rest is cut off."""
+"""Maximum length of a line in characters. Longer lines are truncated."""
 _MAX_TAIL_BYTES = 64 * 1024
-"""Maximum bytes that are read at the end of a file: 100 lines of 500 characters."""
+"""Maximum number of bytes that are read at the end of a file. It is enough for 100 lines of 500
+characters."""
 _JOURNAL_TIMEOUT_S = 5.0
-"""Longest wait for the journal, in seconds: reading a large one from a slow card takes a second."""
+"""Timeout of reading the journal, in seconds. Reading a large journal from a slow memory card takes a
+second."""
 _MIN_INTERVAL_S = 5.0
-"""Minimum time between two reads of the journal, in seconds. Each starts a process."""
+"""Minimum interval between two reads of the journal, in seconds. It is limited, because each read starts a
+process."""
 
 
 class LogTail:
     """The newest lines of the log. They are read again at most every few seconds.
 
     Args:
-        folder: folder with log files (``*.log``). None: ``logs`` in the user's data folder.
+        folder: folder with log files (``*.log``). None means ``logs`` in the user's data folder.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -39,7 +43,8 @@ class LogTail:
         self._lines: list[str] = []
 
     def read(self) -> list[str]:
-        """Returns the lines, the oldest first. May block for some seconds. Empty: no log is known."""
+        """Returns the newest lines, the oldest first. The list is empty if no log exists. May block for some
+        seconds."""
         time_now = time.monotonic()
         if time_now - self._read_s >= _MIN_INTERVAL_S:
             self._read_s = time_now
@@ -50,7 +55,7 @@ class LogTail:
 
 
 def _read_journal() -> list[str]:
-    """Returns the newest lines of enliven's units in systemd's journal."""
+    """Returns the newest lines of enliven's systemd units from the journal."""
     program = shutil.which("journalctl")
     if program is None:
         return []
@@ -64,7 +69,8 @@ def _read_journal() -> list[str]:
 
 
 def _read_files(folder: Path) -> list[str]:
-    """Returns the newest lines of the newest log files of a folder, each after the name of its file."""
+    """Returns the newest lines of the newest log files in a folder. Each line is prefixed by the name of its
+    file."""
     lines: list[str] = []
     with contextlib.suppress(OSError):
         paths = sorted(folder.glob("*.log"), key=lambda path: path.stat().st_mtime)

@@ -1,6 +1,6 @@
 """Reads the state of the computer and of processes: temperature, memory, disk and load.
 
-Linux provides all values. Other systems provide only some, and the rest is None.
+Linux provides all values. Other systems provide only some of them, and the others are None.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from enliven.errors import InputError, ResourceError
 from enliven.health_page.snapshot import MachineState
 
 _THERMAL = Path("/sys/class/thermal")
-"""Folder with the temperatures of Linux."""
+"""Linux folder with the temperatures of the thermal zones."""
 _PROC = Path("/proc")
-"""Folder with the processes of Linux."""
+"""Linux folder with information about processes and memory."""
 _MIN_TEMPERATURE_C = -40.0
-"""Lower readings come from sensors that are not connected."""
+"""Minimum plausible temperature in degrees Celsius. Sensors that are not connected report lower values."""
 _MAX_TEMPERATURE_C = 150.0
-"""Readings above this are faults of a sensor: no chip runs hotter."""
+"""Maximum plausible temperature in degrees Celsius. Faulty sensors report higher values."""
 _PROGRAM_WORD = b"enliven"
-"""Part of the command line of every program of enliven."""
+"""Word that the command line of every enliven program contains."""
 
 
 def read_machine(folder: Path, thermal: Path = _THERMAL, proc: Path = _PROC) -> MachineState:
     """Returns the state of the computer.
 
     Args:
-        folder: a folder on the disk to measure. If it does not exist, its nearest existing parent counts.
+        folder: a folder on the disk to measure. If it does not exist, its nearest existing parent is used.
         thermal: folder with the thermal zones.
         proc: folder with the files of the kernel.
     """
@@ -64,7 +64,7 @@ def is_running(pid: int) -> bool:
     if pid <= 0:
         return False
     with contextlib.suppress(OSError):
-        # The state follows the name, which may contain any character, in parentheses.
+        # The state follows the process name in parentheses. The name may contain any character.
         return (_PROC / str(pid) / "stat").read_bytes().rpartition(b")")[2].split()[0] not in (b"Z", b"X")
     if sys.platform in ("linux", "win32"):
         return False
@@ -78,7 +78,7 @@ def is_running(pid: int) -> bool:
 
 
 def resident_bytes(pid: int) -> float | None:
-    """Returns the resident memory of a process in bytes. None: unknown."""
+    """Returns the resident memory of a process in bytes, or None if it is unknown."""
     try:
         pages = int((_PROC / str(pid) / "statm").read_bytes().split()[1])
     except (OSError, ValueError, IndexError):
@@ -87,16 +87,17 @@ def resident_bytes(pid: int) -> float | None:
 
 
 def terminate_program(name: str, pid: int) -> None:
-    """Asks a program of enliven to end, by SIGTERM. Its supervisor starts it again.
+    """Terminates a program of enliven by SIGTERM. Its supervisor starts it again.
 
     Raises:
-        InputError: if the process has ended, or another program has taken its number.
-        ResourceError: if this user may not end it.
+        InputError: if the process has ended, or another program has the same process id now.
+        ResourceError: if this user may not terminate it.
     """
     ended = InputError(f"{name} is not running", remedy="Wait until its supervisor starts it again.")
     if pid <= 1 or not is_running(pid):
         raise ended
-    # The descriptor stays bound to this process, so that a later process with the same number is never ended.
+    # The descriptor refers to this process only, so a later process with the same id cannot be terminated by
+    # mistake.
     descriptor = -1
     try:
         if hasattr(os, "pidfd_open"):

@@ -1,4 +1,4 @@
-"""The metrics of an installation in Prometheus' format. One table names and explains all of them."""
+"""The metrics of an installation in Prometheus' format. :data:`METRICS` defines and documents all of them."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class HealthMetric:
-    """One metric.
+    """The definition of a metric.
 
     Attributes:
-        name: its name, with the unit at its end. Counters end with "_total".
-        kind: "gauge" for a present value, "counter" for a value that only grows, "info" for texts.
+        name: name of the metric, which ends with the unit, or with "_total" for counters.
+        kind: "gauge" for a current value, "counter" for a value that only increases, "info" for texts.
         labels: names of its labels.
-        doc: its meaning, one sentence.
+        doc: one sentence about its meaning.
     """
 
     name: str
@@ -88,7 +88,7 @@ METRICS = (
 Sample = tuple[str, tuple[str, ...], float]
 """A value: the metric's name, the values of its labels, and the number."""
 _MILLISECOND = 1e-3
-"""Seconds of a millisecond."""
+"""A millisecond in seconds."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class Counts:
     Attributes:
         restarts: number of restarts by program.
         alerts_sent: number of delivered alerts.
-        alert_failures: number of failed attempts to deliver one.
+        alert_failures: number of failed attempts to deliver an alert.
     """
 
     restarts: dict[str, int]
@@ -113,7 +113,7 @@ def metrics_text(snapshot: HealthSnapshot, counts: Counts) -> tuple[bytes, str]:
     from prometheus_client.registry import Collector
 
     class SnapshotCollector(Collector):
-        """Provides the metrics of one snapshot."""
+        """A Prometheus collector for the metrics of one snapshot."""
 
         def collect(self) -> Iterable[PrometheusMetric]:
             """Returns all metrics that have values."""
@@ -125,7 +125,7 @@ def metrics_text(snapshot: HealthSnapshot, counts: Counts) -> tuple[bytes, str]:
 
 
 def metrics_table() -> str:
-    """Returns the table of all metrics for the documentation."""
+    """Returns the table of all metrics in Markdown, for the documentation."""
     rows = [
         f"| `{metric.name}` | {metric.kind} | {', '.join(metric.labels)} | {metric.doc} |"
         for metric in METRICS
@@ -134,7 +134,7 @@ def metrics_table() -> str:
 
 
 def _metric_families(samples: Iterable[Sample]) -> Iterator[PrometheusMetric]:
-    """Yields the metrics of the table with their values. Metrics without values are left out."""
+    """Yields the metrics in :data:`METRICS` with their values. Metrics without values are left out."""
     from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoMetricFamily
 
     values: dict[str, list[tuple[tuple[str, ...], float]]] = {}
@@ -157,7 +157,7 @@ def _metric_families(samples: Iterable[Sample]) -> Iterator[PrometheusMetric]:
 
 
 def _samples(snapshot: HealthSnapshot, counts: Counts) -> Iterator[Sample]:
-    """Yields the values of all metrics that are known."""
+    """Yields the known values of all metrics."""
     yield "enliven_info", (__version__, snapshot.name), 1.0
     yield "enliven_status", (), float(snapshot.severity)
     for severity, word in STATUS_WORDS.items():

@@ -1,4 +1,4 @@
-"""Writes the pages as HTML. Jinja escapes every text, since names of edges and programs come from outside."""
+"""Creates the HTML pages. Jinja escapes all text, since the names of edges and programs are untrusted."""
 
 from __future__ import annotations
 
@@ -22,15 +22,16 @@ from enliven.logs import escape_text
 from enliven.wire import messages_to_health
 
 _MAX_CHARTED_EDGES = 8
-"""Maximum number of edges with charts, so that a page of 100 edges stays short and quick to draw."""
+"""Maximum number of edges with charts. It keeps a page with 100 edges short and fast to render."""
 _MAX_OPEN_EDGES = 4
-"""Maximum number of edges that are all shown open. Of more edges, only those with problems are."""
+"""Maximum number of edges with all sections expanded. If there are more edges, only edges with problems are
+expanded."""
 _MAX_RESTARTS = 30
-"""Maximum number of restarts on the page, the newest ones."""
+"""Maximum number of restarts on the page. The newest are shown."""
 _MAX_PROBLEMS = 200
-"""Maximum number of problems on the page, the most severe ones."""
+"""Maximum number of problems on the page. The most severe are shown."""
 _PROGRAM_KINDS = (ProblemKind.PROGRAM_ENDED, ProblemKind.PROGRAM_FROZEN, ProblemKind.PROGRAM_RESTARTED)
-"""Kinds of problems that concern a program. An edge may have the same name as a program."""
+"""Kinds of problems of programs. They distinguish a program from an edge with the same name."""
 _UNKNOWN = "unknown"
 """Text for a value that the system does not provide."""
 _UNITS = {
@@ -43,7 +44,7 @@ _UNITS = {
     "hz": "Hz",
     "m": "m",
 }
-"""Units by the end of a figure's name."""
+"""Units of a record's values by the suffix of the value's name."""
 
 
 class PageWriter:
@@ -90,7 +91,7 @@ class PageWriter:
             history: the values of the last day.
             log_lines: the newest lines of the log.
             notices: sentences about recent actions.
-            picture_at_s: Unix time of the picture of the screen, in seconds. None: there is none.
+            picture_at_s: Unix time of the picture of the screen, in seconds. None without a picture.
         """
         problems = [problem for problem in snapshot.problems if problem.severity > Severity.NOTE]
         return self._render(
@@ -119,7 +120,7 @@ class PageWriter:
         )
 
     def confirm(self, title: str, question: str, label: str, action: str, subject: str, token: str) -> str:
-        """Returns the page that asks before an action."""
+        """Returns the page that asks for confirmation of an action."""
         return self._render(
             "confirm.html",
             title=title,
@@ -143,7 +144,7 @@ class PageWriter:
         return self._environment.get_template(template).render(**values)
 
     def _chart_groups(self, snapshot: HealthSnapshot, history: DayHistory) -> list[tuple[str, list[Chart]]]:
-        """Returns the charts by the title of their group. They are drawn once per minute."""
+        """Returns the groups of charts with their titles. The charts are redrawn once per minute."""
         minute = math.floor(snapshot.at_s / 60.0)
         subjects = (len(snapshot.edges), len(snapshot.programs))
         key = float(hash((minute, subjects, len(history.names))))
@@ -153,7 +154,7 @@ class PageWriter:
 
 
 def confirm_url(action: str, subject: str) -> str:
-    """Returns the address of the page that asks before an action."""
+    """Returns the URL of the page that asks for confirmation of an action."""
     return f"/confirm?{urlencode({'action': action, 'subject': subject}, errors='replace')}"
 
 
@@ -203,7 +204,7 @@ def _draw_groups(snapshot: HealthSnapshot, history: DayHistory) -> list[tuple[st
 
 
 def _summary(problems: int) -> str:
-    """Returns the state in a few words."""
+    """Returns a summary of the state in a few words."""
     if problems == 0:
         return "All is well"
     return "1 problem" if problems == 1 else f"{problems} problems"
@@ -261,7 +262,8 @@ def _format_bytes(value: float | None) -> str:
 
 
 def _format_figures(figures: Mapping[str, float]) -> list[tuple[str, str]]:
-    """Returns the figures of a record with their units. The resident memory is left out: it is measured."""
+    """Returns the values of a record with their units. The resident memory is left out, because the page
+    measures it."""
     result = []
     for name, value in sorted(figures.items())[:12]:
         words = re.split(r"[_\s]+", escape_text(name)[:40])
@@ -274,7 +276,7 @@ def _format_figures(figures: Mapping[str, float]) -> list[tuple[str, str]]:
 
 
 def _moment(at_s: float) -> datetime:
-    """Returns a moment in the time zone of this computer. Impossible times become 1970."""
+    """Converts a Unix time in seconds to the time zone of this computer. Invalid times become 1970."""
     try:
         return datetime.fromtimestamp(at_s, tz=UTC).astimezone()
     except (OverflowError, ValueError, OSError):
@@ -282,7 +284,7 @@ def _moment(at_s: float) -> datetime:
 
 
 def _format_clock(at_s: float) -> str:
-    """Returns a moment as date and time of day."""
+    """Returns a Unix time in seconds as date and time of day."""
     return _moment(at_s).strftime("%d %b, %H:%M:%S")
 
 

@@ -20,31 +20,31 @@ from enliven.supervision.records import RestartRecord
 from enliven.wire import messages_to_health
 
 NO_FRAMES_AFTER_S = 5.0
-"""Age of the newest frame, in seconds, above which an edge has no frames. The slowest cameras send five per
-second."""
+"""Maximum age of the newest frame, in seconds. If it is older, an edge has no frames. The slowest cameras
+send five frames per second."""
 FIRST_FRAME_AFTER_S = 180.0
 """Time after the first heartbeat, in seconds, after which an edge must have published a frame. On a new
 machine it compiles its kernels first, which takes two minutes."""
 RESTART_SHOWN_S = 600.0
-"""Time in seconds for which a restart is a problem: after that, the program counts as stable."""
+"""Time in seconds for which a restart counts as a problem. After this time, the program counts as stable."""
 RECORD_INTERVAL_S = 60.0
-"""Time in seconds that is added to ``frozen_after``, since programs write their records less often than they
-make progress, and the supervisor needs time to restart them."""
+"""Time in seconds that is added to ``frozen_after``. Programs write their records less often than they make
+progress, and the supervisor needs time to restart them."""
 HOT_C = 85.0
-"""Temperature of the computer, in degrees Celsius, above which processors reduce their speed."""
+"""Temperature limit of the computer, in degrees Celsius. Processors reduce their speed above it."""
 CERTIFICATE_WARNING_DAYS = 14.0
-"""Days before the end of a TLS certificate at which the warnings start. An operator can renew it after a week
-of holidays."""
+"""Number of days before the expiry of a TLS certificate at which the warnings start. An operator can still
+renew it after a week of holidays."""
 _CERTIFICATE_PROGRAMS = {"health": "the health page", "souvenirs": "enliven-souvenirs"}
-"""The program to restart after a certificate is renewed, by the certificate's use."""
+"""The program that must be restarted after a certificate is renewed, by the use of the certificate."""
 _DAY_S = 86_400.0
-"""Seconds of a day."""
+"""Duration of a day in seconds."""
 _GIGABYTE = 1e9
-"""Bytes of a gigabyte."""
+"""A gigabyte in bytes."""
 _NO_FRAME_KINDS = (HealthKind.NO_FRAMES, HealthKind.SENSOR_LOST, HealthKind.FROZEN)
-"""Health states of an edge that mean that no frames arrive."""
+"""Kinds of health states of an edge that imply that no frames arrive."""
 _ALERTED_KINDS = (*_NO_FRAME_KINDS, HealthKind.HOT)
-"""Health states of an edge that operators are alerted about, whatever their severity."""
+"""Kinds of health states of an edge that cause alerts at any severity."""
 
 
 def sort_problems(problems: Sequence[Problem]) -> tuple[Problem, ...]:
@@ -173,7 +173,8 @@ def find_certificate_problems(certificate: CertificateState, at_s: float) -> Ite
         date = datetime.fromtimestamp(certificate.end_s, tz=UTC).strftime("%Y-%m-%d")
         message = f"The TLS certificate of {certificate.use} expires on {date}."
         if days <= 0.0:
-            # A kind of its own alerts again, although the warning has already alerted.
+            # Use a separate kind of problem, so that an alert is sent although the warning already caused
+            # one.
             kind, severity = ProblemKind.CERTIFICATE_EXPIRED, Severity.ERROR
             message = f"The TLS certificate of {certificate.use} expired on {date}."
     remedy = f"Renew it, and restart {program}."
@@ -190,7 +191,8 @@ def _silence(edge: WatchedEdge) -> Problem:
 
 
 def _lacks_frames(edge: WatchedEdge) -> bool:
-    """Returns True if an edge has not published a frame for some time, or not since its start."""
+    """Returns True if an edge has not published a frame for some time, or has never published one since its
+    start."""
     if edge.frame_age_s is None:
         return edge.heard_s > FIRST_FRAME_AFTER_S
     return edge.frame_age_s > NO_FRAMES_AFTER_S

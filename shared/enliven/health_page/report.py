@@ -1,4 +1,5 @@
-"""The state of an installation as JSON for scripts, and its reader for ``enliven doctor --remote URL``."""
+"""Writes the state of an installation as JSON for scripts, and reads it for ``enliven doctor --remote
+URL``."""
 
 from __future__ import annotations
 
@@ -21,9 +22,9 @@ from enliven.web_server.access import PASSWORD_VARIABLE
 REPORT_PATH = "/health"
 """Path of the report on the health page."""
 _MAX_REPORT_BYTES = 4 << 20
-"""Maximum bytes of a report that is read: one of 100 edges has 100,000."""
+"""Maximum size in bytes of a report that is read. A report about 100 edges has 100,000 bytes."""
 _TIMEOUT_S = 10.0
-"""Timeout for connecting and for each part of the answer, in seconds."""
+"""Timeout, in seconds, of the connection and of each part of the response."""
 _MAX_ITEMS = 10_000
 """Maximum number of problems, edges or programs in a report."""
 _UNAVAILABLE = 503
@@ -43,7 +44,7 @@ class ReportedProblem(msgspec.Struct, frozen=True):
 
 
 class ReportedEdge(msgspec.Struct, frozen=True):
-    """One edge. Ages are in seconds, latencies in milliseconds. None: unknown."""
+    """One edge. Ages are in seconds, latencies in milliseconds. Unknown values are None."""
 
     name: Text
     address: Text
@@ -60,7 +61,7 @@ class ReportedEdge(msgspec.Struct, frozen=True):
 
 
 class ReportedProgram(msgspec.Struct, frozen=True):
-    """One program. Times are Unix times in seconds. None: unknown."""
+    """One program. Times are Unix times in seconds. Unknown values are None."""
 
     name: Text
     pid: int
@@ -144,13 +145,13 @@ def fetch_report(url: str, password: str = "", authority: Path | None = None) ->
     """Reads the report of a health page.
 
     Args:
-        url: its address, "https://HOST:PORT" or, on this machine, "http://127.0.0.1:PORT".
-        password: its password. Empty: none is sent.
-        authority: file with certificates to trust (PEM), such as the page's own self-signed one. None: those
-            of the system.
+        url: address of the health page, "https://HOST:PORT" or, on this machine, "http://127.0.0.1:PORT".
+        password: password of the health page. If empty, no password is sent.
+        authority: file with trusted certificates (PEM), such as the page's self-signed certificate. None
+            means the system's certificates.
 
     Raises:
-        InputError: if the address is invalid, the password would be sent unencrypted, or it is wrong.
+        InputError: if the address is invalid, or the password is wrong or would be sent unencrypted.
         ResourceError: if the page does not answer, or its certificate is not trusted.
     """
     from http.client import HTTPException
@@ -162,7 +163,7 @@ def fetch_report(url: str, password: str = "", authority: Path | None = None) ->
         credentials = base64.b64encode(f"enliven:{password}".encode()).decode()
         request.add_header("Authorization", f"Basic {credentials}")
     opener = OpenerDirector()
-    # Without a handler for redirections, the password reaches only the named host.
+    # Do not follow redirects, so that the password is sent only to the given host.
     for handler in (HTTPHandler(), HTTPSHandler(context=_client_context(authority))):
         opener.add_handler(handler)
     try:
@@ -189,7 +190,8 @@ def fetch_report(url: str, password: str = "", authority: Path | None = None) ->
 
 
 def _report_url(url: str, has_password: bool) -> str:
-    """Returns the address of the report. Errors as for :func:`fetch_report`."""
+    """Returns the URL of the report. Raises InputError if the address is invalid or the password would be
+    sent unencrypted."""
     try:
         parts = urlsplit(url)
         host, _ = parts.hostname, parts.port
@@ -207,7 +209,7 @@ def _report_url(url: str, has_password: bool) -> str:
 
 
 def _client_context(authority: Path | None) -> ssl.SSLContext:
-    """Returns the context of a client that trusts the given certificates."""
+    """Returns a TLS context for a client that trusts the given certificates."""
     if authority is None:
         return ssl.create_default_context()
     try:
@@ -220,7 +222,7 @@ def _client_context(authority: Path | None) -> ssl.SSLContext:
 
 
 def _connection_error(url: str, reason: object) -> ResourceError:
-    """Returns the error for a connection that failed."""
+    """Returns the error that describes a failed connection."""
     if isinstance(reason, ssl.SSLCertVerificationError):
         return ResourceError(
             f"its certificate is not trusted ({reason.verify_message})",

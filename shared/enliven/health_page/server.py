@@ -1,4 +1,5 @@
-"""Starts the health page: checks access and certificate, binds the port, and serves until it is ended."""
+"""Starts the health page: checks access control and certificate, binds the port, and serves until the program
+is stopped."""
 
 from __future__ import annotations
 
@@ -25,18 +26,18 @@ from enliven.web_server.listening import bind_port, make_server
 log = logging.getLogger(__name__)
 
 LIBRARIES = ("starlette", "uvicorn", "prometheus_client", "jinja2", "cryptography")
-"""Libraries of the extra ``enliven[health]``."""
+"""Libraries of the optional dependency group ``enliven[health]``."""
 _PORT_ADVICE = "Another health page may be running: stop it, or choose another health.port."
 """The remedy for a port that is in use."""
 
 
 @dataclass(frozen=True)
 class PageAccess:
-    """The protection of the page.
+    """The access control of the page.
 
     Attributes:
-        gate: checks passwords. None: no password.
-        certificate: the TLS certificate. None: no encryption.
+        gate: checks passwords. None means that no password is required.
+        certificate: the TLS certificate. None means no encryption.
         is_local: True if only this computer can connect.
     """
 
@@ -46,11 +47,11 @@ class PageAccess:
 
 
 def check_access(settings: HealthPageSettings) -> PageAccess:
-    """Reads the password and the certificate, and checks that they suffice for the network address.
+    """Reads the password and the certificate, and checks that they are sufficient for the network address.
 
     Raises:
-        InputError: if the page would be open to a network without a password or TLS; or if a file cannot be
-            used, as :func:`read_password` and :func:`load_certificate`.
+        InputError: if the page would be accessible from a network without a password or TLS, or if
+            :func:`read_password` or :func:`load_certificate` cannot use a file.
     """
     is_local = is_loopback(settings.host)
     missing = []
@@ -80,7 +81,8 @@ def check_access(settings: HealthPageSettings) -> PageAccess:
 
 
 def require_libraries() -> None:
-    """Raises ResourceError if a library of the extra is not installed. The message says how to install it."""
+    """Raises ResourceError if a required library is not installed. The message contains the installation
+    command."""
     missing = [name for name in LIBRARIES if importlib.util.find_spec(name) is None]
     if missing:
         raise ResourceError(
@@ -95,11 +97,14 @@ def serve_health(profile: KioskProfile, should_stop: Callable[[], bool] = lambda
 
     Args:
         profile: the profile of the installation.
-        should_stop: returns True if the program shall end, for example since its parent has ended.
+        should_stop: a function that returns True if the program must end, for example because its parent has
+            ended.
 
     Raises:
-        InputError: as :func:`check_access`, or if alerts or the address of an edge are invalid.
-        ResourceError: as :func:`enliven.web_server.listening.bind_port`, or if a library is missing.
+        InputError: in the cases of :func:`check_access`, or if the alert settings or the address of an edge
+            are invalid.
+        ResourceError: in the cases of :func:`enliven.web_server.listening.bind_port`, or if a library is
+            missing.
     """
     require_libraries()
     from enliven.health_page.app import HealthApplication
@@ -145,7 +150,7 @@ def send_test_alert(profile: KioskProfile) -> list[str]:
     """Sends a test alert to the webhook and the command of a profile. Returns the names of the targets.
 
     Raises:
-        InputError: if the profile names no target, or a wrong one.
+        InputError: if the profile contains no target, or an invalid target.
         ResourceError: if a target did not receive it.
     """
     targets = alert_targets(profile.alerts)

@@ -1,4 +1,4 @@
-"""The state of an installation at one moment, as the page, the metrics and the alerts show it."""
+"""The state of an installation at one time. It is the input of the page, the metrics and the alerts."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from enliven.supervision.records import RestartRecord, ServiceRecord
 from enliven.wire import StatusMessage
 
 EDGE_SILENT_AFTER_S = 5.0
-"""Time without a heartbeat, in seconds, after which an edge is silent. It sends two per second."""
+"""Time without a heartbeat, in seconds, after which an edge counts as silent. An edge sends two heartbeats
+per second."""
 
 
 class ProblemKind(StrEnum):
-    """The kinds of problems that the health page detects. Edges report further kinds of their own."""
+    """The kinds of problems that the health page detects. Edges report further kinds."""
 
     EDGE_SILENT = "edge silent"
     NO_FRAMES = "no frames"
@@ -37,10 +38,11 @@ class Problem:
 
     Attributes:
         kind: a :class:`ProblemKind`, or the kind of a health state that an edge reports.
-        subject: the affected edge, program or file. Empty: the machine.
-        severity: its severity. Notes of an edge are problems of severity NOTE, and change no status.
-        message: the problem, one sentence.
-        remedy: the remedy, one sentence.
+        subject: the affected edge, program or file. Empty means the computer.
+        severity: its severity. Notes of an edge are problems of severity NOTE, which do not change the
+            status.
+        message: one sentence about the problem.
+        remedy: one sentence about the remedy.
         alerts: True if operators receive an alert about it.
     """
 
@@ -59,14 +61,15 @@ class WatchedEdge:
     Attributes:
         name: its name in the profile.
         address: its address, "HOST:PORT:CONTROL_PORT".
-        status: its newest heartbeat. None: none was received.
-        heartbeat_age_s: time since the newest heartbeat, in seconds. None: none was received.
-        frame_age_s: time since the newest result of a frame, in seconds. None: none was received.
-        waiting_s: time since the newest heartbeat, or else since the first attempt to connect, in seconds.
-        heard_s: time since its first heartbeat, in seconds. 0: none was received.
-        fault: why heartbeats cannot be read, one sentence. Empty: no reason is known.
+        status: its newest heartbeat. None if no heartbeat was received.
+        heartbeat_age_s: time since the newest heartbeat, in seconds. None if no heartbeat was received.
+        frame_age_s: time since the newest frame's result arrived, in seconds. None if none was received.
+        waiting_s: time since the newest heartbeat, in seconds. Without a heartbeat, it is the time since the
+            first attempt to connect.
+        heard_s: time since its first heartbeat, in seconds. 0 if no heartbeat was received.
+        fault: one sentence about the reason why heartbeats cannot be read. Empty if no reason is known.
         remedy: the remedy for the fault.
-        temperature_c: temperature of its sensor in degrees Celsius. None: unknown.
+        temperature_c: temperature of its sensor in degrees Celsius. None if unknown.
     """
 
     name: str
@@ -93,7 +96,7 @@ class ProgramState:
     Attributes:
         record: the record that the program wrote.
         is_running: True if its process exists.
-        rss_bytes: its resident memory in bytes. None: unknown.
+        rss_bytes: its resident memory in bytes. None if unknown.
         restarts: number of its restarts in the last day.
     """
 
@@ -109,11 +112,11 @@ class MachineState:
 
     Attributes:
         temperature_c: highest temperature of its thermal zones, in degrees Celsius.
-        memory_bytes: size of the memory.
-        memory_available_bytes: memory that programs can still allocate.
+        memory_bytes: size of the memory in bytes.
+        memory_available_bytes: memory that programs can still allocate, in bytes.
         disk_folder: a folder on the disk that is measured.
-        disk_bytes: size of that disk.
-        disk_free_bytes: free space on that disk.
+        disk_bytes: size of this disk in bytes.
+        disk_free_bytes: free space on this disk in bytes.
         load: mean number of running processes in the last minute.
         processors: number of processors.
         uptime_s: time since the start of the computer, in seconds.
@@ -135,10 +138,10 @@ class CertificateState:
     """A TLS certificate of the installation.
 
     Attributes:
-        use: "health" for the health page, or "souvenirs" for their server.
-        path: its file.
-        end_s: Unix time at which it expires, in seconds. None: the file cannot be read.
-        fault: why the file cannot be read. Empty: it can.
+        use: "health" for the health page, or "souvenirs" for the souvenir server.
+        path: path of the certificate's file.
+        end_s: Unix time at which it expires, in seconds. None if the file cannot be read.
+        fault: the reason why the file cannot be read. Empty if it can be read.
     """
 
     use: Literal["health", "souvenirs"]

@@ -1,4 +1,4 @@
-"""The plan of an installation: every file with its content, and every command."""
+"""Creates the plan of an installation: all files with their content, and all commands."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CONFIGURATION = Path("/etc/enliven")
 STATE = Path("/var/lib/enliven")
 """Folder for all files that the programs write, and for the record of the installation."""
 RECORDINGS = STATE / "recordings"
-"""Folder of recordings, if the profile names a relative folder."""
+"""Folder of recordings if the profile contains a relative path."""
 PLACEMENTS = {
     "systemd/enliven-edge@.service": "/etc/systemd/system/enliven-edge@.service",
     "systemd/enliven-kiosk.service": "/etc/systemd/system/enliven-kiosk.service",
@@ -37,13 +37,13 @@ PLACEMENTS = {
     "udev/60-enliven-cameras.rules": "/etc/udev/rules.d/60-enliven-cameras.rules",
     "udev/60-enliven-controls.rules": "/etc/udev/rules.d/60-enliven-controls.rules",
 }
-"""Installed path of each file of firmware_configs."""
+"""Installed path of each file in firmware_configs."""
 _SLEEP_UNITS = ("sleep.target", "suspend.target", "hibernate.target", "hybrid-sleep.target")
-"""Units that would switch off an idle computer."""
+"""systemd units that would suspend an idle computer."""
 _PACKAGES = ("enliven", "enliven_edge", "enliven_viewer")
 """Python packages of the kiosk's programs."""
 _MAX_TEMPLATE_BYTES = 1 << 20
-"""Maximum bytes of a file of firmware_configs."""
+"""Maximum size in bytes of a file in firmware_configs."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class PlannedFile:
         place: the absolute path of the file or link.
         content: the file's bytes. None for a copy of ``source``, or for a link.
         source: the file to copy.
-        link: target of a symbolic link.
+        link: target of the symbolic link.
         is_secret: True if only the kiosk's user may read it.
     """
 
@@ -91,9 +91,9 @@ def create_plan(
 
     Args:
         settings: the profile.
-        profile: its file. The folder of this file is installed.
+        profile: path of the profile's file. The folder of this file is installed.
         cage: path of the compositor.
-        python: the Python of the installation of enliven.
+        python: path of the Python interpreter with which enliven is installed.
 
     Raises:
         InputError: if the profile's folder cannot be installed.
@@ -151,7 +151,7 @@ def _autostart_units(settings: KioskProfile) -> tuple[str, ...]:
 
 
 def _template_files(values: dict[str, str], settings: KioskProfile) -> list[PlannedFile]:
-    """Returns the files of firmware_configs with the values of this installation."""
+    """Returns the files in firmware_configs with the values of this installation filled in."""
     folder = _firmware_configs()
     files = []
     for name, place in PLACEMENTS.items():
@@ -176,10 +176,11 @@ def _profile_files(profile: Path) -> list[PlannedFile]:
 
 
 def _code_folders() -> list[str]:
-    """Returns the folders of this project's code. The kiosk's user cannot write Python's byte code into them.
+    """Returns the folders of enliven's code, for which byte code must be compiled during installation.
 
-    Without byte code, each start would compile all modules again, which takes a second. pip writes it for a
-    wheel, but not for an editable installation.
+    The kiosk's user cannot write byte code to these folders. Without byte code, each start would compile all
+    modules again, which takes a second. pip writes byte code for a wheel, but not for an editable
+    installation.
     """
     specs = [importlib.util.find_spec(package) for package in _PACKAGES]
     return [
@@ -204,14 +205,15 @@ def _firmware_configs() -> Path:
 
 
 def _quote_for_systemd(path: str) -> str:
-    """Returns a path as a word of a systemd unit, with percent signs doubled, because one would begin a
-    specifier.
+    """Returns a path quoted as a word of a systemd unit. Percent signs are doubled, because a single one
+    would begin a specifier.
     """
     return shlex.quote(path).replace("%", "%%")
 
 
 def _is_in_home(python: str) -> bool:
-    """Returns True if a Python is in a home directory. Then services need read access to home directories."""
+    """Returns True if a Python interpreter is in a home directory. Then services need read access to home
+    directories."""
     return any(Path(python).is_relative_to(home) for home in ("/home", "/root"))
 
 

@@ -1,4 +1,4 @@
-"""Carries out an installation plan, and undoes it."""
+"""Executes an installation plan, and undoes it."""
 
 from __future__ import annotations
 
@@ -19,11 +19,12 @@ from enliven.files import DECODE_ERRORS, read_file, write_file
 from .install_plan import CONFIGURATION, STATE, InstallPlan, PlannedFile, command_line
 
 USER = "enliven"
-"""User of all programs of a kiosk."""
+"""Name of the user that runs all programs of a kiosk."""
 _RECORD_FILE = STATE / "installed.json"
-"""File that lists all changes of an installation."""
+"""Path of the file that lists all changes of an installation."""
 _MAX_RECORD_FILE_BYTES = 1 << 26
-"""Maximum bytes of the list. It contains the files that the installation has replaced."""
+"""Maximum size in bytes of this file. It contains the content of the files that the installation has
+replaced."""
 
 
 class _Replaced(msgspec.Struct, frozen=True):
@@ -31,9 +32,9 @@ class _Replaced(msgspec.Struct, frozen=True):
 
     Attributes:
         place: the file's path.
-        content: content of the file that was there before, as base64. None if the file is new.
-        mode: permissions of that file.
-        link: target of the link that was there before.
+        content: content of the replaced file, as base64. None if the file is new.
+        mode: permissions of the replaced file.
+        link: target of the replaced symbolic link.
     """
 
     place: str
@@ -50,7 +51,7 @@ class _Manifest(msgspec.Struct, frozen=True):
         folders: the created folders.
         units: the enabled units.
         made_user: True if the installation created the kiosk's user.
-        recordings: folder of recordings, which is not removed. Empty without recordings.
+        recordings: folder of recordings, which is not removed. Empty if the kiosk does not record.
     """
 
     files: list[_Replaced] = []
@@ -64,8 +65,9 @@ class Installer:
     """Installs a kiosk into a system, and removes it.
 
     Args:
-        root: folder of the system. "/" is the running system. In another system, nothing is started.
-        say: prints each step.
+        root: root folder of the system. "/" is the running system. In another system, no programs are
+            started.
+        say: a function that prints each step.
     """
 
     def __init__(self, root: Path = Path("/"), say: Callable[[str], None] = print) -> None:
@@ -77,7 +79,7 @@ class Installer:
         return self._target_path(_RECORD_FILE).is_file()
 
     def show(self, plan: InstallPlan) -> None:
-        """Prints every file with its content, and every command. Changes nothing."""
+        """Prints all files with their content, and all commands, without changing anything."""
         for file in plan.files:
             if file.content is not None:
                 self._say(f"# write {file.place}")
@@ -126,7 +128,8 @@ class Installer:
             except ResourceError as error:
                 if words not in plan.apply_commands:
                     raise
-                # These commands apply new rules and limits at once. A restart applies them anyway.
+                # These commands apply new rules and limits immediately. If they fail, a restart of the
+                # computer applies them.
                 self._say(f"not done: {error.what}. Restart the computer.")
 
     def remove(self) -> list[str]:
@@ -147,7 +150,7 @@ class Installer:
         kept_folders = self._keep_recordings(manifest)
         self._remove_state(kept_folders)
         for folder in sorted(manifest.folders, key=len, reverse=True):
-            # A folder that now contains other files stays.
+            # Keep folders that contain other files.
             with contextlib.suppress(OSError):
                 self._target_path(Path(folder)).rmdir()
         if self._is_running:
@@ -176,8 +179,8 @@ class Installer:
         return [*commands, ("systemctl", "restart", "--no-block", *plan.units)]
 
     def _command_in_root(self, words: tuple[str, ...]) -> tuple[str, ...]:
-        """Returns a command for the changed system. systemd-sysusers, userdel and others have an option for
-        its folder.
+        """Returns a command for the system in ``root``. Programs such as systemd-sysusers and userdel have an
+        option for this folder.
         """
         if self._is_running:
             return words
@@ -188,7 +191,7 @@ class Installer:
         """Runs a command.
 
         Raises:
-            ResourceError: if it is missing or fails.
+            ResourceError: if the command is missing or fails.
         """
         self._say(command_line(words))
         try:
@@ -204,7 +207,7 @@ class Installer:
             )
 
     def _disable(self, units: list[str]) -> None:
-        """Stops units, and removes them from the start of the computer. Missing units are ignored."""
+        """Stops and disables systemd units. Missing units are ignored."""
         words = ("systemctl", "disable", "--now", *units)
         if not self._is_running:
             words = ("systemctl", f"--root={self._root}", "disable", *units)
@@ -245,7 +248,7 @@ class Installer:
         path.chmod(0o600 if file.is_secret else 0o644)
 
     def _give_to_user(self, plan: InstallPlan) -> None:
-        """Gives secrets and the folder of recordings to the kiosk's user."""
+        """Changes the owner of secrets and of the folder of recordings to the kiosk's user."""
         owner = self._user_and_group()
         for file in plan.files:
             if file.is_secret:
@@ -278,7 +281,7 @@ class Installer:
         return True
 
     def _restore(self, entry: _Replaced) -> None:
-        """Restores the file that was there before, or removes the installed one."""
+        """Restores the replaced file, or removes the installed file if there was none."""
         path = self._target_path(Path(entry.place))
         if entry.content is not None:
             if path.is_symlink():
@@ -291,8 +294,8 @@ class Installer:
             path.symlink_to(entry.link)
 
     def _keep_recordings(self, manifest: _Manifest) -> list[Path]:
-        """Gives recordings to root and returns their folder, if it contains any. An empty folder is
-        removed.
+        """Changes the owner of the recordings to root, and returns their folder if there are any. An empty
+        folder is removed.
         """
         if not manifest.recordings:
             return []
@@ -324,7 +327,7 @@ class Installer:
         """Returns the record of the installation, or an empty record if nothing is installed.
 
         Raises:
-            InputError: if it is damaged.
+            InputError: if the record is damaged.
         """
         path = self._target_path(_RECORD_FILE)
         if not path.is_file():

@@ -13,9 +13,10 @@ from enliven.kiosk.programs import BUILT_IN_MESHES
 MAX_FILES = 2000
 """Maximum number of files in a profile's folder. A folder with more files is probably a home directory."""
 MAX_BYTES = 4 << 30
-"""Maximum bytes of the files in a profile's folder: enough for some meshes and an hour of performances."""
+"""Maximum total size in bytes of the files in a profile's folder. It is enough for some meshes and an hour of
+performances."""
 _SECRET_MODE_MASK = 0o077
-"""Permission bits of other users. A file without any of them is a secret."""
+"""Permission bits of other users. A file without any of these bits is a secret."""
 
 
 def list_profile_files(profile: Path) -> Iterator[tuple[Path, bool]]:
@@ -40,8 +41,8 @@ def list_profile_files(profile: Path) -> Iterator[tuple[Path, bool]]:
 
 
 def find_outside_files(settings: KioskProfile, profile: Path) -> list[InputError]:
-    """Returns a mistake for each file outside of the profile's folder that the profile refers to. Such files
-    are not installed.
+    """Returns a mistake for each file outside of the profile's folder that the profile refers to, because
+    such files are not installed.
     """
     named_files = {f"characters.{name}.mesh": c.mesh for name, c in settings.characters.items()}
     named_files |= {f"edges.{name}.settings": edge.settings for name, edge in settings.edges.items()}

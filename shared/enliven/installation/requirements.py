@@ -12,11 +12,12 @@ from enliven.errors import EnlivenError, ResourceError
 
 
 def find_lacks(root: Path, python: str = sys.executable) -> list[EnlivenError]:
-    """Returns what is missing for the installation of a kiosk: root, systemd, cage, seatd, a readable Python.
+    """Returns an error for each missing requirement of an installation: root rights, systemd, cage, seatd, a
+    readable Python.
 
     Args:
-        root: folder of the system that is changed. "/" is the running system.
-        python: the Python of the installation of enliven.
+        root: root folder of the system that is changed. "/" is the running system.
+        python: path of the Python interpreter with which enliven is installed.
     """
     problems: list[EnlivenError] = []
     is_running = root == Path("/")
@@ -43,7 +44,7 @@ def find_program(name: str, root: Path) -> str | None:
 
 
 def _find_unreadable(python: Path) -> list[EnlivenError]:
-    """Returns a mistake if other users cannot run a Python."""
+    """Returns an error if other users cannot run the Python interpreter."""
     for folder in python.parents:
         if not stat.S_IMODE(folder.stat().st_mode) & stat.S_IXOTH:
             remedy = (

@@ -23,7 +23,7 @@ from enliven.kernel_cache.versions import CODE_VERSIONS
 
 
 def keep(kernel: Any) -> Any:
-    """Makes the machine code of a kernel persistent: later processes load it from disk.
+    """Enables the disk cache for a kernel, so that later processes load its machine code from disk.
 
     Returns:
         The same kernel. If ``NUMBA_DISABLE_JIT`` is set, it is a plain function and returned unchanged.
@@ -34,7 +34,8 @@ def keep(kernel: Any) -> Any:
 
 
 class KernelCache(_Cache):  # type: ignore[misc]
-    """Loads and saves the machine code of one kernel, a file for each combination of argument types."""
+    """The cache of one kernel. It loads and saves machine code, with one file per combination of argument
+    types."""
 
     def __init__(self, kernel: Any) -> None:
         self._kernel = kernel
@@ -66,9 +67,9 @@ class KernelCache(_Cache):  # type: ignore[misc]
         return f"{self._stem}-{_hash(parts)}.kernel"
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Returns the compiled kernel for argument types, or None if no folder has it.
+        """Returns the compiled kernel for argument types, or None if no folder contains it.
 
-        A session with native code uses the code for the processor's level if native code is missing.
+        If native code is enabled but missing for this kernel, the code for the processor's level is used.
         """
         target = target_context.codegen().magic_tuple()
         targets = [target, (target[0], processor_levels()[0], "")] if is_native_session() else [target]
@@ -103,11 +104,12 @@ class KernelCache(_Cache):  # type: ignore[misc]
         """Does nothing: kernels are always stored."""
 
     def flush(self) -> None:
-        """Does nothing: files are never out of date."""
+        """Does nothing: files are never outdated."""
 
 
 def _fields(signature: Iterable[Any]) -> Iterator[tuple[str, ...]]:
-    """Yields the field names of all named tuples in argument types: kernels read fields by position."""
+    """Yields the field names of all named tuples in argument types. They must be part of the hash, because
+    kernels read fields by position."""
     for kind in signature:
         if isinstance(kind, types.NamedTuple | types.NamedUniTuple):
             yield kind.fields
@@ -118,5 +120,5 @@ def _fields(signature: Iterable[Any]) -> Iterator[tuple[str, ...]]:
 
 
 def _hash(parts: tuple[str, ...]) -> str:
-    """Returns a hash of several texts with 20 hexadecimal digits: 80 bits make collisions unlikely."""
+    """Returns a hash of several texts with 20 hexadecimal digits. With 80 bits, collisions are unlikely."""
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:20]

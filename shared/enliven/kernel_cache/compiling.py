@@ -1,4 +1,4 @@
-"""Reports when kernels are compiled, and delays garbage collection during compilation."""
+"""Reports the compilation of kernels, and delays garbage collection during compilation."""
 
 from __future__ import annotations
 
@@ -12,14 +12,17 @@ from numba.core import event
 
 log = logging.getLogger(__name__)
 _QUIET_S = 5.0
-"""Seconds of compilation after which the log explains the wait. Compiling a few kernels needs no explanation.
+"""Duration of compilation in seconds after which a log message explains the delay. Compiling a few kernels
+takes less time.
 """
 _EVENT = "numba:compile"
-"""Numba's event for the compilation of one function. Functions that it calls are compiled within it."""
+"""Name of Numba's event for the compilation of one function. Functions that it calls are compiled within this
+event."""
 
 
 class _Compilations(event.Listener):  # type: ignore[misc]
-    """Counts compiled functions of this process. Numba compiles in one thread at a time, under a lock.
+    """A listener that counts the compiled functions of this process. Numba compiles in one thread at a time,
+    under a lock.
 
     Compilation creates many objects that live until its end. Garbage collection would take a tenth of the
     time and free nothing. So it is delayed until the outermost function is compiled. This needs at most 80 MB
@@ -36,8 +39,8 @@ class _Compilations(event.Listener):  # type: ignore[misc]
         self._has_explained = False
 
     def on_start(self, event: object) -> None:
-        """Disables garbage collection when the outermost function starts to compile, and reports the count so
-        far.
+        """Disables garbage collection when the compilation of the outermost function starts, and reports the
+        current count.
         """
         if self._depth == 0:
             self._explain()
@@ -59,7 +62,7 @@ class _Compilations(event.Listener):  # type: ignore[misc]
             gc.enable()
 
     def _explain(self) -> None:
-        """Writes once to the log that kernels are compiled, unless a caller shows the progress itself."""
+        """Logs once that kernels are being compiled, unless a caller shows the progress itself."""
         if self._seconds > _QUIET_S and not self._has_explained and not self.callbacks:
             self._has_explained = True
             log.info("compiling kernels; this takes a minute or two, once on this machine")
@@ -78,8 +81,8 @@ def on_compilation(callback: Callable[[int], None]) -> Iterator[None]:
     """Calls a function whenever this process starts to compile a function.
 
     Args:
-        callback: takes the number of functions that this process has compiled so far. It runs in the thread
-            that compiles, and must be quick.
+        callback: a function that is called with the number of functions that this process has compiled. It
+            runs in the compiling thread, so it must be fast.
     """
     _compilations.callbacks.append(callback)
     try:

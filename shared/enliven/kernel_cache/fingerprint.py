@@ -23,18 +23,21 @@ from numba.core.extending import _Intrinsic
 _CONSTANTS = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), range, slice, np.generic)
 """Types with a ``repr`` that represents the whole value."""
 _LIBRARIES = ("numba", "numpy", "scipy", "llvmlite", "builtins", "math")
-"""Packages with functions that are hashed by name only. Their versions are part of every file name."""
+"""Packages with functions that are hashed by name only, because the package versions are part of every file
+name."""
 _FUNCTION = 0x3
-"""Flags ``CO_OPTIMIZED | CO_NEWLOCALS`` of a code object. Only functions have them, not modules and classes.
+"""Flags ``CO_OPTIMIZED | CO_NEWLOCALS`` of a code object. Only the code of functions has them, not that of
+modules and classes.
 """
 _HAS_DOCSTRING = 0x4000000
-"""Flag of code with a docstring as its first constant, from Python 3.13 on."""
+"""Flag of a code object that has a docstring as its first constant, since Python 3.13."""
 _GENERATORS = ("kernels.py", "lanes.py", "lane_blocks.py")
-"""Files next to this package that generate code: they define overloads and intrinsics for all kernels."""
+"""Files next to this package that define overloads and intrinsics, which generate code for all kernels."""
 
 
 def fingerprint(kernel: FunctionType) -> str:
-    """Returns the hash (64 hexadecimal digits) of a kernel's Python function and of all code it reaches."""
+    """Returns the hash (64 hexadecimal digits) of a kernel's Python function and of all code that it
+    calls."""
     hashes, waiting = {}, [kernel]
     while waiting:
         function = waiting.pop()
@@ -46,7 +49,7 @@ def fingerprint(kernel: FunctionType) -> str:
 
 @functools.cache
 def _hash_function(function: FunctionType) -> tuple[str, tuple[FunctionType, ...]]:
-    """Returns the hash of one function, and the functions that it may call. The hash does not cover these."""
+    """Returns the hash of one function, and the functions that it may call, which the hash does not cover."""
     reached_functions: list[FunctionType] = []
     cells = [cell.cell_contents for cell in function.__closure__ or ()]
     values = [function.__defaults__, function.__kwdefaults__, *cells]
@@ -63,7 +66,8 @@ def _hash_function(function: FunctionType) -> tuple[str, tuple[FunctionType, ...
 
 
 def describe_code(code: CodeType) -> str:
-    """Returns byte code, names and constants of a code object, without docstrings and line numbers.
+    """Returns a text with byte code, names and constants of a code object, without docstrings and line
+    numbers.
 
     Parameters are included by name, since they may be passed by keyword. Of other local variables only the
     number is included, since the byte code reads them by index.
@@ -84,8 +88,8 @@ def _starts_with_docstring(code: CodeType) -> bool:
 
 
 def _describe_constant(value: object) -> str:
-    """Returns the text of a code object's constant. Sets are sorted, since their order differs between
-    processes.
+    """Returns a text that represents a constant of a code object. Sets are sorted, since their order differs
+    between processes.
     """
     if isinstance(value, CodeType):
         return describe_code(value)
@@ -97,7 +101,8 @@ def _describe_constant(value: object) -> str:
 
 
 def _globals_of(function: FunctionType) -> Iterator[tuple[str, object]]:
-    """Yields names and values of the globals that a function may read, directly or through modules."""
+    """Yields names and values of the globals that a function may read, directly or as attributes of
+    modules."""
     names = set(_names_of(function.__code__))
     for name in names & function.__globals__.keys():
         value = function.__globals__[name]
@@ -115,7 +120,7 @@ def _names_of(code: CodeType) -> Iterator[str]:
 
 
 def _describe_value(value: Any, reached: list[FunctionType]) -> str:
-    """Returns the text of a value that a kernel reads. Adds functions that the kernel may call to
+    """Returns a text that represents a value that a kernel reads. Adds functions that the kernel may call to
     ``reached``.
     """
     if isinstance(value, Dispatcher):
@@ -143,8 +148,8 @@ def _describe_value(value: Any, reached: list[FunctionType]) -> str:
 
 
 def describe_options(kernel: Any) -> str:
-    """Returns the text of a kernel's compiler options. Sets are sorted, since their order differs between
-    processes.
+    """Returns a text that represents a kernel's compiler options. Sets are sorted, since their order differs
+    between processes.
     """
     return repr(
         [

@@ -1,8 +1,8 @@
-"""Loads stored machine code without the parts of Numba that only the compiler needs.
+"""Loads machine code from files without initialising the parts of Numba that only the compiler needs.
 
-Numba itself loads a stored kernel as if it were about to compile: it first imports all its lowering rules and
-SciPy's linear algebra, and it parses the bitcode that other kernels can include. For the 112 kernels of an
-edge that took 0.8 s of processor time. Here, all of it waits until this process compiles a kernel.
+When Numba itself loads a stored kernel, it imports all lowering rules and SciPy's linear algebra, and parses
+the bitcode that other kernels can include. For the 112 kernels of an edge, this took 0.8 s of processor time.
+Here, it is delayed until this process compiles a kernel.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from numba.core.environment import Environment, lookup_environment
 from numba.core.runtime import rtsys
 
 HASH_SYMBOLS = b"_numba_hashsecret_"
-"""Start of the names of the only symbols that Numba defines as it prepares to compile: Python's hash secrets.
-It defines all other symbols of machine code earlier."""
+"""Prefix of the names of Python's hash secrets. They are the only symbols of machine code that Numba defines
+when it initialises the compiler. All other symbols are defined earlier."""
 _HASH_MODULE = "numba.cpython.hashing"
-"""The module that defines them."""
+"""The module that defines the symbols of the hash secrets."""
 _ENVIRONMENT_READER = ("numba.core.environment", "_rebuild_env")
 """Module and name of Numba's function that reads the environment of a function: its constants and globals."""
 
 
 class StoredLibrary(JITCodeLibrary):  # type: ignore[misc]
-    """Machine code from a file. Its bitcode is parsed when another kernel is compiled from it.
+    """Machine code from a file. Its bitcode is parsed only when a kernel that includes it is compiled.
 
     Args:
         codegen: Numba's code generator.
@@ -55,15 +55,15 @@ class StoredLibrary(JITCodeLibrary):  # type: ignore[misc]
     def get_pointer_to_function(self, name: str) -> int:
         """Returns the address of a function, or 0 if this library has none with that name.
 
-        Numba only calls this with the names of a kernel's own entry points. Bitcode that contains such a name
-        defines the function.
+        Numba calls this method only with the names of a kernel's own entry points. If the bitcode contains
+        such a name, it defines the function.
         """
         if self._bitcode is not None and name.encode() in self._bitcode:
             self._codegen._engine._defined_symbols.add(name)
         return int(super().get_pointer_to_function(name))
 
     def _get_module_for_linking(self) -> Any:
-        """Returns the module that other kernels include when they are compiled."""
+        """Returns the LLVM module that other kernels include when they are compiled."""
         if self._bitcode is not None:
             self._shared_module = llvmlite.binding.parse_bitcode(self._bitcode)
             self._codegen._engine._load_defined_symbols(self._shared_module)
@@ -72,7 +72,7 @@ class StoredLibrary(JITCodeLibrary):  # type: ignore[misc]
 
 
 def rebuild_kernel(target_context: Any, data: tuple[Any, ...]) -> Any:
-    """Returns the compiled kernel from its serialised form. Hold Numba's compiler lock.
+    """Returns the compiled kernel from its serialised form. The caller must hold Numba's compiler lock.
 
     Args:
         target_context: Numba's target.
@@ -90,7 +90,8 @@ def unpickle_kernel(data: bytes) -> Any:
 
 
 class _KernelUnpickler(pickle.Unpickler):
-    """Reads serialised kernels without importing the modules of the functions that they contain."""
+    """An unpickler that reads serialised kernels without importing the modules of the functions that they
+    contain."""
 
     def find_class(self, module: str, name: str) -> Any:
         """Returns a class or function by its name. Replaces Numba's reader of environments."""
@@ -100,10 +101,10 @@ class _KernelUnpickler(pickle.Unpickler):
 
 
 def _read_environment(module: str, constants: list[Any], name: str) -> Environment:
-    """Returns the environment of a function of a kernel.
+    """Returns Numba's environment of a kernel's function, which contains constants and globals.
 
-    Numba reads its constants for exceptions. It reads its globals only in object mode, which kernels do not
-    use. So the globals of a module that is not imported yet are left out, except for the name of the module.
+    Numba uses the constants for exceptions, and the globals only in object mode, which kernels do not use. So
+    if a module is not imported yet, its globals are left out, except for the module's name.
     """
     environment = lookup_environment(name)
     if environment is not None:

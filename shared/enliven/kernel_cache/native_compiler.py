@@ -1,7 +1,8 @@
-"""The process that compiles kernels for this exact processor: :mod:`~enliven.kernel_cache.native_schedule`.
+"""The program of the process that compiles kernels for this exact processor.
+:mod:`~enliven.kernel_cache.native_schedule` starts it.
 
-It reads the list of kernels from its standard input, which the parent program keeps open. When the input
-ends, the parent has ended, and this process ends, too.
+It reads the list of kernels from its standard input, which the parent program keeps open. The input is closed
+when the parent ends, and then this process ends, too.
 """
 
 from __future__ import annotations
@@ -29,17 +30,17 @@ else:
     import fcntl
 
 Wanted = dict[str, tuple[str, str, bytes]]
-"""The kernels to compile, by file name of the native kernel: module, name in the module, and pickled argument
-types.
+"""The kernels to compile. Maps the file name of the native kernel to its module, its name in the module, and
+its pickled argument types.
 """
 _LATER = 3
-"""Exit code if another process is compiling already, or the computer runs on battery."""
+"""Exit code if another process is already compiling, or the computer runs on battery."""
 _NICENESS = 19
 """The lowest priority of POSIX."""
 _IOPRIO_SET = {"x86_64": 251, "aarch64": 30}
 """Number of Linux's system call ``ioprio_set``, by machine. The C library has no function for it."""
 _IDLE_IO = 3 << 13
-"""Linux's disk access class (idle) that waits for all other processes."""
+"""Linux's I/O priority class "idle", in which disk access waits for all other processes."""
 
 
 def main(program: str) -> int:
@@ -67,7 +68,7 @@ def lower_priority() -> None:
 
 
 def compile_missing(program: str, wanted: Wanted, folder: Path) -> int:
-    """Compiles one kernel after the other, and stores the state after each one. Returns the exit code."""
+    """Compiles the kernels in sequence, and stores the state after each kernel. Returns the exit code."""
     stored_set = NativeSet.load(program)
     compiled_names = [name for name in stored_set.kernels if (folder / name).exists()]
     missing_names = [
@@ -97,13 +98,13 @@ def _compile(name: str, module: str, kernel: str, signature: bytes) -> bool:
         if dispatcher._cache.file_name(types, target) != name:
             return False
         dispatcher.compile(types)
-    except Exception:  # Sessions use the portable code of this kernel.
+    except Exception:  # Sessions use the portable code of this kernel instead.
         return False
     return True
 
 
 def _end_with_input() -> None:
-    """Ends this process at the end of its standard input."""
+    """Ends this process when its standard input is closed."""
     with contextlib.suppress(OSError):
         while os.read(sys.stdin.fileno(), 1):  # Python's own reader would block the end of the interpreter.
             pass

@@ -1,7 +1,7 @@
-"""Compiles the kernels of a program for this exact processor, in a process of lowest priority.
+"""Compiles the kernels of a program for this exact processor, in a separate process with the lowest priority.
 
-The process starts when the program has used no new kernel for a minute, and ends with the program. It never
-delays the program: the operating system runs it only on a core that is idle otherwise.
+The process starts when the program has used no new kernel for a minute, and ends with the program. It does
+not delay the program, because the operating system runs it only on idle cores.
 """
 
 from __future__ import annotations
@@ -26,15 +26,16 @@ from enliven.kernel_cache.target import has_chosen_target, host_processor
 log = logging.getLogger(__name__)
 
 QUIET_S = 60.0
-"""Seconds without a new kernel after which the compilation starts. It is longer than a program's start."""
+"""Time in seconds without a new kernel after which the compilation starts. It is longer than the start of a
+program."""
 _COMPILER = "enliven.kernel_cache.native_compiler"
-"""Module that runs in the process of lowest priority."""
+"""Module that the process with the lowest priority runs."""
 _POWER_SUPPLIES = Path("/sys/class/power_supply")
 """Linux's folder of batteries and power supplies."""
 
 
 class _Cache(Protocol):
-    """The part of a kernel's cache that the schedule needs."""
+    """The interface of a kernel's cache that the schedule needs."""
 
     @property
     def location(self) -> tuple[str, str]: ...
@@ -48,7 +49,7 @@ def record_use(cache: _Cache, signature: Any, platform: str) -> None:
 
     Args:
         cache: the kernel's cache.
-        signature: its argument types.
+        signature: argument types of the kernel.
         platform: LLVM's name of the platform.
     """
     schedule = _schedule()
@@ -65,7 +66,8 @@ def _schedule() -> Schedule | None:
 
 
 class Schedule:
-    """The kernels of this session, and a thread that compiles native ones after a minute without new kernels.
+    """The kernels of this session, and a thread that compiles native code for them after a minute without new
+    kernels.
 
     Args:
         program: name of the program.
@@ -86,14 +88,14 @@ class Schedule:
         self._used.append((cache, signature, platform))
 
     def end(self) -> None:
-        """Ends the compilation. The finished kernels stay on disk."""
+        """Stops the compilation. The finished kernels stay on disk."""
         self._ends.set()
         if self._process is not None:
             self._process.kill()
             self._process.wait()
 
     def _run(self) -> None:
-        """Compiles after each minute without new kernels, until the program ends."""
+        """Runs the compilation after each minute without new kernels, until the program ends."""
         count = 0
         while not self._ends.wait(QUIET_S):
             is_quiet = time.monotonic() - self._last_use >= QUIET_S
@@ -102,14 +104,15 @@ class Schedule:
             used_kernels = self._used[:]
             try:
                 code = self._compile(used_kernels)
-            except Exception as error:  # A fault here must not disturb the program.
+            except Exception as error:  # An error in this thread must not affect the program.
                 log.warning("no native code is compiled in the background: %s", error)
                 return
             if code == 0:
                 count = len(used_kernels)
 
     def _compile(self, used: list[tuple[_Cache, Any, str]]) -> int:
-        """Compiles native code for kernels, and waits for its end. Returns the exit code of the process."""
+        """Starts the process that compiles native code for kernels, and waits for its end. Returns its exit
+        code."""
         from numba.core.serialize import dumps
 
         name, features = host_processor()
@@ -143,12 +146,13 @@ class Schedule:
         assert process.stdin is not None
         self._process = process
         pickle.dump(kernels_by_name, process.stdin)
-        process.stdin.flush()  # Keep the input open: its end tells the process that the program has ended.
+        process.stdin.flush()  # Keep the input open. The process ends when it is closed.
         return process.wait()
 
 
 def runs_on_battery() -> bool:
-    """Returns True if a battery of this computer is discharging. Always False on other systems than Linux."""
+    """Returns True if a battery of this computer is discharging. Always returns False on systems other than
+    Linux."""
     with contextlib.suppress(OSError):
         return any(
             (supply / "status").read_text().strip() == "Discharging"

@@ -1,12 +1,13 @@
-"""The kernels of each program that are compiled for this exact processor, and those still to be compiled.
+"""The sets of kernels that are compiled, or must still be compiled, for this exact processor. There is one
+set per program.
 
-A release ships kernels for processor levels. Code for the exact processor (native code) is faster on some
-processors. A program that has run for a while compiles it in the background
-(:mod:`~enliven.kernel_cache.native_schedule`). Its later sessions use native code once all kernels of the
-earlier sessions are compiled. A session uses one target from its start to its end.
+A release contains kernels for processor levels. Code for the exact processor (native code) is faster on some
+processors. After a program has run for some time, native code is compiled in the background
+(:mod:`~enliven.kernel_cache.native_schedule`). When all kernels of earlier sessions are compiled, later
+sessions use native code. The target does not change during a session.
 
-The environment variable ``ENLIVEN_NATIVE_KERNELS`` is ``off`` for no native code. With ``on``, every
-processor gets native code, also in continuous integration.
+If the environment variable ``ENLIVEN_NATIVE_KERNELS`` is ``off``, native code is disabled. If it is ``on``,
+native code is enabled on every processor, also in continuous integration.
 """
 
 from __future__ import annotations
@@ -32,12 +33,13 @@ _MODE_VARIABLE = "ENLIVEN_NATIVE_KERNELS"
 _GAINING_FEATURES = ("avx512f", "avx512vl")
 """Processor features (LLVM's names) that make native code faster than code for x86-64-v3.
 
-docs/releasing.md has the measurements. Processors without these features were not measured.
+docs/releasing.md contains the measurements. Processors without these features were not measured.
 """
 
 
 def wants_native_code() -> bool:
-    """Returns True if named programs use and compile native code on this machine."""
+    """Returns True if native code is enabled for programs on this machine that have called
+    :func:`name_program`."""
     mode = os.environ.get(_MODE_VARIABLE, "")
     if mode == "off" or user_folder() is None:
         return False
@@ -57,7 +59,7 @@ def gains_from_native_code() -> bool:
 
 @dataclasses.dataclass(frozen=True)
 class NativeSet:
-    """The native kernels of one program on one processor, as its state file lists them.
+    """The native kernels of one program on one processor, as stored in a state file.
 
     Attributes:
         program: name of the program.
@@ -101,7 +103,7 @@ class NativeSet:
 
     @property
     def is_complete(self) -> bool:
-        """True if there are native kernels, none is missing, and all their files exist."""
+        """True if there are native kernels, none of them is missing, and all their files exist."""
         folder = user_folder()
         if not self.kernels or self.missing or folder is None:
             return False
@@ -123,7 +125,8 @@ def stored_sets() -> list[NativeSet]:
 
 
 def begins_native_session() -> bool:
-    """Returns True if this process should use native code from its start: its program has a complete set."""
+    """Returns True if this process should use native code from its start, because its program has a complete
+    set."""
     if not uses_native_code() or not can_choose_target():
         return False
     return NativeSet.load(os.environ[PROGRAM_VARIABLE]).is_complete
@@ -133,7 +136,7 @@ def _state_file(program: str) -> Path:
     """Returns the path of a program's state file.
 
     Raises:
-        OSError: if the user has no folder for kernels.
+        OSError: if the user does not have a folder for kernels.
     """
     folder = user_folder()
     if folder is None:

@@ -1,4 +1,5 @@
-"""The name of the running program. It is read without Numba, so that every command starts quickly."""
+"""The name of the running program. This module does not import Numba, so that every command starts
+quickly."""
 
 import os
 
@@ -7,7 +8,7 @@ PROGRAM_VARIABLE = "ENLIVEN_PROGRAM"
 
 
 def name_program(name: str) -> None:
-    """Sets the name of the program that this process runs. Call it before any kernel, because native code
-    depends on the name.
+    """Sets the name of the program that this process runs. Call it before the first kernel, because the set
+    of native kernels depends on the name.
     """
     os.environ[PROGRAM_VARIABLE] = name

@@ -1,4 +1,5 @@
-"""Folders of compiled kernels: the user's own, and the one in an installed wheel."""
+"""The folders of compiled kernels: the user's folder, and the folder in the installed package
+``enliven-kernels``."""
 
 from __future__ import annotations
 
@@ -17,19 +18,20 @@ import zstandard
 
 _LEVEL = 9
 """Compression level of Zstandard. It reduces the size to 40 % in 2 ms per kernel. Higher levels save 5 %
-more, but are slow.
+more, but they are slow.
 """
 _MAX_UNUSED_S = 60 * 86400.0
-"""Seconds after which an unused file in the user's folder is deleted: two months."""
+"""Time in seconds after which an unused file in the user's folder is deleted (two months)."""
 _SHIPPED = "enliven_kernels"
-"""Name of the package with the compiled kernels of a release. Its folder ``kernels`` has the same format as
-the user's folder.
+"""Name of the Python package with the compiled kernels of a release. Its folder ``kernels`` has the same
+format as the user's folder.
 """
 
 
 @functools.cache
 def shipped_folders() -> tuple[Path, ...]:
-    """Returns the folder of the installed ``enliven-kernels``, or nothing if it is not installed."""
+    """Returns the folder of the installed package ``enliven-kernels``. The result is empty if it is not
+    installed."""
     spec = importlib.util.find_spec(_SHIPPED)
     return (
         tuple(Path(folder) / "kernels" for folder in (spec.submodule_search_locations or ())) if spec else ()
@@ -38,10 +40,11 @@ def shipped_folders() -> tuple[Path, ...]:
 
 @functools.cache
 def user_folder() -> Path | None:
-    """Returns the folder to write to: ``NUMBA_CACHE_DIR``, or a folder in the user's cache folder.
+    """Returns the user's folder, to which kernels are written: ``NUMBA_CACHE_DIR``, or a folder in the user's
+    cache folder.
 
-    Returns None if the user has no home folder. Only the user may write to the folder, since its code runs
-    unchecked.
+    Returns None if the user has no home folder. Only the user may write to the folder, since code in it is
+    executed unchecked.
     """
     if configured := os.environ.get("NUMBA_CACHE_DIR"):
         return Path(configured)
@@ -52,15 +55,17 @@ def user_folder() -> Path | None:
 
 
 def load_kernel(name: str, unpickle: Callable[[bytes], Any] = pickle.loads) -> Any:
-    """Returns the data that was saved under a name, or None if no folder has a readable file with it.
+    """Returns the data that was saved under a name, or None if no folder contains a readable file with this
+    name.
 
     Args:
-        unpickle: reads the serialised data.
+        unpickle: the function that reads the serialised data.
     """
     writable_folder = user_folder()
     for folder in (*shipped_folders(), *(() if writable_folder is None else (writable_folder,))):
         path = folder / name
-        # Unpickling a damaged file may raise any exception. It counts as missing, and is written again.
+        # Unpickling a damaged file may raise any exception. A damaged file counts as missing, and is written
+        # again.
         with contextlib.suppress(Exception):
             data = path.read_bytes()
             with contextlib.suppress(OSError):
@@ -70,7 +75,7 @@ def load_kernel(name: str, unpickle: Callable[[bytes], Any] = pickle.loads) -> A
 
 
 def save_kernel(name: str, data: Any) -> None:
-    """Writes machine code into the user's folder atomically. Does nothing if the disk is full."""
+    """Writes machine code to the user's folder atomically. Does nothing if the disk is full."""
     folder = user_folder()
     if folder is None:
         return
@@ -79,7 +84,7 @@ def save_kernel(name: str, data: Any) -> None:
     with contextlib.suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         _delete_unused(folder)
-        # The checksum finds damage that would otherwise be run as machine code.
+        # The checksum detects damaged files, which must not be executed as machine code.
         compressed = zstandard.ZstdCompressor(level=_LEVEL, write_checksum=True).compress(dumps(data))
         handle, part = tempfile.mkstemp(dir=folder, suffix=".part")
         try:

@@ -1,4 +1,4 @@
-"""The processor that kernels are compiled for: a named level instead of the exact host processor."""
+"""The target processor of kernels: a named processor level instead of the exact host processor."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ _LEVELS = {
     "x86-64-v3": ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe"),
     "x86-64-v2": ("cx16", "popcnt", "sse3", "sse4.1", "sse4.2", "ssse3"),
 }
-"""Processor features that each x86-64 level needs, by LLVM's names, best level first.
+"""Processor features (LLVM's names) that each x86-64 level requires, best level first.
 
-See the x86-64 psABI, section 3.1.1. Level 4 (AVX-512) is left out: LLVM uses 256-bit vectors there as well.
+See the x86-64 psABI, section 3.1.1. Level 4 (AVX-512) is left out, because LLVM uses 256-bit vectors on it,
+too.
 """
 _ARM = "generic"
 """LLVM's name for ARMv8-A with Neon, which every 64-bit ARM processor has."""
@@ -26,7 +27,8 @@ made.
 
 
 def processor_levels() -> tuple[str, ...]:
-    """Returns LLVM's names of this processor's levels, best first. Empty for other architectures."""
+    """Returns LLVM's names of the levels that this processor supports, best first. The result is empty on
+    other architectures."""
     machine = platform.machine().lower()
     if machine in ("aarch64", "arm64"):
         return (_ARM,)
@@ -48,8 +50,8 @@ def host_processor() -> tuple[str, str]:
 def can_choose_target() -> bool:
     """Returns True if this process may choose its target.
 
-    It may not if ``NUMBA_CPU_NAME`` or ``NUMBA_CPU_FEATURES`` request a target, if the processor has no
-    level, or if Numba has already compiled code for the host processor. A process has only one target.
+    A process has only one target. It cannot be chosen if ``NUMBA_CPU_NAME`` or ``NUMBA_CPU_FEATURES`` request
+    a target, if the processor has no level, or if Numba has already compiled code for the host processor.
     """
     config = numba.core.config
     is_fixed = config.CPU_NAME is not None or config.CPU_FEATURES is not None

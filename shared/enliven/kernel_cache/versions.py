@@ -14,5 +14,6 @@ CODE_VERSIONS = (
 )
 """Versions that determine byte code, the serialised form of machine code and the code of library functions.
 
-NumPy's code is not compiled into kernels, and the layout of its arrays changes with a major version at most.
+Only NumPy's major version is included, because NumPy's code is not compiled into kernels, and the layout of
+its arrays changes at most with a major version.
 """

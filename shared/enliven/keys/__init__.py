@@ -1,3 +1,3 @@
-"""Keys for encrypted connections: key files, roles, the encrypted channel of a connection, and pairing with a
+"""Encrypted connections: key files, roles of viewers, the encrypted channel of a connection, and pairing by a
 code.
 """

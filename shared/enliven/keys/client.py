@@ -14,9 +14,10 @@ from enliven.errors import InputError
 from enliven.keys.key_files import KeyPair, KeyStore
 
 HandshakeProblem = Literal["", "not paired", "other key", "needs keys", "has no keys"]
-"""Why an edge rejects a viewer. "not paired": the edge does not know the viewer's key. "other key": the edge
-has a different key than the stored one. "needs keys": the edge accepts paired viewers only, and this viewer
-is not paired. "has no keys": the viewer expects keys, and the edge uses none. Empty: no problem is known.
+"""The reason why an edge rejects a viewer. "not paired": the edge does not know the viewer's key. "other
+key": the edge has a different key than the stored one. "needs keys": the edge accepts only paired viewers,
+and this viewer is not paired. "has no keys": the viewer expects encryption, but the edge does not use keys.
+Empty: no problem is known.
 """
 _EVENTS = (
     zmq.EVENT_HANDSHAKE_SUCCEEDED
@@ -25,7 +26,7 @@ _EVENTS = (
     | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
 )
 _MAX_EVENTS_PER_POLL = 32
-"""Maximum number of events that one call reads."""
+"""Maximum number of socket events that one call of :meth:`HandshakeWatch.poll` reads."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class ClientKeys:
     """The keys of a viewer for one edge.
 
     Attributes:
-        server: the edge's public key. Another edge at the same address cannot answer.
+        server: the edge's public key. An edge with another key is rejected.
         key_pair: the viewer's key pair.
     """
 
@@ -41,20 +42,21 @@ class ClientKeys:
     key_pair: KeyPair
 
     def apply(self, socket: zmq.Socket[Any]) -> None:
-        """Makes a socket encrypt, and accept only the edge with the expected key. Call before it connects."""
+        """Enables encryption on a socket, and makes it accept only the edge with the expected key. Call it
+        before the socket connects."""
         socket.curve_serverkey = z85.encode(self.server)
         socket.curve_publickey = z85.encode(self.key_pair.public)
         socket.curve_secretkey = z85.encode(self.key_pair.secret)
 
 
 def find_client_keys(host: str, control_port: int, folder: Path | None = None) -> ClientKeys | None:
-    """Returns the keys for the edge at an address. None if it is not paired, and needs no keys.
+    """Returns the keys for the edge at an address, or None if this user is not paired with it.
 
     Args:
-        folder: the folder of the key files. None for the user's folder.
+        folder: the folder of the key files. None means the user's folder.
 
     Raises:
-        InputError: if a key file is missing or damaged, or others may read it.
+        InputError: if a key file is missing, damaged, or readable by other users.
     """
     store = KeyStore(folder)
     server = store.server_key(host, control_port)
@@ -71,7 +73,8 @@ def find_client_keys(host: str, control_port: int, folder: Path | None = None) -
 
 
 class HandshakeWatch:
-    """Reports why the connections of a viewer's socket fail. Create it before the socket connects.
+    """A monitor that reports why the connections of a viewer's socket fail. Create it before the socket
+    connects.
 
     Args:
         uses_keys: True if the socket has keys.
@@ -86,8 +89,8 @@ class HandshakeWatch:
         self.problem: HandshakeProblem = ""
 
     def poll(self) -> None:
-        """Reads the events since the last call; does not block."""
-        # Imported here, because it imports asyncio, which an edge does not need.
+        """Reads the socket events since the last call without blocking."""
+        # Import it here, because it imports asyncio, which an edge does not need.
         from zmq.utils.monitor import recv_monitor_message
 
         for _ in range(_MAX_EVENTS_PER_POLL):
@@ -98,7 +101,7 @@ class HandshakeWatch:
             self.problem = self._problem_from_event(int(event["event"]), int(event["value"]))
 
     def close(self) -> None:
-        """Stops watching. Call before the socket is closed."""
+        """Stops the monitor. Call it before the socket is closed."""
         with contextlib.suppress(zmq.ZMQError):
             self._socket.disable_monitor()
         self._monitor.close(linger=0)
@@ -110,13 +113,14 @@ class HandshakeWatch:
         if event == zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL:
             if value == zmq.PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH:
                 return "has no keys" if self._uses_keys else "needs keys"
-            # The edge's answer was not made with the key that this viewer expects.
+            # The edge does not have the key that this viewer expects.
             return "other key" if self._uses_keys else ""
         return "" if event == zmq.EVENT_HANDSHAKE_SUCCEEDED else self.problem
 
 
 def handshake_advice(problem: HandshakeProblem, host: str) -> str:
-    """Returns a sentence for the user about a problem, after the words "the edge at ADDRESS"."""
+    """Returns the rest of a sentence for the user about a problem. The sentence begins with "the edge at
+    ADDRESS"."""
     return _ADVICE[problem].format(host=host) if problem else ""
 
 

@@ -1,8 +1,8 @@
-"""The server's side of CurveZMQ (https://rfc.zeromq.org/spec/26): bytes in, bytes out, no socket.
+"""The server side of CurveZMQ (https://rfc.zeromq.org/spec/26). It converts bytes to bytes, without I/O.
 
-Viewers use libzmq for the protocol. The edge cannot, since its sockets do not use libzmq (see
-:mod:`enliven.wire.zmtp`). All cryptography is libsodium's, by PyNaCl: X25519 for the keys of a connection,
-XSalsa20-Poly1305 for its messages.
+Viewers use libzmq for the protocol. The edge cannot use it, since its sockets are not libzmq sockets (see
+:mod:`enliven.wire.zmtp`). All cryptography is from libsodium through PyNaCl: X25519 for the keys of a
+connection, XSalsa20-Poly1305 for its messages.
 """
 
 from __future__ import annotations
@@ -19,32 +19,33 @@ from nacl.exceptions import CryptoError
 from enliven.keys.key_files import KEY_BYTES, KeyPair
 
 COMMAND_FLAG = 2
-"""Flag inside a sealed message that marks a command of the protocol. The flag 1 means that more parts follow.
-"""
+"""Flag inside an encrypted message that contains a protocol command. The flag 1 means that more parts
+follow."""
 OVERHEAD = 33
-"""Bytes that sealing adds to a message: its name, nonce, authenticator and flags."""
+"""Number of bytes that encryption adds to a message: name, nonce, authenticator and flags."""
 UNKNOWN_VIEWER = b"400"
 """Status in the ERROR command for a viewer that is not paired. libzmq reports it to the viewer."""
 OTHER_EDGE_KEY = b"500"
-"""Status for a viewer that expects another key of this edge."""
+"""Status in the ERROR command for a viewer that expects another key of this edge."""
 
 _HELLO, _INITIATE, _MESSAGE = b"\x05HELLO", b"\x08INITIATE", b"\x07MESSAGE"
 _HELLO_BYTES = 200
-"""Bytes of HELLO. It is padded, so that no answer of the edge is longer than the question."""
+"""Size in bytes of the command HELLO. It is padded, so that the edge's answer is never longer than the
+request."""
 _COOKIE_BYTES = 96
-"""Bytes of the cookie that WELCOME sends and INITIATE returns."""
+"""Size in bytes of the cookie that WELCOME contains and INITIATE returns."""
 _SHORT_NONCE = 8
-"""Bytes of a nonce that is a counter. It follows a prefix of 16 bytes, which differs by command and side."""
+"""Size in bytes of a counter nonce. It follows a prefix of 16 bytes, which depends on command and side."""
 _LONG_NONCE = 16
-"""Bytes of a random nonce, after a prefix of 8 bytes."""
+"""Size in bytes of a random nonce. It follows a prefix of 8 bytes."""
 _VOUCH_BYTES = _LONG_NONCE + 80
 _MIN_INITIATE_BYTES = 9 + _COOKIE_BYTES + _SHORT_NONCE + 16 + KEY_BYTES + _VOUCH_BYTES
 _MAX_COUNT = 2**64 - 1
-"""Message count at which a connection ends, because counts must never repeat."""
+"""Maximum message count. A connection ends when it is reached, because counts must never repeat."""
 
 
 class CurveError(Exception):
-    """An invalid handshake or message. ``status`` is sent to the viewer, if there is one."""
+    """Raised for an invalid handshake or message. ``status`` is sent to the viewer if it is not empty."""
 
     def __init__(self, why: str, status: bytes = b"") -> None:
         super().__init__(why)
@@ -53,11 +54,11 @@ class CurveError(Exception):
 
 @dataclass(frozen=True)
 class CurveServer:
-    """The long-term keys of an edge, and the viewers that it admits.
+    """The long-term keys of an edge, and the check of viewers.
 
     Attributes:
         keys: the edge's key pair.
-        admits: returns True if a viewer's public key may connect.
+        admits: a function that returns True if the viewer with a given public key may connect.
     """
 
     keys: KeyPair
@@ -67,11 +68,11 @@ class CurveServer:
 class CurveChannel:
     """The encrypted channel of one connection: first its handshake, then its messages.
 
-    Each connection has its own keys, which both sides forget at its end. So stored traffic stays unreadable,
-    even if a long-term key is stolen later (forward secrecy).
+    Each connection has its own short-term keys, which both sides discard at its end. So recorded traffic
+    cannot be decrypted, even if a long-term key is stolen later (forward secrecy).
 
     Attributes:
-        client: the viewer's public key, once it has proven that it has the secret one. None before.
+        client: the viewer's public key, after the viewer has proven that it has the secret key. None before.
     """
 
     def __init__(self, server: CurveServer) -> None:
@@ -90,10 +91,10 @@ class CurveChannel:
         """Handles a command of the handshake and returns the command to send back.
 
         Args:
-            metadata: the properties of this side for the READY command.
+            metadata: the metadata of this side of the connection, for the command READY.
 
         Raises:
-            CurveError: if the command is wrong, or the viewer is not admitted.
+            CurveError: if the command is invalid, or the viewer may not connect.
         """
         try:
             if not self._cookie and data.startswith(_HELLO):
@@ -105,7 +106,7 @@ class CurveChannel:
         raise CurveError("not the expected command of the handshake")
 
     def _answer_hello(self, data: bytes) -> bytes:
-        """Answers HELLO, which contains the viewer's key for this connection, with the edge's key."""
+        """Answers HELLO, which contains the viewer's short-term key, with the edge's short-term key."""
         if len(data) != _HELLO_BYTES or data[6:8] != b"\x01\x00":
             raise CurveError("HELLO has another form")
         client_once, count = data[80:112], data[112:120]
@@ -119,14 +120,14 @@ class CurveChannel:
             raise CurveError("HELLO has another form")
         self._client_once = client_once
         self._public_once, self._secret_once = sodium.crypto_box_keypair()
-        # The specification encrypts its state into the cookie, so that a server need not store it. Here the
-        # connection stores it, so a random cookie is enough.
+        # In the specification, the cookie contains the encrypted state, so that a server need not store it.
+        # Here the connection stores the state, so a random cookie is enough.
         self._cookie, nonce = secrets.token_bytes(_COOKIE_BYTES), secrets.token_bytes(_LONG_NONCE)
         plain = self._public_once + self._cookie
         return b"\x07WELCOME" + nonce + sodium.crypto_box(plain, b"WELCOME-" + nonce, client_once, secret)
 
     def _answer_initiate(self, data: bytes, metadata: bytes) -> bytes:
-        """Answers INITIATE, which proves that the viewer has the secret key of its public key."""
+        """Answers INITIATE, which proves that the viewer has the secret key for its public key."""
         if len(data) < _MIN_INITIATE_BYTES:
             raise CurveError("INITIATE has another form")
         if not hmac.compare_digest(data[9 : 9 + _COOKIE_BYTES], self._cookie):
@@ -148,26 +149,27 @@ class CurveChannel:
         return b"\x05READY" + count + self._encrypt(metadata, b"CurveZMQREADY---" + count)
 
     def reserve(self) -> int:
-        """Returns the count of the next message to send. Messages must be sent in the order of counts."""
+        """Reserves the count of the next message to send. Messages must be sent in the order of their
+        counts."""
         self._sent += 1
         return self._sent
 
     def seal(self, data: bytes, flags: int = 0, count: int = 0) -> bytes:
-        """Returns an encrypted message. May be called on another thread if ``count`` is given.
+        """Encrypts a message. May be called on another thread if ``count`` is given.
 
         Args:
             flags: 1 if more parts follow, :data:`COMMAND_FLAG` for a command.
-            count: the message's count from :meth:`reserve`. 0 for the next one.
+            count: the message's count from :meth:`reserve`. 0 means the next count.
         """
         number = struct.pack(">Q", count or self.reserve())
         plain = b"".join((bytes([flags]), data))
         return b"".join((_MESSAGE, number, self._encrypt(plain, b"CurveZMQMESSAGES" + number)))
 
     def open(self, data: bytes) -> tuple[int, bytes]:
-        """Returns the flags and the content of a received message.
+        """Decrypts a received message. Returns its flags and its content.
 
         Raises:
-            CurveError: if it was changed, repeated, reordered, or is not a message.
+            CurveError: if the message was changed, repeated or reordered, or is not a message.
         """
         if not data.startswith(_MESSAGE) or len(data) < OVERHEAD:
             raise CurveError("this is not a sealed message")
@@ -183,8 +185,8 @@ class CurveChannel:
         return sodium.crypto_box_afternm(plain, nonce, self._shared)
 
     def _count(self, count: bytes) -> None:
-        """Raises an error unless a received count is higher than all before. A repeated message is an
-        attack.
+        """Raises CurveError unless a received count is higher than all earlier counts. A repeated message is
+        an attack.
         """
         (number,) = struct.unpack(">Q", count)
         if not self._received < number < _MAX_COUNT:

@@ -6,7 +6,7 @@ The folder ``enliven/keys`` in the user's configuration folder contains:
 - ``viewers/FINGERPRINT.toml``: a viewer that may connect to edges of this user, with its role
 - ``edges/FINGERPRINT.ADDRESS.toml``: an edge that this user has paired with, with its address
 
-Each file is for its owner only (mode 0600), and is created completely or not at all.
+Only its owner can read a file (mode 0600). Files are written completely or not at all.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from enliven.keys.roles import ROLES, Role
 from enliven.settings import read_toml
 
 KEY_BYTES = 32
-"""Bytes of a public or secret key of Curve25519."""
+"""Size in bytes of a public or secret key of Curve25519."""
 _Z85_KEY_LENGTH = 40
 """Length of a key as text in Z85, the encoding that ZeroMQ uses for keys."""
 _FINGERPRINT_DIGITS = 32
@@ -41,11 +41,11 @@ them.
 _MAX_PEERS = 1000
 """Maximum number of paired viewers, and of paired edges, that are read."""
 _MAX_NAME_LENGTH = 64
-"""Maximum length of a peer's name."""
+"""Maximum length of a peer's name in characters."""
 _OTHERS = stat.S_IRWXG | stat.S_IRWXO
-"""Permission bits of the group and of all others."""
+"""Permission bits of the group and of all other users."""
 _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0)
-"""Flags that create a file, and never open an existing one or one behind a link."""
+"""Flags that create a new file. They prevent opening an existing file and following a link."""
 _NEW_KEYS = "Make new keys with: enliven keys make --overwrite. Then pair again with each peer."
 
 
@@ -74,8 +74,8 @@ class PairedEdge:
     Attributes:
         public: the edge's public key.
         name: the edge's name.
-        host: the typed address.
-        control_port: the edge's port for commands.
+        host: the address of the edge, as entered by the user.
+        control_port: the edge's port for requests.
         role: the granted role.
         paired: date of the pairing.
     """
@@ -95,7 +95,7 @@ def fingerprint(public: bytes) -> str:
 
 
 def make_key_pair() -> KeyPair:
-    """Returns a new key pair, which is not stored."""
+    """Creates a new key pair without storing it."""
     import zmq
 
     public, secret = zmq.curve_keypair()
@@ -103,7 +103,7 @@ def make_key_pair() -> KeyPair:
 
 
 def is_loopback(host: str) -> bool:
-    """Returns True if an address or name is loopback without a look-up: 127.0.0.1, ::1 or localhost."""
+    """Returns True if an address or name is loopback: 127.0.0.1, ::1 or localhost. Does not resolve names."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -114,7 +114,7 @@ class KeyStore:
     """The key files of a folder. Files with wrong permissions or damaged content are refused.
 
     Args:
-        folder: folder of the files. None for ``enliven/keys`` in the user's configuration folder.
+        folder: folder of the files. None means ``enliven/keys`` in the user's configuration folder.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -122,14 +122,14 @@ class KeyStore:
 
     @property
     def own_path(self) -> Path:
-        """The file of the own key pair."""
+        """The path of the file with the user's own key pair."""
         return self.folder / "own.toml"
 
     def own(self) -> KeyPair | None:
         """Returns the user's own key pair, or None if there is none.
 
         Raises:
-            InputError: if the file is damaged, belongs to another user, or others may read it.
+            InputError: if the file is damaged, belongs to another user, or is readable by other users.
         """
         import zmq
 
@@ -146,7 +146,7 @@ class KeyStore:
         return keys
 
     def make(self, *, overwrite: bool = False) -> KeyPair:
-        """Creates a new key pair and stores it. Raises errors like :meth:`store_own`."""
+        """Creates a new key pair and stores it. Raises the errors of :meth:`store_own`."""
         pair = make_key_pair()
         self.store_own(pair, overwrite=overwrite)
         return pair
@@ -168,11 +168,11 @@ class KeyStore:
         """Returns the paired viewers by public key.
 
         Args:
-            problems: receives a sentence about each file that cannot be used. If None, such a file raises an
-                error.
+            problems: list to which a sentence about each unusable file is appended. If None, an unusable file
+                raises an error.
 
         Raises:
-            InputError: if a file is damaged, belongs to another user, or others may read it.
+            InputError: if a file is damaged, belongs to another user, or is readable by other users.
         """
         tables = self._read_tables("viewers", problems)
         viewers = [
@@ -182,7 +182,7 @@ class KeyStore:
         return {viewer.public: viewer for viewer in viewers if viewer is not None}
 
     def edges(self, problems: list[str] | None = None) -> list[PairedEdge]:
-        """Returns the paired edges. Args and errors as for :meth:`viewers`."""
+        """Returns the paired edges. Arguments and errors are those of :meth:`viewers`."""
         tables = self._read_tables("edges", problems)
         edges = [
             _read_checked(path, problems, lambda p=path, t=table: _edge_from_table(t, p))
@@ -194,18 +194,18 @@ class KeyStore:
         """Returns the edge that was paired at an address, or None.
 
         Raises:
-            InputError: as :meth:`edges`.
+            InputError: in the cases of :meth:`edges`.
         """
         place = (host.lower(), control_port)
         return next((e for e in self.edges() if (e.host.lower(), e.control_port) == place), None)
 
     def server_key(self, host: str, control_port: int) -> bytes | None:
-        """Returns the public key to expect of the edge at an address, or None if the edge uses no keys.
+        """Returns the expected public key of the edge at an address, or None if the edge uses no keys.
 
-        An edge on this computer uses the own key pair, if there is one.
+        An edge on this computer uses the user's own key pair if there is one.
 
         Raises:
-            InputError: as :meth:`own` and :meth:`edges`.
+            InputError: in the cases of :meth:`own` and :meth:`edges`.
         """
         edge = self.edge_at(host, control_port)
         if edge is not None:
@@ -230,7 +230,7 @@ class KeyStore:
         Raises:
             ResourceError: if the file cannot be written.
         """
-        # An edge and a relay of one user have the same key, so the address is part of the file's name.
+        # The address is part of the file's name, because an edge and a relay of one user have the same key.
         place = f"{edge.host.lower()}:{edge.control_port}"
         lines: dict[str, str | int] = {"public": _z85_text(edge.public).decode(), "name": edge.name}
         lines |= {"host": edge.host, "control_port": edge.control_port}
@@ -294,7 +294,8 @@ class KeyStore:
 
 
 def _read_checked(path: Path, problems: list[str] | None, read: Any) -> Any:
-    """Returns the result of ``read``. An error is added to ``problems``, if there is such a list."""
+    """Returns the result of ``read``. If ``read`` raises an error and ``problems`` is a list, the error is
+    appended to it instead."""
     try:
         return read()
     except EnlivenError as error:
@@ -334,7 +335,7 @@ def _role_from_table(table: dict[str, Any], path: Path) -> Role:
 
 
 def _key_from_table(table: dict[str, Any], name: str, path: Path) -> bytes:
-    """Returns a key of a file, decoded."""
+    """Returns the decoded key with a given name from the content of a file."""
     text = table.get(name)
     if isinstance(text, str) and len(text) == _Z85_KEY_LENGTH and text.isascii():
         with contextlib.suppress(KeyError, ValueError, struct.error):
@@ -354,10 +355,11 @@ def _damaged_file_error(path: Path, what: str) -> InputError:
 
 
 def _read_private(path: Path, remedy: str) -> dict[str, Any] | None:
-    """Returns the content of a file that only this user may read. None: it does not exist.
+    """Returns the content of a file that only this user may read, or None if it does not exist.
 
     Raises:
-        InputError: if it is not a TOML file, or it belongs to another user, or others may read or change it.
+        InputError: if it is not a TOML file, belongs to another user, or can be read or changed by other
+            users.
     """
     try:
         state = path.lstat()
@@ -387,7 +389,7 @@ def _write_private(path: Path, text: str, *, overwrite: bool) -> None:
     """Writes a file that only this user may read, completely or not at all.
 
     Raises:
-        InputError: if it exists, unless ``overwrite`` is set.
+        InputError: if the file exists and ``overwrite`` is not set.
         ResourceError: if it cannot be written.
     """
     part = path.with_name(f".{path.name}.{secrets.token_hex(8)}.part")
@@ -403,8 +405,8 @@ def _write_private(path: Path, text: str, *, overwrite: bool) -> None:
             if overwrite:
                 os.replace(part, path)
             else:
-                # Creating a link fails if the name exists. A rename would replace a file that another process
-                # has created meanwhile.
+                # Create a hard link, because this fails if the name exists. A rename would replace a file
+                # that another process has created in the meantime.
                 os.link(part, path)
         finally:
             with contextlib.suppress(OSError):

@@ -1,16 +1,17 @@
 """Pairs a viewer with an edge by a six-digit code: SPAKE2, then an exchange of encrypted public keys.
 
 The code is far too short to be an encryption key: an attacker could record an exchange that is encrypted by
-the code itself, and then try all codes. SPAKE2 (RFC 9382, by the package of Magic Wormhole) turns the code
-into a strong key of 256 bits. Each run lets an attacker test exactly one code, and a recorded run tests none:
+the code itself, and then try all codes. SPAKE2 (RFC 9382, in the implementation of Magic Wormhole) derives a
+strong key of 256 bits from the code. In each exchange, an attacker can test exactly one code. A recorded
+exchange does not allow testing any code:
 
 1. viewer -> edge: its SPAKE2 message
 2. edge -> viewer: the edge's SPAKE2 message
-3. viewer -> edge: its public key, name and role, in a box of the agreed key
-4. edge -> viewer: the edge's public key, name and the granted role, in a box of the agreed key
+3. viewer -> edge: its public key, name and role, in a box (encrypted with the agreed key)
+4. edge -> viewer: the edge's public key, name and the granted role, in a box (encrypted with the agreed key)
 
-A box can be opened only by a side that knew the code. The edge sends its box only after it has opened the
-viewer's, and allows few runs for each code.
+Only a side that knew the code can decrypt a box. The edge sends its box only after it has decrypted the
+viewer's box. It allows few exchanges per code.
 """
 
 from __future__ import annotations
@@ -31,35 +32,37 @@ from enliven.keys.roles import ROLES, Role, role_includes
 CODE_DIGITS = 6
 """Number of digits of a code."""
 CODE_LIFETIME_S = 300.0
-"""Seconds until a code expires: enough to walk to the viewer's computer and type it."""
+"""Time in seconds until a code expires. It is long enough to walk to the viewer's computer and enter the
+code."""
 MAX_TRIES_PER_CODE = 3
-"""Maximum number of runs with one code. People mistype once or twice."""
+"""Maximum number of exchanges with one code. It allows for one or two typing errors."""
 FIRST_PAUSE_S = 30.0
-"""Seconds without a code after too many tries. The pause doubles with each further code that is used up."""
+"""Pause in seconds after too many tries. During it, a code is not shown. The pause doubles with each further
+code that is used up."""
 LONGEST_PAUSE_S = 900.0
-"""Maximum pause after too many tries: an attacker gets 288 guesses per day, with a chance of 1 in 3,500 that
-one is right.
+"""Maximum pause in seconds after too many tries. With it, an attacker has 288 guesses per day, and a chance
+of 1 in 3,500 to guess a code.
 """
 MESSAGE_BYTES = 33
-"""Bytes of a SPAKE2 message: its side, and a point of Ed25519."""
+"""Size in bytes of a SPAKE2 message: one byte for the side, and a point on Ed25519."""
 
 _VIEWER, _EDGE = b"enliven viewer", b"enliven edge"
 _WRONG_CODE = {
     _VIEWER: "the code is wrong",
     _EDGE: "the code is wrong, or another program answers in place of the edge",
 }
-"""The reason why an encrypted introduction (a box) cannot be opened, by the sender of the box."""
+"""The reason why an encrypted introduction (a box) cannot be decrypted, by the sender of the box."""
 _KEY_LABELS = {_VIEWER: b"enliven pairing: viewer to edge", _EDGE: b"enliven pairing: edge to viewer"}
 
 
 class PairingError(Exception):
-    """A pairing that was refused. The text contains the reason, for the user."""
+    """Raised if a pairing is refused. The message contains the reason for the user."""
 
 
 @dataclass(frozen=True)
 class Introduction:
     """The content of a box (an encrypted introduction): a public key, the name of its owner, and the
-    requested or granted role.
+    requested or the granted role.
     """
 
     public: bytes
@@ -94,7 +97,7 @@ class ViewerExchange:
         """Returns the box with the viewer's introduction, after the edge's SPAKE2 message.
 
         Raises:
-            PairingError: if the edge's message is not one.
+            PairingError: if the edge's SPAKE2 message is invalid.
         """
         self._key = _agree_on_key(self._spake, answer)
         return _encrypt_box(self._key, _VIEWER, introduction)
@@ -103,7 +106,7 @@ class ViewerExchange:
         """Returns the edge's introduction.
 
         Raises:
-            PairingError: if the box was not made by a side that knew the code.
+            PairingError: if the sender of the box did not know the code.
         """
         return _open(self._key, _EDGE, box)
 
@@ -132,11 +135,12 @@ class EdgeExchange:
 
 
 class PairingDesk:
-    """The pairing code of an edge. It expires and allows few tries. A new code follows after a pause.
+    """Manages the pairing code of an edge. A code expires and allows few tries. After too many tries, a new
+    code follows after a pause.
 
     Args:
-        show: called with each new code.
-        clock: returns seconds, for tests.
+        show: a function that is called with each new code.
+        clock: a function that returns the time in seconds. Tests replace it.
     """
 
     def __init__(
@@ -154,7 +158,7 @@ class PairingDesk:
 
     @property
     def code(self) -> str:
-        """The code to show. Empty while pairing is closed or paused."""
+        """The code to show. It is empty while pairing is closed or paused."""
         self.poll()
         return self._code
 
@@ -165,11 +169,11 @@ class PairingDesk:
 
     @property
     def pause_s(self) -> float:
-        """Seconds until a new code is shown after too many tries, or 0 if a code may be shown now."""
+        """Remaining seconds of the pause after too many tries, or 0 without a pause."""
         return max(0.0, self._paused_until - self._clock())
 
     def poll(self) -> None:
-        """Removes a code that has expired, and shows a new one while pairing is open."""
+        """Removes an expired code. Shows a new code if pairing is open."""
         now = self._clock()
         if self._code and now >= self._expires:
             self._code = ""
@@ -179,17 +183,18 @@ class PairingDesk:
             self._show(self._code)
 
     def start(self, message: bytes) -> EdgeExchange:
-        """Begins a run with the current code. Each run counts as a try, even if it is not finished.
+        """Begins an exchange with the current code. Each exchange counts as a try, even if it is not
+        finished.
 
         Raises:
-            PairingError: if no code is shown now, or the message is not valid.
+            PairingError: if no code is shown, or the message is invalid.
         """
         code = self.code
         if not code:
             raise PairingError(self._closed_reason())
         self._tries += 1
         if self._tries >= MAX_TRIES_PER_CODE:
-            # The run that begins now may still succeed. Later runs need a new code.
+            # This exchange may still succeed. Later exchanges need a new code.
             self._code = ""
             pause = min(FIRST_PAUSE_S * 2**self._used_up, LONGEST_PAUSE_S)
             self._used_up = min(self._used_up + 1, 16)
@@ -197,7 +202,7 @@ class PairingDesk:
         return EdgeExchange(code, message)
 
     def finish_pairing(self) -> None:
-        """Invalidates the code after a successful pairing. The next code is shown at once."""
+        """Invalidates the code after a successful pairing. The next code is shown immediately."""
         self._code, self._used_up, self._paused_until = "", 0, 0.0
         self.poll()
 
@@ -216,7 +221,8 @@ def limit_role(role: Role, highest: Role) -> Role:
 
 
 def _agree_on_key(spake: Any, message: bytes) -> bytes:
-    """Returns the key that both sides agree on. A wrong code gives another key, without an error."""
+    """Computes the key that both sides agree on. With a wrong code, the key differs, but there is no
+    error."""
     try:
         key: bytes = spake.finish(message)
     except Exception:  # The library raises plain Exceptions for invalid bytes.
@@ -246,5 +252,6 @@ def _open(key: bytes, sender: bytes, box: bytes) -> Introduction:
 
 
 def _side_key(key: bytes, sender: bytes) -> bytes:
-    """Returns the box key of one direction, so that no box can be sent back to its sender."""
+    """Derives the encryption key of one direction. The keys differ, so that a box cannot be sent back to its
+    sender."""
     return hmac.new(key, _KEY_LABELS[sender], hashlib.sha256).digest()

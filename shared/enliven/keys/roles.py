@@ -1,4 +1,4 @@
-"""The roles of viewers. Each role includes the ones before it."""
+"""The roles of viewers. Each role includes the rights of the roles before it."""
 
 from __future__ import annotations
 
@@ -15,5 +15,5 @@ ROLES: tuple[Role, ...] = ("watch", "perform", "edit", "operate")
 
 
 def role_includes(role: Role | None, needed: Role | None) -> bool:
-    """Returns True if a role has the rights of another one. None is a viewer without a role."""
+    """Returns True if ``role`` includes the rights of ``needed``. None means a viewer without a role."""
     return needed is None or (role is not None and ROLES.index(role) >= ROLES.index(needed))

@@ -1,1 +1,2 @@
-"""The kiosk: the profile of an unattended installation, and the story that it tells each visitor."""
+"""The kiosk: the profile of an unattended installation, and the state machine that controls the show for each
+visitor (the story)."""

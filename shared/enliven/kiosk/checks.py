@@ -1,4 +1,4 @@
-"""Checks a kiosk's profile before anything starts, and names all mistakes at once."""
+"""Checks a kiosk's profile before any program starts, and reports all mistakes at once."""
 
 from __future__ import annotations
 
@@ -23,20 +23,22 @@ from .programs import BUILT_IN_MESHES, local_edges
 from .souvenir_address import check_souvenir_address
 
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
-"""Names of edges and characters: they become parts of file names and of units of systemd."""
+"""Pattern of the names of edges and characters. They become parts of file names and of the names of systemd
+units."""
 _SIZE = re.compile(r"[1-9]\d{1,4}x[1-9]\d{1,4}")
-"""Sizes of the window, such as 1920x1080."""
+"""Pattern of the window's size, such as 1920x1080."""
 _TABLES_OF_TABLES = ("edges", "characters")
-"""Keys of a profile with tables by name."""
+"""Keys of a profile that have tables by name as values."""
 
 
 def find_mistakes(path: Path, *, starts_here: bool = True) -> list[EnlivenError]:
-    """Returns all mistakes of a kiosk's profile and of the files that it names. Empty: it can start.
+    """Returns all mistakes in a kiosk's profile and in the files that it refers to. If the list is empty, the
+    kiosk can start.
 
     Args:
         path: the profile (TOML).
-        starts_here: False leaves out ports in use and the folder of recordings. An installation makes that
-            folder, and the installed kiosk may be running.
+        starts_here: False does not check for ports in use and for the folder of recordings. It is used for an
+            installation, which creates this folder. Its kiosk may already be running.
     """
     try:
         profile = load_profile(path)
@@ -46,7 +48,7 @@ def find_mistakes(path: Path, *, starts_here: bool = True) -> list[EnlivenError]
 
 
 def _find_wrong_tables(path: Path) -> list[EnlivenError]:
-    """Returns one mistake for each table of a profile that cannot be used. Empty if the file is not TOML."""
+    """Returns one mistake for each invalid table of a profile. The list is empty if the file is not TOML."""
     try:
         tables = read_toml(path)
     except EnlivenError:
@@ -64,7 +66,7 @@ def _find_wrong_tables(path: Path) -> list[EnlivenError]:
 
 
 def _find(profile: KioskProfile, path: Path, starts_here: bool) -> Iterator[EnlivenError]:
-    """Yields the mistakes of a profile that has only known keys."""
+    """Yields the mistakes in a profile without unknown keys."""
     folder = path.parent
     for kind, names in (("an edge", profile.edges), ("a character", profile.characters)):
         for name in names:
@@ -86,7 +88,7 @@ def _find(profile: KioskProfile, path: Path, starts_here: bool) -> Iterator[Enli
 
 
 def _find_character_mistakes(name: str, character: KioskCharacter, path: Path) -> Iterator[EnlivenError]:
-    """Yields the mistakes of one character."""
+    """Yields the mistakes in the settings of one character."""
     if character.mesh not in BUILT_IN_MESHES and not (path.parent / character.mesh).is_file():
         yield InputError(
             f"the mesh {character.mesh} of characters.{name} does not exist",
@@ -103,7 +105,7 @@ def _find_character_mistakes(name: str, character: KioskCharacter, path: Path) -
 
 
 def _find_edge_mistakes(profile: KioskProfile, path: Path) -> Iterator[EnlivenError]:
-    """Yields the mistakes of the edges' settings files."""
+    """Yields the mistakes in the edges' settings files."""
     for name, edge in profile.edges.items():
         if not edge.settings:
             continue
@@ -144,7 +146,8 @@ def _find_missing_files(profile: KioskProfile, path: Path) -> Iterator[EnlivenEr
 
 
 def _find_space_mistakes(profile: KioskProfile, path: Path) -> Iterator[EnlivenError]:
-    """Yields a space that cannot be read, and the edges of this computer that have no place in it."""
+    """Yields a mistake if the space file cannot be read, or if it contains no place for an edge of this
+    computer."""
     file = path.parent / profile.zone.space
     if not profile.zone.space or not file.is_file():
         return
@@ -163,7 +166,7 @@ def _find_space_mistakes(profile: KioskProfile, path: Path) -> Iterator[EnlivenE
 
 
 def _find_wrong_words(profile: KioskProfile, path: Path) -> Iterator[EnlivenError]:
-    """Yields an unknown language, a wrong size of the screen, and a wrong time of day."""
+    """Yields a mistake for an unknown language, an invalid screen size, and an invalid time of day."""
     language = profile.story.language
     if language and importlib.util.find_spec("enliven_viewer") is not None:
         languages = importlib.import_module("enliven_viewer.language").LANGUAGES
@@ -180,7 +183,8 @@ def _find_wrong_words(profile: KioskProfile, path: Path) -> Iterator[EnlivenErro
 
 
 def _find_recording_mistakes(profile: KioskProfile, folder: Path) -> Iterator[EnlivenError]:
-    """Yields a folder of recordings that is missing, cannot be written, or loses its files at power off."""
+    """Yields a mistake if the folder of recordings is missing, cannot be written, or loses its files at power
+    off."""
     if not profile.care.recordings:
         return
     recordings = folder / profile.care.recordings
@@ -202,7 +206,7 @@ def _find_recording_mistakes(profile: KioskProfile, folder: Path) -> Iterator[En
 
 
 def _find_taken_ports(profile: KioskProfile) -> Iterator[EnlivenError]:
-    """Yields the ports that another program uses."""
+    """Yields a mistake for each port that another program uses."""
     wanted: dict[int, tuple[str, str]] = {}
     for name, edge in local_edges(profile).items():
         wanted[edge.port] = wanted[edge.port + 1] = ("127.0.0.1", f"edges.{name}.port")
@@ -230,7 +234,7 @@ def _is_free(host: str, port: int) -> bool:
     """Returns True if a program can listen at a port."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.socket(family, socket.SOCK_STREAM) as listener:
-        # Without this, a port of a program that ended a moment ago counts as used.
+        # Without this option, a port of a program that has just ended would count as used.
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             listener.bind((host, port))

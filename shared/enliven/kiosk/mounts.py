@@ -1,4 +1,4 @@
-"""The file system of a folder: whether its files outlive a power cut (Linux)."""
+"""Determines the file system of a folder, and whether its files survive a power cut (Linux)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 _VOLATILE_KINDS = frozenset({"tmpfs", "ramfs", "overlay", "aufs"})
-"""File systems in memory. An overlay over a read-only root (overlayroot) keeps changes in memory, too."""
+"""Types of file systems in memory. An overlay over a read-only root (overlayroot) also keeps changes in
+memory."""
 
 
 @dataclass(frozen=True)
@@ -15,9 +16,9 @@ class Mount:
     """A mounted file system.
 
     Attributes:
-        place: its mount point.
-        kind: its type, such as ext4.
-        is_read_only: True if nothing can be written to it.
+        place: mount point of the file system.
+        kind: type of the file system, such as ext4.
+        is_read_only: True if the file system cannot be written.
     """
 
     place: Path
@@ -31,12 +32,12 @@ class Mount:
 
 
 def find_mount(path: Path, table: Path = Path("/proc/self/mounts")) -> Mount | None:
-    """Returns the file system that holds a path. None on systems without a table of mounts."""
+    """Returns the file system that contains a path, or None on systems without a table of mounts."""
     mounts: dict[Path, Mount] = {}
     with contextlib.suppress(OSError):
         for line in table.read_text(errors="replace").splitlines():
             _, place, kind, options = line.split(" ")[:4]
-            # The kernel writes a blank in a path as its octal code.
+            # The kernel writes a space in a path as its octal code.
             folder = Path(place.replace("\\040", " "))
             mounts[folder] = Mount(folder, kind, "ro" in options.split(","))
     resolved = path.resolve()

@@ -1,4 +1,5 @@
-"""The profile of a kiosk: one TOML file with its edges, characters, story, screen, health page and care.
+"""The profile of a kiosk: one TOML file with its edges, characters, story, screen, health page and
+maintenance.
 
 All programs of a kiosk read the same file: ``enliven kiosk PROFILE``, its window, the health page and
 ``enliven install-kiosk``. Paths in a profile are relative to its folder.
@@ -15,7 +16,7 @@ from enliven.errors import InputError
 from enliven.settings import group, load_settings, parameter, setting
 
 MAX_SOUVENIR_AGE_S = 86_400.0
-"""Longest time for which a souvenir can be kept, in seconds: a day."""
+"""Maximum time for which a souvenir can be stored, in seconds (a day)."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class KioskCharacter:
 
 @dataclass(frozen=True)
 class ZoneSettings:
-    """The part of the floor where visitors are noticed, and the spot where they take a character."""
+    """The zone of the floor in which visitors are noticed, and the spot at which they take a character."""
 
     center: tuple[float, float] = setting(
         (0.0, -2.5),
@@ -107,9 +108,10 @@ class ScreenSettings:
 
 @dataclass(frozen=True)
 class SouvenirSettings:
-    """A photo or film of each visitor's character, for the visitor's phone. Off by default.
+    """Settings for souvenirs: a photo or film of each visitor's character, for the visitor's phone. Off by
+    default.
 
-    It shows the characters on the screen. The camera's images are not part of it.
+    A souvenir shows the characters on the screen. It does not contain images of the camera.
     """
 
     kind: Literal["", "photo", "film"] = setting(
@@ -139,7 +141,7 @@ class SouvenirSettings:
 
 @dataclass(frozen=True)
 class AlertSettings:
-    """How operators hear of problems."""
+    """Settings for alerts, which inform operators about problems."""
 
     webhook: str = setting("", "Address (URL) that receives each alert as JSON. Empty: none.")
     command: str = setting(
@@ -165,7 +167,7 @@ class HealthPageSettings:
 
 @dataclass(frozen=True)
 class CareSettings:
-    """Care for a computer that runs for weeks."""
+    """Maintenance settings for a computer that runs for weeks."""
 
     restart_at: str = setting("", "Time of a nightly restart of all programs, such as 04:00. Empty: none.")
     recordings: str = setting(
@@ -207,7 +209,7 @@ def load_profile(path: Path) -> KioskProfile:
     """Returns the profile in a TOML file, with defaults for missing keys.
 
     Raises:
-        InputError: if the file cannot be read, is of a later version, or a key or value is wrong; or if two
+        InputError: if the file cannot be read or has a later version, if a key or value is wrong, or if two
             edges of this computer have the same port.
     """
     profile = load_settings(KioskProfile, path)

@@ -1,4 +1,4 @@
-"""The command lines of a kiosk's programs, from its profile."""
+"""Builds the command lines of a kiosk's programs from its profile."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from pathlib import Path
 from .profile import EdgeOfKiosk, KioskCharacter, KioskProfile
 
 BUILT_IN_MESHES = frozenset({"chair", "lamp", "cactus"})
-"""Characters that come with enliven, so that they need no file."""
+"""Names of the characters that are built into enliven. They need no file."""
 PART_MINUTES = 30
-"""Length of one file of a recording, in minutes. The oldest files are deleted when the disk is full."""
+"""Duration of one file of a recording, in minutes. When the disk is full, the oldest files are deleted."""
 _ALL_PARTS = "all"
-"""Body parts of a character that names none, if another character of the profile names some."""
+"""Body parts of a character without this setting, if another character in the profile has it."""
 _USUAL_DRIVE = "graph"
-"""Drive of a character that names none, if another character names one. It moves every mesh."""
+"""Drive of a character without this setting, if another character in the profile has it. This drive can move
+every mesh."""
 
 
 def edge_arguments(name: str, profile: KioskProfile, folder: Path, state: Path | None = None) -> list[str]:
@@ -22,7 +23,7 @@ def edge_arguments(name: str, profile: KioskProfile, folder: Path, state: Path |
     Args:
         name: name of an edge of the profile, which runs on this computer.
         folder: folder of the profile, to which its paths are relative.
-        state: folder in which the edge keeps its stage. None: it is not kept.
+        state: folder in which the edge stores the state of its stage. If None, the state is not stored.
     """
     edge = profile.edges[name]
     settings = ["--settings", str(folder / edge.settings)] if edge.settings else []
@@ -77,5 +78,5 @@ def local_edges(profile: KioskProfile) -> dict[str, EdgeOfKiosk]:
 
 
 def service_name(edge: str) -> str:
-    """Returns the name of an edge for operators: its record on the health page has the same."""
+    """Returns the name of an edge for operators. The edge's record on the health page has the same name."""
     return "edge" if edge == "edge" else f"edge {edge}"

@@ -1,4 +1,4 @@
-"""Keeps a screen for one kiosk, by a locked file in the runtime folder."""
+"""Reserves a screen for one kiosk, by a locked file in the runtime folder."""
 
 from __future__ import annotations
 
@@ -17,14 +17,15 @@ else:
 
 
 class ScreenLock:
-    """Holds a screen until closed. The system releases it with the process, however that ends.
+    """A lock on a screen until it is closed. The operating system releases the lock when the process ends,
+    even after a crash.
 
     Args:
         number: number of the monitor.
-        folder: folder of the lock; None: the runtime folder.
+        folder: folder of the lock file. None means the runtime folder.
 
     Raises:
-        ResourceError: if another kiosk is on this screen.
+        ResourceError: if another kiosk uses this screen.
     """
 
     def __init__(self, number: int, folder: Path | None = None) -> None:
@@ -50,11 +51,11 @@ class ScreenLock:
 
 
 def is_screen_taken(number: int, folder: Path | None = None) -> bool:
-    """Returns True if a kiosk's window of this user holds a screen.
+    """Returns True if the window of a kiosk of this user has locked a screen.
 
     Args:
         number: number of the monitor.
-        folder: folder of the lock; None: the runtime folder.
+        folder: folder of the lock file. None means the runtime folder.
     """
     try:
         ScreenLock(number, folder).close()

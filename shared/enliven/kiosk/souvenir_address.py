@@ -1,4 +1,4 @@
-"""The address of souvenirs in QR codes: checked in the profile, and found in the network."""
+"""Checks the address of souvenirs in the profile, and determines the address for QR codes."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from enliven.web_server.listening import format_address
 from .profile import SouvenirSettings
 
 _MAX_LENGTH = 100
-"""Maximum length of the start of an address. A longer one makes a code that phones cannot read from 2 m."""
+"""Maximum length of the start of an address. With a longer address, phones cannot read the QR code from 2
+m."""
 _FORM = "Write it as http://kiosk.example:5592/, without a question mark, a hash or a password."
-"""The remedy for a wrong address."""
+"""The remedy for an invalid address."""
 _REACHABLE = (
     'Set souvenir.host = "0.0.0.0", and souvenir.address if phones reach this computer by another address.'
 )
@@ -21,10 +22,11 @@ _REACHABLE = (
 
 
 def check_souvenir_address(settings: SouvenirSettings, where: str) -> None:
-    """Raises InputError if phones cannot open the address of souvenirs. Nothing is checked if they are off.
+    """Raises InputError if phones cannot open the address of souvenirs. Does nothing if souvenirs are
+    disabled.
 
     Args:
-        where: the profile, for the message.
+        where: path of the profile, for the message.
     """
     if not settings.kind:
         return
@@ -61,7 +63,8 @@ def check_souvenir_address(settings: SouvenirSettings, where: str) -> None:
 
 
 def find_souvenir_address(settings: SouvenirSettings) -> str:
-    """Returns the start of the address of souvenirs. Empty if this computer is in no network."""
+    """Returns the start of the address of souvenirs, or an empty string if this computer is not in a
+    network."""
     if settings.address:
         return settings.address.rstrip("/") + "/"
     address = format_address(settings.host, settings.port, uses_tls=bool(settings.certificate))
@@ -69,7 +72,7 @@ def find_souvenir_address(settings: SouvenirSettings) -> str:
 
 
 def _host_of(address: str) -> str:
-    """Returns the name of the host in the start of an address. Empty if the address cannot be used."""
+    """Returns the host name in the start of an address, or an empty string if the address is invalid."""
     if len(address) > _MAX_LENGTH or not address.isascii() or not address.isprintable() or " " in address:
         return ""
     try:

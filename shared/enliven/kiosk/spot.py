@@ -1,4 +1,4 @@
-"""One spot of a kiosk: the state machine that gives one character to one visitor after another."""
+"""One spot of a kiosk: the state machine that gives a character to one visitor at a time."""
 
 from __future__ import annotations
 
@@ -11,41 +11,45 @@ from enliven.kiosk.story_table import TRANSITIONS, Event, Phase
 from enliven.kiosk.visitors import Attendance, Place, Visit
 
 Press = Literal["previous", "next", "take", "leave"]
-"""A press of a button: another character, take the character, or give it back."""
+"""The action of a pressed button: offer the previous or next character, take the character, or give it
+back."""
 
 SPOT_MARGIN = 1.3
-"""Factor on the spot's radius within which a visitor stays on it. Swaying must not empty the ring."""
+"""Factor on the spot's radius at which a visitor leaves the spot. It is above 1, so that swaying does not
+empty the ring."""
 FLICKER_S = 0.7
-"""Time for which the ring keeps its filling while the tracker has lost the visitor, in seconds."""
+"""Time in seconds for which the ring keeps its fill level while the tracker has lost the visitor."""
 ANSWER_TIMEOUT_S = 1.5
-"""Time in which the edge must confirm a request, in seconds. It answers within a few frames."""
+"""Time in seconds in which the edge must confirm a request. It usually answers within a few frames."""
 RING_AFTER_REFUSAL = 0.4
-"""Filling of the ring after the edge has refused: the visitor sees that something goes on."""
+"""Fill level of the ring after the edge has refused. It is not empty, so that the visitor sees that the kiosk
+reacts."""
 RAISED_HAND = 0.2
-"""Minimum height of a raised hand above its shoulder, as a fraction of the arm's length. It does not need a
-stretched arm."""
+"""Minimum height of a raised hand above its shoulder, as a fraction of the arm's length. The arm need not be
+stretched."""
 RAISED_S = 0.4
-"""Time for which a hand must be raised to change the character, in seconds. A wave is faster."""
+"""Time in seconds for which a hand must be raised to change the character. A wave is shorter."""
 STEP_ASIDE = 1.4
 """Minimum distance of a step to the side from the centre of the spot, as a factor on its radius."""
 REPEAT_S = 1.4
-"""Time between two changes of the character while a hand stays raised or a visitor stays aside, in seconds:
-long enough to look at the character."""
+"""Time in seconds between two changes of the character while a hand stays raised or a visitor stays aside. It
+is long enough to look at the character."""
 CHOICE_S = 3.0
-"""Time after the last change of the character until the choice is over, in seconds."""
+"""Time in seconds from the last change of the character to the end of the choice."""
 MIN_CHOICE_S = 1.0
-"""Shortest time for which a newly offered character is shown before the ring fills again, in seconds."""
+"""Minimum time in seconds for which a newly offered character is shown before the ring fills again."""
 TURN_S = 6.0
 """Time after a farewell in which only the next visitor in line can take the character, in seconds."""
 AWAY_MARGIN_M = 0.5
-"""Distance outside the zone at which a performing visitor counts as gone, in metres. Performers stray."""
+"""Distance outside the zone, in metres, at which a performing visitor counts as gone. It allows performers to
+leave the zone slightly."""
 _MAX_RELEASE_GAP_S = 1.0
-"""Time for which the edge may report a character as free before its session ends, in seconds."""
+"""Time in seconds for which the edge may report a character as free before its session ends."""
 
 
 @dataclass(frozen=True)
 class TakeCharacter:
-    """A request: this body takes the character, and all others release it."""
+    """A request to the edge: this body takes the character, and all others release it."""
 
     character: str
     body: int
@@ -53,7 +57,7 @@ class TakeCharacter:
 
 @dataclass(frozen=True)
 class LeaveCharacter:
-    """A request: this body (None: everyone) releases the character."""
+    """A request to the edge: this body releases the character. None means that everyone releases it."""
 
     character: str
     body: int | None = None
@@ -69,12 +73,12 @@ class Surroundings:
 
     Attributes:
         now: time in seconds.
-        elapsed: seconds since the last frame.
-        attendance: the visits.
-        line: the visits in the zone that wait for a turn, in the order of their turns. Those of other spots
-            are left out.
-        presses: presses of buttons that are meant for this spot.
-        holders: by character, the tracking ids of the bodies that hold it at the edge.
+        elapsed: time since the last frame in seconds.
+        attendance: the current visits.
+        line: the queue: visits in the zone that wait for a turn, in order. Visits at other spots are left
+            out.
+        presses: button presses for this spot.
+        holders: for each character, the tracking ids of the bodies that possess it, as the edge reports.
         free: the characters that can be taken here, in the order of the profile.
     """
 
@@ -91,19 +95,19 @@ class Spot:
     """The state machine of one spot.
 
     Args:
-        place: its centre on the floor.
-        radius: metres.
-        character: the character that it offers first.
+        place: centre of the spot on the floor.
+        radius: radius of the spot in metres.
+        character: the first character that the spot offers.
 
     Attributes:
         phase: its state.
-        character: the character that is offered or held here; empty if there is none.
-        visit: number of the visit that is served here, or None.
-        former: during the farewell, number of the visit that has ended its session.
-        ring: filling of the ring, 0..1.
-        step: direction of the last change of the character: 1 the next one, -1 the previous one.
-        since_s: time at which the state began.
-        refusals: number of requests that the edge did not confirm, since the last that it did.
+        character: the character that is offered or possessed here, or empty.
+        visit: number of the visit that the spot serves, or None.
+        former: during the farewell, number of the visit with the session that has ended.
+        ring: fill level of the ring, 0 to 1.
+        step: direction of the last change of the character: 1 for the next, -1 for the previous character.
+        since_s: time at which the state began, in seconds.
+        refusals: number of successive requests that the edge did not confirm.
     """
 
     def __init__(self, place: Place, radius: float, settings: StorySettings, character: str) -> None:
@@ -126,20 +130,20 @@ class Spot:
 
     @property
     def is_busy(self) -> bool:
-        """Returns True while a visitor has the character of this spot, or has asked for it."""
+        """Returns True while a visitor possesses the character of this spot, or has requested it."""
         return self.phase is Phase.POSSESSED or self._requested_s is not None
 
     @property
     def body(self) -> int:
-        """Returns the tracking id that must hold the character; -1 for none."""
+        """Returns the tracking id of the body that must possess the character, or -1 for none."""
         return self._body if self.is_busy else -1
 
     def elapsed_session(self, now: float) -> float:
-        """Returns for how long the visitor has had the character, in seconds."""
+        """Returns the time since the visitor took the character, in seconds."""
         return now - self.since_s if self.phase is Phase.POSSESSED else 0.0
 
     def advance(self, frame: Surroundings) -> list[StoryRequest]:
-        """Advances by one frame. Returns the requests to make."""
+        """Processes one frame. Returns the requests to the edge."""
         self._requests = []
         if self.phase is Phase.POSSESSED:
             self._perform(frame)
@@ -152,23 +156,25 @@ class Spot:
         return self._requests
 
     def adopt(self, character: str, visit: Visit, now: float) -> None:
-        """Takes over a hold that was not requested here, such as one that a button at the edge started."""
+        """Starts a session for a visitor that possesses the character without a request from here, for
+        example after a button press at the edge."""
         self.character, self.visit, self._body = character, visit.number, visit.body
         self._apply(Event.HELD, now)
 
     def lose_edge(self, now: float) -> None:
-        """Returns to the first state, because the edge is gone."""
+        """Returns to the initial state, because the connection to the edge is lost."""
         self._apply(Event.EDGE_GONE, now)
         self._reserved_until = 0.0
 
     def expect_return(self) -> None:
-        """Notes that the edge may have restarted: if the hold is gone, it is asked for again."""
+        """Stores that the edge may have restarted. If the visitor does not possess the character any more, it
+        is requested again."""
         self._retakes = self.phase is Phase.POSSESSED
 
-    # While the spot is free: turn to visitors, fill the ring, change the character, ask for it.
+    # States without a performer: turn to visitors, fill the ring, change the character, request it.
 
     def _wait(self, frame: Surroundings) -> None:
-        """Advances a spot without a performer."""
+        """Processes a frame of a spot without a performer."""
         if self.character not in frame.free:
             self._offer(frame.free[0] if frame.free else "", 0, frame.now)
         if not frame.line and self._requested_s is None:
@@ -187,7 +193,7 @@ class Spot:
             self._apply(Event.CHOICE_OVER, frame.now)
 
     def _find_candidate(self, frame: Surroundings) -> Visit | None:
-        """Returns the visitor on the spot that may take the character. The present one comes first."""
+        """Returns the visitor on the spot that may take the character. The current visitor has priority."""
         line = frame.line[:1] if frame.now < self._reserved_until else frame.line
         reach = {v.number: SPOT_MARGIN if v.number == self.visit else 1.0 for v in line}
         standing = [v for v in line if v.distance(self.place) <= self.radius * reach[v.number]]
@@ -218,7 +224,7 @@ class Spot:
                 self._apply(Event.OFF_SPOT, frame.now)
 
     def _request_character(self, frame: Surroundings) -> None:
-        """Requests the character when the ring of the waiting time is full, and handles the edge's answer."""
+        """Requests the character when the ring is full, and handles the edge's answer."""
         served = frame.attendance.find(self.visit)
         if self._requested_s is None:
             if self.ring >= 1.0 and served is not None and served.seen:
@@ -239,7 +245,7 @@ class Spot:
         self.visit, self._body, self._requested_s = visit.number, visit.body, now
         self._requests.append(TakeCharacter(self.character, visit.body))
 
-    # The choice of the character.
+    # Choice of the character.
 
     def _choose_by_buttons(self, frame: Surroundings) -> None:
         if self.settings.choose:
@@ -248,7 +254,7 @@ class Spot:
                     self._change(1 if press == "next" else -1, frame)
 
     def _choose_by_body(self, frame: Surroundings, candidate: Visit | None) -> None:
-        """Changes the character if the served visitor raises a hand or steps to the side."""
+        """Changes the offered character if the served visitor raises a hand or steps to the side."""
         stood = [visit for visit in frame.line if visit.number == self._stood]
         chooser = candidate or next(iter(stood), None)
         if chooser is None or not chooser.seen or self._requested_s is not None:
@@ -274,7 +280,8 @@ class Spot:
         across, along = x - self.place[0], z - self.place[1]
         is_aside = abs(across) >= STEP_ASIDE * self.radius and abs(across) >= abs(along)
         if is_aside and visit.in_zone and frame.now - self._gesture_s >= REPEAT_S:
-            # The picture is a mirror and the visitor faces +Z: the visitor's left, +X, is on its left side.
+            # The picture is mirrored and the visitor faces +Z, so the visitor's left side (+X) is on the left
+            # of the picture.
             self._change(-1 if across > 0 else 1, frame)
             self._gesture_s = frame.now
 
@@ -291,10 +298,10 @@ class Spot:
         self.character, self.step = character, step
         self._changed_s = now
 
-    # While a visitor performs.
+    # States with a performer.
 
     def _perform(self, frame: Surroundings) -> None:
-        """Advances a spot while its visitor has the character."""
+        """Processes a frame while the visitor possesses the character."""
         visit = frame.attendance.find(self.visit)
         is_here = (
             visit is not None
@@ -311,14 +318,15 @@ class Spot:
         elif 0 < self.settings.session <= frame.now - self.since_s:
             self._end(Event.SESSION_OVER, frame.now)
         elif visit.seen and visit.body != self._body:
-            # The tracker gave the visitor a new id: the character follows it.
+            # The tracker has assigned a new id to the visitor, so request the character for this id.
             self._request(visit, frame.now)
         else:
             self._watch_hold(frame, visit)
             self._swap(frame, visit)
 
     def _watch_hold(self, frame: Surroundings, visit: Visit) -> None:
-        """Ends the session if the edge reports for a while that its visitor does not hold the character."""
+        """Ends the session if the edge has reported for some time that the visitor does not possess the
+        character."""
         if self._body in frame.holders.get(self.character, ()):
             self._gone_s, self._retakes = 0.0, False
             return
@@ -334,7 +342,7 @@ class Spot:
                 self._end(Event.RELEASED, frame.now)
 
     def _swap(self, frame: Surroundings, visit: Visit) -> None:
-        """Gives the performing visitor another character if a button asks for it."""
+        """Gives the performing visitor another character if a button was pressed."""
         if self.phase is not Phase.POSSESSED or not self.settings.choose or not visit.seen:
             return
         steps = [1 if press == "next" else -1 for press in frame.presses if press in ("next", "previous")]
@@ -352,7 +360,7 @@ class Spot:
         self._apply(event, now)
 
     def _apply(self, event: Event, now: float) -> None:
-        """Applies an event by the table of the story."""
+        """Changes the state according to the story's table of transitions."""
         following = TRANSITIONS.get((self.phase, event))
         if following is None or following is self.phase:
             return

@@ -1,7 +1,8 @@
-"""The story of a kiosk: a state machine that turns visitors, buttons and the edge's answers into a show.
+"""The story of a kiosk: the state machine that controls the show from visitors, buttons and the edge's
+reports.
 
-It knows no window, no clock and no network. So tests and simulations run it at any speed, and the same code
-decides in the museum.
+It is independent of window, clock and network. So tests and simulations can run the same code as an
+installation, at any speed.
 """
 
 from __future__ import annotations
@@ -15,30 +16,30 @@ from enliven.kiosk.story_table import PHASE_TEXTS, SHOWN_FIRST, Phase
 from enliven.kiosk.visitors import Attendance, Place, Visit, Visitor
 
 MAX_STEP_S = 0.5
-"""Longest time step in seconds. After a suspended computer no ring may be full at once."""
+"""Maximum time step in seconds. Otherwise, all rings would be full after the computer was suspended."""
 SETTLING_S = 1.5
-"""Time after a request in which the edge's report may contradict it, in seconds."""
+"""Time in seconds after a request for which a contradicting report of the edge is ignored."""
 ENDING_SOON_S = 10.0
-"""Length in seconds of the last part of a session, in which the visitor sees the remaining time."""
+"""Duration in seconds of the last part of a session, in which the remaining time is displayed."""
 _SPOT_GAP_M = 0.5
-"""Gap between the spots of two performers in metres, so that their arms do not meet."""
+"""Gap in metres between the spots of two performers, so that their arms do not collide."""
 _MAX_REFUSALS = 3
-"""Number of requests without success after which operators are told."""
+"""Number of successive failed requests after which a problem is reported to operators."""
 
 
 @dataclass(frozen=True)
 class StoryInput:
-    """Everything that the story learns in one frame.
+    """The inputs of the story in one frame.
 
     Attributes:
-        now: time in seconds, from any start. It must not decrease.
+        now: time in seconds, with any origin. It must not decrease.
         visitors: the tracked people.
         presses: the buttons pressed since the last frame.
-        holders: by character, the tracking ids of the bodies that hold it, as the edge reports.
+        holders: for each character, the tracking ids of the bodies that possess it, as the edge reports.
         available: the characters that are on the edge's stage.
-        is_connected: True while the edge and its sensor deliver.
-        playing: the character of the shown recorded performance. The next visitor gets it first. Empty:
-            none.
+        is_connected: True while the edge and its sensor deliver data.
+        playing: the character in the recorded performance that is shown. It is offered to the next visitor
+            first. Empty if there is none.
     """
 
     now: float
@@ -52,18 +53,18 @@ class StoryInput:
 
 @dataclass(frozen=True)
 class SpotView:
-    """The state of one spot, for the picture.
+    """The state of one spot, for the display.
 
     Attributes:
         place: its centre on the floor.
         phase: its state.
-        character: the character that is offered or held; empty if there is none.
-        step: direction of the last change of the character, 1 or -1; 0: none.
+        character: the character that is offered or possessed, or empty.
+        step: direction of the last change of the character, 1 or -1, or 0 if there was none.
         ring: filling of the ring, 0..1.
-        visit: number of the visit that is served, or None.
-        body: tracking id of the visitor that is served or looked at; -1 for none.
+        visit: number of the visit that the spot serves, or None.
+        body: tracking id of the visitor that the spot serves or that the character turns to, or -1.
         since_s: time at which the state began.
-        remaining_s: seconds until the session limit; None without a limit or a session.
+        remaining_s: seconds until the session limit. None without a limit or a session.
     """
 
     place: Place
@@ -83,13 +84,13 @@ class StoryView:
 
     Attributes:
         phase: the state that is shown.
-        title, hint: keys of the texts; empty for none.
-        sound: the sound that begins in this frame; empty for none.
+        title, hint: keys of the texts, or empty.
+        sound: the sound that begins in this frame, or empty.
         spots: the spots, from left to right in world coordinates.
-        shown: index of the spot that the texts are about.
+        shown: index of the spot that the texts refer to.
         queue: tracking ids of the visitors that wait for a turn, in order.
         requests: requests to the edge.
-        problem: one sentence for operators; empty if all is well.
+        problem: one sentence for operators, or empty without a problem.
     """
 
     phase: Phase
@@ -104,7 +105,7 @@ class StoryView:
 
     @property
     def spot(self) -> SpotView:
-        """Returns the spot that the texts are about."""
+        """Returns the spot that the texts refer to."""
         return self.spots[self.shown]
 
 
@@ -139,7 +140,7 @@ class Story:
         self._phase = Phase.ATTRACT
 
     def advance(self, frame: StoryInput) -> StoryView:
-        """Advances by one frame. Returns what to show and to ask for."""
+        """Processes one frame. Returns the state to display and the requests to the edge."""
         elapsed = 0.0 if self._now is None else min(max(frame.now - self._now, 0.0), MAX_STEP_S)
         self._now = frame.now
         requests: list[StoryRequest] = []
@@ -166,7 +167,7 @@ class Story:
     def _advance_spot(
         self, spot: Spot, frame: StoryInput, elapsed: float, presses: Sequence[Press]
     ) -> list[StoryRequest]:
-        """Advances one spot. After a session, its visitor goes to the end of the line."""
+        """Processes one frame of a spot. After a session, the visitor is moved to the end of the queue."""
         others = [other for other in self._spots if other is not spot]
         served = {other.visit for other in others if other.visit is not None}
         line = [visit for visit in self._attendance.waiting() if visit.number not in served]
@@ -181,7 +182,8 @@ class Story:
         return requests
 
     def _follow_performance(self, frame: StoryInput) -> None:
-        """Offers the character that the recorded performance shows, so that visitors get what they saw."""
+        """Offers the character in the recorded performance, so that visitors get the character that they
+        saw."""
         spot = self._spots[0]
         taken = {other.character for other in self._spots[1:]}
         is_free = frame.playing in frame.available and frame.playing not in taken
@@ -189,12 +191,14 @@ class Story:
             spot.character = frame.playing
 
     def _find_target(self, press: Press) -> Spot:
-        """Returns the spot that a button acts on: with "leave" a busy one, otherwise a free one if any is."""
+        """Returns the spot that a button acts on. It is a busy spot for "leave", and otherwise a free spot if
+        there is one."""
         wanted = press == "leave"
         return next((spot for spot in self._spots if spot.is_busy == wanted), self._spots[0])
 
     def _correct_holds(self, frame: StoryInput) -> list[StoryRequest]:
-        """Adopts holds of visitors that were not requested here, and ends all other such holds."""
+        """Handles possessions that were not requested here. Those of visitors become sessions, and all others
+        are ended."""
         requests: list[StoryRequest] = []
         for character, bodies in frame.holders.items():
             if character not in self._characters or not bodies:
@@ -210,7 +214,8 @@ class Story:
         return requests
 
     def _adopt(self, character: str, bodies: tuple[int, ...], now: float) -> bool:
-        """Gives a hold of one visitor in the zone a free spot. Returns False if that is not possible."""
+        """Starts a session on a free spot for the visitor in the zone that possesses a character. Returns
+        False if that is not possible."""
         served = {spot.visit for spot in self._spots if spot.visit is not None and spot.is_busy}
         visit = next((v for v in self._attendance.waiting() if (v.body,) == tuple(bodies)), None)
         elsewhere = {s.character for s in self._spots if s.is_busy}
@@ -226,7 +231,7 @@ class Story:
         return True
 
     def _forget_visitors(self, now: float) -> None:
-        """Returns to the beginning, because nothing is known of the visitors."""
+        """Returns to the initial state, because no data about visitors is available."""
         self._attendance.clear()
         for spot in self._spots:
             spot.lose_edge(now)
@@ -265,7 +270,7 @@ class Story:
         )
 
     def _find_looked_at(self, spot: Spot) -> Visit | None:
-        """Returns the waiting visitor that the character turns to: the nearest one."""
+        """Returns the nearest waiting visitor, to whom the character turns."""
         served = {s.visit for s in self._spots if s.visit is not None}
         waiting = [v for v in self._attendance.waiting() if v.number not in served]
         return min(waiting, key=lambda visit: visit.distance(spot.place), default=None)
@@ -284,7 +289,7 @@ class Story:
         return texts.title, hint
 
     def _find_problem(self, frame: StoryInput) -> str:
-        """Returns a sentence about the stage for operators; empty if all is well."""
+        """Returns a sentence about a problem of the stage for operators, or an empty string."""
         if not frame.is_connected:
             return "the edge or its camera delivers nothing"
         missing = [name for name in self._characters if name not in frame.available]

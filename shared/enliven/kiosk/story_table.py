@@ -1,4 +1,4 @@
-"""The story of a kiosk as data: its states, what leads from one to another, and the text of each state."""
+"""The story of a kiosk as data: its states, the events that cause transitions, and the text of each state."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Phase(StrEnum):
 
 
 class Event(StrEnum):
-    """An event that may lead to another state."""
+    """An event that may cause a transition to another state."""
 
     ENTERED = "a visitor is in the zone"
     ZONE_EMPTY = "the zone is empty"
@@ -55,7 +55,7 @@ TRANSITIONS: Mapping[tuple[Phase, Event], Phase] = MappingProxyType(
         **{(phase, Event.EDGE_GONE): Phase.ATTRACT for phase in Phase},
     }
 )
-"""The state that follows a state after an event. Other events leave the state unchanged."""
+"""The next state for each pair of state and event. Other events do not change the state."""
 
 
 @dataclass(frozen=True)
@@ -64,8 +64,8 @@ class PhaseTexts:
 
     Attributes:
         title: key of the large text.
-        hint: key of the text that says what to do.
-        sound: name of the sound at the start of the state; empty for silence.
+        hint: key of the text with an instruction for the visitor.
+        sound: name of the sound at the start of the state, or empty.
     """
 
     title: str
@@ -92,5 +92,5 @@ SHOWN_FIRST = (
     Phase.NOTICED,
     Phase.ATTRACT,
 )
-"""States in the order in which they are shown if a kiosk has several spots. States that ask a visitor to do
-something come before those that need nothing."""
+"""States in order of priority for the display, if a kiosk has several spots. States in which a visitor must
+act come first."""

@@ -1,4 +1,5 @@
-"""Visitors of a kiosk, and their visits, which last across lost and changed tracking ids."""
+"""The visitors of a kiosk, and their visits. A visit continues if tracking is lost for a short time or the
+tracking id changes."""
 
 from __future__ import annotations
 
@@ -16,19 +17,21 @@ Place = tuple[float, float]
 """A point of the floor (x, z) in metres."""
 
 MIN_VISITOR_CONFIDENCE = 0.25
-"""Minimum mean confidence of a body's joints. Below it, furniture and reflections appear as people."""
+"""Minimum mean confidence of a body's joints. Bodies with lower confidence may be furniture or
+reflections."""
 ZONE_MARGIN_M = 0.25
-"""Distance that a visitor must move out of the zone before they count as outside, in metres. Without it, a
-visitor at the border would come and go with every breath."""
+"""Minimum distance in metres from the zone at which a visitor counts as outside after a visit. Without this
+hysteresis, a visitor at the border would enter and leave with every breath."""
 MIN_VISIT_MEMORY_S = 1.0
-"""Shortest time in which a lost visitor is remembered, in seconds. Trackers lose people for shorter times."""
+"""Minimum time in seconds for which a lost visitor is remembered. It is longer than typical losses of
+tracking."""
 _MATCH_RADIUS_M = 0.6
-"""Distance within which a new id is the visitor that was just lost there, in metres: less than the distance
-between two visitors side by side."""
+"""Maximum distance in metres between a new id and the visitor that was just lost. It is less than the
+distance between two visitors side by side."""
 _WALKING_SPEED = 1.2
-"""Growth of that distance in metres per second while a visitor is lost."""
+"""Increase of this distance while a visitor is lost, in metres per second."""
 _MAX_MATCH_RADIUS_M = 1.5
-"""Longest such distance in metres. Beyond it, another visitor is as likely."""
+"""Upper limit of this distance in metres. Beyond it, the new id may as well be another visitor."""
 
 
 @dataclass(frozen=True)
@@ -37,12 +40,13 @@ class Visitor:
 
     Attributes:
         id: the tracking id. It may change while the person stays.
-        position: place of the hips on the floor, so that a seated visitor is measured like a standing one.
+        position: position of the hips, projected to the floor. So seated visitors are measured in the same
+            way as standing visitors.
         facing: radians about +Y from +Z to the person's front.
-        hands: height of the left and the right hand above the shoulder of that side, as a fraction of the
-            length of that arm. So it is the same for children and in a wheelchair.
+        hands: height of the left and the right hand above the shoulder of the same side, as a fraction of the
+            arm's length. So it is comparable for adults, children and people in wheelchairs.
         confidence: mean confidence of the joints, 0..1.
-        height: metres from the soles to the crown when standing.
+        height: height from the soles to the crown when standing, metres.
     """
 
     id: int
@@ -54,7 +58,7 @@ class Visitor:
 
 
 def visitor_from_body(body: Body) -> Visitor | None:
-    """Returns the visitor of a tracked body; None if its hips are not known."""
+    """Converts a tracked body to a visitor. Returns None if its hips are unknown."""
     hips = body.joints[Joint.HIP_CENTER]
     if not np.isfinite(hips).all():
         return None
@@ -72,7 +76,8 @@ def visitor_from_body(body: Body) -> Visitor | None:
 
 
 def _raised_fraction(body: Body, shoulder: Joint, elbow: Joint, wrist: Joint) -> float:
-    """Returns the height of a wrist above its shoulder over the arm's length; -1 if it is not known."""
+    """Returns the height of a wrist above its shoulder, divided by the arm's length. Returns -1 if it is
+    unknown."""
     points = body.joints[[shoulder, elbow, wrist]]
     length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
     if not np.isfinite(length) or length < 1e-3 or body.confidence[wrist] <= 0.0:
@@ -82,13 +87,14 @@ def _raised_fraction(body: Body, shoulder: Joint, elbow: Joint, wrist: Joint) ->
 
 @dataclass
 class Visit:
-    """The stay of one person, from the first sight to the last.
+    """The stay of one person, from the first to the last measurement.
 
     Attributes:
-        number: counts the visits from 1. It stays if the tracking id changes.
+        number: sequence number of the visit, from 1. It does not change if the tracking id changes.
         visitor: the newest measurement.
         in_zone: True while the visitor is in the zone.
-        queued_s: start of the wait for a turn, in seconds. Earlier ones are served first.
+        queued_s: time at which the visitor began to wait for a turn, in seconds. Visitors are served in this
+            order.
         seen_s: time of the newest measurement, in seconds.
         seen: True if the visitor was measured in the last frame.
     """
@@ -102,7 +108,7 @@ class Visit:
 
     @property
     def body(self) -> int:
-        """Returns the present tracking id."""
+        """Returns the current tracking id."""
         return self.visitor.id
 
     def distance(self, place: Place) -> float:
@@ -115,7 +121,7 @@ class Attendance:
 
     Args:
         zone: the zone in which visitors are noticed.
-        memory: seconds for which a lost visitor keeps the visit.
+        memory: time in seconds for which the visit of a lost visitor continues.
     """
 
     def __init__(self, zone: ZoneSettings, memory: float) -> None:
@@ -129,7 +135,7 @@ class Attendance:
         return tuple(self._visits.values())
 
     def find(self, number: int | None) -> Visit | None:
-        """Returns a visit by its number; None if it is over."""
+        """Returns a visit by its number, or None if it is over."""
         return None if number is None else self._visits.get(number)
 
     def waiting(self) -> list[Visit]:
@@ -138,7 +144,7 @@ class Attendance:
         return sorted(inside, key=lambda visit: (visit.queued_s, visit.number))
 
     def update(self, now: float, visitors: Iterable[Visitor]) -> None:
-        """Takes in the visitors of one frame at ``now`` seconds."""
+        """Updates the visits with the visitors of one frame at ``now`` seconds."""
         present = {v.id: v for v in visitors if _is_usable(v)}
         for visit in self._visits.values():
             visit.seen = visit.body in present
@@ -166,7 +172,8 @@ class Attendance:
         )
 
     def _continue_lost_visits(self, present: dict[int, Visitor], now: float) -> None:
-        """Gives lost visits the visitors that appeared at their places, the nearest pairs first."""
+        """Assigns visitors that appeared near the positions of lost visits to these visits, the nearest pairs
+        first."""
         pairs = sorted(
             (visit.distance(visitor.position), visit.number, visitor.id)
             for visit in self._visits.values()
@@ -189,10 +196,10 @@ class Attendance:
 
 
 def _match_radius(lost_s: float) -> float:
-    """Returns the search radius in metres for a visitor that was lost some time ago."""
+    """Returns the search radius in metres for a visitor that was lost ``lost_s`` seconds ago."""
     return min(_MATCH_RADIUS_M + _WALKING_SPEED * lost_s, _MAX_MATCH_RADIUS_M)
 
 
 def _is_usable(visitor: Visitor) -> bool:
-    """Returns True if a measurement is certain enough to be a person."""
+    """Returns True if the confidence of a measurement is high enough for a person."""
     return visitor.confidence >= MIN_VISITOR_CONFIDENCE and all(map(math.isfinite, visitor.position))

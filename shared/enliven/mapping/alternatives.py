@@ -16,8 +16,7 @@ from enliven.mapping.softening import soften_plan
 _MAX_FAULT_RATIO = 0.8
 """An alternative is offered only if its fault score is below this fraction of the current mapping's score."""
 _GENTLE_WEIGHT = 0.6
-"""Factor on the weight of all limbs in the candidate mapping that moves the limbs less to avoid
-collisions."""
+"""Factor on the weight of all limbs in one of the candidate mappings. Limbs that move less collide less."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +24,7 @@ class NextBest:
     """An alternative mapping of a take to a shape.
 
     Attributes:
-        how: the difference from the current mapping, in words or as command line options.
+        how: description of the difference from the current mapping, in words or as command line options.
         plan: the mapping.
         quality: the measures of the motion with this mapping.
     """
@@ -38,7 +37,8 @@ class NextBest:
 def find_better_mapping(retargeted: RetargetedShape, shape: Shape, quality: MotionQuality) -> NextBest | None:
     """Returns the best mapping that differs from the current one in one choice.
 
-    Returns None if the current mapping is within all bounds, or if no alternative is clearly better.
+    Returns None if all measures of the current mapping are within their bounds, or if no alternative is
+    clearly better.
 
     Args:
         retargeted: the retargeted shape with its current mapping.

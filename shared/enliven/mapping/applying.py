@@ -1,9 +1,10 @@
-"""Applies a mapping: chooses rest poses, gives each chain a basis, and binds layers.
+"""Applies a mapping: chooses rest poses, computes a change of axes for each chain, and creates the layers
+that play the take.
 
 The motion of a chain is relative to a rest pose of the take. Any pose can be the rest pose. For chains of
-mode "pose" it is the pose in which the performer's bones point in the same directions as the model's bones at
-rest. Then both point in the same directions at all times. For chains of mode "move" it is the mean pose of
-the take, and the model moves about its own rest pose.
+mode "pose", the performer's bones in this pose point in the same directions as the model's bones at rest. So
+the bones of both point in the same directions at all times. For chains of mode "move", the rest pose is the
+mean pose of the take, and the model moves about its own rest pose.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from enliven.skeletons.anatomy import Anatomy, find_anatomy
 from enliven.skeletons.weak_cache import cache_while_alive
 
 _MAX_OPPOSITE_COSINE = -0.94
-"""Cosine below which two directions count as opposite."""
+"""Maximum cosine of the angle between two directions that count as opposite."""
 _MAX_SPINE_OFFSET = 0.1
 """Maximum distance of a spine or a neck from the middle plane, as a fraction of its length."""
 _MAX_FOOT_HEIGHT = 0.15
@@ -49,7 +50,8 @@ _MIRROR_SIGNS = np.array([-1.0, 1.0, 1.0])
 def source_anatomy(clip: Clip) -> Anatomy:
     """Returns the anatomy of the performer. Its facing is the performer's heading in the first frames.
 
-    The limbs are found in the rest pose, or in the mean pose of the take if that gives more pairs of limbs.
+    The limbs are found in the rest pose, or in the mean pose of the take if the mean pose gives more pairs of
+    limbs.
     """
     at_rest = find_anatomy(clip.skeleton)
     amid = find_anatomy(pose_skeleton(clip.skeleton, mean_pose(clip)))
@@ -77,7 +79,7 @@ class _ChainPair:
 
     @property
     def bones(self) -> set[int]:
-        """The bones of the take with the rotations that the model's chain plays."""
+        """The numbers of the take's bones with the rotations that the model's chain plays."""
         return set(self.source_joints[1:] or self.source_joints)
 
 
@@ -105,7 +107,8 @@ class _AxesConversion:
         )
 
     def rotation_of(self, pair: _ChainPair) -> Float:
-        """Returns the rotation model_from_take (4,) of a chain, to be applied after mirroring."""
+        """Returns the rotation (4,) of a chain from the take's axes to the model's axes. It is applied after
+        mirroring."""
         return self.mirrored if pair.plan.mirrored else self.plain
 
     def to_model(self, pair: _ChainPair, take_directions: Float) -> Float:
@@ -121,7 +124,8 @@ class _AxesConversion:
 
 
 def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[Project, Clip]:
-    """Returns a project in which the take moves the shape, and the take relative to its new rest pose.
+    """Returns a project in which the take moves the shape, and a copy of the take that is relative to its new
+    rest pose.
 
     Raises:
         InputError: if the mapping names a joint that does not exist. The message lists the joints.
@@ -155,10 +159,11 @@ def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[
 def _rest_poses(
     pairs: list[_ChainPair], clip: Clip, rest: Rest | float, target: Skeleton, axes: _AxesConversion
 ) -> list[tuple[Float, list[_ChainPair]]]:
-    """Returns the rest poses (N, 4) of the take, each with the chains of the plan that use it.
+    """Returns the rest poses of the take as world rotations (N, 4), each with the chains of the plan that use
+    it.
 
-    One rest pose is enough unless a bone of the performer needs two rest rotations, as in a leg that drives
-    two legs. Then the project contains a second copy of the take, relative to another rest pose.
+    One rest pose is usually enough. But if a leg of the performer drives two legs, its bones need two rest
+    rotations. Then the project contains a second copy of the take, relative to a second rest pose.
     """
     default_rotations = _rest_rotations(clip, rest)
     rest_rotations, posed_bones = default_rotations.copy(), set[int]()
@@ -176,7 +181,7 @@ def _rest_poses(
         if pair.plan.mode != "move" or bone_above is None:
             continue
         if _lies_on_floor(target, pair.target_joints):
-            # In the rest pose the foot is flat on the floor, whatever the slope of the shin.
+            # In the rest pose the foot is flat on the floor, independent of the angle of the shin.
             rest_rotations[list(pair.source_joints[1:])] = standing_turns(clip, pair.source_joints)
         else:
             # The hand's rotation relative to its forearm stays the same as in the take's rest pose.
@@ -210,7 +215,7 @@ def copy_motion_to_siblings(project: Project, shape_id: str, chains: Sequence[Se
 
     A joint of a rig rotates all of its children: fingers with a hand, hair with a head, a twist bone with its
     forearm. So each bone that shares its parent joint with a bone of ``chains`` moves like that bone. Bones
-    that move already, or that have a descendant that moves, are not changed.
+    are not changed if they or their descendants already move.
     """
     shape = project.shape(shape_id)
     skeleton, spans = shape.skeleton, list(shape.spans)
@@ -285,9 +290,9 @@ def _match_pose(
 
     The pose starts from the take's zero pose, rotated to the take's first heading. Each bone gets the
     smallest rotation that makes it point in the target's direction, so the twist about a bone remains the
-    performer's. A limb is bent bone by bone from its root, and each bone moves the next bone with it. So a
-    forearm that is bent at rest is straightened at the elbow. A spine or a neck is rotated as a whole and
-    keeps the curve of the model's spine or neck.
+    performer's. A limb is bent bone by bone from its root, and each rotation also moves all following bones.
+    So a forearm that is bent at rest is straightened at the elbow. A spine or a neck is rotated as a whole
+    and keeps the curve of the model's spine or neck.
     """
     heading, skeleton = first_heading(clip), clip.skeleton
     rest_rotations[list(pair.bones)] = heading
@@ -334,8 +339,8 @@ def _layer_basis(
         direction = axes.to_model(pair, source.positions[source_ends[1]] - source.positions[source_ends[0]])
         target_direction = target.positions[target_ends[1]] - target.positions[target_ends[0]]
         # If an ancestor chain has the performer's pose, this chain rotates about the performer's axes. Other
-        # axes would change the pose of the limbs that hang from it. A tail that a spine drives points the
-        # opposite way, so it gets axes of its own.
+        # axes would change the pose of the limbs that are attached to this chain. A tail that a spine drives
+        # points in the opposite direction, so it gets separate axes.
         is_same_direction = _leads_to_posed(pairs, pair) or float(direction @ target_direction) > 0.0
         keeps_performer_axes = is_same_direction and _posed_bone_above(pairs, pair, source) is not None
         basis = (
@@ -347,13 +352,14 @@ def _layer_basis(
 
 
 def _leads_to_posed(pairs: list[_ChainPair], pair: _ChainPair) -> bool:
-    """Returns True if a chain of mode "pose" continues this one, as a limb continues its girdle."""
+    """Returns True if a chain of mode "pose" continues the chain ``pair``, as a limb continues its girdle."""
     followers = [follower for follower in pairs if _is_continuation(pair, follower)]
     return any(follower.plan.mode == "pose" or _leads_to_posed(pairs, follower) for follower in followers)
 
 
 def _whole_limb_ends(pairs: list[_ChainPair], pair: _ChainPair) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Returns the first and last joint of a limb's consecutive chains of mode "move", in take and model.
+    """Returns (first joint, last joint) of a limb's consecutive chains of mode "move", for the take and for
+    the model.
 
     A limb that is driven by several chains has one set of axes, even if its thigh and shin point in different
     directions at rest.
@@ -384,9 +390,9 @@ def _is_continuation(first: _ChainPair, second: _ChainPair) -> bool:
 def _smallest_rotation(direction: Float, target_direction: Float, lateral_axis: Float) -> Float:
     """Returns the smallest rotation (4,) from one direction (3,) to another.
 
-    Between opposite directions the smallest rotation is ambiguous. Then the result begins with half a turn
-    about the body's lateral axis, as from a hanging limb to a raised limb. If the limb lies along that axis,
-    the half turn is about the vertical axis.
+    Between opposite directions the smallest rotation is ambiguous. In this case the result is half a turn
+    about the body's lateral axis, as from a hanging limb to a raised limb, plus a small rotation. If the limb
+    is parallel to the lateral axis, the half turn is about the vertical axis.
     """
     lengths = float(np.linalg.norm(direction)), float(np.linalg.norm(target_direction))
     if min(lengths) < 1e-6:
@@ -400,7 +406,7 @@ def _smallest_rotation(direction: Float, target_direction: Float, lateral_axis: 
 
 
 def _half_turn(target: Skeleton, chain: tuple[int, ...]) -> Float:
-    """Returns half a turn (4,) about the first bone of a chain."""
+    """Returns the rotation (4,) by half a turn about the direction of a chain's first bone."""
     axis = target.positions[chain[min(1, len(chain) - 1)]] - target.positions[chain[0]]
     return normalized(np.concatenate([[0.0], axis]))
 
@@ -413,7 +419,8 @@ def _yaw_rotation(angle: float) -> Float:
 def _follow_take_root(
     project: Project, shape_id: str, take: Clip, axes: _AxesConversion, stride: float
 ) -> Project:
-    """Returns the project in which the shape's root follows the path of the take's root."""
+    """Returns a project in which the shape's root follows the path of the take's root, scaled by
+    ``stride``."""
     shape, name = project.shape(shape_id), unused(f"{take.id}: way", project.layer_names)
     layers = (*shape.layers, Layer(name, take.id, (0,), axes.plain))
     project = project.with_characters(shape.with_changes(layers=layers, travel=name))

@@ -3,15 +3,16 @@
 Each limb is driven by a source limb of its kind, in the order from front and top to back and bottom:
 
 - Pairs of legs that stand on the floor are driven by pairs of legs, the rearmost first. If the target has
-  more pairs, the foremost is driven by the arms (a horse's forelegs). The others are driven by the same legs
-  again, with the sides exchanged and mirrored. So neighbouring legs step alternately, like an insect's legs.
+  more pairs, the arms drive its foremost pair (a horse's forelegs). The same legs of the source drive the
+  other pairs too, with the sides exchanged and the motion mirrored. So neighbouring legs step alternately,
+  like an insect's legs.
 - Other pairs (arms, wings, flippers) are driven by arms, or by the foremost legs if the source has no arms.
 - The head drives the head, together with the trunk if only one of the two skeletons has a trunk.
 - A tail is driven by the tail, or by the spine if the source has no tail. The tail of a target without limbs
   (a snake) is driven by a leg.
 
-Left limbs drive left limbs. If one source pair drives several target pairs, the sides are exchanged from each
-target pair to the next.
+Left limbs drive left limbs. But if one source pair drives several target pairs, the sides are exchanged from
+each target pair to the next.
 """
 
 from __future__ import annotations
@@ -32,12 +33,13 @@ class Drive:
     """A chain of the source and the chain of the target that it drives.
 
     Attributes:
-        source, target: the joints of the two chains, beginning with the joint that stays in place.
+        source, target: the joints of the two chains, beginning with the joint about which the chain rotates.
         role: the name of the limb in the mapping file.
-        lead: source joints before ``source`` (a girdle). Their rotations are added to the target's first
-            piece.
+        lead: source joints before ``source``, such as a girdle. Their rotations are added to the first part
+            of the target chain.
         mirrored: True if the source is a limb of the other side and its motion is mirrored.
-        knots: pairs (source joint, target joint) of inner joints that correspond by name, such as elbows.
+        knots: pairs (source joint, target joint) of inner joints that correspond by their names, such as
+            elbows.
     """
 
     source: tuple[int, ...]
@@ -105,8 +107,8 @@ def _exchange_sides(pair: Pair, times: int) -> Pair:
 
 
 def _limb_drives(source: SkeletonLimb, target: SkeletonLimb, role: str) -> list[Drive]:
-    """Returns the drives of the girdle, the limb, and the hand or foot, each if both source and target have
-    one.
+    """Returns the drives of the girdle, the limb, and the hand or foot, as far as both limbs have these
+    parts.
 
     If only the source has a girdle, its rotations are added to the limb's rotations. If an animal's leg has
     no separate foot, the performer's leg together with its foot drives it.
@@ -153,8 +155,8 @@ def _middle_drives(source: Anatomy, target: Anatomy) -> list[Drive]:
 
 
 def _join_trunk_and_head(trunk: tuple[int, ...], head: tuple[int, ...]) -> tuple[int, ...]:
-    """Returns trunk and head as one chain if the head continues the trunk, else the head or, without one, the
-    trunk."""
+    """Returns trunk and head as one chain if the head continues the trunk. Otherwise returns the head, or the
+    trunk if the head is missing."""
     if head and head[0] == trunk[-1]:
         return (*trunk, *head[1:])
     return head or trunk
@@ -213,8 +215,8 @@ def joints_at_one_arc(
 ) -> list[tuple[int, int]]:
     """Returns pairs of indices of inner joints at nearly the same arc length, ascending.
 
-    The result is the set with the most pairs. Among sets of that size, it has the smallest differences in arc
-    length. Dynamic programming finds it.
+    The result is the largest possible set of pairs, and among sets of this size the one with the smallest
+    differences in arc length. It is computed by dynamic programming.
 
     Args:
         first_arc, second_arc: arc length 0..1 at the joints of two chains.

@@ -48,7 +48,8 @@ class RetargetedShape:
         clip: the original take.
         plan: the mapping that was used.
         duration: seconds from the start of the motion to the end of its last layer.
-        model_facing, take_facing: radians about +Y from +Z, of the model and of the performer's first frame.
+        model_facing, take_facing: facing of the model, and of the performer in the first frame, radians about
+            +Y from +Z.
         clips: the model's own clips, which define its joint limits.
         limited: names of the joints that exceeded their range of motion and were corrected.
     """
@@ -69,10 +70,9 @@ _MAX_TRUNK_ANGLE = np.radians(50.0)
 _MAX_TWIN_DIFFERENCE = 0.02
 """Maximum difference of joint distances in identical skeletons, as a fraction of the size."""
 _MIN_FINGER_BEND = np.radians(5.0)
-"""Minimum rotation (radians) of a finger from its mean. Fingers that rotate less are not mapped."""
+"""Minimum rotation (radians) of a finger from its mean pose. Fingers that rotate less are not mapped."""
 _MAX_UPRIGHT_ANGLE = np.radians(45.0)
-"""Maximum angle (radians) between the vertical and the line from root to head. Within it a body is
-upright."""
+"""Maximum angle (radians) between the vertical and the line from root to head of an upright body."""
 
 
 def automatic(clip: Clip, shape: Shape) -> Plan:
@@ -89,8 +89,8 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
     chains = _body_chains(clip.skeleton, source, shape.skeleton, mode, level)
     drives = assign_limbs(source, target)
     for drive in drives:
-        # Girdles keep the model's own directions. If a shoulder or hip pointed in the performer's direction,
-        # it would leave the trunk. Hands and feet keep their own rest rotation too.
+        # Girdles keep the model's own directions. If a shoulder's or hip's bone pointed in the performer's
+        # direction, the joint would leave the trunk. Hands and feet keep their own rest rotation too.
         keeps_directions = not twins and drive.role.endswith((" girdle", " end"))
         for piece in _limb_pieces(drive, drives, clip.skeleton, shape.skeleton):
             moved = keeps_directions or (not twins and _is_end(piece, drive, target, shape.skeleton))
@@ -124,8 +124,8 @@ def _finger_chains(
                 continue
             pairs = zip(pairwise(chain), pairwise(target_fingers[finger]), strict=False)
             for number, (source_pair, target_pair) in enumerate(pairs):
-                # The first bone of a finger lies in the palm. Mode "move" keeps the model's rest rotation
-                # there.
+                # The first bone of a finger is inside the palm. Mode "move" keeps the model's rest rotation
+                # of this bone.
                 mode: Mode = "pose" if number else "move"
                 names = _end_names(source, source_pair), _end_names(target, target_pair)
                 chains.append(ChainPlan(*names, f"{side} {finger}", mode))
@@ -245,7 +245,7 @@ def pin_all_feet(
     above: bool = False,
     without: Collection[SkeletonLimb] = (),
 ) -> Project:
-    """Returns the project with feet locked while they stand (foot lock).
+    """Returns a project in which each foot of the shape is locked to the floor while it stands (foot lock).
 
     The locked joint is the ankle, where the foot begins. Legs that step reach the floor already, so the
     body is not lowered for them.
@@ -253,11 +253,12 @@ def pin_all_feet(
     Args:
         project: the project that contains the shape.
         shape: the shape.
-        steps: the legs that step, each with its step size in metres. The thresholds for a lifted or moving
-            foot are relative to this size instead of the leg's length. See :func:`step_sizes`.
+        steps: the legs that step, each with its step size in metres. For these legs, the thresholds for a
+            lifted or moving foot are relative to this size instead of the leg's length. See
+            :func:`step_sizes`.
         level: True if the shape is kept on the floor. Then feet are locked horizontally only. While a foot
             rolls, its ankle rises and sinks, so locking its height would lift the foot off the floor.
-        above: True to raise feet that would go below the floor.
+        above: True to raise feet that would be below the floor.
         without: legs with feet that are not locked.
     """
     steps, default_settings = steps or {}, ContactSettings(sink=float(level), above=above)
@@ -276,9 +277,10 @@ def pin_all_feet(
 def _short_step_settings(
     default_settings: ContactSettings, skeleton: Skeleton, leg: Sequence[int], size: float
 ) -> ContactSettings:
-    """Returns contact settings for a foot with steps as large as those of a leg of ``size`` metres.
+    """Returns contact settings for a foot with steps as large as those of a leg with a length of ``size``
+    metres.
 
-    The body is not lowered for such a foot.
+    With these settings the body is not lowered so that the foot reaches the floor.
     """
     length_ratio = min(1.0, size / float(skeleton.lengths[list(leg[1:])].sum()))
     return replace(
@@ -290,7 +292,8 @@ def _short_step_settings(
 
 
 def _limb_pieces(drive: Drive, drives: list[Drive], source: Skeleton, target: Skeleton) -> list[Drive]:
-    """Splits a limb at corresponding joints, the same on both sides, and returns the pieces.
+    """Splits a limb at corresponding joints, and returns its pieces. The limb of the other side is split at
+    the same joints.
 
     A spine is not split.
     """
@@ -319,7 +322,8 @@ def _is_end(piece: Drive, drive: Drive, body: Anatomy, target: Skeleton) -> bool
 
 
 def _end_names(skeleton: Skeleton, chain: tuple[int, ...]) -> tuple[str, ...]:
-    """Returns the names of the first and last joint of a chain. They define the chain, since it is a path."""
+    """Returns the names of the first and last joint of a chain. Two joints define the chain, since the path
+    between them is unique."""
     return (skeleton.names[chain[0]], skeleton.names[chain[-1]])
 
 
@@ -357,7 +361,8 @@ def retarget(
         shape: the shape.
         clip: the take.
         plan: the mapping. If None, :func:`automatic` finds one.
-        project: the project with the shape and takes that move it already. If None, a new project is created.
+        project: the project with the shape, and with takes that already move the shape. If None, a new
+            project is created.
         clips: the model's own clips, which define the ranges of its joints.
 
     Raises:
@@ -368,7 +373,7 @@ def retarget(
         remedy = "Write a mapping file: --write-map writes one that you can edit."
         raise InputError("no chain of the take matches a chain of the model", where="mapping", remedy=remedy)
     stepping, posed = legs_that_step(shape, clip, plan), posed_legs_that_step(shape, clip, plan)
-    # A body with the performer's skeleton moves exactly as the take does, unless its feet are planted.
+    # A body with the performer's skeleton moves exactly as in the take, unless its feet are planted.
     is_same_skeleton = plan.travel and not posed and _is_twin(clip.skeleton, shape.skeleton)
     is_on_floor = stands_on_floor(shape) and not is_same_skeleton
     level = plan.floor and is_on_floor

@@ -1,5 +1,5 @@
-"""The gait of a performer: the performer's leg that each leg of a model follows, and the positions of the
-feet.
+"""The gait of a performer. Selects the performer's leg that each leg of a model follows, and computes the
+positions of the performer's feet.
 
 find_stepping_legs(shape, clip, plan)     # a LegStep for each leg of the model that steps
 performer.foot(leg)             # the joint of the performer's foot that stands
@@ -28,7 +28,8 @@ from enliven.skeletons.facing import rotate_about_y
 STRIDE_S = 1.0
 """Duration of a stride in seconds. The heading of a body is averaged over a stride."""
 _MAX_RAISED_DROP = 0.0
-"""An arm is raised if its hand is less than this fraction of the arm's length below the shoulder."""
+"""An arm is raised if its hand is less than this fraction of the arm's length below the shoulder. At 0 the
+hand is at least as high as the shoulder."""
 _MIN_HANGING_DROP = 0.4
 """An arm hangs if its hand is at least this fraction of the arm's length below the shoulder."""
 _MAX_STANDING_SPEED = 0.1
@@ -40,8 +41,8 @@ _WALK_BLEND_S = 0.3
 _MAX_FOOT_HEIGHT = 0.15
 """Maximum height of the foot's joints above the lowest joint, as a fraction of the performer's height."""
 _STANDING_PERCENT = 25.0
-"""Minimum time that a foot stands, as a percentage of a take. The joint that moves least in this part of the
-take gives the position of the foot."""
+"""Minimum time that a foot stands, as a percentage of a take. The joint that moves least during this time
+defines the position of the foot."""
 _LOWEST_PERCENT = 5.0
 """This percentile of a foot's height over a take is its height while it stands."""
 
@@ -52,9 +53,10 @@ class LegStep:
 
     Attributes:
         limb: the model's leg.
-        source: the performer's leg that it follows.
+        source: the performer's leg that the model's leg follows.
         arm: the performer's arm that drives the leg while the performer stands or raises that arm, or None.
-        posed: True if the leg keeps the performer's pose as far as the position of its foot allows.
+        posed: True if the leg keeps the performer's pose as far as possible with the given position of its
+            foot.
         leg: the joints of ``limb`` down to the ankle, where the foot begins.
         source_leg: the joints of ``source`` down to the ankle, where the foot begins.
     """
@@ -117,8 +119,8 @@ def step_sizes(shape: Shape, clip: Clip, rebased_clip: Clip, plan: Plan) -> dict
 
 
 def step_scale(shape: Shape, clip: Clip, rebased_clip: Clip, plan: Plan) -> float:
-    """Returns the distance in metres that a foot of the shape moves while the performer's foot moves one
-    metre.
+    """Returns the step scale: the distance in metres that a foot of the shape moves per metre of the
+    performer's foot.
 
     For posed legs the scale is the ratio of leg lengths, which keeps the performer's joint angles.
     """
@@ -138,8 +140,8 @@ def _limb_length(skeleton: Skeleton, limb: SkeletonLimb) -> float:
 
 
 def find_stepping_legs(shape: Shape, clip: Clip, plan: Plan) -> list[LegStep]:
-    """Returns the legs of a shape that step, the rearmost first. Returns none if the mapping turns steps
-    off."""
+    """Returns the legs of a shape that step, the rearmost first. The list is empty if the mapping disables
+    steps."""
     model, performer = find_anatomy(shape.skeleton), source_anatomy(clip)
     if not (plan.steps and plan.floor and performer.legs) or (shape.modeling != IDENTITY).any():
         return []
@@ -183,7 +185,8 @@ def _performed_leg(
         (source.proper.index(joint) for joint in joints if joint in source.proper),
         len(leg_to_ankle(source)) - 1,
     )
-    # The whole leg with its toes may drive a limb without joint names. The result still ends at the ankle.
+    # If a limb has no joint names, the performer's whole leg with its toes may drive it. The result still
+    # ends at the ankle.
     height = clip.skeleton.positions[:, 1]
     is_low = height[list(source.proper)] < height.min() + _MAX_FOOT_HEIGHT * np.ptp(height)
     ankle = int(np.argmax(is_low)) if is_low.any() else last_index
@@ -191,7 +194,7 @@ def _performed_leg(
 
 
 def _driven_bones(skeleton: Skeleton, plan: Plan, mode: Mode) -> set[int]:
-    """Returns the bones of the model that chains with ``mode`` move at the take's own speed, without
+    """Returns the bones of the model that chains of ``mode`` drive at the take's own speed and without
     delay."""
     bones = set[int]()
     for chain in plan.chains:
@@ -204,7 +207,7 @@ def _driven_bones(skeleton: Skeleton, plan: Plan, mode: Mode) -> set[int]:
 
 
 def _matching_legs(performer: Anatomy, number: int) -> Pair:
-    """Returns the pair of the performer's legs for the model's pair with this number, counted from the
+    """Returns the pair of the performer's legs that drives the model's pair ``number``, counted from the
     rear."""
     leg_pairs = len(performer.legs)
     if number < leg_pairs:
@@ -221,7 +224,8 @@ def leg_to_ankle(limb: SkeletonLimb) -> tuple[int, ...]:
 
 
 def standing_on_feet(clip: Clip) -> Float:
-    """Returns (F,) 1 while the performer stands on the feet, and 0 while on knees, hands or other parts."""
+    """Returns weights (F,) per frame: 1 while the performer stands on the feet, and 0 while on knees, hands
+    or other body parts."""
     legs = (limb for pair in source_anatomy(clip).legs for limb in pair)
     return foot_contact_weights(
         clip, {joint for leg in legs for joint in leg.proper[len(leg_to_ankle(leg)) - 1 :]}
@@ -233,13 +237,13 @@ class PerformerGait:
 
     Attributes:
         skeleton: the performer's skeleton at rest.
-        posed: (N, 3) metres from the root to the joints, in the pose in which the performer's bones point in
-            the directions of the model's bones.
+        posed: (N, 3) metres from the root to the joints, in the pose in which the performer's bones have the
+            directions of the model's bones.
         offsets: (T, N, 3) metres from the root to the joints. If the model does not turn with the performer,
             these offsets do not contain the rotation of the whole body.
         root_height: (T,) metres from the floor up to the root.
         scale: distance in metres that the model moves while the performer moves one metre.
-        step: seconds between two times.
+        step: seconds between two successive times.
     """
 
     def __init__(
@@ -284,8 +288,8 @@ class PerformerGait:
     def home(self, foot: int, heading: Float) -> Float:
         """Returns the neutral position (3,) of a foot in metres from the root, for a body that faces +Z.
 
-        If the mapping names a reference frame of the take, it is the position in this frame. Otherwise it is
-        the median over the take, with the height of the standing foot.
+        If the mapping names a reference time in the take, the result is the position at this time. Otherwise
+        it is the median over the take, with the height of the standing foot.
 
         Args:
             foot: a joint of the performer.
@@ -302,8 +306,8 @@ class PerformerGait:
         return np.asarray(home)
 
     def walking_weights(self, arm: SkeletonLimb) -> Float:
-        """Returns (T,) 1 while the performer walks and lets the arm hang, and 0 while the performer stands or
-        raises the arm."""
+        """Returns weights (T,): 1 while the performer walks with the arm hanging, and 0 while the performer
+        stands or raises the arm."""
         drop = self.offsets[:, arm.proper[0], 1] - self.offsets[:, arm.proper[-1], 1]
         drop /= _limb_length(self.skeleton, arm)
         left, right = (self.offsets[:, self.foot(leg)] for leg in self._legs)

@@ -1,4 +1,4 @@
-"""The floor under a retargeted shape. The shape stands on the floor whenever its performer does.
+"""Keeps a retargeted shape on the floor while its performer is on the floor.
 
 stands_on_floor(shape)                        # True for legs, or a lowest point at y = 0
 posed_surfaces(project, shape_id, times)   # yields the vertices at each time
@@ -26,18 +26,21 @@ from enliven.skeletons.human_names import names_object
 _MAX_RATE_HZ = 60.0
 """Maximum rate at which the lowest point of a shape is searched: the frame rate of common displays."""
 _MAX_FLOOR_DISTANCE = 0.02
-"""A shape without legs stands on the floor if its lowest point is within this fraction of its height of
-y = 0."""
+"""Maximum distance of the lowest point from y = 0 at which a shape without legs stands on the floor, as a
+fraction of its height."""
 _FOOT_ROLL_HEIGHT = 0.04
 """Rise of the lowest joint while a foot rolls from heel to toe, as a fraction of the performer's height."""
 _FLOOR_PERCENTILE = 5.0
 """Percentile of the lowest joint's height over a take that is used as the height of the floor."""
 _TOUCHING_HEIGHT = 0.01
-"""Points that are at most this fraction of the body height above the lowest point touch the floor, too."""
+"""Maximum height above the lowest point at which other points also touch the floor, as a fraction of the body
+height."""
 _MIN_STRIDE_FACTOR = 0.1
-"""Smallest factor on the length of a stride, so that a shape with shuffling legs still moves forward."""
+"""Smallest factor on the length of the performer's strides. With it, a shape with shuffling legs still moves
+forward."""
 _MAX_STRIDE_FACTOR = 1.5
-"""Largest factor on the length of a stride. Feet that slide forward would give a larger factor."""
+"""Largest factor on the length of the performer's strides. Feet that slide forward would give a larger
+factor."""
 _MAX_HAND_DISTANCE = 1.5
 """Largest distance of a hand's points from its wrist, in forearm lengths. Human hands reach 0.75, cartoon
 hands 1.2."""
@@ -51,7 +54,7 @@ def body_points(shape: Shape) -> Bool:
 
     All other points belong to an object in a hand: the joint that moves them has the name of an object, or
     the point is too far from the wrist. An object such as a weapon may touch the floor, but the shape does
-    not stand on it. If the shape has no mesh, the points are its joints.
+    not stand on the object. If the shape has no mesh, the points are its joints.
     """
     skeleton, arms = shape.skeleton, [arm for pair in find_anatomy(shape.skeleton).arms for arm in pair]
     is_object_name = np.array([bool(arms) and names_object(name) for name in skeleton.names])
@@ -79,7 +82,7 @@ def body_points(shape: Shape) -> Bool:
 
 
 def stands_on_floor(shape: Shape) -> bool:
-    """Returns True if a shape at rest stands, or lies, on the floor."""
+    """Returns True if a shape has legs, or if its lowest point at rest is on the floor."""
     rest = _body_at_rest(shape)
     lowest, height = float(rest[:, 1].min()), float(np.ptp(rest[:, 1]))
     return abs(lowest) < _MAX_FLOOR_DISTANCE * height or bool(find_anatomy(shape.skeleton).legs)
@@ -109,8 +112,8 @@ def posed_surfaces(project: Project, shape_id: str, times: AnyArray) -> Iterator
 
 
 def leap_heights(clip: Clip) -> Float:
-    """Returns the height (F,) in metres of a performer above the floor in a leap; 0 while any part touches
-    it."""
+    """Returns the height (F,) in metres of a leaping performer above the floor. It is 0 while any body part
+    touches the floor."""
     height = joint_places(clip)[..., 1]
     lowest = height.min(1)
     roll = _FOOT_ROLL_HEIGHT * float(np.ptp(height, axis=1).max())
@@ -134,8 +137,8 @@ def keep_on_floor(
         duration: duration of the motion in seconds.
         own_stride: True to scale the path to the strides of the shape's legs. Otherwise the path is the
             performer's, scaled to the shape's size.
-        on_feet: (F,) weight for each frame of the take: 1 while the performer stands on the feet, if the
-            shape's feet were planted before. None if they were not.
+        on_feet: (F,) weight for each frame of the take: 1 while the performer stands on the feet. Required if
+            the shape's feet were planted before, otherwise None.
     """
     shape = project.shape(shape_id)
     contact_times = sample_times(duration, min(_MAX_RATE_HZ, 1.0 / clip.step))
@@ -143,7 +146,8 @@ def keep_on_floor(
     low, steps = _lowest_point_path(
         (surface[body] for surface in posed_surfaces(project, shape_id, contact_times)), len(contact_times)
     )
-    # The path has at least the take's frame rate. With a coarser path standing feet would tremble.
+    # The sampling rate of the path is at least the take's frame rate. At a lower rate, standing feet would
+    # tremble.
     times = sample_times(duration, max(_MAX_RATE_HZ, 1.0 / clip.step))
     root = Player(project, shape_id).root(times)
     rise = np.interp(times, contact_times, floor_height_under(shape) - low)
@@ -167,7 +171,8 @@ def keep_on_floor(
 
 
 def follow_path(project: Project, shape_id: str, name: str, root: Float, step: float) -> Project:
-    """Returns a project in which the root of a shape follows ``root`` (F, 3), ``step`` seconds apart.
+    """Returns a project in which the root of a shape follows the path ``root`` (F, 3) in metres, with
+    ``step`` seconds between frames.
 
     The path is stored as a new take with a single joint, named after the take ``name``.
     """
@@ -182,7 +187,7 @@ def follow_path(project: Project, shape_id: str, name: str, root: Float, step: f
 
 
 def foot_contact_weights(clip: Clip, feet: Collection[int]) -> Float:
-    """Returns (F,) 1 while the lowest joint is one of ``feet``, 0 while it is not, with smooth
+    """Returns weights (F,): 1 while the performer's lowest joint is one of ``feet``, otherwise 0, with smooth
     transitions."""
     height = joint_places(clip)[..., 1]
     others = [j for j in range(height.shape[1]) if j not in feet]
@@ -198,7 +203,8 @@ def sample_times(duration: float, rate: float) -> Float:
 
 
 def _lowest_point_path(moments: Iterator[Float], count: int) -> tuple[Float, Float]:
-    """Returns the height (F,) of the lowest point of a shape, and the steps of its lowest part, in metres.
+    """Returns the height (F,) of the lowest point of a shape, and the steps (F - 1, 2) of its lowest part, in
+    metres.
 
     A step is the median motion (2,) along x and z, from one frame to the next, of the points that touch the
     floor.
@@ -214,11 +220,11 @@ def _lowest_point_path(moments: Iterator[Float], count: int) -> tuple[Float, Flo
 
 
 def _stride_factor(root_steps: Float, part_steps: Float, leaping: Bool) -> float:
-    """Returns the factor for a root's path that keeps the standing part from sliding.
+    """Returns the factor on a root's path that prevents the standing part of the body from sliding.
 
     A model's legs swing less far than the performer's, or have other proportions, so its stride differs. The
-    factor is the median over the path. Moments at which the lowest part moves forward faster than the root
-    are ignored, because then the foot that touches the floor is swinging.
+    factor is the median over the path. Frames in which the lowest part moves forward faster than the root are
+    ignored, because the lowest foot is swinging in these frames.
 
     Args:
         root_steps: (F - 1, 2) metres along x and z, the motion of the root from frame to frame.
@@ -240,8 +246,8 @@ def _stride_factor(root_steps: Float, part_steps: Float, leaping: Bool) -> float
 
 
 def level_root(clip: Clip, chest: int) -> Clip:
-    """Returns the take with a root that rotates about the vertical only. Its heading is midway from hips to
-    chest.
+    """Returns the take with a root that rotates about the vertical only. Its heading is the mean of the
+    headings of hips and chest.
 
     Bodies on four legs move with a level trunk. The limbs and the spine keep their world rotations.
     """

@@ -3,10 +3,10 @@
 limit_joints(project, shape_id, clip, plan, clips)      # limits joints, and returns the names of the limited
 ones
 
-A performer's arm swings by half a turn, but a horse's foreleg does not. The range of each joint is the range
-in the model's own clips, plus a free angle. Without clips it is a wide cone around the rest pose. See
-:mod:`enliven.motion.kinematics.ranges`. A body with a chain of mode "pose" is not limited, since it is built
-like the performer.
+A performer's arm swings by half a turn, but a horse's foreleg does not. The range of each joint is its range
+in the model's own clips, plus a margin (the free angle). Without clips it is a wide cone around the rest
+pose. See :mod:`enliven.motion.kinematics.ranges`. A body with a chain of mode "pose" is not limited, since it
+is built like the performer.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _MIN_CHANGE = np.radians(1.0)
 _MIN_ANGLE_FRACTION = 0.05
 """Minimum fraction of the free angle that each bone of a chain gets, so that short bones are not stiff."""
 _MIN_BONE_LENGTH = 1e-6
-"""Bones shorter than this fraction of the skeleton's size have no direction."""
+"""Minimum length of a bone with a defined direction, as a fraction of the skeleton's size."""
 
 
 def limit_joints(
@@ -50,7 +50,7 @@ def limit_joints(
     """Returns the project with a shape's joints limited to their ranges, and the names of the corrected
     joints.
 
-    Bones that change play a new take. People, and takes of the shape's own skeleton, are not limited.
+    Corrected bones play a new take. Human skeletons, and takes of the shape's own skeleton, are not limited.
 
     Args:
         project: the project, in which the plan moves the shape.
@@ -103,8 +103,8 @@ def joint_ranges(
     Args:
         skeleton: the skeleton.
         clips: takes of the same skeleton.
-        fractions: for each bone, its fraction of the free angle of its chain. The bones of a spine share one
-            angle.
+        fractions: for each bone, its fraction of the free angle of its chain. For example, the bones of a
+            spine share one free angle.
     """
     sampled = [clip.turns[:: max(1, -(-len(clip.turns) // _CLIP_FRAMES))] for clip in clips]
     local = _local_rotations(skeleton, np.concatenate(sampled)) if sampled else None
@@ -123,7 +123,8 @@ def joint_ranges(
 def limit_pose(
     skeleton: Skeleton, turns: Float, ranges: dict[int, JointRange], followers: dict[int, int]
 ) -> tuple[Float, set[int]]:
-    """Returns world rotations (T, N, 4) with each bone in its range, and the bones that were outside.
+    """Returns world rotations (T, N, 4) with each bone in its range, and the bones that were outside their
+    range.
 
     The descendants of a limited bone move with it: their rotations relative to their parents do not change.
 
@@ -152,7 +153,7 @@ def _bone_fractions(project: Project, shape: Shape, clip: Clip, plan: Plan) -> d
     """Returns the bones that may be limited, each with its length as a fraction of its chain's length.
 
     These are the bones that chains of mode "move" drive at the take's own speed. The result is empty for
-    people, for bodies with a chain of mode "pose", and if the plan turns limits off.
+    human skeletons, for bodies with a chain of mode "pose", and if the plan disables limits.
     """
     stretched = plan.stretch and bool(clip.tracks)
     if not plan.limits or stretched or (shape.modeling != IDENTITY).any() or is_own_take(clip, shape):
@@ -211,8 +212,7 @@ def _bone_partners(skeleton: Skeleton) -> dict[int, int]:
 
 
 def _mirrored_rotations(turns: Float, facing: float) -> Float:
-    """Returns rotations (T, 4) mirrored in the plane between left and right of a body with a facing in
-    radians."""
+    """Returns rotations (T, 4) mirrored in the sagittal plane of a body with ``facing`` in radians."""
     mirrored = rotate_about_y(turns[:, 1:], -facing) * [1.0, -1.0, -1.0]
     return np.concatenate([turns[:, :1], rotate_about_y(mirrored, facing)], axis=1)
 

@@ -1,4 +1,4 @@
-"""The clips in a model's own file: finds them among a project's takes, and plays one on a shape.
+"""Finds the clips of a model's own file among a project's takes, and plays one of them on a shape.
 
 own_clips(project, shape)                    # the names of the takes that have the shape's own skeleton
 clip_to_open(shape, clips)                   # the clip that a model plays when it is opened
@@ -18,14 +18,14 @@ from enliven.errors import InputError
 from enliven.formats.rig.rig import play_clip
 
 _MAX_JOINT_DIFFERENCE = 1e-6
-"""Maximum distance of equal joints in identical skeletons, as a fraction of the size. Files round
-positions."""
+"""Maximum distance between corresponding joints of identical skeletons, as a fraction of the size. It allows
+for rounding in files."""
 _MAX_STILL_MOTION = 1e-3
 """Maximum motion of the joints in a still pose, and maximum distance between the last and the first pose of a
 loop, as a fraction of the size."""
 _SEAM_FRAMES = 1.5
-"""Maximum step from the last pose of a loop to its first, relative to the median step between frames. Not all
-files repeat the first frame at the end."""
+"""Maximum step from the last pose of a loop to its first pose, relative to the median step between frames. It
+is above 1, because not all files repeat the first frame at the end."""
 
 
 def is_own_take(clip: Clip, shape: Shape) -> bool:
@@ -46,7 +46,7 @@ def _is_same(first: Skeleton, second: Skeleton) -> bool:
 def own_clips(project: Project, shape: Shape) -> tuple[str, ...]:
     """Returns the names of the takes that were recorded on a shape's own skeleton.
 
-    These takes can be played joint by joint, without retargeting. They still count if the shape has been
+    These takes can be played joint by joint, without retargeting. This also works if the shape has been
     rotated, moved or scaled since it was opened. Takes that retargeting derived from another take, such as
     "walk: steps", are excluded.
     """
@@ -112,8 +112,8 @@ def play_own_clip(project: Project, shape_id: str, name: str | None) -> Project:
 
 
 def _replace_clip(project: Project, shape: Shape, joint_layers: Sequence[Layer], name: str | None) -> Project:
-    """Returns a project in which the layers of a shape's own clip play another clip, or are muted if there is
-    none."""
+    """Returns a project in which the layers of a shape's own clip play the clip ``name`` instead, or are
+    muted if ``name`` is None."""
     other_layers = [layer for layer in shape.layers if layer not in joint_layers]
     new_layers = [replace(layer, muted=True) for layer in joint_layers]
     if name is not None:

@@ -7,8 +7,8 @@ A face is inside if the winding number of the surface about a point just outside
 winding number is counted along a ray: the number of faces through which the ray exits, minus the number of
 faces through which it enters (Nooruddin and Turk, "Simplification and repair of polygonal models using
 volumetric techniques", 2003). The median over rays along the three axes is used, because game models often
-have open borders. The face is inside the part with the surface that its rays reach first. A fold at a
-joint does not count: bones that share a joint may overlap.
+have open borders. The containing part is the part with the surface that the rays reach first. Overlap of
+bones that share a joint is ignored, because skin folds at joints.
 """
 
 from __future__ import annotations
@@ -23,14 +23,15 @@ _TESTED_FACES = 3000
 """Approximate number of tested faces, evenly spaced in the list of faces. With this number the result differs
 from that for all faces by at most half a per cent of the surface."""
 _TEST_POINT_OFFSET = 1e-4
-"""Distance of a test point from its face, as a fraction of the size: above rounding, below limb thickness."""
+"""Distance of a test point from its face, as a fraction of the size. It is larger than rounding errors and
+smaller than the thickness of limbs."""
 _FACES_PER_CELL = 4.0
 """Average number of faces per cell of the ray grid. A ray then tests about twenty faces."""
 _UNCERTAIN_EXIT_M = 1e6
 """Metres added to the exit distance of a ray that crosses other parts first. It is larger than any
 model, so direct exits come first."""
 _MAX_CELLS = 256
-"""Maximum number of cells along a side of the ray grid. The grid then has 512 KB of indices."""
+"""Maximum number of cells along a side of the ray grid. It limits the grid's indices to 512 KB."""
 
 
 class Overlap:
@@ -46,8 +47,8 @@ class Overlap:
         self._rest = self._faces_inside(shape.mesh.vertices)[0]
 
     def at(self, vertices: Float) -> tuple[float, dict[tuple[int, int], float]]:
-        """Returns the fraction of the surface inside other parts: the total, and the fraction for each pair
-        of (inner bone, outer bone)."""
+        """Returns the fraction of the surface that is inside other parts, in total and for each pair (inner
+        bone, outer bone)."""
         inside, outer_faces = self._faces_inside(vertices)
         intersecting_faces = np.flatnonzero(inside & ~self._rest)
         total_area = max(float(self.area.sum()), 1e-300)
@@ -58,7 +59,8 @@ class Overlap:
         return sum(parts.values()), parts
 
     def _faces_inside(self, vertices: Float) -> tuple[Bool, Int]:
-        """Returns (K,) True for tested faces inside another part, and (K,) the face at which a ray exits."""
+        """Returns (K,) True for tested faces inside another part, and (K,) the face through which a ray
+        leaves that part."""
         corners = np.ascontiguousarray(vertices[self.faces], np.float64)
         tested_corners = corners[self.tested_faces]
         normals = np.cross(
@@ -109,7 +111,7 @@ def _adjacent_bones(shape: Shape) -> Bool:
 
 @njit(cache=True, nogil=True)
 def wind(points, corners, bones, axis, cells, numbers, exits, ways):
-    """Computes the winding numbers of faces about points (kernel), along rays parallel to an axis.
+    """Computes the winding numbers of the surface about points, along rays parallel to an axis.
 
     Args:
         points: (P, 3) metres, the test points.
@@ -119,8 +121,7 @@ def wind(points, corners, bones, axis, cells, numbers, exits, ways):
         cells: number of grid cells along each of the two other axes.
         numbers: (P,) receives the winding numbers.
         exits: (P,) receives the face through which the ray, in either direction, leaves the part that
-        contains
-            the point, if that face is nearer than ``ways``.
+            contains the point. It is only replaced by a face nearer than ``ways``.
         ways: (P,) metres, the distances of ``exits``. Both arrays are updated together.
     """
     u_axis, v_axis = (axis + 1) % 3, (axis + 2) % 3
@@ -148,7 +149,7 @@ def wind(points, corners, bones, axis, cells, numbers, exits, ways):
         if fill == 0:
             first = np.cumsum(first)
             cell_faces = np.empty(first[-1], np.int64)
-            # Each cell is filled from its end, so that ``first`` counts down to the beginning of the cell.
+            # Each cell is filled from its end: ``first`` counts down to the beginning of the cell.
             first[:-1] = first[1:]
     most = np.diff(first).max()
     met, sides, faces = np.empty(most), np.empty(most, np.int64), np.empty(most, np.int64)
@@ -202,7 +203,7 @@ def wind(points, corners, bones, axis, cells, numbers, exits, ways):
 
 @njit(cache=True, nogil=True)
 def _cell_span(values, low, per, cells):
-    """Returns the first and the last grid cell that contain three coordinates (kernel)."""
+    """Returns the first and the last grid cell covered by three coordinates."""
     a = int((min(values[0], values[1], values[2]) - low) * per)
     b = int((max(values[0], values[1], values[2]) - low) * per)
     return min(max(a, 0), cells - 1), min(max(b, 0), cells - 1)
@@ -210,7 +211,7 @@ def _cell_span(values, low, per, cells):
 
 @njit(cache=True, nogil=True)
 def _intersect_face(corners, x, y, one, two, axis):
-    """Intersects a face with the line through (x, y) along an axis (kernel).
+    """Intersects a face with the line through (x, y) along an axis.
 
     Returns the side and the coordinate of the hit on the axis. The side is 1 if the face's normal points
     along the axis, -1 if it points against it, and 0 if the line misses the face. A point on an edge belongs

@@ -10,7 +10,7 @@
     mode = "pose"
 
 A chain is given by its first and last joint, separated by two dots, or by an array of all of its joints. A
-single joint means only the rotation of that joint. Missing keys have the defaults of
+single joint name stands for the rotation of that joint alone. Missing keys have the defaults of
 :mod:`enliven.mapping.plan`.
 """
 

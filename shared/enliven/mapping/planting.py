@@ -7,12 +7,12 @@ not slide.
     hip_shift(leg, other_leg, rise, step)                   # lets both feet stand without bent legs
     plant_body(legs, root, step, floor)                     # the path of the root, and offsets of feet
 
-In the performer's pose, the feet of a model with other proportions would slide, because its strides have
-another length and its feet roll about other points. So the path of the root is corrected. The horizontal
-correction keeps the touching points of the standing foot in place. The vertical correction puts the sole of
-that foot on the floor. The path of the root stays smooth. The legs bend to close the remaining distance, also
-if two standing feet need different paths. In the air the root follows the performer's path, and is raised if
-a foot would be too low.
+In the performer's pose, the feet of a model with other proportions would slide. The lengths of its strides
+differ, and its feet roll about other points. So the path of the root is corrected. The horizontal correction
+keeps the touching points of the standing foot in place. The vertical correction puts the sole of that foot on
+the floor. The path of the root stays smooth. The legs bend to close the remaining distance, for example if
+two standing feet need different paths. In the air the root follows the performer's path, and is raised if a
+foot would be too low.
 
 The feet of captured performers often rotate on the spot while they stand. The model's sole would slide, so
 each foot gets a constant heading during a contact.
@@ -35,10 +35,11 @@ Spans = tuple[tuple[int, int], ...]
 """The contacts of a foot with the floor: the first and the last frame of each."""
 
 _MAX_STANDING_HEIGHT = 0.1
-"""Largest height of a standing foot above its lowest position, in leg lengths. In captures the floor
-drifts."""
+"""Largest height of a standing foot above its lowest position, in leg lengths. It is large because the floor
+drifts in captured motion."""
 _MAX_STANDING_SPEED = 0.4
-"""Largest speed of a standing foot if the body is at rest, in leg lengths per second. Captured feet drift."""
+"""Largest speed of a standing foot if the body is at rest, in leg lengths per second. It is large because
+captured feet drift."""
 _MAX_SPEED_FRACTION = 0.3
 """Largest speed of a standing foot, as a fraction of the body's speed. The foot of a runner rolls fast."""
 _SPEED_WINDOW_S = 0.4
@@ -56,16 +57,16 @@ _SMOOTH_S = 0.05
 """Time in seconds over which the root's speed and height are smoothed. A shorter time makes the root jerk, a
 longer time bends the legs more."""
 _MIN_AIR_HEIGHT = 0.7
-"""Smallest height of a foot while the body is in the air, as a fraction of the performer's. It keeps the foot
-off the floor."""
+"""Smallest height of a foot above the floor while the body is in the air, as a fraction of the height of the
+performer's foot."""
 _MIN_SWING_HEIGHT = 0.03
 """Smallest height of a swinging foot in leg lengths, unless the performer's foot is lower: 25 mm on an
 adult."""
 _CONTACT_DECAY = 0.02
 """Decay length of contact weights above a foot's lowest point, in foot lengths: 5 mm on an adult."""
 _MIN_PATCH_RADIUS = 0.01
-"""Radius of the touching part, in foot lengths, below which its rotation about the vertical does not
-matter."""
+"""Minimum radius of the touching part of a foot, in foot lengths, at which its rotation about the vertical
+matters."""
 _MIN_FOOT_LENGTH = 1e-3
 """Smallest length of a foot in metres, for feet that are a single point."""
 _MIN_SWING_S = 0.2
@@ -78,12 +79,14 @@ _SEARCH_DIRECTIONS = 128
 _FRAMES_PER_BLOCK = 2048
 """Number of frames that are processed at once, to limit the memory for all points of a foot."""
 _HEIGHT_WEIGHT = 1e-9
-"""Weight of the performer's height of the root. It is so small that it matters only while no foot stands."""
+"""Weight of the term that pulls the root's height to the performer's. It is so small that it matters only
+while no foot stands."""
 _MAX_HEADING_DIFFERENCE = np.radians(30.0)
 """Largest angle (radians) between the heading of the model's standing foot and that of the performer's foot.
-Ankle and hip allow no more."""
+Ankle and hip cannot rotate farther."""
 _PATH_WEIGHT = 0.01
-"""Weight of the performer's path in the correction of the root's path, if a standing foot has weight 1."""
+"""Weight of the performer's path in the correction of the root's path, relative to the weight of a standing
+foot."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,9 +94,8 @@ class PosedLeg:
     """A model's leg in the performer's pose, over time.
 
     Attributes:
-        rolled: (T, 2) metres along x and z, the accumulated motion relative to the root of the part of the
-        sole
-            that touches the floor; see :func:`rolling_motion`.
+        rolled: (T, 2) metres along x and z, the accumulated motion of the touching part of the sole relative
+            to the root; see :func:`rolling_motion`.
         sole: (T,) metres from the root up to the lowest point of the foot.
         clearance: (T,) height in metres of the performer's foot above the floor, scaled to the model's size.
         length: length of the leg in metres.
@@ -111,7 +113,7 @@ def rolling_motion(points: Float, contact_height: float) -> tuple[Float, Float]:
     """Computes the motion of a foot that rolls over a floor.
 
     A foot that rolls without sliding rotates about the points that touch the floor, first the heel and last
-    the toes. So these points must have zero speed, not a joint of the foot.
+    the toes. So the speed of these points, and not of a joint, must be zero.
 
     Args:
         points: (T, P, 3) metres from the root to points of the sole.
@@ -145,7 +147,7 @@ def standing_spans(foot: Float, root: Float, step: float, length: float) -> Span
     The speed limit rises with the speed of the body.
 
     Args:
-        foot: (T, J, 3) metres, the joints about which the foot rolls, such as ankle, ball and tip.
+        foot: (T, J, 3) metres, the joints about which the foot rolls, such as ankle, ball and toe tip.
         root: (T, 3) metres, the position of the body.
         step: seconds from one frame to the next.
         length: length of the leg in metres.
@@ -170,7 +172,7 @@ def standing_spans(foot: Float, root: Float, step: float, length: float) -> Span
 
 
 class Sole:
-    """The outermost points of a foot, with the bones that move them.
+    """The outermost points of a foot's surface, with the bones that move them.
 
     Args:
         shape: the body, at rest.
@@ -210,8 +212,8 @@ class Sole:
         """Returns the accumulated rotation (T,) of the touching part about +Y, in radians.
 
         A foot that rolls without sliding rotates about horizontal axes only. Rotation about +Y makes it
-        slide. In each step, the rotation is the one that fits the motion of the touching points best. So it
-        also contains the rotation of skin that the foot shares with the shin.
+        slide. The rotation in each step is the best fit to the motion of the touching points. So it also
+        contains the rotation of skin that foot and shin move together.
         """
         steps = [np.zeros(1)]
         for start in range(0, max(len(turns) - 1, 1), _FRAMES_PER_BLOCK):
@@ -247,7 +249,7 @@ class Sole:
         Args:
             turns: (T, N, 4) world rotations.
             joints: (T, N, 3) metres.
-            turnings: A sequences of rotations, (T, 4) each.
+            turnings: the A alternative sequences of rotations, (T, 4) each.
             about: the joint.
         """
         lowest = list[Float]()
@@ -264,7 +266,7 @@ def _foot_surface(shape: Shape, bones: Sequence[int]) -> tuple[Float, AnyArray, 
     """Returns the outermost points (P, 3) of a foot in metres, and the bones (P, K) that move them with their
     weights (P, K).
 
-    Without skin on the bones, the points are the joints at their ends.
+    If the bones move no skin, the points are the joints at the bones' ends.
     """
     joints = (shape.skeleton.positions[list(bones)], np.array(bones)[:, None], np.ones((len(bones), 1)))
     if shape.mesh is None or shape.skin is None:
@@ -354,7 +356,7 @@ def _standing_turns(spin: Float) -> Float:
 
 
 def _join_spans(spans: Spans, gap: int) -> Spans:
-    """Returns the spans, in which spans that are at most ``gap`` frames apart are joined."""
+    """Returns the spans after joining spans that are at most ``gap`` frames apart."""
     joined = list[tuple[int, int]]()
     for first, last in spans:
         if joined and first - joined[-1][1] <= gap:
@@ -367,9 +369,8 @@ def _join_spans(spans: Spans, gap: int) -> Spans:
 def contact_clearance(heights: Float, spans: Spans) -> Float:
     """Returns the height (T,) in metres of a foot above the floor: the smallest rise of its joints.
 
-    The rise of a joint is its height above its lowest position during contacts.
-
-    In captures the floor drifts, so the reference is interpolated between successive contacts.
+    The rise of a joint is its height above its lowest position during contacts. The floor drifts in captured
+    motion, so this lowest position is interpolated between successive contacts.
 
     Args:
         heights: (T, J) metres, the heights of the joints of a foot.
@@ -429,9 +430,10 @@ def plant_body(legs: Sequence[PosedLeg], root: Float, step: float, floor: float)
 def hip_shift(first: PosedLeg, second: PosedLeg, rise: Float, step: float) -> Float:
     """Returns the shift (T, 3) in metres of one hip relative to the other that lets both feet stand.
 
-    If hips are wider than the performer's, the same rotation of the pelvis moves them farther. Then the legs
-    would have to bend while both feet stand. With the shift, both soles are at the same height, and keep
-    their distance. While fewer than two feet stand, the horizontal shift eases from one value to the next.
+    If the model's hips are wider than the performer's, the same rotation of the pelvis moves them farther.
+    Then the legs would have to bend while both feet stand. With the shift, both soles are at the same height,
+    and the distance between them stays constant. While fewer than two feet stand, the horizontal shift eases
+    from one value to the next.
 
     Args:
         first: the leg of the hip that is shifted.
@@ -451,8 +453,8 @@ def hip_shift(first: PosedLeg, second: PosedLeg, rise: Float, step: float) -> Fl
 
 
 def remaining_offsets(legs: Sequence[PosedLeg], root: Float, step: float, floor: float) -> list[Float]:
-    """Returns the remaining offset (T, 3) in metres of each foot, for a path ``root`` (T, 3) that stays
-    unchanged.
+    """Returns the remaining offset (T, 3) in metres of each foot for a given path ``root`` (T, 3), which is
+    not corrected.
 
     The other arguments are those of :func:`plant_body`.
     """
@@ -461,7 +463,7 @@ def remaining_offsets(legs: Sequence[PosedLeg], root: Float, step: float, floor:
 
 
 def _smoothest_path(targets: Sequence[Float], weights: Sequence[Float], smooth: float, free: float) -> Float:
-    """Returns the x (T,) that minimises sum w (x - target)^2 + smooth sum (x' - x)^2 + free sum x^2.
+    """Computes the path x (T,) that minimises sum w (x - target)^2 + smooth sum (x' - x)^2 + free sum x^2.
 
     The first sum is over all pairs of ``weights`` and ``targets``, (T,) each. x' is the next value of x.
     """
@@ -518,8 +520,8 @@ def _foot_offsets(leg: PosedLeg, root: Float, step: float, floor: float, flight_
 def _min_clearance(leg: PosedLeg, flight_weights: Float) -> Float:
     """Returns the smallest allowed height (T,) in metres of a foot above the floor while it swings.
 
-    While the body is in the air, this height is a large fraction of the performer's. Otherwise it is just
-    enough to clear the floor.
+    While the body is in the air, this height is a large fraction of the performer's foot height. Otherwise it
+    is just enough to clear the floor.
     """
     air_height = _MIN_AIR_HEIGHT * leg.clearance
     return np.asarray(

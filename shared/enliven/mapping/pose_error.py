@@ -1,13 +1,13 @@
-"""Pose error: the angles between the limbs of a shape and the performer's.
+"""Pose error: the angles between the limbs of a shape and the limbs of the performer.
 
     limb_errors(project, shape_id, clip, plan, duration) -> (LimbError("left shin", median=0.4, p90=1.2), ...)
 
 For each limb segment that a chain of the take drives, the direction from its first joint to its last joint is
-compared with the performer's direction, in the shape's axes. With mode "pose" both should be equal. With mode
-"move" the segment should rotate from the shape's own rest pose as the performer rotates from theirs. So the
-expected direction is the rest direction, rotated by the smallest rotation from the performer's rest direction
-to the performer's current direction. This formula serves both modes: with mode "pose" the two rest directions
-are equal.
+compared with the performer's direction, in the shape's axes. With mode "pose" both directions should be
+equal. With mode "move" the segment should rotate from the shape's rest pose as the performer's segment
+rotates from the rest pose of the take. So the expected direction is the shape's rest direction, rotated by
+the smallest rotation from the performer's rest direction to the performer's current direction. This formula
+serves both modes: with mode "pose" the two rest directions are equal.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from enliven.rotation import rotate, swing, unit
 from enliven.skeletons.anatomy import SkeletonLimb, find_anatomy, is_tip_start
 
 _MAX_FRAMES = 120
-"""Maximum number of compared frames. A dozen of them are then above the 90th percentile."""
+"""Maximum number of compared frames. With 120 frames, the 90th percentile is determined by a dozen frames."""
 _SEGMENT_NAMES = {(True, 2): ("thigh", "shin"), (False, 2): ("upper arm", "forearm")}
-"""Names of a limb's segments, by (stands on the floor, number of segments)."""
+"""Names of a limb's segments. The key is (True if the limb stands on the floor, number of segments)."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class LimbError:
 def limb_errors(
     project: Project, shape_id: str, clip: Clip, plan: Plan, duration: float
 ) -> tuple[LimbError, ...]:
-    """Returns the pose errors of all limb segments that only the take drives, at its own speed.
+    """Returns the pose errors of all limb segments that are driven by the take alone, at its own speed.
 
     Stepping legs that do not keep the performer's pose are excluded: they do not follow the performer's
     angles.
@@ -64,11 +64,11 @@ def limb_errors(
     retargeted = project.shape(shape_id)
     posed = posed_legs_that_step(retargeted, clip, plan)
     stepping = {limb.proper for limb in legs_that_step(retargeted, clip, plan) if limb not in posed}
-    # The expected motion is the result of the plan alone, before steps and foot locks.
+    # The expected motion is the result of the plan without steps and foot locks.
     planned, _ = apply_plan(Project(), retargeted.at_rest(retargeted.mesh)[0], clip, plan)
     shape = planned.shape(shape_id)
-    # Compare at frames of the take only. Between frames, interpolated directions differ from those of
-    # interpolated rotations.
+    # Compare at frames of the take only. Between frames, interpolated directions differ from the directions
+    # of interpolated rotations.
     last_frame = min(round(duration / clip.step), len(clip.turns) - 1)
     times = clip.step * np.unique(np.round(np.linspace(0, last_frame, min(_MAX_FRAMES, last_frame + 1))))
     joints = Player(project, shape_id).sample(times)[1]

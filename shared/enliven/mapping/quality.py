@@ -1,10 +1,10 @@
 """The quality of a retargeted motion: pose, stretch, floor contact, foot sliding, and self-intersection.
 
-Pose is the angle between the limbs and the performer's (:mod:`enliven.mapping.pose_error`).
+Pose is the angle between the model's and the performer's limbs (:mod:`enliven.mapping.pose_error`).
 
 Stretch is the length of an edge of the mesh divided by its length at rest. Above ``MAX_STRETCH`` skin begins
-to look like a sheet. The measure of a motion is the 99th percentile over all edges and moments. Edges of
-slivers and of tiny separate parts are ignored, because their stretch is not visible.
+to look like a flat sheet. The stretch of a motion is the 99th percentile over all edges and measured times.
+Edges of slivers and of tiny separate parts are ignored, because their stretch is not visible.
 
 Floor contact and foot sliding are measured for the body. An object that a hand carries is ignored.
 """
@@ -34,30 +34,32 @@ from enliven.motion.layers.travel import travel_scale
 from enliven.skeletons.anatomy import find_anatomy
 
 MAX_STRETCH = 1.4
-"""Largest good value of the 99th percentile of stretch. Above it, hands look like sheets. The running clips
-of models have 1.1 to 1.5."""
+"""Largest acceptable value of the 99th percentile of stretch. Above it, hands look like flat sheets. In the
+models' own running clips it is 1.1 to 1.5."""
 MAX_INTERSECTION = 0.03
-"""Largest good value of the fraction of a surface inside other parts. Models' own clips reach it."""
+"""Largest acceptable fraction of a surface inside other body parts. Models' own clips reach this value."""
 MAX_FLOOR_DISTANCE = 0.03
-"""Largest good distance of the lowest point from the floor, as a fraction of the height. Beyond it feet
-visibly hover."""
+"""Largest acceptable distance of the lowest point from the floor, as a fraction of the height. At larger
+distances feet visibly hover."""
 MAX_SLIDE_CM_S = 20.0
-"""Largest good sliding speed of standing feet in cm/s. In the test data half of the motions have at most
-8."""
+"""Largest acceptable sliding speed of standing feet in cm/s. Half of the motions in the test data have at
+most 8 cm/s."""
 MAX_POSE_DEGREES = 8.0
-"""Largest good median angle (degrees) between a limb and the performer's limb. Within it both look the
-same."""
+"""Largest acceptable median angle (degrees) between a limb and the performer's limb. Smaller angles are not
+noticed."""
 MAX_POSE_P90_DEGREES = 15.0
-"""Largest good 90th percentile of the angle (degrees) between a limb and the performer's limb."""
+"""Largest acceptable 90th percentile of the angle (degrees) between a limb and the performer's limb."""
 _MEASURED_MOMENTS = 24
-"""Number of moments at which a motion is measured. It is large enough to include a pose that lasts for a
+"""Number of times at which a motion is measured. It is large enough to include a pose that lasts for a
 twentieth of the motion."""
 _MIN_EDGE_LENGTH = 1e-3
-"""Length of an edge, as a fraction of the size, below which its stretch is not visible."""
+"""Minimum length of an edge with visible stretch, as a fraction of the mesh's size."""
 _MIN_TRIANGLE_RATIO = 0.02
-"""Ratio of height to length below which a triangle is a sliver. A sliver looks like a line on the screen."""
+"""Minimum ratio of height to length of a triangle. Thinner triangles are slivers, which look like lines on
+the screen."""
 _MIN_PART_FRACTION = 1e-4
-"""Separate parts of the mesh below this fraction of the surface are ignored as leftovers of modelling."""
+"""Minimum area of a separate part of the mesh, as a fraction of the surface. Smaller parts are ignored as
+leftovers of modelling."""
 _SAME_VERTEX_DISTANCE = 1e-5
 """Vertices that are closer than this fraction of the mesh's size are treated as one vertex."""
 _ON_FLOOR_HEIGHT = 0.03
@@ -68,12 +70,12 @@ _SLIDE_INTERVAL_S = 1.0 / 60.0
 """Time in seconds between the two moments that are compared to measure sliding: one frame of common
 displays."""
 _MIN_STANDING_PERCENT = 10.0
-"""Percentile of the speeds of the vertices near the floor that counts as the sliding speed. Faster vertices
-may belong to a swinging foot."""
+"""The sliding speed is this percentile of the speeds of the vertices near the floor. Faster vertices may
+belong to a swinging foot."""
 _WITHIN_BOUND_WEIGHT = 0.05
 """Weight of the part of a measure below its bound, relative to the part above the bound."""
 _MAX_NAMED_JOINTS = 4
-"""Maximum number of joints that are named for stretch, and of pairs of parts that intersect."""
+"""Maximum number of overstretched joints, and of pairs of intersecting parts, in a report."""
 
 
 @dataclass(frozen=True)
@@ -83,21 +85,20 @@ class MotionQuality:
     Attributes:
         limbs: the pose error of each limb segment that the take drives; see
             :func:`enliven.mapping.pose_error.limb_errors`.
-        stretch: 99th percentile of stretch over all edges and moments.
+        stretch: 99th percentile of stretch over all edges and measured times.
         stretch_most: stretch of the edge that is stretched most.
         joints: the joints with the most edges stretched beyond the bound, the worst first.
-        sunk: largest depth of the body's lowest point below the floor, as a fraction of the shape's height;
+        sunk: largest depth of the body's lowest point below the floor, as a fraction of the shape's height.
             None if the shape does not stand on the floor.
-        afloat: largest height of that point above the floor while the performer stands, as a fraction of the
-            shape's height; None if the shape does not stand on the floor.
-        slide: speed in cm/s of standing feet over the floor, scaled to the performer's size; None if the
+        afloat: largest height of the lowest point above the floor while the performer stands, as a fraction
+            of the shape's height. None if the shape does not stand on the floor.
+        slide: speed in cm/s of standing feet over the floor, scaled to the performer's size. None if the
             shape does not travel or has no legs.
         through: largest fraction of the surface inside another part of the body. Faces that are inside at
             rest do not count.
-        parts: the pairs of parts that intersect at that moment, named by the joints at which their bones
-            begin, the largest first.
-        feet: the joints of the bones that move the lowest point at the moment of its largest distance to the
-            floor.
+        parts: the pairs of parts that intersect when ``through`` is largest. Parts are named by the joints at
+            which their bones begin. The largest intersection is first.
+        feet: the joints of the bones that move the lowest point when its distance to the floor is largest.
     """
 
     stretch: float
@@ -121,7 +122,8 @@ class MotionQuality:
 
     @property
     def beyond(self) -> float:
-        """Sum of the relative excess of all measures over their bounds; 0 if no measure exceeds its bound."""
+        """The sum of the relative excess of all measures over their bounds, or 0 if no measure exceeds its
+        bound."""
         return sum(max(ratio - 1.0, 0.0) for ratio in self._bound_ratios)
 
     @property
@@ -172,8 +174,8 @@ class MotionQuality:
 def visible_edges(shape: Shape) -> tuple[Int32, Float]:
     """Returns the edges (E, 2) of a mesh with visible stretch, and their lengths (E,) in metres at rest.
 
-    Very short edges, and edges that belong only to slivers or tiny parts, are excluded. Without a mesh there
-    are none.
+    Very short edges, and edges that belong only to slivers or tiny parts, are excluded. The result is empty
+    for a shape without a mesh.
     """
     if shape.mesh is None:
         return np.empty((0, 2), np.int32), np.empty(0)
@@ -211,7 +213,8 @@ def _is_visible(faces: Int32, vertices: Float) -> Bool:
 
 
 def stretch_over_time(project: Project, shape_id: str, duration: float) -> tuple[Int32, Float]:
-    """Returns the edges (E, 2) of a shape, and their stretch (T, E) at T moments of ``duration`` seconds."""
+    """Returns the edges (E, 2) of a shape, and their stretch (T, E) at T times within ``duration``
+    seconds."""
     edges, rest = visible_edges(project.shape(shape_id))
     times = np.linspace(0.0, duration, _MEASURED_MOMENTS)
     return edges, np.array(
@@ -270,7 +273,8 @@ def quality_of(
 
 
 def _self_intersection(shape: Shape, moments: Sequence[Float]) -> tuple[float, tuple[str, ...]]:
-    """Returns the largest fraction of a surface inside other parts, and the pairs of parts at that moment."""
+    """Returns the largest fraction over time of a surface inside other parts, and the pairs of parts that
+    intersect at that time."""
     overlap = Overlap(shape)
     through, parts = max((overlap.at(surface) for surface in moments), key=lambda result: result[0])
     names, parents = shape.skeleton.names, np.maximum(shape.skeleton.parents, 0)

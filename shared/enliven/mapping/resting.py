@@ -1,4 +1,4 @@
-"""Rest poses of a take: a rest pose is the pose that the take's rotations are relative to.
+"""Rest poses of a take. The take's rotations are relative to a rest pose.
 
 mean_pose(clip)            # (N, 4) the mean pose of the take, with the heading of its beginning
 hanging_pose(clip, limbs)  # (N, 4) the mean of the frames in which the limbs hang most
@@ -21,7 +21,7 @@ _STRIDE_S = 1.0
 _HANGING_FRACTION = 0.12
 """Fraction of a take's frames that are averaged for the hanging pose: about an eighth."""
 _MIN_STANDING_FRACTION = 0.25
-"""Minimum fraction of a take's frames in which a foot stands."""
+"""Assumed minimum fraction of a take's frames in which a foot stands."""
 
 
 def heading_from_rotation(turns: Float) -> Float:
@@ -76,8 +76,8 @@ def hanging_pose(clip: Clip, limbs: Sequence[Sequence[int]]) -> Float:
 def standing_turns(clip: Clip, foot: Sequence[int]) -> Float:
     """Returns the mean world rotations (K, 4) of a foot's bones over the frames in which it stands flat.
 
-    In the hanging pose the feet point down, so their rotations come from these frames. A foot counts as
-    standing in frames in which its joints are slow and low, compared with the rest of the take. Its heading
+    In the hanging pose the feet point down, so their rotations come from these frames. A foot stands in
+    frames in which its joints are slow and low, compared with the rest of the take. The heading of the result
     is that of the take's first second.
 
     Args:
@@ -99,7 +99,8 @@ def standing_turns(clip: Clip, foot: Sequence[int]) -> Float:
 def _mean_pose(clip: Clip, frames: Bool) -> Float:
     """Returns the world rotations (N, 4) of the mean pose over some frames.
 
-    The mean of each bone is relative to its parent. ``frames`` (F,) is True for the frames to use.
+    The rotation of each bone is averaged relative to its parent. ``frames`` (F,) is True for the frames to
+    use.
     """
     parents, turns = clip.skeleton.parents, clip.turns[frames]
     heading = heading_from_rotation(turns[:, 0])

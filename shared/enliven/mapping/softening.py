@@ -19,20 +19,22 @@ from enliven.mapping.quality import MAX_STRETCH, stretch_over_time
 from enliven.mapping.steps import apply_steps
 
 _TARGET_STRETCH = 0.97
-"""Target stretch as a fraction of the bound. Between the measured moments, stretch may be slightly larger."""
+"""Target stretch as a fraction of the bound. It is below 1, because stretch may be slightly larger between
+the measured times."""
 _WEIGHT_FACTOR = 0.85
 """Factor that multiplies the weight of a limb in each round."""
 _MIN_WEIGHT = 0.4
 """Minimum weight of a limb. With a smaller weight, the performer's movement would not be recognisable."""
 _MIN_BLAME_FRACTION = 0.4
-"""Limbs with at least this fraction of the worst limb's overstretched edges are reduced together with it."""
+"""The weights of the worst limb and of all limbs with at least this fraction of its overstretched edges are
+reduced together."""
 _MAX_ROUNDS = 12
 """Maximum number of times that the mapping is changed."""
 
 
 def soften_plan(plan: Plan, clip: Clip, shape: Shape) -> Plan:
     """Returns the mapping with reduced weights for limbs that would stretch the surface beyond the bound."""
-    # Stretch that the take itself contains is intended, so it is not measured.
+    # Length changes that the take itself contains are intended, so they are not measured.
     plan_in_place = replace(plan, travel=False, stretch=False)
     best_plan, least_stretch, stepping_roles = plan, np.inf, _stepping_roles(plan, clip, shape)
     for _ in range(_MAX_ROUNDS):
@@ -89,8 +91,8 @@ def _limb_weight(plan: Plan, role: str) -> float:
 
 
 def _overstretched_edges(plan: Plan, shape: Shape, edges: Int32, is_overstretched: Bool) -> dict[str, float]:
-    """Returns the number of overstretched edges at the bones of each limb, given (T, E) True for such
-    edges."""
+    """Returns the number of overstretched edges at the bones of each limb. ``is_overstretched`` (T, E) marks
+    these edges over time."""
     skeleton, skin = shape.skeleton, shape.skin
     if skin is None:
         return {}

@@ -9,8 +9,8 @@ pairs of legs, and neighbouring pairs step alternately. A foreleg that the perfo
 the performer walks with hanging arms. Otherwise it follows the arm.
 
 The legs of a model that is built like a person have the performer's pose. With ``pin`` their feet step too: a
-leg keeps its pose, and bends only as far as its foot needs to stand still. So feet do not slide, whatever the
-proportions of the model.
+leg keeps its pose, and bends only as far as is needed for its foot to stand still. So feet do not slide for
+any proportions of the model.
 """
 
 from __future__ import annotations
@@ -64,27 +64,29 @@ from enliven.rotation import (
 _MAX_RATE_HZ = 60.0
 """Maximum rate at which steps are computed: the frame rate of common displays."""
 _MAX_TILT = np.radians(30.0)
-"""Largest tilt of a foot (radians) that lifts it clear of the floor. An ankle allows 20 to 50 degrees."""
+"""Largest tilt (radians) of a foot that is rotated to clear the floor. A human ankle allows 20 to 50
+degrees."""
 _TILT_ANGLES = 7
 """Number of angles from 0 to ``_MAX_TILT`` that are tried."""
 _MIN_TOE_DISTANCE = 0.1
 """A foot is tilted only if its toes are at least this fraction of its length ahead of the ankle, measured
 horizontally."""
 _MAX_LEG_STRETCH = 0.99
-"""Largest distance from hip to ankle as a fraction of the leg's length, unless the distance is larger in the
-performer's pose. A fully stretched knee would jerk."""
+"""Largest distance from hip to ankle as a fraction of the leg's length, because a fully stretched knee would
+jerk. A larger distance in the performer's pose is kept."""
 _MAX_LOWERING = 0.15
 """Maximum lowering of the body so that feet reach the floor, as a fraction of the leg length."""
 _EASING_S = 0.05
-"""Time in seconds over which the body is lowered before a foot would no longer reach the floor."""
+"""Half width in seconds of the filters that smooth the lowering of the body and the tilt of a foot."""
 _SOLE_PASSES = 3
-"""Number of passes that correct the soles after the legs bent. Each pass leaves 40 % of the error if the shin
-moves the sole by 40 %."""
+"""Number of passes that correct the soles after the legs have been bent. Each pass leaves 40 % of the error
+if the shin has 40 % of the sole's skin weight."""
 _MIN_CORRECTION = 1e-4
-"""The passes end if all corrections are below this fraction of the leg's length: 0.1 mm on an adult."""
+"""The passes that correct the soles end if all corrections are below this fraction of the leg's length: 0.1
+mm on an adult."""
 _MAX_PELVIS_TURN = np.radians(8.0)
-"""Largest rotation (radians) of the bones from the pelvis to the hips, relative to the performer's. It is
-invisible even if the hips are wide."""
+"""Largest rotation (radians) of the bones from the pelvis to the hips, relative to the performer's. Such a
+rotation is invisible even if the hips are wide."""
 _MAX_LIFT_PASSES = 3
 """Maximum number of passes that lift a foreleg. Several are needed, since its lowest point changes as it
 bends."""
@@ -147,7 +149,8 @@ def _sibling_bones(shape: Shape, chains: Sequence[Sequence[int]]) -> Iterator[tu
 
 
 def _rotation_chains(skeleton: Skeleton, step: LegStep) -> list[tuple[int, ...]]:
-    """Returns the chains that play the rotations of a leg: the leg with one toe, and each other toe."""
+    """Returns the chains that play the rotations of a leg. The first is the leg with one toe, and the others
+    are the other toes."""
     foot, proper = step.leg[-1], step.limb.proper
     return [proper, *((foot, toe) for toe in skeleton.children[foot] if toe not in proper)]
 
@@ -158,8 +161,8 @@ def _plant_feet(
     """Moves the body and bends posed legs so that standing feet are still. Changes ``turns`` and ``joints``
     in place."""
     root, floor = joints[:, 0].copy(), floor_height_under(shape)
-    # Begin with the performer's floor at the height of the model's floor. This is final if no foot ever
-    # stands.
+    # First put the performer's floor at the height of the model's floor. If no foot ever stands, this is the
+    # final result.
     corrected_root = root.copy()
     corrected_root[:, 1] += floor - np.median(performer.floor(shape, root[:, 1]))
     soles = [_foot_part(shape, step) for step in steps]
@@ -212,7 +215,7 @@ def _turn_pelvis(
         return False
     left, right = (step.leg[0] for step in steps)
     apart = joints[:, left] - joints[:, right]
-    # At rest the hips of a crooked model differ in height by the difference of its legs.
+    # If a model's legs differ in length, its hips differ in height at rest.
     heights = [
         performer.scale * performer.offsets[:, step.source_leg[0], 1] + skeleton.positions[step.leg[0], 1]
         for step in steps
@@ -256,11 +259,11 @@ def _correct_soles(
     """Corrects the feet for the motion of their soles with the bent legs. Changes ``turns`` and ``joints`` in
     place.
 
-    The shin moves a part of the sole too if they share skin weights. So a sole moves if its leg bends, even
-    if the foot does not.
+    If some skin of the sole is also weighted to the shin, the sole moves when its leg bends, even if the foot
+    does not.
 
     Args:
-        legs: the legs before they bent.
+        legs: the legs before they were bent.
         spins: (T,) radians for each leg, the rotation of the sole about +Y that is intended.
     """
     skeleton, floor = shape.skeleton, floor_height_under(shape)
@@ -368,9 +371,10 @@ def _turn_foot(skeleton: Skeleton, ankle: int, turning: Float, turns: Float, joi
 def _tilt_foot(
     skeleton: Skeleton, step: LegStep, sole: Sole, lift: Float, step_s: float, turns: Float, joints: Float
 ) -> None:
-    """Rotates a foot about its ankle to raise its toes or heel by ``lift`` (T,) metres, as far as it can.
+    """Rotates a foot about its ankle to raise its toes or heel by ``lift`` (T,) metres, as far as the ankle
+    allows.
 
-    Changes ``turns`` (T, N, 4) and ``joints`` (T, N, 3) in place. The leg must add any lift that remains.
+    Changes ``turns`` (T, N, 4) and ``joints`` (T, N, 3) in place. The remaining lift is left to the leg.
 
     Args:
         step_s: seconds from one frame to the next.
@@ -381,8 +385,8 @@ def _tilt_foot(
     if not (len(frames) and np.linalg.norm(lateral) > _MIN_TOE_DISTANCE * np.linalg.norm(forward)):
         return
     axes = rotate(turns[:, step.toes[0]], lateral / np.linalg.norm(lateral))
-    # If a foot points down, its toes are lowest, and tilting the foot up raises them. Otherwise its heel is
-    # lowest.
+    # If a foot points down, its toes are its lowest part, so they are tilted up. Otherwise its heel is the
+    # lowest part.
     sign = np.where(rotate(turns[:, step.toes[0]], forward)[:, 1] < forward[1], 1.0, -1.0)
     candidates, angles = np.linspace(0.0, _MAX_TILT, _TILT_ANGLES), np.zeros(len(turns))
     turnings = [from_rotation_vector((angle * sign * axes.T).T[frames]) for angle in candidates]
@@ -416,7 +420,7 @@ def _end_targets(shape: Shape, step: LegStep, performer: PerformerGait, turns: F
 
 
 def _required_lowering(skeleton: Skeleton, step: LegStep, targets: Float, joints: Float) -> Float:
-    """Returns the distance (T,) in metres to lower the body so that a leg reaches its goals (T, 3)."""
+    """Returns how far (T,), metres, the body must be lowered for a leg to reach its targets (T, 3)."""
     chain = step.leg
     hip, full_length = joints[:, chain[0]], leg_length(skeleton, chain)
     max_distance = np.maximum(
@@ -471,7 +475,7 @@ def _lift_forelegs(
     """Bends the forelegs that an arm drives until they are above the floor.
 
     Changes ``turns`` and ``joints`` in place. An arm that hangs or punches can push a foreleg below the
-    floor. Later the lowest point of the body is put on the floor. Such a foreleg would then lift the other
+    floor. A later step puts the lowest point of the body on the floor, so this foreleg would lift the other
     feet.
 
     Args:
@@ -501,7 +505,8 @@ def _floor_under_feet(
     """Returns the height (T,) in metres below which no foreleg may reach.
 
     While the performer stands on the feet, this is the lowest point of the model's other feet. A performer on
-    hands or knees may have the feet in the air. Then it is the floor under the performer, if that is lower.
+    hands or knees may have the feet in the air. In this case the result is the floor under the performer, if
+    it is lower.
 
     Args:
         times: (T,) seconds.

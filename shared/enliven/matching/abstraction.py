@@ -1,7 +1,7 @@
 """Simplifies a skeleton to a hierarchy of sub-trees, from small to large (AniMesh, section 4.1).
 
-A node is a *leaf* (one neighbour), a *chain* node (two) or a *branch* node (more). Each iteration has four
-steps:
+A node is a *leaf* (one neighbour), a *chain* node (two neighbours) or a *branch* node (more neighbours). Each
+iteration has four steps:
 
 1. Remove the chains between a leaf and a branch node.
 2. Move the leaf to the average of the chain's nodes, each weighted by the length of its outward bone, and add
@@ -13,8 +13,9 @@ The iterations end when only one node or one chain is left. A single node is the
 the node nearest to the centre of mass.
 
 The paper leaves some cases open. Here the last branch node is a candidate even if all its neighbours are
-leaves (otherwise a star would have no candidate). A tree without any branch node is one candidate at its
-root. All lengths are those of the real bones. A given root never becomes a leaf: the iterations end with it.
+leaves. Otherwise a star would have no candidate. A tree without a branch node is a single candidate at its
+root. All lengths are lengths of real bones. A given root never becomes a leaf, so it is always the last
+candidate.
 """
 
 from __future__ import annotations
@@ -48,10 +49,10 @@ def abstract_joint_tree(
         positions: (N, 3) metres.
         links: pairs of joints, in any order.
         root: the joint that stays the root, or None to find one.
-        names: the joints' names for error messages; None numbers them.
+        names: the joints' names for error messages. None means that the joints are numbered.
 
     Raises:
-        InputError: if the links form a cycle or leave joints unconnected; the message names those joints.
+        InputError: if the links form a cycle or leave joints unconnected. The message names these joints.
     """
     joint_positions = np.array(positions, np.float64).reshape(-1, 3)
     pairs = [(int(a), int(b)) for a, b in links]
@@ -76,7 +77,7 @@ def _neighbour_lists(count: int, links: Iterable[tuple[int, int]]) -> list[list[
 
 
 def _reduced_positions(positions: Float, neighbours: list[list[int]], root: int | None) -> Abstraction:
-    """Runs the iterations, given the (N, 3) positions of the joints and the neighbours of each joint."""
+    """Runs the iterations for joints at ``positions`` (N, 3) with the given neighbours."""
     tree = Reduction(positions, [list(joints) for joints in neighbours], root)
     candidates: list[SubTree] = []
     leaves = tree.leaves()

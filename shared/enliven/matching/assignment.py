@@ -1,12 +1,13 @@
-"""Compiled assignment of target branches to source branches: scores all choices of branches, or only the best
-if there are very many.
+"""Kernels that assign target branches to source branches. They score all choices of branches, or only the
+best choices if there are too many.
 
-A *choice* is a set of m of n columns. Its score is the highest sum of gains among the m! ways to give one
-column to each row. All choices are scored at once by dynamic programming, f(S) = max over j in S of
-f(S without j) + gain[|S| - 1, j]. This needs sum_i C(n, i) i additions instead of C(n, m) m! m. If there are
-too many choices, only the k best are enumerated with Murty's algorithm (in the form of Lawler 1972). The best
-choice is an assignment problem. The remaining choices are split into m parts (without its first column; with
-its first column but without its second; ...), and each part is an assignment problem again.
+A *choice* is a set of m of n columns. Its score is the highest sum of gains among the m! ways to assign one
+column to each row. All choices are scored at once by dynamic programming, f(S) = max over j in S of f(S
+without j) + gain[|S| - 1, j]. This needs sum_i C(n, i) i additions instead of C(n, m) m! m. If there are too
+many choices, only the k best are enumerated with Murty's algorithm (in the form of Lawler 1972). Finding the
+best choice is an assignment problem. The remaining choices are split into m parts: without the first column
+of the best choice, with the first but without its second column, and so on. Each part is again an assignment
+problem.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from enliven.kernels import copy_row, njit
 
 @njit(cache=True, nogil=True)
 def binomials(most):
-    """Returns (most + 1, most + 2) binomial coefficients C(n, k) as float64: exact up to 2^53."""
+    """Returns the binomial coefficients C(n, k) as float64 (most + 1, most + 2), exact up to 2^53."""
     table = np.zeros((most + 1, most + 2))
     table[:, 0] = 1.0
     for n in range(1, most + 1):
@@ -33,7 +34,7 @@ def all_choices(gain, count, scores, picks):
     """Scores every choice of m of n columns, m <= n, in colexicographic order.
 
     Args:
-        gain: (m, n) the gain of giving column n to row m.
+        gain: (m, n) the gain of each row for each column.
         count: (n + 1, n + 2) binomial coefficients from :func:`binomials`, or a larger table.
         scores: (C(n, m),) output, the highest sum of gains of each choice.
         picks: (C(n, m), m) int32 output, the column of each row.
@@ -59,8 +60,8 @@ def all_choices(gain, count, scores, picks):
                     current[place] = value
                     last[start[k] + place] = members[p]
                 if p + 1 < k:
-                    # Leave out the previous member instead. The next member then moves from rank p + 1 down
-                    # to p, or back up.
+                    # Update ``without`` from the rank of the set without member p to the rank of the set
+                    # without member p + 1.
                     without += int(count[members[p], p + 1]) - int(count[members[p + 1], p + 1])
             _advance_set(members, k)
         before = current
@@ -79,7 +80,7 @@ def all_choices(gain, count, scores, picks):
 
 @njit(cache=True, nogil=True)
 def _rank_decrease(count, members, p, k):
-    """Returns by how much the rank of a set of k members falls if member p is removed."""
+    """Returns the decrease of the rank of a set of k members if member p is removed."""
     change = int(count[members[p], p + 1])
     for i in range(p + 1, k):
         change += int(count[members[i], i + 1]) - int(count[members[i], i])
@@ -120,13 +121,13 @@ def solve_assignment(cost: Float) -> tuple[Int, Int]:
     """Solves the assignment problem with the lowest total cost.
 
     Args:
-        cost: (M, N).
+        cost: (M, N) the cost of each column for each row.
 
     Returns:
-        (K,) ascending rows, and (K,) the column of each of them, K = min(M, N).
+        (K,) ascending rows, and (K,) the column of each row, with K = min(M, N).
 
-    The result equals that of SciPy's ``linear_sum_assignment``. Importing ``scipy.optimize`` for it would
-    take 0.1 s at each start.
+    The result is the same as that of SciPy's ``linear_sum_assignment``, which is not used because importing
+    ``scipy.optimize`` would take 0.1 s at each start.
 
     Raises:
         ValueError: if a cost is not finite.
@@ -144,14 +145,13 @@ def solve_assignment(cost: Float) -> tuple[Int, Int]:
 
 @njit(cache=True, nogil=True)
 def assign(gain, state, columns):
-    """Finds the best column for each row, each used once (shortest augmenting paths).
+    """Finds the best column for each row by shortest augmenting paths. Each column is used at most once.
 
     Args:
         gain: (m, n), m <= n.
-        state: (n,) int8: 1 for columns that must be used, -1 for columns that must not. At most m columns
-        have 1,
-            and at least m do not have -1.
-        columns: (m,) int32 output.
+        state: (n,) int8: 1 for columns that must be used, -1 for columns that must not be used. At most m
+            columns may have 1, and at least m columns must not have -1.
+        columns: (m,) int32 output, the column of each row.
 
     Returns:
         The sum of the gains.
@@ -176,7 +176,8 @@ def assign(gain, state, columns):
 
 @njit(cache=True, nogil=True)
 def _assign_row(gain, state, bonus, row, rows_of, row_price, column_price):
-    """Assigns a column to one more row. Column n is a placeholder for the row that has no column yet."""
+    """Assigns a column to one more row. Column n is a placeholder for the row that does not have a column
+    yet."""
     # Grow a tree of shortest alternating paths (Dijkstra with reduced costs) to a free column.
     n = gain.shape[1]
     nearest = np.full(n + 1, np.inf)
@@ -230,7 +231,7 @@ def best_choices(gain, scores, picks):
     open_ = np.zeros(room, np.bool_)
     open_[0] = True
     for k in range(len(scores)):
-        # The optimum of the best remaining part is the next choice (Murty's algorithm).
+        # In Murty's algorithm, the optimum of the best remaining part is the next choice.
         best = -1
         for i in range(used):
             if open_[i] and (best < 0 or values[i] > values[best]):
@@ -238,8 +239,8 @@ def best_choices(gain, scores, picks):
         open_[best] = False
         scores[k] = values[best]
         copy_row(picks[k], columns[best])
-        # Split the other choices of that part. Each new part forbids one column of the optimum, and requires
-        # the columns before it.
+        # Split the remaining choices of this part. Each new part forbids one column of the optimum, and
+        # requires the columns before it.
         state = states[best].copy()
         free = n
         for j in range(n):

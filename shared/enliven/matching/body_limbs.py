@@ -1,5 +1,5 @@
-"""The limbs of a body that select and drive parts of a skeleton: branches of a matching source, with their
-chains."""
+"""The limbs of a body that select and drive parts of a skeleton. They are branches of a matching source, with
+their chains of joints."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LIMBS: dict[str, tuple[Joint, ...]] = {
     "left leg": (Joint.HIP_CENTER, Joint.HIP_LEFT, Joint.KNEE_LEFT, Joint.ANKLE_LEFT, Joint.FOOT_LEFT),
     "right leg": (Joint.HIP_CENTER, Joint.HIP_RIGHT, Joint.KNEE_RIGHT, Joint.ANKLE_RIGHT, Joint.FOOT_RIGHT),
 }  # fmt: skip
-"""The chains of a person, from the trunk outwards."""
+"""The chains of joints of a person's limbs, from the trunk outwards."""
 _TRUNK_CHAIN = (Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD)
 """The chain of the trunk, from the hips to the head."""
 _LIMB_CHAINS = (*LIMBS.values(), _TRUNK_CHAIN)
@@ -48,7 +48,8 @@ class BodySource:
 
     Attributes:
         source: the limbs as branches around one point of the trunk.
-        chains: for each branch the joints from the trunk outwards, neighbours in the body's tree.
+        chains: for each branch, its joints from the trunk outwards. Successive joints are neighbours in the
+            body's tree.
     """
 
     source: MatchSource
@@ -56,11 +57,11 @@ class BodySource:
 
 
 def body_source(body: Body, parts: str) -> BodySource:
-    """Returns the limbs that the named parts belong to, with the lengths of this body's bones.
+    """Returns the limbs that the given body parts belong to, with the lengths of this body's bones.
 
-    A limb that is attached to one end of the trunk begins there. If the limbs are attached to both ends of
-    the trunk, all begin at its middle, which counts as one point. Parts of the trunk alone form one chain,
-    from the hips to the head.
+    If all limbs are attached to the same end of the trunk, they begin at this end. Otherwise, all begin at
+    the middle of the trunk. If only parts of the trunk are given, the source is one chain from the hips to
+    the head.
 
     Raises:
         InputError: if a part is unknown.

@@ -1,4 +1,5 @@
-"""Compiled ranking: computes the cosines of branches, and scores the choices of all candidate sub-trees."""
+"""Ranking kernels: they compute the cosines between branches, and score the choices of all candidate
+sub-trees."""
 
 from __future__ import annotations
 
@@ -14,15 +15,15 @@ def rank_rows(ends, first, source, rows, whole, missing):
     """Scores the matches of all candidates, unsorted.
 
     Args:
-        ends: (B, 2) the target's branches on the screen, as returned by :func:`seen_branches`.
+        ends: (B, 2) the target's branches on the screen, from :func:`seen_branches`.
         first: (C + 1,) index of each candidate's first branch.
         source: (m, 2) the source's branches on the screen.
         rows: (C + 1,) index of each candidate's first match.
-        whole: (C,) nonzero if all choices of a candidate are scored, zero if only its best.
+        whole: (C,) nonzero if all choices of a candidate are scored, zero if only its best choices are.
         missing: score of a source branch without a target branch.
 
     Returns:
-        (R,) candidate, (R, m) column of each source branch or -1, (R,) score.
+        For each match: the candidate (R,), the column of each source branch or -1 (R, m), and the score (R,).
     """
     m, count = len(source), len(first) - 1
     which = np.empty(rows[count], np.int32)
@@ -76,8 +77,9 @@ def seen_branches(points, first, axes, eye, perspective, blur, dots):
     Args:
         points: (C + B, 3) metres, the sub-trees' roots, then the branches' abstract positions.
         first: (C + 1,) index of each sub-tree's first branch.
-        axes, eye, perspective: from the view: (3, 3) right, up and forward; (3,) metres; and True for a
-            perspective view, False to ignore the eye.
+        axes, eye, perspective: the view. ``axes`` (3, 3) are the directions right, up and forward, and
+            ``eye`` (3,) is its position in metres. ``perspective`` is False for an orthographic view, which
+            ignores the eye.
         blur: visible fraction of a branch's length below which its cosines fade.
         dots: True to normalize for dot products, False for cosines.
     """
@@ -104,7 +106,8 @@ def seen_branches(points, first, axes, eye, perspective, blur, dots):
 
 @njit(cache=True, nogil=True)
 def _on_screen(point, axes, eye, perspective):
-    """Returns right, up and depth on the screen, as :meth:`enliven.matching.views.ScreenView.project`."""
+    """Returns the coordinates right and up on the screen, and the depth, like
+    :meth:`enliven.matching.views.ScreenView.project`."""
     x, y, z = point[0] - eye[0], point[1] - eye[1], point[2] - eye[2]
     depth = 1.0
     if perspective:

@@ -1,4 +1,4 @@
-"""The shape of every limb of a skeleton (length, size, centre), and the comparison of limbs."""
+"""Measures every limb of a skeleton (length, size, centre), and compares limbs."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class LimbShapes:
         self.middle = weighted / np.maximum(self.length, 1e-300)[:, None]
 
     def similar_limbs(self, tolerance: float, shortest: float) -> Iterable[tuple[int, list[int]]]:
-        """Yields joints with limbs that could be equal: they have the same number of joints, and similar
-        lengths and distances of their centres from the joint.
+        """Yields each joint with several child limbs that may be equal. These limbs have the same number of
+        joints, and similar lengths and distances of their centres from the joint.
 
         Args:
             tolerance, shortest: settings from :class:`enliven.matching.symmetry.SymmetrySettings`.
@@ -56,7 +56,7 @@ class LimbShapes:
         )
 
     def match(self, joint: int, a: int, b: int, linear: Float, tolerance: float) -> JointPairing | None:
-        """Returns the pairs of joints if the (3, 3) map ``linear`` takes limb a to limb b, else None."""
+        """Returns the pairs of joints if the map ``linear`` (3, 3) maps limb a to limb b, otherwise None."""
         max_distance = tolerance * max(self.reach[a], self.reach[b])
         centre = self.at[joint]
         pairs, squares, open_pairs = [], 0.0, [(a, b)]
@@ -86,7 +86,8 @@ class LimbShapes:
 
 @dataclass(frozen=True)
 class JointPairing:
-    """The pairs of joints of two equal limbs, and their distance as a fraction of the limb's reach."""
+    """The pairs of corresponding joints of two equal limbs, and the distance of the joints as a fraction of
+    the limb's reach."""
 
     pairs: list[tuple[int, int]]
     error: float

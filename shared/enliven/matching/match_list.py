@@ -1,4 +1,4 @@
-"""The list of matches that a viewer shows: the best matches as lines in the world, and the chosen one."""
+"""The list of matches that a viewer shows: the best matches and the chosen match, as lines in the world."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ class MatchRow:
     """A match in the list.
 
     Attributes:
-        name: name of the joint where the branches begin.
+        name: name of the joint at which the branches begin.
         place: rank of the match, from 0 for the best.
         score: sum of the cosines between source and target branches.
-        lines: for each branch of the source, the (K, 3) positions in metres of the joints that it would
+        lines: for each branch of the source, the positions (K, 3) in metres of the joints that it would
             drive.
-        limbs: for each line the performer's limb, a number from :func:`limb_number`; empty if unknown.
-        body: id of the performer of these limbs; -1 if unknown.
+        limbs: for each line, the number of the performer's limb, from :func:`limb_number`. Empty if unknown.
+        body: id of the performer, or -1 if unknown.
     """
 
     name: str
@@ -36,11 +36,12 @@ class MatchList:
 
     Attributes:
         character: id of the character.
-        state: "off": no choice is being made; "choosing"; "playing": the shown match drives the character.
-        body: the performer's id; -1 for none.
+        state: "off", "choosing", or "playing". In "off", no choice is being made. In "playing", the shown
+            match drives the character.
+        body: the performer's id, or -1 for none.
         time_ns: time of the frame on the sensor's clock, nanoseconds.
-        shown: index of the chosen row; -1 for none.
-        rows: the best matches, and the chosen one.
+        shown: index of the chosen row, or -1 for none.
+        rows: the best matches, and the chosen match.
         total: the number of matches.
         held: elapsed fraction of the time for which the performer must hold still, 0 to 1.
     """

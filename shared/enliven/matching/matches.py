@@ -17,7 +17,7 @@ class Match:
     Attributes:
         candidate: the sub-tree of the target.
         pairs: (m,) the target branch of each source branch, or None if the sub-tree has too few branches.
-        score: sum of cosines, at most m.
+        score: sum of the cosines between source and target branches, at most m.
     """
 
     candidate: SubTree
@@ -26,7 +26,7 @@ class Match:
 
     @property
     def key(self) -> tuple[tuple[int, ...], ...]:
-        """The joints that each source branch drives. The key is the same at every rank."""
+        """The joints that each source branch drives. The key does not depend on the rank."""
         return tuple(() if branch is None else branch.chain for branch in self.pairs)
 
 
@@ -38,7 +38,7 @@ class Ranking(Sequence[Match]):
         candidates: the sub-trees of the target.
         candidate_indices: (R,) index of the candidate of each match.
         columns: (R, m) the candidate's branch that each source branch drives, -1 for none.
-        scores: (R,) descending.
+        scores: (R,) scores of the matches, descending.
         total: number of all matches, including matches that the ranking omits.
     """
 

@@ -1,8 +1,8 @@
-"""A state machine that selects the shown match during a live performance, and accepts it.
+"""Selects the match that is shown during a live performance, and accepts it (a state machine).
 
-The best match jitters with the performer. So the shown match stays until another one has been better by a
-margin for some time. The performer can also browse the ranking with a key. A match is accepted by a command
-(key, pedal, voice) or by holding the pose. The caller passes the time.
+The best match changes with every small movement of the performer. So the shown match stays until another
+match has been better by a margin for some time. The performer can also browse the ranking with a key. A match
+is accepted by a command (key, pedal, voice) or by holding the pose.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from enliven.matching.matches import Match, Ranking
 from enliven.settings import parameter, setting
 
 _MAX_STILL_FRACTION = 0.12
-"""Maximum movement that counts as holding a pose, as a fraction of the longest branch: arms sway."""
+"""Maximum movement while a pose is held, as a fraction of the longest branch. It allows for slight swaying of
+the arms."""
 
 
 @dataclass(frozen=True)
@@ -51,10 +52,10 @@ class Pick:
     """The match to show now.
 
     Attributes:
-        match: the shown or accepted match, or None.
-        place: its rank from 0, or -1 if the ranking omits it.
-        held: elapsed fraction of the time to hold still, 0 to 1; 0 if ``by_holding`` is off.
-        accepted: True if the match is accepted. It then stays until :meth:`Picker.reset`.
+        match: the match to show, or None.
+        place: rank of the match from 0, or -1 if the ranking omits it.
+        held: elapsed fraction of the time to hold still, 0 to 1. It is 0 if ``by_holding`` is off.
+        accepted: True if the match is accepted. It does not change until :meth:`Picker.reset`.
     """
 
     match: Match | None
@@ -75,7 +76,8 @@ class Picker:
         self.reset()
 
     def reset(self) -> None:
-        """Forgets the shown and the accepted match. The performer must move before a held pose counts."""
+        """Discards the shown and the accepted match. The performer must move before a held pose can accept a
+        match."""
         self._shown: tuple[int, ...] | None = None
         self._ranking: Ranking | None = None
         self._beaten_since: float | None = None
@@ -92,7 +94,7 @@ class Picker:
 
         Args:
             ranking: the ranking of this frame.
-            points: (m + 1, 3) metres, the source's points that were ranked.
+            points: (m + 1, 3) metres, the points of the source that the ranking is based on.
             seconds: time of the frame on the sensor's clock.
         """
         self._time, self._ranking = seconds, ranking
@@ -120,7 +122,7 @@ class Picker:
     def cycle(self, step: int = 1) -> Pick:
         """Shows the next or previous match of the ranking, and wraps around at the ends.
 
-        The order is that of the ranking at the first call, although later frames may rank differently.
+        The order is that of the ranking at the first call, even if later frames have other rankings.
         """
         if self._ranking is not None and len(self._ranking) and self._accepted is None:
             if self._browsed_at is None or self._shown not in self._browsing_order:
@@ -141,7 +143,7 @@ class Picker:
         return self._ranking.find(self._shown)
 
     def _follow_best(self, ranking: Ranking, seconds: float) -> None:
-        """Shows the best match if it has been better than the shown match by the margin for the required
+        """Replaces the shown match by the best match if it has been better by the margin for the required
         time."""
         settings, place = self.settings, self._shown_rank()
         if self._browsed_at is not None and place >= 0:

@@ -20,7 +20,8 @@ from enliven.matching.views import ScreenView
 from enliven.settings import parameter
 
 _MISSING_BRANCH_SCORE = -1.0
-"""Score of a source branch without a partner in the sub-tree: like an opposite direction."""
+"""Score of a source branch without a partner in the sub-tree. It is equal to the score of opposite
+directions."""
 _ORIGIN = np.zeros(3)
 
 
@@ -61,12 +62,13 @@ class RankingSettings:
 
 
 class Matcher:
-    """Ranks the matches of a target, abstracted once, with a source that changes every frame.
+    """A matcher for one target. It abstracts the target once, and ranks its matches with a source that
+    changes every frame.
 
     Args:
         target: a skeleton, or an abstraction of any tree.
-        positions: (N, 3) metres, the joints at rest; required only if the target is an abstraction.
-        root: the root joint for :func:`abstract_skeleton`; None lets the abstraction determine it.
+        positions: (N, 3) metres, the joints at rest. Required only if the target is an abstraction.
+        root: the root joint for :func:`abstract_skeleton`. If None, the abstraction determines the root.
     """
 
     def __init__(
@@ -97,10 +99,11 @@ class Matcher:
         """Ranks all matches.
 
         Args:
-            source: (m + 1, 3) metres, root and abstract positions, as returned by :meth:`MatchSource.points`.
+            source: (m + 1, 3) metres, root and abstract positions of the branches, from
+                :meth:`MatchSource.points`.
             view: the view of the target.
-            source_view: the view of the source; None for the target's view.
-            positions: (N, 3) metres, the target's joints in the visible pose; None for the rest pose.
+            source_view: the view of the source. None means the target's view.
+            positions: (N, 3) metres, the target's joints in the visible pose. None means the rest pose.
         """
         settings = self.settings
         points = (
@@ -122,7 +125,7 @@ class Matcher:
         return Ranking(trees, candidate_indices[order], columns[order], scores[order], plan.total)
 
     def _seen_branches(self, points: Float, first: Int, view: ScreenView) -> Float:
-        """Returns (B, 2) normalized branches on the screen."""
+        """Returns the normalized branches (B, 2) on the screen."""
         eye = _ORIGIN if view.eye is None else view.eye
         dots = self.settings.measure == "dot"
         branches = seen_branches(
@@ -143,7 +146,7 @@ class _Plan:
 
     Attributes:
         first: (C + 1,) index of each candidate's first row.
-        is_complete: (C,) 1 if a candidate's rows are all its matches, 0 if only the best.
+        is_complete: (C,) 1 if a candidate's rows contain all of its matches, 0 if they contain only the best.
         total: number of all matches.
     """
 
@@ -176,7 +179,8 @@ def _averaging_weights(trees: tuple[SubTree, ...], joints: int) -> scipy.sparse.
 
 
 def _best_indices(scores: Float, max_count: int, tie: float) -> Int:
-    """Returns the indices of the ``max_count`` highest scores, the highest first. Ties keep their order."""
+    """Returns the indices of the ``max_count`` highest scores, the highest first. Scores that differ by less
+    than ``tie`` keep their order."""
     rounded = np.round(scores / tie) if tie > 0.0 else scores
     if len(rounded) > max_count:
         min_score = np.partition(rounded, len(rounded) - max_count)[len(rounded) - max_count]

@@ -13,11 +13,11 @@ from enliven.matching.subtrees import Branch, Weights
 
 @dataclass(frozen=True)
 class _Leaf:
-    """A leaf: one joint, or a sub-tree that it represents.
+    """A leaf of the simplified tree. It is a joint that may represent a sub-tree.
 
     Attributes:
-        tail: the longest path from the leaf's joint to a real leaf.
-        reach: length of that path in metres.
+        tail: the joints on the longest path from the leaf's joint to a leaf of the original tree.
+        reach: length of this path in metres.
     """
 
     weights: Weights
@@ -27,11 +27,11 @@ class _Leaf:
 
 
 class Reduction:
-    """The tree of joints that remains while the iterations simplify a skeleton.
+    """The tree of joints that remains during the simplification of a skeleton.
 
     Attributes:
         neighbours: the neighbours of each joint that are not leaves yet.
-        branch_nodes: the remaining branch nodes, and the given root, if any.
+        branch_nodes: the remaining branch nodes, and the given root if there is one.
     """
 
     def __init__(self, positions: Float, neighbours: list[list[int]], root: int | None) -> None:

@@ -22,7 +22,7 @@ class MatchSource:
     computed once from the bones' lengths.
 
     Attributes:
-        root: the joint where the branches begin.
+        root: the joint at which the branches begin.
         branches: the branches, with the joint numbers of the whole skeleton.
         weights: (m, N) the weight of each joint in each branch's abstract position.
     """
@@ -37,7 +37,8 @@ class MatchSource:
         return tuple(branch.extended for branch in self.branches)
 
     def points(self, positions: Float) -> Float:
-        """Returns the root and the abstract positions (m + 1, 3) in metres, for (N, 3) joints in any pose."""
+        """Returns the root and the abstract positions (m + 1, 3) in metres, for joints at ``positions``
+        (N, 3) in any pose."""
         positions = np.asarray(positions, np.float64)
         return np.concatenate([positions[None, self.root], self.weights @ positions])
 
@@ -48,10 +49,10 @@ def match_source_from_joints(
     """Builds the source from a tree of joints, or from a connected subset of them.
 
     Args:
-        positions: (N, 3) metres; only the lengths of the bones matter.
+        positions: (N, 3) metres. Only the lengths of the bones are used.
         links: pairs of joints.
-        root: the joint where the branches begin; None lets the abstraction determine it.
-        joints: the subset; empty for all. They must be connected.
+        root: the joint at which the branches begin. If None, the abstraction determines it.
+        joints: the subset, which must be connected. Empty means all joints.
 
     Raises:
         InputError: if the joints are not connected, or form no bone.

@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Float
 
 Weights = dict[int, float]
-"""A point as a weighted average of joints: joint number -> weight. The weights sum to one."""
+"""A point as a weighted average of joints. Maps joint numbers to weights, which sum to one."""
 
 
 @dataclass(frozen=True)
@@ -19,9 +19,9 @@ class Branch:
     Attributes:
         chain: real joints from the sub-tree's root to the next branch or leaf node, both included.
         extended: the chain, extended along the longest path to a leaf (Figure 5).
-        weights: the abstract position as an average of joints.
-        length: metres of all bones of the branch and of its sub-branches.
-        reach: length of ``extended`` in metres.
+        weights: the abstract position as a weighted average of joints.
+        length: total length of all bones of the branch and of its sub-branches, metres.
+        reach: length of ``extended``, metres.
     """
 
     chain: tuple[int, ...]
@@ -31,7 +31,7 @@ class Branch:
     reach: float
 
     def position(self, positions: Float) -> Float:
-        """Returns the abstract position (3,), for (N, 3) joints in metres, in any pose."""
+        """Returns the abstract position (3,) in metres, for joints at ``positions`` (N, 3) in any pose."""
         joints = list(self.weights)
         return np.array(list(self.weights.values())) @ np.asarray(positions, np.float64)[joints]
 
@@ -43,7 +43,7 @@ class SubTree:
     Attributes:
         level: number of the iteration that found the sub-tree, from 1.
         number: number within its level, from 1. Candidates are sorted by the number of their root joint.
-        root: the joint where all branches begin.
+        root: the joint at which all branches begin.
         branches: the branches, sorted by the number of their first joint.
     """
 

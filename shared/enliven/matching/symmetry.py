@@ -1,10 +1,11 @@
-"""Finds equal limbs, so that the motion of one can be copied to all (future work in AniMesh, section 8).
+"""Finds equal limbs of a skeleton, so that the motion of one limb can be copied to all (future work in
+AniMesh, section 8).
 
 A *limb* is a joint with all its descendants, relative to its parent joint. Two limbs of one joint are equal
-if one rotation or reflection maps one to the other, joint to joint. The axis of the rotation, or the plane of
-the reflection, goes through the parent joint. Examples are tentacles around a squid's head, and the left and
-right limbs of any character. Hand-made skeletons are only approximately symmetric, so positions may differ by
-a fraction of the limb's reach.
+if a rotation or reflection maps the joints of one limb to the joints of the other. The axis of the rotation,
+or the plane of the reflection, goes through the parent joint. Examples are tentacles around a squid's head,
+and the left and right limbs of any character. Hand-made skeletons are only approximately symmetric, so
+positions may differ by a fraction of the limb's reach.
 
 The axis of several limbs is the normal of the plane through their centres (three centres at equal distance
 from the joint define one circle). For two limbs, the plane is half-way between their centres.
@@ -25,10 +26,11 @@ from enliven.rotation import from_rotation_vector, to_matrix
 from enliven.settings import parameter
 
 _MIN_LIMB_FRACTION = 0.02
-"""Limbs shorter than this fraction of the longest limb are ignored: they are ends of bones."""
+"""Minimum length of a limb, as a fraction of the longest limb. Shorter limbs are ignored, because they are
+only ends of bones."""
 _MIN_MAPPED_FRACTION = 0.75
-"""Minimum fraction of similar limbs that a rotation must map to one another. Smaller groups are ignored as
-coincidences: of a spider's eight legs, about three are always rotated copies of one another."""
+"""Minimum fraction of similar limbs that a rotation must map to one another. Smaller groups are coincidences.
+For example, about three of a spider's eight legs are always rotated copies of one another."""
 
 
 @dataclass(frozen=True)
@@ -51,8 +53,8 @@ class EqualLimb:
     Attributes:
         joints: the limb's joints, in the same order as in the group's other limbs. The first joint's parent
             is the group's joint.
-        linear: (3, 3) maps the group's first limb to this one, about the group's joint.
-        error: remaining distance of the joints (root mean square), as a fraction of the limb's reach.
+        linear: (3, 3) map from the group's first limb to this limb, about the group's joint.
+        error: remaining root mean square distance of the joints, as a fraction of the limb's reach.
     """
 
     joints: tuple[int, ...]
@@ -65,9 +67,10 @@ class EqualLimbs:
     """A group of equal limbs with the same parent joint.
 
     Attributes:
-        kind: "rotation": limbs rotated about the axis; "mirror": two limbs, left and right of a plane.
+        kind: "rotation" for limbs that are rotated about the axis, or "mirror" for two limbs on both sides of
+            a plane.
         joint: their common parent joint.
-        axis: (3,) unit vector along the axis, or normal to the plane; both go through the joint.
+        axis: (3,) unit vector along the axis, or normal to the plane. Axis and plane go through the joint.
         limbs: two or more limbs, sorted by their angle about the axis.
     """
 
@@ -94,8 +97,9 @@ def equal_limbs(skeleton: Skeleton, settings: SymmetrySettings | None = None) ->
     """Returns all groups of equal limbs, the largest groups first. Pairs about the body's main plane of
     symmetry come before other pairs.
 
-    Three or more limbs that are equal under rotation form one group. So do two limbs without a mirror plane.
-    A limb may belong to two groups, one by rotation and one by reflection, such as the legs of a table.
+    Three or more limbs that are equal under rotation form one group. Two such limbs form a group if they have
+    no mirror plane. A limb may belong to two groups, one by rotation and one by reflection, such as the legs
+    of a table.
     """
     settings = settings or SymmetrySettings()
     body = LimbShapes(skeleton)
@@ -145,8 +149,8 @@ def _candidate_axes(body: LimbShapes, joint: int, limbs: list[int]) -> list[Floa
         return [axis for axis in [_unit_vector(middles.sum(0))] if axis is not None]
     centred = middles - middles.mean(0)
     axes = [np.linalg.eigh(centred.T @ centred)[1][:, 0]]
-    # A limited number of triples is enough: any circle of three or more limbs contains three limbs that are
-    # consecutive in the list.
+    # A limited number of triples is enough, because any circle of three or more limbs contains three limbs
+    # that are consecutive in the list.
     for a, b, c in itertools.islice(itertools.combinations(middles, 3), 200):
         axis = _unit_vector(np.cross(b - a, c - a))
         if axis is not None:
@@ -211,8 +215,8 @@ def _mirrored_pairs(
 
 
 def _select_pairs_by_plane(groups: list[EqualLimbs], body: LimbShapes) -> list[EqualLimbs]:
-    """Selects mirrored pairs such that each limb occurs once. Pairs come first if other pairs with much bone
-    length share their plane."""
+    """Selects mirrored pairs such that each limb occurs once. The pairs of a plane that is shared by pairs
+    with a large total bone length have priority."""
     axes = np.array([group.axis for group in groups]).reshape(-1, 3)
     weights = np.array([body.length[group.limbs[0].joints[0]] for group in groups])
     plane_weights = (np.abs(axes @ axes.T) > 0.98) @ weights

@@ -1,4 +1,4 @@
-"""Projections of a skeleton onto the screen, and the search for the view that shows most bone length."""
+"""Projects a skeleton onto the screen, and finds the view that shows the most bone length."""
 
 from __future__ import annotations
 
@@ -20,16 +20,17 @@ def _float_vector(*values: float) -> Float:
 
 @dataclass(frozen=True, eq=False)
 class ScreenView:
-    """The view for projecting a skeleton: a direction, an up vector and, for perspective, an eye.
+    """The view for the projection of a skeleton: a direction, an up vector and, for perspective, an eye.
 
-    If a performer acts as in front of a mirror, the performer's view is opposite to the sensor's: the
-    sensor's left is then on the right.
+    If a performer acts as in front of a mirror, the view of the performer is opposite to the sensor's view:
+    left and right are exchanged.
 
     Attributes:
-        direction: (3,) from the eye into the scene; any length.
-        up: (3,) the up direction on the screen; its component along ``direction`` is ignored.
-        eye: (3,) metres, for a perspective view; None for an orthographic one.
-        frame: (3, 3) right, up and forward: unit vectors of the world, computed from the others.
+        direction: (3,) from the eye into the scene, of any length.
+        up: (3,) the up direction on the screen. Its component along ``direction`` is ignored.
+        eye: (3,) metres, position of the eye of a perspective view. None for an orthographic view.
+        frame: (3, 3) the directions right, up and forward as unit vectors in the world, computed from the
+            other attributes.
 
     Raises:
         InputError: if ``direction`` is zero, or parallel to ``up``.
@@ -59,11 +60,11 @@ class ScreenView:
 
     @property
     def axes(self) -> Float:
-        """(2, 3) the screen's right and up, unit vectors of the world."""
+        """(2, 3) the screen's right and up directions as unit vectors in the world."""
         return self.frame[:2]
 
     def project(self, points: Float) -> Float:
-        """Projects (..., 3) points in metres to (..., 2) right and up on the screen.
+        """Projects points (..., 3) in metres to coordinates (..., 2) right and up on the screen.
 
         The unit is metres for an orthographic view. For a perspective view it is metres at distance one.
         """
@@ -72,15 +73,15 @@ class ScreenView:
         return np.asarray((points - self.eye) @ self.axes.T / self.depths(points)[..., None])
 
     def depths(self, points: Float) -> Float:
-        """Returns the depth (...,) of (..., 3) points in metres, or one for an orthographic view."""
+        """Returns the depth (...,) of points (..., 3) in metres, or 1 for an orthographic view."""
         if self.eye is None:
             return np.ones(points.shape[:-1])
         return np.asarray(np.maximum((points - self.eye) @ self.direction, MIN_DEPTH_M))
 
 
 def is_end_on(vectors: Float, view: ScreenView, fraction: float = 0.2) -> Bool:
-    """Returns (N,) True for (N, 3) vectors that point so nearly at the eye that their projection is
-    unreliable.
+    """Returns (N,) True for those of ``vectors`` (N, 3) that point so nearly at the eye that the direction of
+    their projection is unreliable.
 
     Args:
         fraction: minimum visible fraction of a vector's length.
@@ -91,7 +92,7 @@ def is_end_on(vectors: Float, view: ScreenView, fraction: float = 0.2) -> Bool:
 
 
 def projected_length(vectors: Float, direction: Float) -> float:
-    """Returns the sum of the projected lengths of (N, 3) vectors along a unit direction."""
+    """Returns the sum of the lengths of ``vectors`` (N, 3) after projection along a unit direction."""
     along = vectors @ direction
     return float(np.sqrt(np.maximum((vectors**2).sum(1) - along**2, 0.0)).sum())
 
@@ -100,19 +101,19 @@ def best_view(vectors: Float, view: ScreenView, most_turn: float = np.pi / 2, st
     """Finds the view that shows most bone length: the largest sum of projections (AniMesh, section 8).
 
     The sum of *squared* lengths is largest along the eigenvector of the smallest eigenvalue of the scatter
-    sum(v v^T). The search starts there, at the current direction, and at the other eigenvectors. It increases
-    the sum of lengths itself, sum sqrt(|v|^2 - (v.d)^2), step by step on the sphere. Each step maximizes a
-    quadratic bound of it (iteratively reweighted scatter), so it never decreases.
+    sum(v v^T). The search starts at this direction, at the current direction, and at the other eigenvectors.
+    From each start, it increases the sum of lengths, sum sqrt(|v|^2 - (v.d)^2), iteratively on the sphere.
+    Each step maximizes a quadratic lower bound (iteratively reweighted scatter), so the sum never decreases.
 
     Args:
-        vectors: (N, 3) metres, the bones from their parent joint to their joint.
-        view: the current one; its up vector is kept as far as possible.
+        vectors: (N, 3) metres, the vectors of the bones from parent joint to joint.
+        view: the current view. Its up vector is kept as far as possible.
         most_turn: maximum angle from the current direction in radians. pi / 2 covers all views, since a view
             from behind shows the same amount.
         steps: maximum number of refinement steps.
 
     Returns:
-        An orthographic view; the caller places the eye.
+        An orthographic view. The caller must set the eye of a perspective view.
     """
     lengths = np.linalg.norm(vectors, axis=1)
     vectors = vectors[lengths > 0.0]

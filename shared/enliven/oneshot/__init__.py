@@ -1,1 +1,2 @@
-"""One-shot functions: each performs a whole task of the library in one call, based on the solver objects."""
+"""One-shot functions. Each performs a complete task of the library in one call, based on the solver
+classes."""

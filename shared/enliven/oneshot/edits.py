@@ -1,4 +1,4 @@
-"""Edits a character with any rig, by its id, and returns its mesh at a time."""
+"""Functions for a character with any rig, given by its id."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def mesh_at(project: Project, character: str, time: float) -> Mesh:
     """Returns the posed mesh of a character at a time of the project, in metres of the world.
 
     Args:
-        character: its id.
+        character: id of the character.
         time: seconds of the project.
 
     Raises:

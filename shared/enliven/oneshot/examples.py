@@ -26,13 +26,13 @@ def fit_examples(
     """Adds a mesh that plays a take, retargeted by a few example poses.
 
     Args:
-        mesh: any triangles, in metres.
-        take: the motion. The example poses belong to moments of it.
+        mesh: any triangle mesh, in metres.
+        take: the motion that contains the performer's poses of the examples.
         points: the control points by name: a vertex of the mesh, and the joint of the take that it follows.
-        poses: for some seconds of the take, the positions of the control points: (P, 3) metres in the mesh's
-            frame, in the order of ``points``. At least two moments.
-        plays: the motion to play; None plays ``take``.
-        project: the project that the mesh is added to; None creates one.
+        poses: two or more example poses. Maps seconds of the take to the positions (P, 3) of the control
+            points, metres in the mesh's frame, in the order of ``points``.
+        plays: the motion to play. None means ``take``.
+        project: the project that the mesh is added to. If None, a new project is created.
 
     Returns:
         The project, and the id of the mesh in it.

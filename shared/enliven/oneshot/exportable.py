@@ -1,4 +1,4 @@
-"""The characters of a file with motion, ready to be sampled: the choices of ``enliven export``."""
+"""Finds the moving characters in a file. ``enliven export`` can choose from them."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from enliven.takes.recorded import TakeSettings, clips_of_frames, read_body_fram
 from enliven.takes.rigged import shape_and_clip_from_poses
 
 Sample = Callable[[float, float | None, float | None, Representation, bool], Performance]
-"""A function that samples a performance. Parameters: start and end in seconds (None for all), frames per
-second (None for the native rate), the form of puppets' surfaces, and whether to use the clips' own keys.
+"""A function that samples a performance. Its parameters are: start in seconds, end in seconds or None, frames
+per second or None for the native rate, the form of puppets' surfaces, and True to use the clips' own keys.
 """
 _DEFAULT_FRAMES_PER_SECOND = 30.0
 """Frames per second of motion without its own rate. It is the rate of the sensors."""
@@ -35,14 +35,15 @@ _DEFAULT_FRAMES_PER_SECOND = 30.0
 
 @dataclass(frozen=True)
 class Exportable:
-    """A character, a person or an animation of a file; its motion is sampled on request.
+    """A character, a person or an animation in a file. Its motion is sampled only on request.
 
     Attributes:
         name: name that is unique in the file.
-        sample: creates the performance.
+        sample: a function that creates the performance.
         jointed: True if it has a skeleton.
         solid: True if it has a surface.
-        rank: 0 for the main content of the file. 1 for content that is used only if nothing of rank 0 fits.
+        rank: 0 for the main content of the file, 1 for content that is used only if no content of rank 0 is
+            suitable.
     """
 
     name: str
@@ -69,8 +70,8 @@ class Exportables(NamedTuple):
 def find_exportables(path: Path | str) -> Exportables:
     """Returns the exportable content of a recording, a project, a model or a motion file.
 
-    Seconds are those of a project or a clip. In a recording, they count from the first pose, or from the
-    appearance of a person.
+    Times are in seconds of the project or clip. In a recording, they start at the first pose, or when a
+    person appears.
 
     Raises:
         InputError: if the file cannot be read, or nothing moves in it.
@@ -106,9 +107,7 @@ def _exportables_from_project(project: Project) -> list[Exportable]:
 
 
 def _exportables_from_model(shape: Shape, clips: tuple[Clip, ...]) -> list[Exportable]:
-    """Returns each animation of a model, the first one first. Returns the static model if it has no
-    animations.
-    """
+    """Returns the animations of a model in order, or the static model if it has no animations."""
     if not clips:
         return [_exportable_character(Project().with_characters(shape), shape)]
     exportables = list[Exportable]()
@@ -188,7 +187,7 @@ def _sample_recorded(
 
 
 def _sample_clip(clip: Clip, start: float, end: float | None, rate: float | None, *_: object) -> Performance:
-    """Samples frames of a clip. Raises an error with the clip's name if the range contains no frames."""
+    """Samples frames of a clip. Raises InputError if the range contains no frames."""
     stop_s = clip.duration if end is None else end
     if start > clip.duration or stop_s < start:
         problem = f"it lasts {clip.duration:.2f} s: there is no motion from {start:g} s to {stop_s:g} s"

@@ -23,16 +23,16 @@ def export(
     """Writes a project's characters with their motion, or a take, as a file for other programs.
 
     Args:
-        what: a project, or a clip, which is written completely.
-        path: the suffix determines the format: one of :func:`enliven.exporters.suffixes`, such as .glb.
-        characters: ids of the project's characters; empty for all.
-        start, end: seconds of the project; None for the end of all motion.
+        what: a project or a clip. A clip is written completely.
+        path: path of the file. Its suffix, one of :func:`enliven.exporters.suffixes` such as .glb, determines
+            the format.
+        characters: ids of the project's characters. Empty means all.
+        start, end: time range in seconds of the project. If ``end`` is None, it is the end of all motion.
         rate: frames per second.
         options: options of the format, such as ``unit="cm"``, ``scale=2.0`` or ``in_place=True``.
 
     Raises:
-        InputError: if the suffix has no exporter, the format lacks an option, or it cannot represent the
-            data.
+        InputError: if the suffix has no exporter, or the format does not support an option or the data.
         ResourceError: if the file cannot be written.
     """
     exporter, title = exporter_of(path, **options), Path(path).stem

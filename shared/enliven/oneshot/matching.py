@@ -1,4 +1,4 @@
-"""Finds the parts of a skeleton that a performer's pose resembles (AniMesh, 2015)."""
+"""Finds the parts of a skeleton that resemble a performer's pose (AniMesh, 2015)."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ def match(
     """Ranks the parts of a skeleton that a pose could drive, the most similar on the screen first.
 
     Args:
-        body: joints (20, 3) in metres of the world.
-        skeleton: in its rest pose.
+        body: the performer, with joints (20, 3) in metres in the world.
+        skeleton: the skeleton in its rest pose.
         parts: the parts of the body that are matched: "arms", "left leg", ...
-        view: view of the skeleton; None looks along -Z, with +Y up.
-        body_view: view of the body; None: the same as of the skeleton. A view along +Z acts as a mirror.
+        view: view of the skeleton. None looks along -Z, with +Y up.
+        body_view: view of the body. None means the view of the skeleton. A view along +Z acts as a mirror.
 
     Returns:
-        A sequence of matches with their scores. Only the best are kept; ``total`` counts all.
+        A sequence of the best matches with their scores. ``total`` is the number of all matches.
 
     Raises:
-        InputError: for an unknown part of the body, or a skeleton without a bone.
+        InputError: if a body part is unknown, or the skeleton has no bone.
     """
     source = body_source(body, parts).source
     return Matcher(skeleton).rank(source.points(body.joints), view or ScreenView(), body_view)

@@ -16,7 +16,7 @@ from enliven.possession import ActorSettings
 from enliven.takes.body_takes import body_take_from_frames
 
 _FIXED_PLACE_SETTINGS = ActorSettings(place="fixed", fade=0.0)
-"""Settings for a mesh that stays at its modeled position, and follows immediately."""
+"""Settings for a mesh that stays at its modeled position and follows the performer without easing."""
 
 
 def possess(
@@ -32,25 +32,27 @@ def possess(
 ) -> tuple[Project, str]:
     """Adds a mesh that moves with a performer, attached in the first frame.
 
-    In the first frame, the performer stands inside the mesh. The body parts that are near the surface attach
-    to the mesh. The project stores the performer's motion, so that ``solve_again`` of
-    :mod:`enliven.modeling.possessed` can compute the mesh's motion again after the mesh was cut or edited.
+    In the first frame, the performer stands inside the mesh, and the body parts near the surface attach to
+    the mesh. The project stores the performer's motion. So after the mesh was cut or edited, ``solve_again``
+    in :mod:`enliven.modeling.possessed` can compute its motion again.
 
     Args:
-        mesh: any triangles, in metres of the world.
-        bodies: a take, or (F,) one performer at even time steps; joints (20, 3) in metres of the world.
+        mesh: any triangle mesh, in metres in the world.
+        bodies: a take, or the bodies (F,) of one performer at even time steps. Joints (20, 3) are in metres
+            in the world.
         step: seconds from one body to the next.
         parts: parts of the body that attach: "all", "legs", "hip + right arm", ...
         nodes: number of nodes of the deformation graph.
         holds: the times at which performers attach and release. If given, ``parts`` is ignored.
-        settings: how the mesh approaches and follows its performers; by default it stays at its position.
-        project: the project that the mesh is added to; None creates one.
+        settings: settings of the mesh's approach to its performers and of the motion transfer. By default the
+            mesh stays at its position.
+        project: the project that the mesh is added to. If None, a new project is created.
 
     Returns:
         The project, and the id of the mesh in it.
 
     Raises:
-        InputError: if no part of the mesh is within reach, or for fewer than two bodies.
+        InputError: if no part of the mesh is within reach, or there are fewer than two bodies.
     """
     where = f"mesh {mesh.name or 'mesh'!r}"
     count = len(bodies.seconds if isinstance(bodies, BodyTake) else bodies)
@@ -69,7 +71,7 @@ def possess(
 
 
 def _take_from_bodies(bodies: Sequence[Body], step: float, name: str) -> BodyTake:
-    """Returns the take of one performer at even steps."""
+    """Returns the take of one performer with frames ``step`` seconds apart."""
     performer = bodies[0].id
     frames = [
         BodyFrame([replace(body, id=performer)], round(n * step * 1e9), "") for n, body in enumerate(bodies)

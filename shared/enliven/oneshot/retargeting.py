@@ -1,4 +1,4 @@
-"""Retargets the motion of a file onto the model of another file, and writes the result."""
+"""Retargets the motion in one file to the model in another file, and writes the result."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _MAX_DEFAULT_RATE_HZ = 60.0
 
 @dataclass(frozen=True)
 class RetargetOptions:
-    """How a motion is transferred to a model."""
+    """Options of the transfer of a motion to a model."""
 
     mapping: str = setting("", "A mapping file. Empty: a mapping is computed.")
     start: float = setting(0.0, "Start time in the take.", unit="s", low=0.0)
@@ -70,9 +70,9 @@ class RetargetedFile:
     Attributes:
         retargeted: the shape with its motion.
         rig: the model as read.
-        is_own: True if the take is the model's own, and was copied joint by joint.
+        is_own: True if the take is an animation of the model itself, and was copied joint by joint.
         notes: unusual content of both files, one sentence each.
-        quality: measures of the motion, or None for a take of the model's own.
+        quality: measures of the motion, or None if ``is_own`` is True.
     """
 
     retargeted: RetargetedShape
@@ -95,16 +95,16 @@ class RetargetedFile:
 def retarget_file(
     take: Path, model: Path, output: Path, options: RetargetOptions | None = None, rig: Rig | None = None
 ) -> RetargetedFile:
-    """Retargets a motion onto a model, writes the result completely or not at all, and measures it.
+    """Retargets a motion to a model, writes the result completely or not at all, and measures its quality.
 
     Args:
         take: the motion: .bvh, .mcap, .glb, .enliven, or CMU's tables (.txt).
         model: the model: .glb, .gltf or .vrm, rigged or not.
-        output: the suffix determines the format.
-        rig: the model in the height of the options, if it was read before.
+        output: path of the output file. Its suffix determines the format.
+        rig: the model, scaled to the height in the options, if it was already read.
 
     Raises:
-        InputError: if a file cannot be read, an option does not fit, or the format is unknown.
+        InputError: if a file cannot be read, an option is invalid, or the format is unknown.
         ResourceError: if the output cannot be written.
     """
     options = options or RetargetOptions()
@@ -151,12 +151,12 @@ def exceeded_bounds(quality: MotionQuality, pinned: bool) -> list[str]:
 
 
 def _has_no_mapping(options: RetargetOptions) -> bool:
-    """Returns True if no option asks for a mapping, so that a take of the model's own can be copied."""
+    """Returns True if no option requires a mapping. Then an animation of the model itself can be copied."""
     return not (options.mapping or options.rest or options.mode != "auto" or options.soften)
 
 
 def _plan_with(options: RetargetOptions, rig: Rig, clip: Clip) -> Plan:
-    """Returns the mapping from the file, or the one found automatically, changed by the options."""
+    """Returns the mapping from the file, or an automatic mapping, changed by the options."""
     plan = read_plan(options.mapping) if options.mapping else automatic(clip, rig.shape)
     changes: dict[str, Any] = {
         name: getattr(options, name) or getattr(plan, name) for name in ("travel", "pin", "stretch")

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from enliven.errors import InputError
 
 FORM = "SCHEME:HOST[:PORT][/SOURCE], for example vmc:127.0.0.1 or vmc:192.168.1.20:39539/performer-1"
-"""The form of an address, for messages."""
+"""The syntax of an address, for error messages."""
 Place = tuple[str, int] | tuple[str, int, int, int] | tuple[int, bytes]
 """A socket address of IPv4 or IPv6, as the system's resolver returns it."""
 MAX_PORT = 65535
@@ -27,9 +27,9 @@ class OutputAddress:
 
     Attributes:
         scheme: the protocol, a key of ``registry.OUTPUTS``.
-        host: name or IP address of the receiver, or of this computer to listen on.
-        port: of the receiver, or to listen on.
-        source: id of a character, ``performer-N``, or empty for the default of the protocol.
+        host: name or IP address of the receiver, or this computer's address that the output listens on.
+        port: UDP or TCP port of the receiver, or the port that the output listens on.
+        source: id of a character or ``performer-N``. If empty, the protocol's default is used.
     """
 
     scheme: str
@@ -43,14 +43,14 @@ class OutputAddress:
 
 
 def parse_address(text: str, default_ports: Mapping[str, int], where: str) -> OutputAddress:
-    """Returns the parts of an address.
+    """Parses the address of an output.
 
     Args:
-        default_ports: the port of each known scheme if the address names none.
-        where: the option or setting, for messages.
+        default_ports: the default port of each known scheme.
+        where: name of the option or setting, for error messages.
 
     Raises:
-        InputError: for another form, an unknown scheme, or a bad port.
+        InputError: if the syntax, the scheme or the port is invalid.
     """
     match = _ADDRESS.fullmatch(text.strip())
     if match is None or not match["host"].strip("[]"):
@@ -73,7 +73,7 @@ def resolve(address: OutputAddress, where: str) -> tuple[socket.AddressFamily, P
     """Returns the address family and the socket address of a receiver.
 
     Raises:
-        InputError: if the host's name cannot be resolved.
+        InputError: if the host name cannot be resolved.
     """
     try:
         rows = socket.getaddrinfo(address.host, address.port, type=socket.SOCK_DGRAM)

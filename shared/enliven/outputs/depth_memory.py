@@ -1,7 +1,8 @@
-"""Depth images in memory that two processes share. The system frees it with the processes, however they end.
+"""Depth images in memory that two processes share. The operating system frees the memory when both processes
+have ended, even if they crash.
 
-On POSIX it is a file without a name. The second process inherits its descriptor. On Windows it is a named
-mapping that exists while a process has it open.
+On POSIX the memory is an unnamed file, and the second process inherits its descriptor. On Windows it is a
+named mapping that exists while a process has it open.
 """
 
 from __future__ import annotations
@@ -21,23 +22,25 @@ from enliven.frames import DepthFrame
 from enliven.supervision.closeable import Closeable
 
 DEPTH_INTERVAL_NS = 100_000_000
-"""Nanoseconds of the sensor's clock between two depth images: 6 MB/s at 640x480."""
+"""Minimum interval between two depth images, in nanoseconds of the sensor's clock. It limits the data rate to
+6 MB/s at 640x480."""
 _SLOTS = 3
-"""Number of images in memory. The reader has the time of two later images to copy one."""
+"""Number of images in memory. A reader can copy an image until two later images have been written."""
 _MAX_IMAGE_BYTES = 8 << 20
-"""Maximum bytes of an image: 2048 x 2048 pixels. Memory that is not written takes no space."""
+"""Maximum size of an image in bytes: 2048 x 2048 pixels. Memory that is never written takes no space."""
 _NUMBER = struct.Struct("<Q")
 _SLOT_BYTES = _MAX_IMAGE_BYTES + mmap.ALLOCATIONGRANULARITY
-"""Bytes of a slot: the number of its image in the first bytes, and the image at the next page."""
+"""Size of a slot in bytes. The first page contains the number of the image, and the image begins at the next
+page."""
 
 
 @dataclass(frozen=True)
 class DepthReference:
-    """An image in shared memory.
+    """A reference to an image in shared memory.
 
     Attributes:
-        number: counts the images from 1. It also determines the slot.
-        intrinsics, time_ns, sensor: those of the :class:`DepthFrame`.
+        number: sequence number of the image, from 1. It also determines the slot.
+        intrinsics, time_ns, sensor: the attributes of the :class:`DepthFrame` with these names.
     """
 
     number: int
@@ -50,10 +53,10 @@ class DepthMemory(Closeable):
     """Shared memory for the newest depth images, with one writer and one reader.
 
     Args:
-        handle: descriptor or name of existing memory. None: creates new memory.
+        handle: descriptor or name of existing memory. If None, new memory is created.
 
     Raises:
-        OSError: if the system has no memory.
+        OSError: if the system cannot provide the memory.
     """
 
     def __init__(self, handle: int | str | None = None) -> None:
@@ -83,12 +86,12 @@ class DepthMemory(Closeable):
         return DepthReference(self._count, frame.intrinsics, frame.time_ns, frame.sensor)
 
     def read(self, reference: DepthReference) -> DepthFrame | None:
-        """Returns a copy of an image. None if a later one overwrites it."""
+        """Returns a copy of an image, or None if a later image has overwritten it."""
         start, camera = self._start(reference.number), reference.intrinsics
         count = camera.width * camera.height
         place = np.frombuffer(self._memory, np.uint16, count, start + mmap.ALLOCATIONGRANULARITY)
         depth = place.reshape(camera.height, camera.width).copy()
-        # A writer that has begun to overwrite the image has changed the number before.
+        # A writer changes the number before it overwrites the image.
         if _NUMBER.unpack_from(self._memory, start)[0] != reference.number:
             return None
         return DepthFrame(depth, camera, reference.time_ns, reference.sensor)
@@ -101,12 +104,13 @@ class DepthMemory(Closeable):
 
     @staticmethod
     def _start(number: int) -> int:
-        """Returns the first byte of the slot of an image."""
+        """Returns the offset, in bytes, of the slot of an image."""
         return number % _SLOTS * _SLOT_BYTES
 
 
 def _create_file(size: int) -> int:
-    """Returns the descriptor of a file without a name. Its content is in memory if the system can do that."""
+    """Returns the descriptor of an unnamed file. Its content is in memory if the system supports that,
+    otherwise on disk."""
     if sys.platform == "linux":
         descriptor = os.memfd_create("enliven depth images")
     else:

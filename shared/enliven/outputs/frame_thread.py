@@ -1,4 +1,4 @@
-"""The thread that sends the newest frame to all outputs, while another one receives the next frames."""
+"""A thread that sends the newest frame to all outputs, while the calling thread receives the next frames."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from enliven.outputs.sender import Sender
 from enliven.supervision.closeable import Closeable
 
 MAX_EVENTS = 256
-"""Maximum number of events that wait for the next frame."""
+"""Maximum number of events that are queued until the next frame is sent."""
 _JOIN_TIMEOUT_S = 2.0
-"""Seconds to wait for the thread at the end. It only sends, which takes less than a frame."""
+"""Maximum time in seconds to wait for the thread's end. Sending a frame takes far less."""
 
 
 class FrameThread(Closeable):
-    """A thread that sends each frame to several outputs, one after another.
+    """A thread that sends each frame to several outputs in sequence.
 
-    One thread wakes up once for each frame. A thread for each output would take about a third more processor
-    time to send a frame (measured), because each waits for the interpreter's lock again and again.
+    A single thread wakes up once per frame. One thread per output would take about a third more processor
+    time per frame (measured), because the threads would compete for Python's global lock.
 
-    :meth:`put` replaces the frame that waits. So a busy computer loses frames, and a frame that is sent is at
-    most one frame old.
+    :meth:`put` replaces a frame that has not been sent yet. So a busy computer skips frames, and a frame is
+    at most one frame old when it is sent.
 
     Args:
         senders: the outputs. The thread does not close them.
@@ -44,7 +44,7 @@ class FrameThread(Closeable):
         self._thread.start()
 
     def put(self, frame: LiveFrame) -> None:
-        """Hands over a frame. It returns at once."""
+        """Passes a frame to the thread. Returns immediately."""
         with self._changed:
             if self._newest is not None:
                 self.skipped += 1
@@ -53,7 +53,8 @@ class FrameThread(Closeable):
             self._changed.notify()
 
     def close(self) -> None:
-        """Sends the frame that waits, and ends the thread. A second call does nothing."""
+        """Sends the last frame if it has not been sent yet, and ends the thread. A second call does
+        nothing."""
         with self._changed:
             self._ended = True
             self._changed.notify()
@@ -65,7 +66,8 @@ class FrameThread(Closeable):
                 sender.send(frame)
 
     def _next(self) -> LiveFrame | None:
-        """Waits for the next frame, and returns it with all events since the last one. None: the end."""
+        """Waits for the next frame, and returns it with all events since the last sent frame. Returns None
+        when the thread must end."""
         with self._changed:
             self._changed.wait_for(lambda: self._ended or self._newest is not None)
             frame, self._newest = self._newest, None

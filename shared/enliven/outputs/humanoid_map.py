@@ -25,18 +25,18 @@ from enliven.skeletons.human_names import HumanJoints, HumanLimb, finger_joints,
 
 _DOWN = np.array([0.0, -1.0, 0.0])
 _SIDEWAYS = {"Left": np.array([1.0, 0.0, 0.0]), "Right": np.array([-1.0, 0.0, 0.0])}
-"""Unit direction of an arm in the T-pose of a person that faces +Z."""
+"""Unit direction of each arm in the T-pose of a person that faces +Z."""
 
 
 @dataclass(frozen=True)
 class HumanoidNode:
-    """A joint of the rig that is the beginning of a humanoid bone.
+    """The joint of a rig at which a humanoid bone begins.
 
     Attributes:
-        bone: the name in Unity's humanoid.
-        transform: number of the character's transform that rotates with the node.
+        bone: name of the bone in Unity's humanoid.
+        transform: number of the character's transform that rotates this bone.
         offset: (3,) metres, from that transform's pivot to the joint at rest.
-        t_pose: (4,) rotation of the bone from the rest pose to the T-pose, in axes where the rig faces +Z.
+        t_pose: (4,) rotation of the bone from the rest pose to the T-pose, in axes in which the rig faces +Z.
     """
 
     bone: str
@@ -48,11 +48,11 @@ class HumanoidNode:
 class HumanoidMap:
     """The humanoid bones of a rigged character.
 
-    Transform j of a character is the link from the parent of joint j to joint j. So the humanoid bone that
-    begins at a joint is a transform of one of its children.
+    Transform j of a character is the link from the parent of joint j to joint j. So the transform of a
+    humanoid bone that begins at joint j is the transform of a child of j.
 
     Args:
-        nodes: the bones, parents first. At least one.
+        nodes: one or more bones, parents first.
         facing: radians about +Y from +Z to the front of the rig at rest.
     """
 
@@ -60,13 +60,14 @@ class HumanoidMap:
         self.bones = tuple(node.bone for node in nodes)
         self._transforms: Int = np.array([node.transform for node in nodes])
         self._offsets = np.stack([node.offset for node in nodes])
-        # With the rest pose r, the front at angle f (F rotates it to +Z) and the rotation G of the rig since
-        # rest: the T-pose is C F r, and Q C F r = G r gives Q = G inverse(C F).
+        # Let r be the rest pose, F the rotation from the rig's front to +Z, C the rotation to the T-pose, and
+        # G the rotation of the rig since rest. The T-pose is C F r. The result Q satisfies Q C F r = G r, so
+        # Q = G inverse(C F).
         front = from_rotation_vector(np.array([0.0, -facing, 0.0]))
         self._rest_from_t_pose = conjugate(multiply(np.stack([node.t_pose for node in nodes]), front))
 
     def pose(self, pose: Pose) -> HumanPose:
-        """Returns the human pose of the character at a moment."""
+        """Converts a pose of the character to a human pose."""
         linear = np.require(pose.linear, np.float32, ("C", "W"))
         places = np.require(pose.positions, np.float32, ("C", "W"))
         positions, turns = np.empty((len(self.bones), 3)), np.empty((len(self.bones), 4))
@@ -76,7 +77,8 @@ class HumanoidMap:
 
 
 def humanoid_map(skeleton: Skeleton) -> HumanoidMap | None:
-    """Returns the humanoid bones of a skeleton, or None if its names are not those of a human."""
+    """Returns the humanoid bones of a skeleton, or None if its joints do not have the names of human
+    joints."""
     human = human_joints(skeleton)
     if human is None:
         return None
@@ -84,7 +86,7 @@ def humanoid_map(skeleton: Skeleton) -> HumanoidMap | None:
 
 
 class _Mapping:
-    """Collects the humanoid bones of one skeleton."""
+    """A builder that collects the humanoid bones of one skeleton."""
 
     def __init__(self, skeleton: Skeleton, human: HumanJoints) -> None:
         self._skeleton, self._human = skeleton, human
@@ -146,17 +148,17 @@ class _Mapping:
             self._add(f"{side}Toes", leg.tip, -1)
 
     def _next(self, joint: int, end: int) -> int:
-        """Returns the child of a joint on the way to a descendant."""
+        """Returns the child of ``joint`` on the path to its descendant ``end``."""
         return (*self._skeleton.path(joint, end), joint)[1]
 
     def _straightened(self, start: int, end: int, direction: Float) -> Float:
-        """Returns the (4,) rotation from the rest pose of a limb to its direction in the T-pose."""
+        """Returns the rotation (4,) from the rest direction of a limb to its direction in the T-pose."""
         at = self._skeleton.positions
         way = unit(rotate(self._front, at[end] - at[start]))
         return swing(way, direction) if np.any(way) else IDENTITY
 
     def _add(self, bone: str, joint: int, child: int, t_pose: Float = IDENTITY) -> None:
-        """Adds the bone that begins at a joint and leads to a child; -1 for a joint without one."""
+        """Adds the bone from a joint to its child. ``child`` is -1 if the joint has no child."""
         self._add_transform(bone, joint, child if child >= 0 else joint, t_pose)
 
     def _add_transform(self, bone: str, joint: int, transform: int, t_pose: Float = IDENTITY) -> None:

@@ -1,8 +1,8 @@
-"""JSON text that is encoded once, with numbers that are filled in for every frame.
+"""JSON text that is encoded once. In each frame, only its numbers are written.
 
-A JSON encoder walks through thousands of Python objects in each frame, and holds the interpreter's lock for a
-millisecond. Here msgspec encodes a set of names once, with a mark at the place of each number. A kernel then
-writes the constant text and the numbers of a frame, without the lock.
+Encoding thousands of Python objects in each frame would hold Python's global lock for a millisecond. Here
+msgspec encodes the message for a set of names once, with a placeholder (mark) for each number. In each frame,
+a kernel writes the constant text and the numbers without holding the lock.
 """
 
 from __future__ import annotations
@@ -16,22 +16,23 @@ from enliven.arrays import AnyArray
 from enliven.kernels import njit
 
 MARK = "\ue000\ue000enliven number\ue000\ue000"
-"""Stands for a number in the value that a template is made from. Its private characters occur in no name."""
+"""Placeholder for a number in the value that a template is created from. It contains private-use characters,
+which do not occur in names."""
 MAX_NUMBER = 1e9
-"""Limit of the numbers that are written. No position is that far away."""
+"""Limit of the absolute values that are written. No position is that far from the origin."""
 _MAX_NUMBER_BYTES = 20
-"""Longest text of a number: sign, ten digits, a point and eight digits."""
+"""Maximum size in bytes of the text of a number: sign, ten digits, a decimal point and eight digits."""
 
 
 class JsonTemplate:
-    """Encoded JSON with places for numbers.
+    """Encoded JSON text with placeholders for numbers.
 
     Args:
-        value: objects for msgspec, with :data:`MARK` instead of each number.
-        decimals: (N,) digits after the point of each number, in the order of the text, from 1 to 8.
+        value: nested objects to be encoded, with :data:`MARK` instead of each number.
+        decimals: (N,) number of decimals, from 1 to 8, of each number, in the order of the text.
 
     Attributes:
-        count: how many numbers it has.
+        count: how many numbers the text contains.
     """
 
     def __init__(self, value: Any, decimals: AnyArray) -> None:
@@ -43,20 +44,21 @@ class JsonTemplate:
         self._out = np.empty(len(self._text) + _MAX_NUMBER_BYTES * self.count, np.uint8)
 
     def filled(self, numbers: AnyArray) -> bytes:
-        """Returns the text with these numbers (``count``,). Values that are not finite become 0."""
+        """Returns the text with ``numbers`` (``count``,). Values that are not finite become 0."""
         values = np.ascontiguousarray(numbers, np.float64)
         return self._out[: _write(self._text, self._ends, values, self._decimals, self._out)].tobytes()
 
 
 _POWERS = np.array([10.0**k for k in range(9)])
-"""(9,) the factor of each number of decimals."""
+"""(9,) powers of ten: entry k is the factor for k decimals."""
 _TEN = np.uint32(10)
-"""Divisor of unsigned numbers, which the compiler replaces by a multiplication."""
+"""Divisor 10 as an unsigned integer. The compiler replaces a division by it with a multiplication."""
 
 
 @njit(cache=True, nogil=True)
 def _write(text, ends, numbers, decimals, out):
-    """Writes constant text and numbers alternately, and returns the number of written bytes (kernel)."""
+    """Writes constant text and numbers alternately to ``out``, and returns the number of written
+    bytes."""
     length, begin = 0, 0
     for k in range(len(ends)):
         count = ends[k] - begin
@@ -71,7 +73,8 @@ def _write(text, ends, numbers, decimals, out):
 
 @njit(cache=True, nogil=True)
 def _write_number(number, decimals, out, length):
-    """Writes the shortest text of a rounded number at ``length``, and returns the new length (kernel)."""
+    """Writes the shortest text of a rounded number to ``out`` at index ``length``, and returns the
+    new length."""
     if not np.isfinite(number):
         number = 0.0
     size = min(abs(number), MAX_NUMBER)

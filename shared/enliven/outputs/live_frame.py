@@ -1,4 +1,5 @@
-"""A frame for live outputs: the parts of the edge's result that other programs get, as one constant value."""
+"""A frame for live outputs: an immutable object with the parts of the edge's result that other programs
+receive."""
 
 from __future__ import annotations
 
@@ -18,12 +19,12 @@ from enliven.person import Body, HumanPose, Joint, human_of_body
 from enliven.rotation import IDENTITY, from_matrix
 
 PERFORMER = "performer-"
-"""Prefix of the names of performers in addresses and messages: performer-1, performer-2, ..."""
+"""Prefix of performers' names in addresses and messages, such as performer-1."""
 
 
 Layout = tuple[str, tuple[str, ...], tuple[str, ...], bytes, int]
-"""Id of a character, names of its joints or none, humanoid bones or none, bytes of its edges, and number of
-pivots."""
+"""The id of a character, the names of its joints, its humanoid bones, the bytes of its array of edges, and
+its number of pivots. Names and bones may be empty."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +32,7 @@ class CharacterInfo:
     """The constant parts of a character on the stage.
 
     Attributes:
-        character: with its rest pose.
+        character: the character with its rest pose.
         humanoid: its humanoid bones, or None if it is not a rigged human.
     """
 
@@ -52,7 +53,7 @@ class CharacterInfo:
     def layout(self) -> Layout:
         """The names and lines of the character.
 
-        Characters with equal layouts are encoded to equal bytes, except for the numeric values.
+        Messages about characters with equal layouts differ only in their numbers.
         """
         character = self.character
         bones = () if self.humanoid is None else self.humanoid.bones
@@ -60,7 +61,8 @@ class CharacterInfo:
 
 
 class CharacterInfos:
-    """The constant parts of the characters on a stage. Each is analysed once, and again if it changes."""
+    """A cache of the constant parts of the characters on a stage. A character is analysed when it is new or
+    has changed."""
 
     def __init__(self) -> None:
         self._infos: dict[str, CharacterInfo] = {}
@@ -71,9 +73,9 @@ class CharacterInfos:
         """Returns the constant parts of the characters that are on the stage now, by id.
 
         Args:
-            characters: by id. A changed character is a new object.
-            skeleton_of: returns the skeleton of a character by its id, or None without one. It is called for
-                new characters only.
+            characters: the characters by id. A changed character must be a new object.
+            skeleton_of: a function that returns the skeleton of a character by its id, or None if it has no
+                skeleton. It is called only for new or changed characters.
         """
         earlier, self._infos = self._infos, {}
         for name, character in characters.items():
@@ -91,7 +93,7 @@ class LiveEvent:
 
     Attributes:
         kind: "possess", "release", "enter" or "leave".
-        performer: number of the performer. 0: all of them, or not known.
+        performer: number of the performer. 0 means all performers or an unknown performer.
         character: id of the character. Empty for "enter" and "leave".
     """
 
@@ -102,19 +104,20 @@ class LiveEvent:
 
 @dataclass(frozen=True, eq=False)
 class LiveFrame:
-    """Everything that outputs may send of one frame. It never changes. All outputs use it from one thread.
+    """The data of one frame that outputs may send. It is immutable. All outputs use it from one thread.
 
     Attributes:
-        time_ns: the sensor's clock.
-        performers: the bodies in view by the performer's number, from 1. A number stays with its performer.
-        poses: of the characters, in the order of the stage.
+        time_ns: time of the frame in nanoseconds of the sensor's clock.
+        performers: the bodies in view. The key is the performer's number, from 1, which does not change while
+            the performer is in view.
+        poses: the poses of the characters, in the order of the stage.
         characters: the constant parts of every posed character, by id.
-        held: ids of the characters that a performer holds.
-        props: loose objects, or None.
-        events: since the previous frame of the edge.
-        depth: the sensor's image, or None if it tracks people itself.
+        held: ids of the characters that a performer possesses.
+        props: the loose objects, or None if there are none.
+        events: the events since the previous frame of the edge.
+        depth: the sensor's depth image, or None if the sensor sends tracked people instead.
         world_from_camera: (4, 4) pose of the sensor, or None if it is not known.
-        mirrored: True if performers are mirrored. The image is not.
+        mirrored: True if performers are mirrored. The depth image is never mirrored.
     """
 
     time_ns: int
@@ -129,7 +132,7 @@ class LiveFrame:
     mirrored: bool = False
 
     _humans: dict[str, HumanPose] = field(init=False, default_factory=dict, repr=False)
-    """Human poses that an output has asked for, by name. Each is computed once for all outputs."""
+    """Cache of the human poses by name. Each pose is computed once for all outputs."""
 
     def human_performer(self, number: int) -> HumanPose | None:
         """Returns the human pose of a performer, or None if there is none with this number."""
@@ -151,7 +154,8 @@ class LiveFrame:
     def posed(self) -> list[tuple[CharacterInfo, Pose]]:
         """The posed characters with their constant parts.
 
-        A pose of another version of its character is left out: it has other transforms.
+        A pose is left out if it belongs to another version of its character, with a different number of
+        transforms.
         """
         pairs = ((self.characters.get(pose.character), pose) for pose in self.poses)
         return [(i, p) for i, p in pairs if i is not None and len(p.positions) == len(i.character.pivots)]
@@ -167,8 +171,8 @@ class LiveFrame:
         """Returns the human pose of a source, or None if there is none now.
 
         Args:
-            source: id of a character or ``performer-N``. Empty: the first human character on the stage, or
-                else the performer with the lowest number.
+            source: id of a character or ``performer-N``. If empty, the first human character on the stage is
+                used, or else the performer with the lowest number.
         """
         if source.startswith(PERFORMER):
             number = source.removeprefix(PERFORMER)
@@ -191,9 +195,9 @@ class StageRows:
     """The position and rotation of everything on the stage, as one array.
 
     Attributes:
-        values: (R, 7) metres and unit quaternions (w, x, y, z), world frame: first each posed character as a
-            whole, then the bones of each rig, then the performers' hips, then the loose objects.
-        key: equal for frames with the same names in the same order.
+        values: (R, 7) positions in metres and unit quaternions (w, x, y, z), world frame. The order is: each
+            posed character as a whole, the bones of each rig, the performers' hips, the loose objects.
+        key: hashable value that is equal for frames with the same names in the same order.
         infos: the constant parts of the posed characters.
     """
 
@@ -214,7 +218,8 @@ class StageRows:
         return [*self.names, *bones, *people, *(f"prop-{number}" for number in props)]
 
     def bone_slices(self) -> list[slice]:
-        """Returns the rows of the bones of each posed character. Empty for a character without names."""
+        """Returns the range of rows with the bones of each posed character. The range is empty for a
+        character without bone names."""
         ends = np.cumsum([len(self.key[0]), *(len(layout[1]) for layout in self.key[0])]).tolist()
         return [slice(*pair) for pair in pairwise(ends)]
 
@@ -257,8 +262,8 @@ def _transforms_of(pose: Pose) -> tuple[Float32, Float32]:
 def _fit_graph(info: CharacterInfo, pose: Pose, out: Float) -> None:
     """Writes the (7,) position and rotation of a deformation graph as one rigid object.
 
-    It has no root transform, as rigs and puppets have. So its nodes are fitted to their rest positions
-    (Kabsch).
+    A deformation graph has no root transform, unlike rigs and puppets. So the result is the best rigid fit of
+    its nodes to their rest positions (Kabsch algorithm).
     """
     pivots = info.character.pivots
     out[:3] = middle = pose.positions.mean(0, dtype=np.float64)
@@ -268,20 +273,22 @@ def _fit_graph(info: CharacterInfo, pose: Pose, out: Float) -> None:
 
 
 class PerformerSlots:
-    """Gives each performer the lowest free number from 1, and keeps it while the performer is in view.
+    """An allocator of performer numbers. Each performer gets the lowest free number from 1, and keeps it
+    while in view.
 
-    The tracker's ids grow with every person that enters. Receivers need addresses that stay the same.
+    The tracker's ids increase with every person that enters, but receivers need constant addresses.
     """
 
     FORGET_AFTER_NS = 2_000_000_000
-    """Nanoseconds out of view after which a number is free again. Shorter losses of tracking keep it."""
+    """Time out of view, in nanoseconds, after which a number is free again. After a shorter loss of tracking,
+    the performer keeps the number."""
 
     def __init__(self) -> None:
         self._numbers: dict[int, int] = {}
         self._seen_ns: dict[int, int] = {}
 
     def number(self, bodies: Sequence[Body], time_ns: int) -> tuple[dict[int, Body], list[LiveEvent]]:
-        """Returns the bodies by number, and the performers that entered or left."""
+        """Returns the bodies by number, and an event for each performer that entered or left."""
         events = []
         self._seen_ns.update((body.id, time_ns) for body in bodies)
         for body_id in list(self._numbers):
@@ -298,5 +305,5 @@ class PerformerSlots:
         return dict(sorted(numbered.items())), events
 
     def of(self, body: int) -> int:
-        """Returns the number of a performer by the tracker's id, 0 if unknown."""
+        """Returns the number of the performer with this tracker id, or 0 if the id is unknown."""
         return self._numbers.get(body, 0)

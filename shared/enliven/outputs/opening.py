@@ -1,4 +1,4 @@
-"""Opens live outputs from their settings, and hands frames to the process that sends them."""
+"""Opens live outputs from their settings, and passes frames to the process that sends them."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ log = logging.getLogger(__name__)
 
 
 class OutputSet(Closeable):
-    """The outputs of a program. Its methods never wait for a receiver, or for the process that sends.
+    """The outputs of a program. Its methods never wait for a receiver or for the sending process.
 
     Args:
-        plans: the outputs.
+        plans: the checked settings of the outputs.
 
     Raises:
-        InputError: for a wrong mapping file.
+        InputError: if a mapping file is invalid.
     """
 
     def __init__(self, plans: Sequence[OutputPlan] = ()) -> None:
@@ -38,12 +38,12 @@ class OutputSet(Closeable):
 
     @property
     def is_ready(self) -> bool:
-        """True if the process of the outputs has started, or if none is needed."""
+        """True if the sending process has opened all outputs, or if no process is needed."""
         return self._process is None or self._process.is_ready
 
     @property
     def process_id(self) -> int | None:
-        """The id of the process that sends, or None while there is none."""
+        """The id of the sending process, or None while no process runs."""
         return None if self._process is None else self._process.process_id
 
     def check(self, characters: Mapping[str, CharacterInfo]) -> None:
@@ -56,22 +56,22 @@ class OutputSet(Closeable):
             output.check(characters)
 
     def put(self, frame: LiveFrame) -> None:
-        """Hands a frame to every output. It returns at once."""
+        """Passes a frame to every output. Returns immediately."""
         if self._process is not None:
             self._process.put(frame)
 
     def put_health(self, states: Sequence[HealthState]) -> None:
-        """Hands health states to every output. It returns at once."""
+        """Passes health states to every output. Returns immediately."""
         if self._process is not None:
             self._process.put_health(states)
 
     @property
     def troubles(self) -> dict[str, str]:
-        """Why outputs lose packets now, by the name of each failing output."""
+        """The reason for current packet losses, by the name of each failing output."""
         return {status.name: status.trouble for status in self.statuses if status.trouble}
 
     def close(self) -> None:
-        """Sends the frame that waits, closes the outputs and ends their process."""
+        """Sends the last queued frame, closes the outputs and ends their process."""
         if self._process is not None:
             self._process.close()
             log.debug("outputs: %d frames skipped", self._process.skipped)
@@ -82,19 +82,21 @@ class OutputSet(Closeable):
 def open_outputs(
     settings: Mapping[str, LiveOutputSettings], folder: Path | None = None, *, insecure: bool = False
 ) -> OutputSet:
-    """Checks the outputs of the settings and the command line, and starts the process that sends them.
+    """Checks the outputs in the settings and on the command line, and starts the process that sends them.
 
-    It does not wait for the process. Frames are left out until it is ready, and their events are sent then.
+    Does not wait for the process. Until the process is ready, frames are skipped, but their events are sent
+    later.
 
     Args:
-        settings: by name.
-        folder: of the settings file, to which paths in it are relative. None: the current folder.
-        insecure: True if the edge itself uses no keys. Outputs that listen may then listen everywhere, too.
+        settings: the settings of each output, by name.
+        folder: folder of the settings file. Paths in the file are relative to it. None means the current
+            folder.
+        insecure: True if the edge runs without authentication. Then outputs may also listen on addresses that
+            other computers can reach.
 
     Raises:
-        InputError: for a bad address, a host that is not found, an output that occurs twice, a key of
-            another protocol, or a wrong mapping file. Also for an output that other computers can read
-            without ``insecure``.
+        InputError: if an address, a host name, a key or a mapping file is invalid, or an output occurs twice.
+            Also if other computers could read an output although ``insecure`` is not set.
         ResourceError: if a library is not installed, or a port is in use.
     """
     return OutputSet(plan_outputs(settings, folder, insecure=insecure))

@@ -1,8 +1,8 @@
-"""OSC bundles with addresses that are encoded once, and numbers that are filled in for every frame.
+"""OSC bundles with addresses that are encoded once. In each frame, only the numbers are written.
 
-python-osc encodes one message in about 20 us of Python. For all messages of a frame this would hold the
-interpreter's lock for milliseconds, and delay the edge. Here python-osc encodes each set of addresses once. A
-frame then only overwrites the numbers, with one NumPy assignment.
+python-osc encodes one message in about 20 us of Python. For all messages of a frame this would hold Python's
+global lock for milliseconds, and delay the edge. Here python-osc encodes each set of addresses once. In each
+frame, one NumPy assignment overwrites the numbers.
 """
 
 from __future__ import annotations
@@ -21,9 +21,11 @@ from enliven.arrays import AnyArray
 MAX_PACKET_BYTES = 1472
 """Largest UDP payload that fits into one Ethernet frame of 1,500 bytes: without the headers of IP and UDP."""
 _MAX_NUMBER = 1e9
-"""Limit of the numbers that are sent. It fits into a 32-bit integer, and no position is that far away."""
+"""Limit of the absolute values that are sent. It fits into a 32-bit integer, and no position is that far from
+the origin."""
 _MAX_TEMPLATES = 64
-"""Maximum number of kept templates. The sets of performers and characters on a stage are few."""
+"""Maximum number of cached templates. It is enough, because few sets of performers and characters occur on a
+stage."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +33,8 @@ class OscMessage:
     """The constant part of an OSC message.
 
     Attributes:
-        address: of OSC, such as "/VMC/Ext/Bone/Pos".
-        types: OSC type tags of the numbers: "f" for each float, "i" for each integer.
+        address: OSC address, such as "/VMC/Ext/Bone/Pos".
+        types: OSC type tags of the numbers, "f" for each float and "i" for each integer.
         words: strings before the numbers.
     """
 
@@ -42,14 +44,14 @@ class OscMessage:
 
 
 class OscTemplate:
-    """Messages in bundles of limited size, and the places of their numbers.
+    """Encoded messages in bundles of limited size, and the positions of their numbers.
 
     Args:
-        messages: in their order. Messages with consecutive numbers stay in this order, also across bundles.
+        messages: the messages in the order in which they are sent.
         max_bytes: maximum size of a bundle. A longer single message gets its own bundle.
 
     Attributes:
-        count: number of the numbers.
+        count: how many numbers the messages contain.
     """
 
     def __init__(self, messages: Sequence[OscMessage], max_bytes: int = MAX_PACKET_BYTES) -> None:
@@ -62,7 +64,8 @@ class OscTemplate:
                 begins.append(len(data))
                 size = 0
             data += (b"" if size else head) + osc_types.write_int(len(encoded)) + encoded
-            # The numbers are the last words of a message, and every part of OSC is a multiple of four bytes.
+            # The numbers are at the end of a message, and the size of each OSC element is a multiple of four
+            # bytes.
             word = len(data) // 4 - len(message.types)
             places += range(word, word + len(message.types))
             kinds += message.types
@@ -73,7 +76,7 @@ class OscTemplate:
         self._floats, self._whole = np.frombuffer(data, ">f4"), np.frombuffer(data, ">i4")
 
     def packets(self, numbers: AnyArray) -> list[bytes]:
-        """Returns the bundles with these numbers (``count``,), in the order of the messages."""
+        """Returns the bundles with ``numbers`` (``count``,), in the order of the messages."""
         self._floats[self._places] = numbers
         if len(self._integers):
             whole = np.rint(numbers[self._integers]).astype(np.int32)
@@ -82,7 +85,7 @@ class OscTemplate:
 
 
 class OscTemplates:
-    """The templates of one output, by the set of addresses of a frame."""
+    """A cache of the templates of one output. The key describes the set of addresses in a frame."""
 
     def __init__(self) -> None:
         self._templates: dict[Hashable, OscTemplate] = {}
@@ -93,9 +96,9 @@ class OscTemplates:
         """Returns the bundles of a frame.
 
         Args:
-            key: identifies the messages. Equal keys have equal messages.
-            messages: returns the messages in their order. It is called for a new key only.
-            numbers: the messages' numbers in the same order.
+            key: identifies the messages. Equal keys must mean equal messages.
+            messages: a function that returns the messages in order. It is called only for a new key.
+            numbers: the numbers of all messages, in the order of the messages.
         """
         template = self._templates.get(key)
         if template is None:
@@ -106,18 +109,18 @@ class OscTemplates:
 
 
 def _limited(numbers: AnyArray) -> AnyArray:
-    """Returns numbers that fit into a message. Those that are not finite become 0.
+    """Clamps numbers to the range that is sent. Numbers that are not finite become 0.
 
     A receiver cannot use a value that is not finite, and some receivers crash.
     """
-    # A comparison with a number that is not finite is false.
+    # A comparison with NaN is false.
     if not len(numbers) or (numbers.max() <= _MAX_NUMBER and numbers.min() >= -_MAX_NUMBER):
         return numbers
     return np.clip(np.nan_to_num(numbers, posinf=0.0, neginf=0.0), -_MAX_NUMBER, _MAX_NUMBER)
 
 
 def encode_message(message: OscMessage) -> bytes:
-    """Returns a message with zeros for its numbers, encoded by python-osc."""
+    """Returns the bytes of a message, encoded by python-osc, with 0 for each number."""
     builder = OscMessageBuilder(address=message.address)
     for word in message.words:
         builder.add_arg(word, OscMessageBuilder.ARG_TYPE_STRING)

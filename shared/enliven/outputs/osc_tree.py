@@ -1,7 +1,8 @@
-"""OSC for lights, sound and visuals: joints, confidence, contacts, characters and events under ``/enliven``.
+"""OSC output for lights, sound and visuals. Sends joints, confidence, contacts, characters and events below
+``/enliven``.
 
-Positions are metres in enliven's world: right-handed, +Y up, floor at 0. docs/live-outputs.md lists the
-addresses.
+Positions are metres in enliven's world frame: right-handed, +Y up, floor at y = 0. docs/live-outputs.md lists
+the addresses.
 """
 
 from __future__ import annotations
@@ -23,18 +24,20 @@ from enliven.person import Body, Joint
 from enliven.settings import load_settings, setting
 
 PORT = 10000
-"""Default port: that of an OSC In operator of TouchDesigner."""
+"""Default port. It is the default of TouchDesigner's OSC In operators."""
 ROOT = "/enliven"
-"""Beginning of every address."""
+"""First part of every OSC address."""
 _PLAIN = "".join(sorted(set(map(chr, range(0x21, 0x7F))) - set("#*,/?[]{}%")))
-"""The characters of names that addresses contain unchanged. OSC 1.0 allows printable ASCII without the space
-and without those that have a meaning in address patterns. The percent sign begins an encoded character."""
+"""Characters that are not percent-encoded in addresses. OSC 1.0 allows printable ASCII without the space and
+without the special characters of address patterns. The percent sign is excluded, because it begins an encoded
+character."""
 _MAX_TREES = 64
-"""Maximum number of kept lists of messages. The sets of performers and characters on a stage are few."""
+"""Maximum number of cached lists of messages. It is enough, because few sets of performers and characters
+occur on a stage."""
 _XYZW = [4, 5, 6, 3]
-"""Where a row of the stage has x, y, z and w of its rotation."""
+"""Indices of x, y, z and w of the rotation in a row of the stage."""
 _Leaves = Sequence[tuple[str, str]]
-"""The last part of each address below a path, with the types of its numbers."""
+"""Pairs of the last part of an address and the OSC type tags of its numbers."""
 _GLOBAL: _Leaves = (("time", "f"), ("performers", "i"))
 _PERFORMER: _Leaves = (
     *((f"joint/{joint.name.lower()}", "fff") for joint in Joint),
@@ -61,10 +64,11 @@ class OscAddressMap:
 
     Args:
         file: the new addresses.
-        where: the path of the file, for messages.
+        where: the path of the file, for error messages.
 
     Raises:
-        InputError: for an address without a slash, or a new address with more stars than the old one.
+        InputError: if an address does not begin with a slash, or a new address contains more stars than the
+            old one.
     """
 
     def __init__(self, file: OscAddressFile | None = None, where: str = "") -> None:
@@ -75,7 +79,7 @@ class OscAddressMap:
             self._patterns.append(_pattern(old, new, where))
 
     def rename(self, address: str) -> str:
-        """Returns the address that is sent, or an empty text if it is not sent."""
+        """Returns the new name of an address, or an empty string if the address is not sent."""
         if address not in self._known:
             self._known[address] = self._renamed(address)
         return self._known[address]
@@ -83,7 +87,7 @@ class OscAddressMap:
     def _renamed(self, address: str) -> str:
         for pattern, new in self._patterns:
             if match := pattern.fullmatch(address):
-                # A checked address contains no braces, so it is safe as a format.
+                # A checked address contains no braces, so it is safe to use as a format string.
                 return new.replace("*", "{}").format(*match.groups())
         return address if self._file.others else ""
 
@@ -92,7 +96,7 @@ def read_address_map(path: Path) -> OscAddressMap:
     """Reads a mapping file.
 
     Raises:
-        InputError: if it cannot be read or an entry is wrong.
+        InputError: if the file cannot be read or an entry is invalid.
     """
     return OscAddressMap(load_settings(OscAddressFile, path), str(path))
 
@@ -111,10 +115,10 @@ def _pattern(old: str, new: str, where: str) -> tuple[re.Pattern[str], str]:
 
 
 class OscOutput(LiveOutput):
-    """Sends the tree of addresses.
+    """An output that sends the tree of OSC addresses below ``/enliven``.
 
     Args:
-        addresses: renames them. None: unchanged.
+        addresses: the mapping that renames the addresses. If None, they are not renamed.
     """
 
     def __init__(self, addresses: OscAddressMap | None = None) -> None:
@@ -147,7 +151,7 @@ class OscOutput(LiveOutput):
         return [*self._events(frame), *tree]
 
     def _tree(self, rows: StageRows) -> tuple[list[OscMessage], Int]:
-        """Returns the messages of a stage, and which of its numbers they contain."""
+        """Returns the messages of a stage, and the indices of the stage's numbers that they contain."""
         _, performers, props = rows.key
         blocks = [("", _GLOBAL), *((f"performer/{number}", _PERFORMER) for number in performers)]
         blocks += [(f"character/{_encode_name(name)}", _CHARACTER) for name in rows.names]
@@ -162,7 +166,8 @@ class OscOutput(LiveOutput):
         return messages, np.array(kept, np.intp)
 
     def _events(self, frame: LiveFrame) -> list[bytes]:
-        """Returns a packet with the events of the frame. There is none if nothing happened."""
+        """Returns a list with one packet that contains the events of the frame. The list is empty without
+        events."""
         events = [(self._addresses.rename(f"{ROOT}/event/{event.kind}"), event) for event in frame.events]
         sent = [(address, event) for address, event in events if address]
         messages = [OscMessage(address, "i", _event_words(event)) for address, event in sent]
@@ -182,10 +187,11 @@ def _performer_values(body: Body) -> list[AnyArray]:
 
 
 def _encode_name(name: str) -> str:
-    """Returns a name as one part of an address, percent-encoded. Different names stay different."""
+    """Returns a name, percent-encoded as one part of an OSC address. Different names stay different."""
     return quote(name, safe=_PLAIN, errors="surrogatepass") or "%"
 
 
 def _encode_names(address: str) -> str:
-    """Returns an address of a mapping file with its names encoded. Encoded names stay unchanged."""
+    """Encodes the names in an address of a mapping file by percent-encoding. Names that are already encoded
+    stay unchanged."""
     return quote(address, safe=f"{_PLAIN}/*%", errors="surrogatepass")

@@ -8,14 +8,15 @@ from enliven.outputs.live_frame import CharacterInfo, LiveFrame
 
 
 class LiveOutput:
-    """A protocol that turns frames into UDP packets. Used from one thread."""
+    """A protocol that converts frames to UDP packets. It must be used from one thread only."""
 
     def packets(self, frame: LiveFrame) -> list[bytes]:
         """Returns the packets of one frame, in the order in which they are sent."""
         raise NotImplementedError
 
     def check(self, characters: Mapping[str, CharacterInfo]) -> None:
-        """Checks the characters that are on the stage at the start. Most protocols send any character.
+        """Checks that the output can send the characters that are on the stage at the start. Most protocols
+        can send any character.
 
         Raises:
             InputError: if the output cannot send the character that its address names.

@@ -32,10 +32,11 @@ class OutputPlan:
     """An output with checked settings, which can be opened in this or another process.
 
     Attributes:
-        address: parsed.
-        settings: of the output.
-        folder: to which paths in the settings are relative.
-        family, place: of the receiver, or to listen on, see :func:`enliven.outputs.address.resolve`.
+        address: the parsed address.
+        settings: the settings of the output.
+        folder: folder to which paths in the settings are relative.
+        family, place: address family and socket address of the receiver, or of the server if the output
+            listens. See :func:`enliven.outputs.address.resolve`.
     """
 
     address: OutputAddress
@@ -46,16 +47,16 @@ class OutputPlan:
 
     @property
     def name(self) -> str:
-        """The address, for messages."""
+        """The address as text, for messages."""
         return str(self.address)
 
     @property
     def protocol(self) -> Protocol:
-        """The row of the registry."""
+        """The protocol of the address, from the registry."""
         return OUTPUTS[self.address.scheme]
 
     def convert(self) -> LiveOutput | None:
-        """Returns a new converter of frames into packets. None for an output that listens.
+        """Returns a new object that converts frames to packets, or None for an output that listens.
 
         Raises:
             InputError: for a wrong mapping file.
@@ -67,7 +68,7 @@ class OutputPlan:
         )
 
     def open(self) -> Sender:
-        """Opens the output, and loads or compiles its kernels.
+        """Opens the output. Its kernels are compiled or loaded from the cache.
 
         Raises:
             InputError: for a wrong mapping file.
@@ -77,7 +78,7 @@ class OutputPlan:
             return self.protocol.listen(self.name, str(self.place[0]), self.address.port)
         output, trial = self.convert(), self.convert()
         assert output is not None and trial is not None
-        # Another converter of the same kind, because one that has sent a frame counts its time from there.
+        # Warm up a second converter, because a converter counts its time from its first frame.
         trial.packets(sample_frame())
         return UdpSender(self.name, output, self.family, self.place)
 
@@ -85,7 +86,8 @@ class OutputPlan:
 def plan_outputs(
     settings: Mapping[str, LiveOutputSettings], folder: Path | None = None, *, insecure: bool = False
 ) -> list[OutputPlan]:
-    """Checks the outputs of the settings and the command line. See :func:`opening.open_outputs`."""
+    """Checks the outputs in the settings and on the command line. For arguments and errors see
+    :func:`opening.open_outputs`."""
     plans, taken = list[OutputPlan](), dict[tuple[object, ...], str]()
     for name, wanted in settings.items():
         where = name if name.startswith("--out") else f"outputs.{name}"
@@ -111,10 +113,10 @@ def check_port(name: str, host: str, port: int) -> None:
     """Checks that a server can listen on a port.
 
     Args:
-        name: of the output, for the message.
+        name: name of the output, for the error message.
 
     Raises:
-        ResourceError: if it cannot.
+        ResourceError: if the port cannot be opened.
     """
     with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as attempt:
         if sys.platform != "win32":  # On Windows this option would let two programs share a port.
@@ -130,7 +132,7 @@ def check_port(name: str, host: str, port: int) -> None:
 
 
 def _check_reach(host: str, insecure: bool, address: OutputAddress, where: str) -> None:
-    """Raises InputError for a server that other computers can read, unless ``insecure`` is set."""
+    """Raises InputError if other computers could read from this server, unless ``insecure`` is set."""
     if insecure or is_loopback(host):
         return
     remedy = (
@@ -146,7 +148,7 @@ def _check_reach(host: str, insecure: bool, address: OutputAddress, where: str) 
 
 
 def _check_source(address: OutputAddress, protocol: Protocol, where: str) -> None:
-    """Raises InputError for a source that the protocol cannot send."""
+    """Raises InputError if the protocol cannot send the source in the address."""
     source = address.source
     if not source:
         return
@@ -163,7 +165,7 @@ def _check_source(address: OutputAddress, protocol: Protocol, where: str) -> Non
 
 
 def _refuse_other_keys(wanted: LiveOutputSettings, scheme: str, protocol: Protocol, where: str) -> None:
-    """Raises InputError for a key that this protocol would ignore."""
+    """Raises InputError if the settings contain a key that this protocol would ignore."""
     own = {"to", *protocol.keys}
     for item in dataclasses.fields(wanted):
         if item.name not in own and getattr(wanted, item.name) != item.default:

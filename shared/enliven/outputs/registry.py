@@ -1,4 +1,4 @@
-"""The table of outputs: the protocol of each scheme, with its default port. A new one is one more line."""
+"""The registry of outputs: the protocol of each scheme. To add a protocol, add a line to :data:`OUTPUTS`."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from enliven.person import ROKOKO_PORT
 
 @dataclass(frozen=True)
 class Protocol:
-    """One protocol of outputs.
+    """An output protocol.
 
-    Either ``open`` or ``listen`` is set. Both import their module only when they are called, because it needs
-    optional libraries.
+    Either ``open`` or ``listen`` is set. They import the protocol's module only when they are called, because
+    it requires optional libraries.
 
     Attributes:
-        port: default port: of its receivers, or to listen on.
-        library: Python module that it needs.
-        open: returns an output that turns frames into UDP packets.
-        listen: starts a server, from the name of the output, an IP address and a port.
-        extra: the extra of enliven that contains the library.
+        port: default port of the receivers, or of the server if the output listens.
+        library: Python module that the protocol requires.
+        open: a function that returns an object that converts frames to UDP packets.
+        listen: a function that starts a server, given the name of the output, an IP address and a port.
+        extra: the optional dependency group (extra) of enliven that contains the library.
         sources: the sources that an address may name: "any", only "performers", or "none".
         keys: keys of :class:`LiveOutputSettings` that only this protocol uses.
     """

@@ -1,4 +1,4 @@
-"""Rokoko: the live stream of Rokoko Studio, JSON v3 over UDP, that its plug-ins read.
+"""Sends the live stream format of Rokoko Studio, JSON v3 over UDP, which its plug-ins read.
 
 Performers and human characters are actors, other rigged characters are characters, and everything else is a
 prop. :mod:`enliven.person.rokoko_skeleton` describes the joints. The sensor ``rokoko`` reads the same stream.
@@ -27,34 +27,36 @@ from enliven.person import (
 )
 
 _META = {"hasGloves": False, "hasLeftGlove": False, "hasRightGlove": False, "hasBody": True, "hasFace": False}
-"""Parts of an actor that are sent: the body alone."""
+"""Flags for the parts of an actor that are sent. Only the body is sent."""
 _FALLBACKS = {"Chest": "Spine", "Spine": "Hips", "Neck": "Head", "Head": "Chest"}
-"""The bone that replaces a missing one. The chest replaces a shoulder, and the foot the toes."""
+"""The bone that replaces a missing bone. In addition, the chest replaces a shoulder, and the foot replaces
+the toes."""
 _COLOURS = ((255, 105, 70), (70, 160, 255), (120, 220, 90), (250, 200, 60))
 """Colours of the actors in Rokoko's user interfaces, sRGB."""
 _PROP_TYPE = 0
-"""Type NORMAL of a prop."""
+"""The value of a prop's type NORMAL."""
 _PLACEMENT = {"position": dict.fromkeys("xyz", MARK), "rotation": dict.fromkeys("xyzw", MARK)}
-"""A position and a rotation, without their numbers."""
+"""A position and a rotation, with placeholders for their numbers."""
 _POSITION_DECIMALS = 4
-"""Digits after the point of metres and seconds."""
+"""Number of decimals of metres and seconds."""
 _FPS_DECIMALS = 2
-"""Digits after the point of the frame rate."""
+"""Number of decimals of the frame rate."""
 _PLACEMENT_DECIMALS = [_POSITION_DECIMALS] * 3 + [5] * 4
-"""Digits after the point of the numbers of a placement."""
+"""Number of decimals of each number of a position and a rotation."""
 _MAX_SCENES = 64
-"""Maximum number of kept texts. The sets of performers, characters and objects on a stage are few."""
+"""Maximum number of cached texts. It is enough, because few sets of performers, characters and objects occur
+on a stage."""
 _DEFAULT_FPS = 30.0
 """Frame rate that is reported before two frames have been measured."""
 _MIN_STEP_S = 1e-3
-"""Shortest frame time that the reported frame rate is computed from, in seconds."""
+"""Minimum time between two frames, in seconds, in the computation of the reported frame rate."""
 
 
 class RokokoOutput(LiveOutput):
-    """Sends all performers, characters and props.
+    """An output that sends all performers, characters and props.
 
     Args:
-        compress: sends LZ4 frames instead of plain JSON. The plug-in for Unity requires LZ4.
+        compress: True sends LZ4 frames instead of plain JSON. The plug-in for Unity requires LZ4.
     """
 
     def __init__(self, compress: bool = True) -> None:
@@ -87,10 +89,10 @@ class RokokoOutput(LiveOutput):
 
 
 class _Scene:
-    """The text of a packet for one set of figures and objects.
+    """The JSON text of a packet for one set of performers, characters and objects.
 
     Args:
-        frame: one with this set.
+        frame: a frame that contains this set.
     """
 
     def __init__(self, frame: LiveFrame) -> None:
@@ -145,10 +147,10 @@ class _Scene:
 
 
 def _other_rows(rows: StageRows) -> tuple[list[range], list[int]]:
-    """Returns the rows that are not humans.
+    """Returns the row numbers of everything that is not human.
 
-    They are the bones of each posed character that is rigged but not human, and the characters without a
-    skeleton with all loose objects.
+    The first list contains the bones of each rigged character that is not human. The second list contains the
+    characters without a skeleton and all loose objects.
     """
     layouts, _, props = rows.key
     bones = [
@@ -160,7 +162,7 @@ def _other_rows(rows: StageRows) -> tuple[list[range], list[int]]:
 
 
 def _actor(name: str, number: int) -> dict[str, Any]:
-    """Returns a human figure, without its numbers."""
+    """Returns the JSON objects of a human figure, with placeholders for its numbers."""
     return {
         "name": name,
         "color": _COLOURS[number % len(_COLOURS)],
@@ -171,11 +173,12 @@ def _actor(name: str, number: int) -> dict[str, Any]:
 
 
 def _prop(labels: list[str], row: int, props: Props | None, count: int) -> dict[str, Any]:
-    """Returns a character without a skeleton or a loose object, without its numbers.
+    """Returns the JSON objects of a loose object, or of a character without a skeleton, with placeholders for
+    the numbers.
 
     Args:
-        labels: of all rows.
-        count: number of all rows. The loose objects are the last ones.
+        labels: the names of all rows.
+        count: number of all rows. The loose objects are at the end.
     """
     name, colour = labels[row], [200, 200, 200]
     if props is not None and row >= count - len(props):
@@ -187,7 +190,8 @@ def _prop(labels: list[str], row: int, props: Props | None, count: int) -> dict[
 
 @cache
 def _rows_of(bones: tuple[str, ...]) -> list[int]:
-    """Returns (23,) the bone of each joint of an actor, or the one that replaces a missing bone."""
+    """Returns the index in ``bones`` for each of an actor's 23 joints. A missing bone is replaced by another
+    bone."""
     rows = []
     for bone in ROKOKO_BONES:
         name = bone

@@ -1,7 +1,7 @@
-"""Kernels of live outputs: rotations of transforms as quaternions, and rows of numbers in Unity's axes.
+"""Kernels of live outputs. They convert transforms to positions and quaternions, and to Unity's axes.
 
-A *row* has seven numbers: a position in metres and a unit quaternion (w, x, y, z), in enliven's world. One
-call converts a whole character in about 2 us, and it does not hold the interpreter's lock.
+A *row* contains seven numbers: a position in metres and a unit quaternion (w, x, y, z), in enliven's world
+frame. One call converts a whole character in about 2 us, without holding Python's global lock.
 """
 
 from __future__ import annotations
@@ -13,19 +13,21 @@ from enliven.person.unity_axes import GIMBAL_COSINE
 from enliven.rotation import nearest_quaternion
 
 _MAX_ROTATION_ERROR = 2e-6
-"""Maximum entry of RᵀR - 1 of a matrix that counts as a rotation. Rigs in float32 have about 5e-7."""
+"""Maximum absolute entry of RᵀR - 1 if a matrix counts as a rotation. Rigs in float32 have errors of about
+5e-7."""
 _DEGREES = 180.0 / np.pi
 """Degrees of one radian."""
 _MIN_TRACE = 0.1
-"""Minimum trace to compute w first. Below it, x, y or z is more exact."""
+"""Minimum trace at which w is computed first. Below it, computing x, y or z first is more exact."""
 
 
 @njit(cache=True, nogil=True)
 def _quaternion(m):
-    """Returns (w, x, y, z), w >= 0, of the proper rotation nearest to a matrix (3, 3) (kernel).
+    """Returns the quaternion (w, x, y, z), w >= 0, of the rotation nearest to a matrix (3, 3).
 
-    The search for the nearest rotation takes 1 us. The transforms of a rig are rotations already, and their
-    quaternion is read from the entries (S. W. Shepperd, "Quaternion from rotation matrix", 1978).
+    The search for the nearest rotation takes 1 us. It is skipped for matrices that are rotations, such as the
+    transforms of a rig: their quaternion is computed from the entries (S. W. Shepperd, "Quaternion from
+    rotation matrix", 1978).
     """
     a, b, c = float(m[0, 0]), float(m[0, 1]), float(m[0, 2])
     d, e, f = float(m[1, 0]), float(m[1, 1]), float(m[1, 2])
@@ -39,7 +41,8 @@ def _quaternion(m):
     if not (error < _MAX_ROTATION_ERROR and determinant > 0.0):
         w, x, y, z = nearest_quaternion(m)
         return (-w, -x, -y, -z) if w < 0.0 else (w, x, y, z)
-    # Each line has the products of one component with all four. The largest component gives the best line.
+    # Each line contains the products of one component with all four components. The line of the largest
+    # component is the most exact.
     if a + e + i > _MIN_TRACE:
         w, x, y, z = 1.0 + a + e + i, h - f, c - g, d - b
     elif a >= e and a >= i:
@@ -56,7 +59,8 @@ def _quaternion(m):
 
 @njit(cache=True, nogil=True)
 def write_bone_rows(linear, positions, out):
-    """Writes to ``out`` (J, 7) the rows of transforms ``linear`` (J, 3, 3), ``positions`` (J, 3) (kernel)."""
+    """Writes transforms with linear parts ``linear`` (J, 3, 3) and ``positions`` (J, 3) as rows to
+    ``out`` (J, 7)."""
     for j in range(len(out)):
         for k in range(3):
             out[j, k] = positions[j, k]
@@ -65,12 +69,14 @@ def write_bone_rows(linear, positions, out):
 
 @njit(cache=True, nogil=True)
 def write_placement(linear, positions, pivots, middle, out):
-    """Writes the row of a character as one rigid object. Its transform 0 moves the whole (kernel).
+    """Writes a character as one rigid object to a row. The character's transform 0 moves it as a
+    whole.
 
     Args:
-        linear: (J, 3, 3), positions: (J, 3) and pivots: (J, 3), the transforms and their places at rest.
-        middle: (3,) metres, a point of the rest shape. Its moved position is written.
-        out: (7,).
+        linear: (J, 3, 3) linear parts of the transforms. positions: (J, 3) metres. pivots: (J, 3) metres, the
+            positions at rest.
+        middle: (3,) metres, a point of the rest shape. Its transformed position is written.
+        out: (7,) receives the row.
     """
     w, x, y, z = _quaternion(linear[0])
     a, b, c = middle[0] - pivots[0, 0], middle[1] - pivots[0, 1], middle[2] - pivots[0, 2]
@@ -84,14 +90,14 @@ def write_placement(linear, positions, pivots, middle, out):
 
 @njit(cache=True, nogil=True)
 def write_humanoid(linear, positions, transforms, offsets, rest, out_positions, out_turns):
-    """Writes the humanoid bones of a rigged character (kernel).
+    """Writes the humanoid bones of a rigged character.
 
     Args:
-        linear: (J, 3, 3) and ``positions``: (J, 3), the character's transforms.
-        transforms: (B,) number of the transform that each bone moves with.
-        offsets: (B, 3) metres from that transform's pivot to the beginning of the bone, at rest.
+        linear: (J, 3, 3) linear parts of the character's transforms, and ``positions``: (J, 3) metres.
+        transforms: (B,) number of the transform that moves each bone.
+        offsets: (B, 3) metres from the transform's pivot to the start of the bone, at rest.
         rest: (B, 4) rotation from the T-pose to the rest pose.
-        out_positions: (B, 3) metres, where each bone begins.
+        out_positions: (B, 3) metres, the start of each bone.
         out_turns: (B, 4) rotations since the T-pose.
     """
     for b in range(len(transforms)):
@@ -111,7 +117,8 @@ def write_humanoid(linear, positions, transforms, offsets, rest, out_positions, 
 
 @njit(cache=True, nogil=True)
 def write_unity_rows(rows, chosen, out):
-    """Writes to ``out`` (N, 7) chosen rows in Unity's axes: x, y, z and (x, y, z, w) (kernel).
+    """Converts chosen rows to Unity's axes, and writes position (x, y, z) and quaternion (x, y, z, w)
+    to ``out`` (N, 7).
 
     Args:
         rows: (R, 7).
@@ -125,9 +132,10 @@ def write_unity_rows(rows, chosen, out):
 
 @njit(cache=True, nogil=True)
 def write_unity_angles(turns, chosen, out):
-    """Writes to ``out`` (N, 2, 3), entry 1, the Euler angles of chosen rotations in degrees (kernel).
+    """Writes the Euler angles of chosen rotations, in degrees, to ``out[:, 1]``. ``out`` has the
+    shape (N, 2, 3).
 
-    :func:`enliven.person.unity_euler` explains them.
+    :func:`enliven.person.unity_euler` defines the angles.
 
     Args:
         turns: (R, 4).
@@ -146,10 +154,11 @@ def write_unity_angles(turns, chosen, out):
 
 @njit(cache=True, nogil=True)
 def write_local_rows(parents, positions, turns, out):
-    """Writes to ``out`` (B, 7) the bones of a human relative to their parents, in Unity's axes (kernel).
+    """Converts the bones of a human to Unity's axes, relative to their parents, and writes them to
+    ``out`` (B, 7).
 
     Args:
-        parents: (B,) number of the bone above each bone, -1 for the hips.
+        parents: (B,) number of each bone's parent, -1 for the hips.
         positions: (B, 3) metres, world. turns: (B, 4) rotations since the T-pose, world.
     """
     for b in range(len(parents)):
@@ -158,7 +167,7 @@ def write_local_rows(parents, positions, turns, out):
         w, i, j, k = turns[b, 0], turns[b, 1], turns[b, 2], turns[b, 3]
         if p >= 0:
             x, y, z = x - positions[p, 0], y - positions[p, 1], z - positions[p, 2]
-            # Undo the rotation of the parent: v + 2 s (u x v) + 2 u x (u x v), with its conjugate (s, u).
+            # Apply the conjugate (s, u) of the parent's rotation: v + 2 s (u x v) + 2 u x (u x v).
             s, ux, uy, uz = turns[p, 0], -turns[p, 1], -turns[p, 2], -turns[p, 3]
             tx, ty, tz = 2.0 * (uy * z - uz * y), 2.0 * (uz * x - ux * z), 2.0 * (ux * y - uy * x)
             x, y, z = (
@@ -178,12 +187,13 @@ def write_local_rows(parents, positions, turns, out):
 
 @njit(cache=True, nogil=True)
 def write_multiplied_rows(positions, turns, chosen, right, out):
-    """Writes to ``out`` (N, 7) chosen rows with another rest rotation, in Unity's axes (kernel).
+    """Multiplies the rotations of chosen rows by other rest rotations, converts the rows to Unity's
+    axes, and writes them to ``out`` (N, 7).
 
     Args:
         positions: (R, 3) metres. turns: (R, 4).
         chosen: (N,) numbers of rows.
-        right: (M, 4) rotations that are multiplied from the right. Row n gets number n modulo M.
+        right: (M, 4) rotations that are multiplied from the right. Row n uses rotation n modulo M.
     """
     for n in range(len(chosen)):
         r, q = chosen[n], right[n % len(right)]

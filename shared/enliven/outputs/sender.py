@@ -1,4 +1,4 @@
-"""The base class of open outputs. It counts what an output sends and loses."""
+"""The base class of open outputs. It counts sent and lost packets."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from enliven.supervision.closeable import Closeable
 log = logging.getLogger(__name__)
 
 _MAX_LOG_INTERVAL_S = 60.0
-"""Seconds between two log messages about the same failing output."""
+"""Minimum interval in seconds between two log messages about the same failing output."""
 _CLEAR_AFTER_S = 3.0
-"""Seconds without an error after which an output counts as working again."""
+"""Time in seconds without an error after which an output counts as working again."""
 
 
 class Sender(Closeable):
     """One open output with its connection.
 
     Args:
-        name: of the output, for messages.
+        name: name of the output, for messages.
 
     Attributes:
         sent: number of packets or messages that were sent.
@@ -37,32 +37,32 @@ class Sender(Closeable):
 
     @property
     def trouble(self) -> str:
-        """Why frames are lost now. Empty if the output works."""
+        """The reason why frames are being lost. Empty if the output works."""
         return self._reason if time.monotonic() - self._failed_at < _CLEAR_AFTER_S else ""
 
     @property
     def wants_depth(self) -> bool:
-        """True if the output sends depth images now. Most outputs never do."""
+        """True if the output currently sends depth images. Most outputs never send them."""
         return False
 
     def send(self, frame: LiveFrame) -> None:
-        """Sends one frame. It never blocks, and counts a failure instead of raising it.
+        """Sends one frame without blocking. A failure is counted and not raised.
 
         Call it from one thread only.
         """
         try:
             self._send(frame)
         except Exception as error:
-            # A fault of one output must end neither the other outputs nor the edge.
+            # An exception in one output must not stop the other outputs or the edge.
             log.debug("output %s", self.name, exc_info=True)
             self._fail(f"the frame could not be converted ({error})")
 
     def put_health(self, states: Sequence[HealthState]) -> None:
-        """Hands over the edge's health states, even without frames. Most outputs ignore them."""
+        """Sends the edge's health states. They may arrive without a frame. Most outputs ignore them."""
 
     @abstractmethod
     def close(self) -> None:
-        """Frees the connection. A second call does nothing."""
+        """Closes the connection. A second call does nothing."""
 
     @abstractmethod
     def _send(self, frame: LiveFrame) -> None:

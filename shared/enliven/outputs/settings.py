@@ -10,7 +10,7 @@ from enliven.settings import setting
 
 @dataclass(frozen=True)
 class LiveOutputSettings:
-    """One other program that receives the motion live."""
+    """Settings of one live output, that is, of one program that receives the motion live."""
 
     to: str = setting(
         doc="Protocol and receiver, SCHEME:HOST[:PORT][/SOURCE]. Schemes: vmc, vrchat, rokoko, osc, foxglove."
@@ -34,11 +34,12 @@ class LiveOutputSettings:
 def outputs_of(
     words: Sequence[str], settings: Mapping[str, LiveOutputSettings]
 ) -> dict[str, LiveOutputSettings]:
-    """Returns the outputs of the settings, and those of the command line's ``--out``, by name."""
+    """Merges the outputs in the settings with those of the command line option ``--out``. Returns them by
+    name."""
     outputs = dict(settings)
     for word in words:
         name = f"--out {word}"
-        while name in outputs:  # The same address twice is refused later, with both names in the message.
+        while name in outputs:  # Equal addresses are refused later, with an error that contains both names.
             name += " again"
         outputs[name] = LiveOutputSettings(to=word)
     return outputs

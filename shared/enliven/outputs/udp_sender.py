@@ -10,16 +10,17 @@ from enliven.outputs.output import LiveOutput
 from enliven.outputs.sender import Sender
 
 _BUFFER_BYTES = 1 << 18
-"""Size of the system's send buffer: some frames of the largest output."""
+"""Size in bytes of the socket's send buffer. It can store several frames of the largest output."""
 
 
 class UdpSender(Sender):
     """One output with its UDP socket.
 
     Args:
-        name: of the output, for messages.
-        output: turns frames into packets.
-        family, place: of the receiver, see :func:`enliven.outputs.address.resolve`.
+        name: name of the output, for messages.
+        output: the object that converts frames to packets.
+        family, place: address family and socket address of the receiver, see
+            :func:`enliven.outputs.address.resolve`.
     """
 
     def __init__(self, name: str, output: LiveOutput, family: socket.AddressFamily, place: Place) -> None:
@@ -43,13 +44,14 @@ class UdpSender(Sender):
         """Sends one packet, or counts it as lost. It never blocks."""
         try:
             if not self._is_connected:
-                # A connected socket reports when nothing listens at the receiver's port.
+                # A connected socket reports an error if no program listens on the receiver's port.
                 self._socket.connect(self._place)
                 self._is_connected = True
             try:
                 self._socket.send(packet)
             except ConnectionRefusedError:
-                # This is the answer to an earlier packet. The receiver may have started since.
+                # The error is the response to an earlier packet. The receiver may have started since then, so
+                # send again.
                 self._fail("no program listens there")
                 self._socket.send(packet)
         except ConnectionRefusedError:

@@ -1,8 +1,8 @@
-"""VMC: the protocol of virtual avatars (VirtualMotionCapture), OSC over UDP.
+"""VMC (Virtual Motion Capture protocol): sends avatars as OSC over UDP.
 
-One port is one avatar. Its humanoid bones come from one source, and all else on the stage is sent as
-trackers. The bones are local to their parents, measured from the receiver's T-pose, in Unity's axes. The root
-stays at the origin of the world, and the hips carry the motion through the room.
+Each port receives one avatar. Its humanoid bones come from one source, and everything else on the stage is
+sent as trackers. The rotations of bones are relative to their parents and to the receiver's T-pose, in
+Unity's axes. The root stays at the origin of the world, and the hips contain the travel through the room.
 
 Source of the messages: https://protocol.vmc.info/english (V2.7).
 """
@@ -26,23 +26,25 @@ _STATUS = OscMessage("/VMC/Ext/OK", "iiii")
 _TIME = OscMessage("/VMC/Ext/T", "f")
 _ROOT = OscMessage("/VMC/Ext/Root/Pos", "f" * 7, ("root",))
 _CALIBRATED = 3
-"""State "Calibrated" in the message of the status. enliven needs no calibration pose."""
+"""Value of the state "Calibrated" in the status message. It is always sent, because enliven needs no
+calibration pose."""
 _NORMAL_MODE = 0
-"""Calibration mode "Normal" in the message of the status."""
+"""Value of the calibration mode "Normal" in the status message."""
 _ROOT_AT_ORIGIN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 _FIRST_BONE = 5 + len(_ROOT_AT_ORIGIN)
-"""Count of the numbers before those of the bones: status, time and root."""
+"""Index of the first number of the bones. The numbers of status, time and root come before it."""
 _MAX_TRACKER_SETS = 64
-"""Maximum number of kept lists of trackers. The sets of performers and characters on a stage are few."""
+"""Maximum number of cached lists of trackers. It is enough, because few sets of performers and characters
+occur on a stage."""
 _MAX_BONE_TRACKERS = 64
-"""Maximum number of bones of one character that are sent as trackers, about four packets."""
+"""Maximum number of one character's bones that are sent as trackers. They need about four packets."""
 
 
 class VmcOutput(LiveOutput):
-    """Sends humanoid bones and trackers.
+    """An output that sends humanoid bones and trackers.
 
     Args:
-        source: of the humanoid bones, see :meth:`LiveFrame.human`.
+        source: the source of the humanoid bones, see :meth:`LiveFrame.human`.
     """
 
     def __init__(self, source: str = "") -> None:
@@ -96,10 +98,10 @@ def _messages(bones: Sequence[str], rows: StageRows, trackers: Int) -> list[OscM
 
 
 def tracker_rows(rows: StageRows, human: str) -> Int:
-    """Returns (T,) the rows of everything that is not sent as humanoid bones.
+    """Returns the row numbers (T,) of everything that is not sent as humanoid bones.
 
     Args:
-        human: name of the figure that is.
+        human: name of the figure that is sent as humanoid bones.
     """
     chosen = [number for number, name in enumerate(rows.names) if name != human]
     for name, bones in zip(rows.names, rows.bone_slices(), strict=True):

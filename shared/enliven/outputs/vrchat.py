@@ -1,7 +1,7 @@
-"""VRChat: up to eight OSC trackers and the head, for full-body tracking without hardware.
+"""VRChat: sends up to eight OSC trackers and the head, for full-body tracking without tracker hardware.
 
 Positions are metres and rotations are Euler angles in degrees, both in Unity's world. VRChat expects trackers
-of a person with the height that its user has set, so positions are scaled to that height.
+of a person with the height that the user has set in VRChat, so positions are scaled to that height.
 
 Source of the messages: https://docs.vrchat.com/docs/osc-trackers
 """
@@ -30,7 +30,8 @@ TRACKERS: tuple[tuple[str, str, Joint], ...] = (
     ("8", "RightUpperArm", Joint.ELBOW_RIGHT),
     ("head", "Head", Joint.HEAD),
 )
-"""The trackers: name in the address, the bone that it is strapped to, and the joint next to it."""
+"""The trackers: the name in the OSC address, the bone that the tracker would be attached to, and the joint
+next to it."""
 _MESSAGES = [
     OscMessage(f"/tracking/trackers/{name}/{value}", "fff")
     for name, _, _ in TRACKERS
@@ -39,15 +40,15 @@ _MESSAGES = [
 _JOINTS = np.array([int(joint) for _, _, joint in TRACKERS])
 _BONES = np.array([BODY_BONE_NAMES.index(bone) for _, bone, _ in TRACKERS])
 _MIN_HEIGHT_M = 0.5
-"""Smallest measured height that positions are scaled by. Smaller ones are failures of the measurement."""
+"""Minimum measured height in metres that is used for scaling. Smaller values are measurement errors."""
 
 
 class VrchatOutput(LiveOutput):
-    """Sends the trackers of one performer.
+    """An output that sends the trackers of one performer.
 
     Args:
-        source: ``performer-N``; empty: the performer with the lowest number.
-        height: metres, the user's height in VRChat; 0: the performer's own.
+        source: ``performer-N``. If empty, the performer with the lowest number is sent.
+        height: the user's height in VRChat, metres. 0 means the performer's own height.
     """
 
     def __init__(self, source: str = "", height: float = 0.0) -> None:
@@ -69,7 +70,8 @@ def tracker_values(body: Body, human: HumanPose, height: float) -> Float:
     """Returns (9, 2, 3) position in metres and Euler angles in degrees of each tracker.
 
     Args:
-        height: metres that the positions are scaled to, about the floor below the origin; 0: not scaled.
+        height: height in metres to which positions are scaled, about the origin on the floor. 0 means no
+            scaling.
     """
     scale = height / max(body.height, _MIN_HEIGHT_M) if height > 0.0 else 1.0
     out = np.empty((len(TRACKERS), 2, 3))

@@ -1,4 +1,5 @@
-"""A frame with one of everything. It compiles the kernels of the outputs before the first real frame."""
+"""A sample frame that contains each kind of object. Sending it compiles the kernels of the outputs before the
+first real frame."""
 
 from __future__ import annotations
 
@@ -32,7 +33,7 @@ def sample_frame() -> LiveFrame:
 
 
 def _triangle(name: str, kind: str, bones: tuple[str, ...] | None) -> Character:
-    """Returns a triangle that follows one bone, or the two nodes of a graph."""
+    """Returns a character with a single triangle that follows one bone, or the two nodes of a graph."""
     corners = np.eye(3, dtype=np.float32)
     skin = SkinWeights(np.zeros((3, 4), np.uint16), np.tile(np.array([1, 0, 0, 0], np.float32), (3, 1)))
     pivots = corners[: 1 if bones else 2]

@@ -1,4 +1,4 @@
-"""The announcement of an edge on the local network: a DNS-SD text record, checked when it is read."""
+"""The announcement of an edge on the local network as a DNS-SD text record. Received records are checked."""
 
 from __future__ import annotations
 
@@ -14,11 +14,13 @@ from enliven.wire import VERSION
 SERVICE_TYPE = "_enliven._tcp.local."
 """The DNS-SD type of edges and relays."""
 _MAX_NAME_LENGTH = 64
-"""Maximum number of characters of a shown name, as in the heartbeat."""
+"""Maximum length of a displayed name in characters, as in the heartbeat."""
 _MAX_INSTANCE_BYTES = 60
-"""Maximum bytes of a service's name. DNS allows 63, and another edge of this name gets "-2" at its end."""
+"""Maximum size of a service's name in bytes. DNS allows 63, but "-2" is appended if another edge has the same
+name."""
 _MAX_CHARACTERS = 10_000
-"""Maximum number of characters that an announcement may state. An edge has some 16."""
+"""Maximum number of characters on the stage that an announcement may contain. An edge usually has up to
+16."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class Announcement:
         control_port: port of the requests.
         has_keys: True if only paired viewers can connect.
         characters: number of characters on the stage.
-        relay_of: the address of the edge that a relay forwards; empty for an edge.
+        relay_of: the address of the edge that sends the messages which a relay forwards. Empty for an edge.
         wire_version: version of the network protocol.
         version: version of enliven.
     """
@@ -48,13 +50,13 @@ class Announcement:
 
     @property
     def instance(self) -> str:
-        """The name of the service. It is the same at each start, so that it is stable in lists."""
+        """The name of the service. It is the same at each start, so that lists stay stable."""
         printable = "".join(c if c.isprintable() and c != "." else "-" for c in self.name).strip() or "edge"
         return printable.encode()[:_MAX_INSTANCE_BYTES].decode(errors="ignore")
 
     @property
     def problem(self) -> str:
-        """Why this release cannot show the announced edge. Empty if it can."""
+        """The reason why this release cannot connect to the announced edge. Empty if it can."""
         if self.wire_version == VERSION:
             return ""
         return f"uses version {self.wire_version} of the network protocol, this program version {VERSION}"
@@ -76,10 +78,10 @@ def pack_announcement(announcement: Announcement) -> dict[str, str]:
 
 
 def parse_announcement(port: int | None, properties: Mapping[bytes, bytes | None]) -> Announcement:
-    """Returns the announcement in a text record from the network. Names in it are escaped for display.
+    """Parses a text record from the network. Names in the announcement are escaped for display.
 
     Raises:
-        InputError: if it is not the record of an edge.
+        InputError: if the record is not from an edge.
     """
     name = _clean_text(properties, "name")
     if not name.strip():
@@ -97,20 +99,21 @@ def parse_announcement(port: int | None, properties: Mapping[bytes, bytes | None
 
 
 def missing_discovery_reason() -> str:
-    """Returns why edges cannot be found or announced, with the remedy; empty if they can."""
+    """Returns the reason why edges cannot be found or announced, with the remedy. Returns an empty string if
+    they can."""
     if importlib.util.find_spec("zeroconf") is not None:
         return ""
     return "the library 'zeroconf' is not installed. Install it: pip install zeroconf"
 
 
 def _clean_text(properties: Mapping[bytes, bytes | None], key: str) -> str:
-    """Returns an escaped and shortened value. Empty if it is missing."""
+    """Returns an escaped and shortened value of the record, or an empty string if it is missing."""
     value = properties.get(key.encode()) or b""
     return escape_text(value[: 4 * _MAX_NAME_LENGTH].decode(errors="replace")[:_MAX_NAME_LENGTH])
 
 
 def _number_in_range(key: str, text: str, low: int, high: int) -> int:
-    """Returns a number in a range.
+    """Parses a number and checks its range.
 
     Raises:
         InputError: if the text is not a number in the range.

@@ -16,26 +16,27 @@ from enliven.peers.announcement import SERVICE_TYPE, Announcement, pack_announce
 log = logging.getLogger(__name__)
 
 _MIN_UPDATE_INTERVAL_S = 1.0
-"""Minimum seconds between two changes of the announcement, which every computer on the network receives."""
+"""Minimum interval in seconds between two changes of the announcement. It is limited, because every computer
+on the network receives them."""
 _CLOSE_TIMEOUT_S = 3.0
-"""Maximum seconds for sending the withdrawal of the announcement (the goodbye message)."""
+"""Timeout in seconds for withdrawing the announcement (the goodbye message)."""
 
 
 class Announcer:
     """Announces a service from its construction until :meth:`close`, on its own thread.
 
-    A failure is only logged. Viewers then need the address.
+    A failure is only logged. Users must then enter the address in viewers.
 
     Args:
         announcement: the announcement of the service.
-        host: the address that the service listens on; "0.0.0.0", "::", "*" or "" for all.
+        host: the address that the service listens on. "0.0.0.0", "::", "*" or "" mean all addresses.
     """
 
     def __init__(self, announcement: Announcement, host: str) -> None:
         self._announcement, self._host = announcement, host
         self._changed, self._closed = threading.Event(), threading.Event()
         self.name = ""
-        """Name of the service on the network, once it is announced. It ends in "-2" if another service has
+        """Name of the service on the network after it was announced. "-2" is appended if another service has
         the same name.
         """
         self._thread = threading.Thread(target=self._run, name="announcer", daemon=True)
@@ -48,7 +49,7 @@ class Announcer:
             self._changed.set()
 
     def close(self) -> None:
-        """Withdraws the announcement, so that viewers see at once that the service is gone."""
+        """Withdraws the announcement, so that viewers are informed immediately."""
         self._closed.set()
         self._changed.set()
         self._thread.join(_CLOSE_TIMEOUT_S)
@@ -94,11 +95,12 @@ class Announcer:
 
 
 _ALL_ADDRESSES = ("0.0.0.0", "::", "*", "")
-"""Addresses that mean every interface."""
+"""Addresses that mean all network interfaces."""
 
 
 def own_addresses(host: str) -> list[str]:
-    """Returns the addresses of this machine at which others reach a service that listens on a host."""
+    """Returns the addresses of this machine at which other machines can reach a service that listens on
+    ``host``."""
     if host in _ALL_ADDRESSES:
         import ifaddr
 
@@ -113,8 +115,8 @@ def own_addresses(host: str) -> list[str]:
 
 
 def _is_near(text: str) -> bool:
-    """Returns True if other machines cannot use an address: loopback, and link-local IPv6, which needs the
-    name of an interface.
+    """Returns True if other machines cannot use an address. This is so for loopback, and for link-local IPv6
+    addresses, which require the name of an interface.
     """
     address = ipaddress.ip_address(text.partition("%")[0])
     return address.is_loopback or (address.version == 6 and address.is_link_local)

@@ -1,7 +1,7 @@
-"""Measures the clock offset of one edge, on its own thread with its own connection.
+"""Measures the clock offset of one edge, on a separate thread with a separate connection.
 
-A window reads its sockets once per frame, so it would see each answer up to 16 ms late. This thread waits for
-the answers, so it sees them within 0.1 ms.
+A window reads its sockets once per frame, so it would receive each answer up to 16 ms late. This thread waits
+for the answers, so it receives them within 0.1 ms.
 """
 
 from __future__ import annotations
@@ -33,13 +33,14 @@ from enliven.wire import (
 log = logging.getLogger(__name__)
 
 _MAX_REPLY_BYTES = 4096
-"""Maximum bytes of an answer. The answer to a probe has 60 bytes."""
+"""Maximum size of an answer in bytes. The answer to a probe has 60 bytes."""
 _MAX_UNREAD = 16
-"""Maximum number of unread answers. It equals two bursts."""
+"""Maximum number of unread answers, for two bursts."""
 _MAX_WAIT_MS = 200
-"""Maximum wait for an answer in milliseconds, so that :meth:`ClockProbe.close` returns soon."""
+"""Maximum time in milliseconds of one wait for an answer. It is short, so that :meth:`ClockProbe.close`
+returns soon."""
 _MAX_FAILED_BURSTS = 2
-"""Number of unanswered bursts after which the connection is opened again, with the current keys."""
+"""Number of unanswered bursts after which the thread reconnects, with the current keys."""
 
 
 class ClockProbe:
@@ -59,8 +60,8 @@ class ClockProbe:
         self._number = 0
         self._sent: dict[int, int] = {}
         self._closed = threading.Event()
-        # msgspec crashes if two threads build the same decoder at once. So build the decoder of the answers
-        # here.
+        # msgspec crashes if two threads build the same decoder at the same time. So build the decoder of the
+        # answers before the thread starts.
         unpack_control(pack_control(Reply(0, Pong(0, 0))), REPLY)
         self._thread = threading.Thread(target=self._run, name="clock probe", daemon=True)
         self._thread.start()
@@ -79,7 +80,7 @@ class ClockProbe:
     def wall_offset_ns(self) -> int:
         """Returns the current offset in nanoseconds: the edge's wall clock minus this machine's wall clock.
 
-        After a change of this machine's wall clock, the result is right at once.
+        After a change of this machine's wall clock, the result is correct immediately.
         """
         now = time.monotonic_ns()
         return self.sync.offset_ns(now) + now - time.time_ns()
@@ -94,7 +95,7 @@ class ClockProbe:
             try:
                 keys = self._endpoint.find_keys()
             except EnlivenError as error:
-                # The viewer's own connection reports this error to the user.
+                # The viewer's main connection reports this error to the user.
                 log.debug("no probes to %s: %s", self._endpoint, error)
                 self._closed.wait(1.0)
                 continue
@@ -110,7 +111,7 @@ class ClockProbe:
             return
         failed = self.sync.failed_bursts
         try:
-            # A probe that waits until the connection is established would have a long round trip.
+            # Wait for the connection first. Otherwise the first probe would have a long round trip.
             socket.setsockopt(zmq.IMMEDIATE, 1)
             socket.connect(self._endpoint.control_address)
             while not self._closed.is_set() and self.sync.failed_bursts - failed < _MAX_FAILED_BURSTS:

@@ -1,9 +1,9 @@
 """Estimates the offset of an edge's wall clock from this machine's monotonic clock by bursts of probes.
 
-The method is that of Lab Streaming Layer (Stenner et al., "Synchronization and data streams"), which is NTP's
-formula with a minimum filter: of each burst only the probe with the shortest round trip counts, because it
-had the shortest delays. The estimate then moves towards the result at a bounded rate, so converted times
-never decrease.
+The method is that of Lab Streaming Layer (Stenner et al., "Synchronization and data streams"): NTP's formula
+with a minimum filter. Only the probe with the shortest round trip of each burst is used, because it had the
+shortest delays. The estimate then moves towards the result at a limited rate, so converted times never
+decrease.
 """
 
 from __future__ import annotations
@@ -12,39 +12,40 @@ from collections import deque
 from dataclasses import dataclass
 
 BURST_INTERVAL_S = 2.0
-"""Seconds from the start of one burst to the next. Two clocks drift by 0.2 ms at most in this time."""
+"""Time in seconds from the start of one burst to the start of the next. Two clocks drift by at most 0.2 ms in
+this time."""
 PROBES_PER_BURST = 8
-"""Number of probes in a burst: enough that at least one is not delayed by other traffic."""
+"""Number of probes in a burst. It is large enough that at least one probe is not delayed by other traffic."""
 PROBE_INTERVAL_S = 0.064
-"""Seconds between the probes of a burst: about two frames, so that they reach an edge in different phases of
-its loop.
+"""Time in seconds between the probes of a burst. It is about two frames, so that the probes reach an edge in
+different phases of its main loop.
 """
 MIN_ANSWERS = 6
-"""Minimum number of answers in a burst. With fewer, the network is too disturbed for an estimate."""
+"""Minimum number of answers in a burst. With fewer answers, the network is too unreliable for an estimate."""
 _ANSWER_TIMEOUT_S = 0.5
-"""Seconds after the last probe of a burst during which answers still count."""
+"""Time in seconds after the last probe of a burst in which answers are accepted."""
 MAX_SLEW = 500e-6
 """Maximum change of the offset, in seconds per second. Quartz clocks drift by less than 0.1 ms per second."""
 _MAX_SLEWED_NS = 10_000_000
-"""Largest error in nanoseconds that is removed gradually, which takes 20 s. A larger error means that a clock
-was set.
+"""Maximum error in nanoseconds that is removed gradually, within 20 s. A larger error means that a clock was
+set, and is removed immediately.
 """
 _RECENT_BURSTS = 10
-"""Number of recent bursts that are compared with a new one: 20 s."""
+"""Number of recent bursts that a new burst is compared with. They cover 20 s."""
 _NS_PER_S = 1_000_000_000
 """Nanoseconds per second. All times in this module are integer nanoseconds."""
 
 
 @dataclass(frozen=True)
 class Exchange:
-    """A probe and its answer, in nanoseconds. Local times are of the monotonic clock, the edge's times of its
-    wall clock.
+    """The times of a probe and its answer, in nanoseconds. Local times are from the monotonic clock, and the
+    edge's times from its wall clock.
 
     Attributes:
-        sent_ns: when this side sent the probe.
-        arrived_ns: when it arrived at the edge.
-        answered_ns: when the edge answered.
-        received_ns: when the answer arrived here.
+        sent_ns: local time at which the probe was sent.
+        arrived_ns: edge time at which the probe arrived.
+        answered_ns: edge time of the answer.
+        received_ns: local time at which the answer arrived.
     """
 
     sent_ns: int
@@ -54,8 +55,8 @@ class Exchange:
 
     @property
     def round_trip_ns(self) -> int:
-        """Time on the network in nanoseconds: the whole duration minus the time that the edge needed to
-        answer.
+        """Time on the network in nanoseconds: the duration of the exchange minus the time that the edge
+        needed to answer.
         """
         return (self.received_ns - self.sent_ns) - (self.answered_ns - self.arrived_ns)
 
@@ -67,7 +68,8 @@ class Exchange:
 
 @dataclass(frozen=True)
 class _Slew:
-    """An offset that moves from ``start_ns`` to ``end_ns``, beginning at the local time ``since_ns``."""
+    """An offset that moves gradually from ``start_ns`` to ``end_ns``, beginning at the local time
+    ``since_ns``."""
 
     since_ns: int
     start_ns: int
@@ -80,10 +82,10 @@ class _Slew:
 
 
 class ClockSync:
-    """The clock of one edge: when to send probes, and the offset from their answers.
+    """The estimate of one edge's clock offset, and the schedule of probes.
 
-    It opens no socket and reads no clock. All local times are those of ``time.monotonic_ns``, which cannot be
-    set. So only a change of the edge's clock makes the offset jump. One thread may add exchanges while others
+    It does no I/O and reads no clock. All local times are from ``time.monotonic_ns``, which cannot be set. So
+    the offset jumps only if the edge's clock changes. One thread may add exchanges while other threads
     convert times.
     """
 
@@ -94,7 +96,7 @@ class ClockSync:
         self._answers: list[Exchange] = []
         self._round_trips: deque[int] = deque(maxlen=_RECENT_BURSTS)
         self.failed_bursts = 0
-        """Number of bursts without enough answers since the last one with enough."""
+        """Number of successive bursts with too few answers."""
 
     @property
     def is_known(self) -> bool:
@@ -107,11 +109,13 @@ class ClockSync:
         return min(self._round_trips, default=0)
 
     def offset_ns(self, local_ns: int) -> int:
-        """Returns edge time minus local time in nanoseconds, at a local time. 0 if it is not known yet."""
+        """Returns edge time minus local time in nanoseconds, at a local time. Returns 0 if the offset is not
+        known yet."""
         return 0 if self._slew is None else self._slew.at(local_ns)
 
     def probes_due(self, local_ns: int) -> bool:
-        """Returns True if a probe must be sent now, and counts it. Ends a burst after its time."""
+        """Returns True if a probe must be sent now, and counts this probe. Also ends a burst when its time is
+        over."""
         if self._burst_ns is None:
             self._burst_ns = local_ns
         if self._sent < PROBES_PER_BURST:
@@ -136,7 +140,7 @@ class ClockSync:
         return self._burst_ns + round(BURST_INTERVAL_S * _NS_PER_S)
 
     def add(self, exchange: Exchange) -> None:
-        """Adds an answer. An answer that was sent before its probe is impossible and is dropped."""
+        """Adds an exchange. An impossible exchange, with an answer earlier than its probe, is dropped."""
         is_current = self._burst_ns is not None and exchange.sent_ns >= self._burst_ns
         if not is_current or exchange.round_trip_ns < 0 or exchange.answered_ns < exchange.arrived_ns:
             return
@@ -150,7 +154,7 @@ class ClockSync:
         return burst_ns + round(seconds * _NS_PER_S)
 
     def _finish_burst(self, now_ns: int) -> None:
-        """Uses the answers of a burst. A second call does nothing."""
+        """Ends a burst, and updates the estimate from its answers. A second call does nothing."""
         answers, self._answers = self._answers, []
         if len(answers) >= MIN_ANSWERS:
             self.failed_bursts = 0
@@ -169,11 +173,11 @@ class ClockSync:
         current = self._slew.at(now)
         error = best.offset_ns - current
         if abs(error) > max(_MAX_SLEWED_NS, round_trip // 2):
-            # The old offset is outside of the possible range, so one of the clocks was set.
+            # The old offset is outside the possible range, so one of the clocks was set.
             self._round_trips.clear()
             self._round_trips.append(round_trip)
             self._slew = _Slew(now, best.offset_ns, best.offset_ns)
             return
-        # A burst with long round trips has a larger error, so it counts less.
+        # A burst with long round trips has a larger error, so it gets a lower weight.
         weight = max(min(self._round_trips), 1) / max(round_trip, 1)
         self._slew = _Slew(now, current, current + round(weight * error))

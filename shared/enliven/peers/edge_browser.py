@@ -25,15 +25,17 @@ from enliven.wire import Endpoint
 log = logging.getLogger(__name__)
 
 MAX_FOUND_EDGES = 64
-"""Maximum number of listed edges. A hostile program could announce thousands of edges."""
+"""Maximum number of listed edges. It is limited, because a malicious program could announce thousands of
+edges."""
 _MAX_ADDRESSES = 8
 """Maximum number of addresses of one edge that are tried."""
 _RESOLVE_TIMEOUT_MS = 2000
-"""Timeout in milliseconds of a query for the details of an announced edge."""
+"""Timeout of a query for the details of an announced edge, in milliseconds."""
 _CHECK_INTERVAL_S = 5.0
-"""Seconds between two checks that an edge answers. An edge that crashed stays announced for two minutes."""
+"""Interval in seconds between two checks that an edge answers. They are needed because a crashed edge stays
+announced for two minutes."""
 _CONNECT_TIMEOUT_S = 0.7
-"""Timeout in seconds of a connection to an edge on the local network."""
+"""Timeout of a connection to an edge on the local network, in seconds."""
 
 _ENDING = f".{SERVICE_TYPE}"
 """Last part of the name of every service of this type."""
@@ -47,7 +49,7 @@ class DiscoveredEdge:
         service: the edge's unique name on the network.
         announcement: the edge's announcement. Names in it are escaped for display.
         addresses: its addresses, IPv4 first.
-        host: the address that answered; empty if none has answered yet.
+        host: the address that answered. Empty if none has answered yet.
         is_paired: True if this machine has a key of the edge, or the edge works without keys.
     """
 
@@ -59,13 +61,13 @@ class DiscoveredEdge:
 
     @property
     def endpoint(self) -> Endpoint:
-        """The edge's address for a viewer: the one that answered, or else the first."""
+        """The edge's address for a viewer: the address that answered, or else the first address."""
         host = self.host or self.addresses[0]
         return Endpoint(host, self.announcement.pose_port, self.announcement.control_port)
 
     @property
     def problem(self) -> str:
-        """Why a viewer on this machine cannot connect now. Empty if it can."""
+        """The reason why a viewer on this machine cannot connect. Empty if it can."""
         if self.announcement.problem:
             return self.announcement.problem
         if not self.host:
@@ -82,10 +84,10 @@ class EdgeBrowser:
     """A list of the edges on the network, which changes in the background until :meth:`close`.
 
     Args:
-        interfaces: addresses of this machine to search from. None: all.
+        interfaces: addresses of this machine's network interfaces to search on. None means all.
 
     Raises:
-        ResourceError: if the library for it is missing, or the network does not allow the search.
+        ResourceError: if the required library is missing, or the network does not allow the search.
     """
 
     def __init__(self, interfaces: list[str] | None = None) -> None:
@@ -150,7 +152,7 @@ class EdgeBrowser:
         self._check_now.set()
 
     def forget(self, service: str) -> None:
-        """Removes an edge that has gone."""
+        """Removes an edge that is no longer announced."""
         with self._lock:
             self._edges.pop(service, None)
 
@@ -169,7 +171,7 @@ class EdgeBrowser:
 
 
 class _Listener:
-    """Passes the events of zeroconf to a browser, on zeroconf's thread."""
+    """A listener that passes zeroconf's events to a browser. It runs on zeroconf's thread."""
 
     def __init__(self, browser: EdgeBrowser) -> None:
         self._browser = browser
@@ -183,14 +185,12 @@ class _Listener:
         self._browser.resolve(zeroconf, name)
 
     def remove_service(self, zeroconf: Any, kind: str, name: str) -> None:
-        """Handles a service that has gone."""
+        """Handles a removed service."""
         self._browser.forget(name)
 
 
 def check_edge(edge: DiscoveredEdge) -> DiscoveredEdge:
-    """Returns an edge with the address that answers, and whether this machine is paired. Blocks for a short
-    time.
-    """
+    """Returns the edge with ``host`` and ``is_paired`` updated. Blocks for a short time."""
     port = edge.announcement.pose_port
     order = dict.fromkeys(([edge.host] if edge.host else []) + list(edge.addresses))
     host = next((address for address in order if _accepts_connections(address, port)), "")
@@ -198,7 +198,7 @@ def check_edge(edge: DiscoveredEdge) -> DiscoveredEdge:
 
 
 def find_edges(seconds: float, interfaces: list[str] | None = None) -> tuple[DiscoveredEdge, ...]:
-    """Returns the edges that are found within some seconds. Errors as for :class:`EdgeBrowser`."""
+    """Searches for edges for some seconds, and returns them. Raises the errors of :class:`EdgeBrowser`."""
     browser = EdgeBrowser(interfaces)
     try:
         time.sleep(seconds)
@@ -209,8 +209,8 @@ def find_edges(seconds: float, interfaces: list[str] | None = None) -> tuple[Dis
 
 
 def describe_edge(edge: DiscoveredEdge) -> tuple[str, str]:
-    """Returns one line of text about an edge on the network, and the remedy for its problem (empty if it has
-    none).
+    """Returns one line of text about an edge on the network, and the remedy for its problem, or an empty
+    string without a problem.
     """
     announced, address = edge.announcement, edge.endpoint
     plural = "s" * (announced.characters != 1)
@@ -233,9 +233,10 @@ def describe_edge(edge: DiscoveredEdge) -> tuple[str, str]:
 
 
 def is_on_local_network(text: str) -> bool:
-    """Returns True for a private address, or one of the networks that this machine is in.
+    """Returns True if an address is private, or in one of this machine's networks.
 
-    Anyone can announce any address. So only local addresses are contacted, and none on the internet.
+    Any program can announce any address. So only local addresses are contacted, and no addresses on the
+    internet.
     """
     import ifaddr
 

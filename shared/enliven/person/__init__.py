@@ -1,6 +1,4 @@
-"""The performer's body, as all programs use it: 20 joints, the limbs between them, and orientations of the
-bones.
-"""
+"""The performer's body: 20 joints, the limbs between them, and the orientations of the bones."""
 
 import lazy_loader
 

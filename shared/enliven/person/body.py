@@ -15,15 +15,17 @@ class Body:
     """A tracked person at one time.
 
     Attributes:
-        id: stable while the person is in view.
+        id: the person's id, which does not change while the person is in view.
         joints: (20, 3) float64 metres, world frame, ordered by :class:`Joint`.
-        confidence: (20,) float64 in [0, 1]. 0 if the joint is only a guess, which must not drive anything.
-        orientations: (20, 4) unit quaternions world_from_bone of the bone that ends at each joint (the pelvis
-            at the root), or None. All are the identity for a person standing upright and facing +Z, with
-            hanging arms and palms to the thighs. A bone of a limb runs along its -Y, a bone of the trunk
-            along +Y. +Z is the front, +X the person's left. See ``orientation`` for their use.
+        confidence: (20,) float64 in [0, 1]. It is 0 if the joint is only a guess, which must not drive a
+            character.
+        orientations: (20, 4) unit quaternions, or None. For each joint, the rotation from the bone that ends
+            at the joint to the world. For the root, it is the rotation of the pelvis. All are the identity
+            for a person that stands upright and faces +Z, with hanging arms and palms to the thighs. In this
+            pose, bones of limbs point along -Y, and bones of the trunk along +Y. +Z is the person's front,
+            and +X the person's left side.
         contacts: (2,) probability that the left and the right foot stand on the floor, or None if it was not
-            estimated. It is also 0 if the foot is not visible.
+            estimated. It is 0 if the foot is not visible.
         stature: measured body height from the soles to the crown when standing straight, metres, or None.
     """
 

@@ -1,4 +1,4 @@
-"""The kernel that converts a performer's body to the bones of Unity's humanoid."""
+"""Converts a performer's body to the bones of Unity's humanoid (kernels)."""
 
 from __future__ import annotations
 
@@ -11,21 +11,23 @@ _HIP_CENTER, _SPINE = int(Joint.HIP_CENTER), int(Joint.SPINE)
 _SHOULDER_CENTER, _HEAD = int(Joint.SHOULDER_CENTER), int(Joint.HEAD)
 _SHOULDERS = (int(Joint.SHOULDER_LEFT), int(Joint.SHOULDER_RIGHT))
 _COLLAR_FRACTION = 0.25
-"""Fraction of the way from the neck to the shoulder where the collar bone begins."""
+"""Position at which the collar bone begins, as a fraction of the way from the neck to the shoulder."""
 _SKULL_FRACTION = 0.5
-"""Fraction of the way from the neck to the middle of the head where the head bone begins."""
+"""Position at which the head bone begins, as a fraction of the way from the neck to the middle of the
+head."""
 
 
 @njit(cache=True, nogil=True)
 def write_human(joints, orientations, begins, ends, hanging, bones, positions, turns):
-    """Writes where the bones of a performer begin, and their rotations since the T-pose (kernel).
+    """Computes the positions at which a performer's bones begin, and their rotations since the
+    T-pose.
 
     Args:
-        joints: (20, 3) metres. orientations: (20, 4) of the bones that end at the joints.
+        joints: (20, 3) metres. orientations: (20, 4) rotations of the bones that end at the joints.
         begins, ends: (B,) the joints at the ends of each bone.
         hanging: (B, 4) rotation from the T-pose to a standing person with hanging arms.
         bones: (7,) numbers of the hips, spine, chest, neck, head, left and right shoulder.
-        positions: (B, 3) and turns: (B, 4), the result.
+        positions: (B, 3) metres, output. turns: (B, 4) rotations, output.
     """
     for b in range(len(begins)):
         w, x, y, z = orientations[ends[b]]
@@ -35,7 +37,7 @@ def write_human(joints, orientations, begins, ends, hanging, bones, positions, t
         turns[b, 2] = w * hy - x * hz + y * hw + z * hx
         turns[b, 3] = w * hz + x * hy - y * hx + z * hw
         positions[b] = joints[begins[b]]
-    # The humanoid has one bone more than the tracker in the trunk, and one more between chest and head. The
+    # The humanoid has one bone more than the tracker in the trunk, and one more between chest and head. An
     # additional bone gets the rotation halfway between its neighbours.
     _write_middle_turn(turns[bones[0]], turns[bones[2]], turns[bones[1]])
     _write_middle_turn(turns[bones[2]], turns[bones[4]], turns[bones[3]])
@@ -49,10 +51,10 @@ def write_human(joints, orientations, begins, ends, hanging, bones, positions, t
 
 @njit(cache=True, nogil=True)
 def _write_middle_turn(a, b, out):
-    """Writes to ``out`` (4,) the rotation half-way between the unit quaternions a and b (kernel).
+    """Writes the rotation halfway between the unit quaternions a and b to ``out`` (4,).
 
-    The sum of two unit vectors points to the middle of the arc between them. Of b and -b, the nearer one is
-    used.
+    The sum of two unit vectors points to the middle of the arc between them. The function uses b or -b,
+    whichever is nearer to a.
     """
     sign = -1.0 if a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] < 0.0 else 1.0
     length = 0.0

@@ -1,7 +1,7 @@
 """Human poses in terms of the bones of Unity's humanoid, computed from a performer's body or a rigged
 character.
 
-The rotation of a bone is measured from the T-pose: upright, facing +Z, arms stretched out sideways with palms
+The rotation of a bone is relative to the T-pose: upright, facing +Z, arms stretched out sideways with palms
 down. So all rotations of a figure in the T-pose are the identity, independent of the rest pose of its rig.
 """
 
@@ -48,7 +48,7 @@ _PARENT_NAMES = {
 FINGERS = {"thumb": "Thumb", "index": "Index", "middle": "Middle", "ring": "Ring", "pinky": "Little"}
 """Unity's word for each finger."""
 FINGER_BONES = ("Proximal", "Intermediate", "Distal")
-"""Unity's words for the bones of a finger, from the hand."""
+"""Unity's words for the bones of a finger, from the hand outwards."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ class HumanPose:
 
     @staticmethod
     def ordered(bones: Iterable[str]) -> list[str]:
-        """Returns those of the given bones that exist in the humanoid, parents first."""
+        """Returns the given bones in the order of the humanoid, parents first. Unknown names are left out."""
         return sorted((bone for bone in bones if bone in _PARENT_NAMES), key=list(_PARENT_NAMES).index)
 
     @staticmethod
@@ -84,7 +84,7 @@ class HumanPose:
             yield bone
 
     def local(self) -> tuple[Float, Float]:
-        """Returns (B, 3) positions and (B, 4) rotations, each relative to the parent bone.
+        """Returns positions (B, 3) and rotations (B, 4), each relative to the parent bone.
 
         The hips are relative to the world.
         """
@@ -96,7 +96,7 @@ class HumanPose:
         return rotate(inverse_turns, offsets), multiply(inverse_turns, self.turns)
 
     def at(self, bone: str) -> tuple[Float, Float]:
-        """Returns the (3,) position and (4,) rotation of a bone, which the figure must have."""
+        """Returns the position (3,) and the rotation (4,) of a bone, which must exist in the pose."""
         number = self.bones.index(bone)
         return self.positions[number], self.turns[number]
 
@@ -115,7 +115,7 @@ def nearest_ancestors(bones: tuple[str, ...]) -> Int:
 
 
 def parent_name(bone: str) -> str:
-    """Returns the parent of a bone in Unity's humanoid. Empty for the hips."""
+    """Returns the parent of a bone in Unity's humanoid, or an empty string for the hips."""
     if bone in _PARENT_NAMES:
         return _PARENT_NAMES[bone]
     for before, after in pairwise(FINGER_BONES):
@@ -147,7 +147,8 @@ _BODY_BONES: tuple[tuple[str, Joint, Joint], ...] = (
         )
     ),
 )
-"""Bones of a performer: name, end joint of the bone with its rotation, and the joint where it begins."""
+"""Bones of a performer: name, end joint of the tracked bone that provides the rotation, and joint at which
+the bone begins."""
 BODY_BONE_NAMES = tuple(name for name, _, _ in _BODY_BONES)
 """Names of the bones of a performer, in the order of :func:`human_of_body`."""
 _ENDS = np.array([int(ends) for _, ends, _ in _BODY_BONES])
@@ -172,7 +173,7 @@ _NUMBERS = {name: number for number, name in enumerate(BODY_BONE_NAMES)}
 _TRUNK_BONES = np.array(
     [_NUMBERS[name] for name in ("Hips", "Spine", "Chest", "Neck", "Head", "LeftShoulder", "RightShoulder")]
 )
-"""(7,) numbers of the bones that :func:`write_human` places between the joints."""
+"""(7,) numbers of the bones for the argument ``bones`` of :func:`write_human`."""
 
 
 def human_of_body(body: Body, name: str) -> HumanPose:
@@ -188,7 +189,7 @@ def human_of_body(body: Body, name: str) -> HumanPose:
 
 
 _REFERENCE_HEIGHT_M = 1.75
-"""Height in metres of the person with the offsets of ``_T_POSE_PLACES``."""
+"""Height in metres of the person in ``_T_POSE_PLACES``."""
 _T_POSE_PLACES = {
     "Hips": (0.0, 0.90, 0.0),
     "Spine": (0.0, 0.96, 0.0),
@@ -211,19 +212,19 @@ _T_POSE_PLACES = {
         )
     },
 }
-"""Position at which each bone begins in the T-pose of an average person, metres. Only differences are
-used."""
+"""Position at which each bone begins in the T-pose of an average person, metres. Only differences between
+positions are used."""
 _HEAD_ABOVE_SKULL = np.array([0.0, 0.09, 0.01])
-"""(3,) metres from the beginning of the head bone to the middle of the head, of the average person."""
+"""(3,) vector from the start of the head bone to the middle of the head of an average person, metres."""
 _HAND_LENGTH_M = 0.085
-"""Metres from the wrist to the middle of the hand, of the average person."""
+"""Distance from the wrist to the middle of the hand of an average person, metres."""
 
 
 def standing_offset(bone: str, parent: str, height: float) -> Float:
     """Returns the offset from a parent bone to a bone in the T-pose of an average person, (3,) in metres.
 
     Args:
-        height: metres of the person.
+        height: height of the person, metres.
     """
     offset = np.subtract(_T_POSE_PLACES[bone], _T_POSE_PLACES[parent])
     return np.asarray(offset * (height / _REFERENCE_HEIGHT_M))
@@ -286,18 +287,18 @@ def body_from_human_pose(human: HumanPose, id: int) -> Body:
 
 
 _SIDE_JOINTS = ("SHOULDER", "ELBOW", "WRIST", "HAND", "HIP", "KNEE", "ANKLE", "FOOT")
-"""Names of the joints of one side of the body."""
+"""Names of the joints of one side of the body, without the side."""
 _DOWN = np.array([0.0, -1.0, 0.0])
 _LEVEL_FOOT = unit(np.array([0.0, -0.5, 0.866]))
-"""Unit direction from ankle to foot of a level sole: 30 degrees below the horizontal."""
+"""Unit direction from ankle to foot if the sole is horizontal: 30 degrees below the horizontal."""
 
 
 def orientations_of_joints(joints: Float) -> Float:
     """Computes the orientations (20, 4) of the bones from the joints (20, 3), as in
     :class:`enliven.person.Body`.
 
-    The trunk follows the lines of the hips and shoulders. A limb is rotated from its parent by the shortest
-    arc, so its twist is not known. The head follows the chest.
+    The trunk follows the lines of the hips and shoulders. A bone of a limb is rotated from its parent by the
+    shortest arc, because its twist is unknown. The head follows the chest.
     """
     pelvis = _trunk_turn(joints, Joint.HIP_CENTER, Joint.SPINE, Joint.HIP_LEFT, Joint.HIP_RIGHT)
     chest = _trunk_turn(joints, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT)
@@ -320,8 +321,8 @@ def orientations_of_joints(joints: Float) -> Float:
 
 
 def _trunk_turn(joints: Float, low: Joint, high: Joint, left: Joint, right: Joint) -> Float:
-    """Returns the (4,) rotation of a part of the trunk from its upward direction and the line from its right
-    to its left joint.
+    """Returns the rotation (4,) of a part of the trunk. It is computed from the upward direction, and from
+    the line between the right and the left joint.
     """
     up = unit(joints[high] - joints[low])
     leftward = joints[left] - joints[right]

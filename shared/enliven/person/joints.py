@@ -1,4 +1,4 @@
-"""The 20 joints of a tracked person, and their tree."""
+"""The 20 joints of a tracked person, and the tree that they form."""
 
 from __future__ import annotations
 
@@ -44,4 +44,5 @@ BONES: tuple[tuple[int, int], ...] = tuple(
 """(19, 2) parent and child joint of each bone, ordered by child joint."""
 
 MIRROR: tuple[int, ...] = (0, 1, 2, 3, 8, 9, 10, 11, 4, 5, 6, 7, 16, 17, 18, 19, 12, 13, 14, 15)
-"""(20,) the joint on the other side of the body. Joints of the trunk map to themselves."""
+"""(20,) for each joint, the corresponding joint on the other side of the body. Joints of the trunk map to
+themselves."""

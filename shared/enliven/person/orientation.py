@@ -18,7 +18,7 @@ def mirror_body(body: Body, point: AnyArray, normal: AnyArray) -> Body:
     """Reflects the body in a plane, and exchanges left and right. Reflecting twice returns the original body.
 
     Reflecting all axes of a bone's frame would make it left-handed. So only its front and its longitudinal
-    axis are reflected, and the third axis is flipped back, so that the frame stays a rotation.
+    axis are reflected, and the third axis is chosen so that the frame stays right-handed.
 
     Args:
         point: (3,) any point of the mirror, metres, world frame.
@@ -29,9 +29,9 @@ def mirror_body(body: Body, point: AnyArray, normal: AnyArray) -> Body:
     joints = (body.joints - 2.0 * signed_distances[:, None] * normal)[_MIRROR]
     orientations = None
     if body.orientations is not None:
-        # A bone with the rotation R gets the rotation M R D. M reflects in the mirror with the normal n, and
-        # D flips the bone's x axis. A reflection is the negative of a half turn, which has the quaternion (0,
-        # axis). So M R D = turn(n, pi) R turn(x, pi).
+        # A bone with the rotation R gets the rotation M R D. M is the reflection in the plane with the normal
+        # n, and D the reflection of the bone's x axis. A reflection is the negative of a half turn, which has
+        # the quaternion (0, axis). So M R D = turn(n, pi) R turn(x, pi).
         half_turn = np.concatenate([[0.0], normal])
         orientations = multiply(multiply(half_turn, body.orientations), _HALF_TURN)[_MIRROR]
     contacts = None if body.contacts is None else body.contacts[::-1].copy()

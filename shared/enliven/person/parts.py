@@ -1,4 +1,5 @@
-"""Named body parts that performers attach to a mesh: "left arm", "upper body", "hip + right arm", ..."""
+"""Names of body parts with which performers attach to a mesh, such as "left arm", "upper body" or "hip +
+right arm"."""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ def _limb_joints(side: str, *names: str) -> frozenset[Joint]:
 
 
 def _sided_parts() -> dict[str, frozenset[Joint]]:
-    """Returns the parts that exist on both sides."""
+    """Returns the parts that exist on both sides of the body, with their joints."""
     parts: dict[str, frozenset[Joint]] = {}
     for side in _SIDES:
         parts[f"{side} arm"] = _limb_joints(side, "SHOULDER", "ELBOW", "WRIST", "HAND")
@@ -57,26 +58,27 @@ def _all_parts() -> dict[str, frozenset[Joint]]:
 
 
 PARTS: dict[str, frozenset[Joint]] = _all_parts()
-"""Joints of each named body part (KinEtre: "left arm", "upper body", "hip and right arm", ...). A bone
-belongs to its child joint."""
+"""The joints of each body part by name, such as "left arm" or "upper body" (KinÊtre). A bone belongs to its
+child joint."""
 
 _SEPARATOR_PATTERN = re.compile(r"\s*(?:\+|,|&|\band\b)\s*")
 
 
 def parse_parts(parts: str | Iterable[str]) -> frozenset[Joint]:
-    """Returns the joints of named parts: "all", "legs", "hip + right arm", "left arm and head".
+    """Returns the joints of body parts, given by names such as "all", "legs", "hip + right arm" or "left arm
+    and head".
 
     Names are joined by "+", "&", "," or "and". Case and extra spaces do not matter.
 
     Raises:
-        InputError: for an unknown name. The message lists the known ones.
+        InputError: if a name is unknown. The message lists the known names.
     """
     names = [parts] if isinstance(parts, str) else list(parts)
     return frozenset().union(*(_parse_part(name) for name in names))
 
 
 def _parse_part(name: str) -> frozenset[Joint]:
-    """Returns the joints of one part name, or of several names that are joined in one string."""
+    """Returns the joints of one part name, or of several names in one string."""
     normalized = " ".join(name.lower().split())
     if normalized in PARTS:
         return PARTS[normalized]

@@ -1,8 +1,7 @@
-"""Joints and rotations in the live stream of Rokoko Studio (JSON v3 over UDP), for sending and receiving.
+"""Converts joints and rotations to and from the live stream format of Rokoko Studio (JSON v3 over UDP).
 
-Positions and rotations are in world coordinates with Unity's axes. The stream contains the rotation of a
-joint of Rokoko's skeleton: the rotation since the T-pose, multiplied by the joint's rotation in Rokoko's
-T-pose.
+Positions and rotations are in world coordinates with Unity's axes. The rotation of a joint in the stream is
+its rotation since the T-pose, multiplied by the joint's rotation in the T-pose of Rokoko's skeleton.
 
 Source of the format: the readers in Rokoko's plug-ins for Unity (JsonLiveSerializerV3.cs, Actor.cs) and for
 Blender (live_data_manager.py).
@@ -27,7 +26,7 @@ ROKOKO_VERSION = "3,0"
 """Version in the packets of Rokoko Studio. Its first number is the version of the format."""
 _HALF = float(np.sqrt(0.5))
 _TRUNK = (0.0, 0.0, 1.0, 0.0)
-"""Rotation (x, y, z, w) of the trunk's joints of Rokoko's skeleton in its T-pose: half a turn about Z."""
+"""Rotation (x, y, z, w) of the trunk's joints in the T-pose of Rokoko's skeleton: half a turn about Z."""
 _SIDES = {
     "Left": {
         "Shoulder": (0.0, 0.0, _HALF, -_HALF),
@@ -42,7 +41,8 @@ _SIDES = {
         "Foot": (0.0, -_HALF, _HALF, 0.0),
     },
 }
-"""Rotations (x, y, z, w) of Rokoko's skeleton in its T-pose, in Unity's axes."""
+"""Rotations (x, y, z, w) of the limbs' joints in the T-pose of Rokoko's skeleton, in Unity's axes, by
+side."""
 _ROWS: tuple[tuple[str, str, tuple[float, ...]], ...] = (
     ("hip", "Hips", (0.0, 0.0, 0.0, 1.0)),
     ("spine", "Spine", _TRUNK),
@@ -69,14 +69,14 @@ _ROWS: tuple[tuple[str, str, tuple[float, ...]], ...] = (
 ROKOKO_JOINTS = tuple(name for name, _, _ in _ROWS)
 """(23,) names of the joints of an actor in the stream."""
 ROKOKO_BONES = tuple(bone for _, bone, _ in _ROWS)
-"""(23,) the bone of Unity's humanoid of each joint. The toes occur twice: their beginning and their end."""
+"""(23,) the bone of Unity's humanoid for each joint. The toes occur twice, for their start and their end."""
 ROKOKO_T_POSE = from_unity_rotation(np.array([turn for _, _, turn in _ROWS]))
-"""(23, 4) rotations (w, x, y, z) of Rokoko's skeleton in its T-pose, in enliven's axes."""
+"""(23, 4) rotations (w, x, y, z) of the joints in the T-pose of Rokoko's skeleton, in enliven's axes."""
 
 
 def rokoko_placements(positions: AnyArray, turns: AnyArray) -> Float:
-    """Converts positions and rotations to the format of the stream: (..., 7) position and rotation (x, y, z,
-    w) in Unity's axes.
+    """Converts positions and rotations to the format of the stream: rows (..., 7) with position and rotation
+    (x, y, z, w) in Unity's axes.
 
     Args:
         positions: (..., 3) metres.
@@ -86,7 +86,7 @@ def rokoko_placements(positions: AnyArray, turns: AnyArray) -> Float:
 
 
 def placements_from_rokoko(placements: AnyArray) -> tuple[Float, Float]:
-    """Converts placements of the stream to positions (..., 3) and rotations (..., 4). It is the inverse of
+    """Converts rows (..., 7) of the stream to positions (..., 3) and rotations (..., 4). It is the inverse of
     :func:`rokoko_placements`.
     """
     placements = np.asarray(placements, np.float64)
@@ -94,7 +94,7 @@ def placements_from_rokoko(placements: AnyArray) -> tuple[Float, Float]:
 
 
 def rokoko_rotations(turns: AnyArray) -> Float:
-    """Returns (..., 23, 4) rotations of the joints of Rokoko's skeleton, from those since the T-pose."""
+    """Converts rotations since the T-pose to rotations (..., 23, 4) of the joints of Rokoko's skeleton."""
     return multiply(turns, ROKOKO_T_POSE)
 
 

@@ -1,9 +1,10 @@
-"""Possession: performers attach to any mesh and move it, live or in a replayed take (KinÊtre, 2012).
+"""Possession: a performer attaches to a mesh and moves it with the body, live or in a replayed take (KinÊtre,
+2012).
 
 The bones of a performer attach to the nodes of the mesh's deformation graph that are near them
-(:func:`attach`). The attached points of one performer are called a hold. :class:`EmbeddedActor` stores the
-holds of all performers and solves the mesh frame by frame. Two callers use this class: the live stage on the
-edge computer, and the code that solves a recorded take again.
+(:func:`attach`). The attached points of one performer are called a hold, and the performer holds the mesh.
+:class:`EmbeddedActor` stores the holds of all performers and solves the mesh frame by frame. Two callers use
+this class: the live stage on the edge computer, and the code that solves a recorded take again.
 """
 
 import lazy_loader

@@ -13,46 +13,50 @@ from enliven.person import Body, parse_parts
 from enliven.possession.highlights import Cues, State
 
 Mode = Literal["alone", "join", "extend"]
-"""Effect of a new attachment on earlier holds. "alone" ends all of them, "join" keeps the holds of other
-performers, and "extend" also keeps the performer's own holds."""
+"""Effect of a new attachment on earlier attachments. "alone" detaches all performers first. "join" keeps
+other performers attached. "extend" also keeps the earlier attachments of the same performer."""
 
 
 class Actor:
-    """A character that performers attach to, drive and release, independent of how its mesh is moved."""
+    """A character that performers can attach to, drive and release. Subclasses define how its mesh is
+    moved."""
 
     character: Character
     """The mesh with the pivots that move it."""
     holds: Any
-    """The holds (attached performers) on the character, oldest first. ``body`` of each hold is the
-    performer's id."""
+    """The attached performers, the one attached longest first. ``body`` of each entry is the performer's
+    id."""
     busy: frozenset[int] = frozenset()
-    """The ids of performers that hold other characters. They cannot attach to this character."""
+    """The ids of performers that are attached to other characters. They cannot attach to this character."""
     aside: float = 0.0
-    """Offset towards +X, metres, from the usual waiting place. It is not 0 if other characters wait there."""
+    """Offset towards +X, metres, from the usual waiting position. It is above 0 if other characters wait
+    there."""
     size: float = 1.0
-    """Metres of the mesh as modelled per metre of its rest space."""
+    """Scale: metres of the mesh as modelled per metre of its rest space."""
     growth: float = 1.0
     """Display scale relative to the character's own size."""
     exaggeration: float | None = None
-    """How far soft parts swing past the motion (a factor). None uses the value in the settings."""
+    """Factor on the overshoot of soft parts that swing. None uses the value in the settings."""
     settings: Any
-    """How the character approaches and follows its performers: a dataclass."""
+    """A dataclass with the settings of the character's approach to its performers and of the motion
+    transfer."""
     _candidate: tuple[int | None, str] = (None, "all")
 
     @property
     def uses_surface(self) -> bool:
-        """True if the character follows the observed surface of its performers, and not only their
-        skeletons."""
+        """True if the character also follows the performers' surface seen by depth sensors, and not only
+        their skeletons."""
         return False
 
     @property
     def skeleton(self) -> Skeleton | None:
-        """The joints at rest that the transforms of a rigged character belong to, or None."""
+        """The skeleton at rest of a rigged character. The character's transforms move its joints. None for
+        other characters."""
         return None
 
     @property
     def state(self) -> State:
-        """The state: "possessed" if a performer holds the character, otherwise "free"."""
+        """The state: "possessed" if a performer is attached to the character, otherwise "free"."""
         return "possessed" if self.holds else "free"
 
     @property
@@ -64,8 +68,8 @@ class Actor:
 
     @property
     def candidate(self) -> tuple[int | None, str]:
-        """The id of the performer that attaches next, and the body parts that attach. None as id means the
-        first performer in view.
+        """The id of the performer that will attach next, and the name of the body parts that will attach. The
+        id None means the first performer in view.
         """
         return self._candidate
 
@@ -90,16 +94,16 @@ class Actor:
         raise NotImplementedError
 
     def release(self, body: int | None = None) -> None:
-        """Ends the hold of one performer, or of all performers if ``body`` is None. Released parts ease back
+        """Detaches one performer, or all performers if ``body`` is None. Released parts of the mesh ease back
         to rest.
 
         Raises:
-            InputError: if that performer does not hold this character.
+            InputError: if that performer is not attached to this character.
         """
         raise NotImplementedError
 
     def resize(self, growth: float, about: Float | None = None, *, fade: bool = False) -> None:
-        """Sets the display scale relative to the character's own size. Existing holds are kept.
+        """Sets the display scale relative to the character's own size. Performers stay attached.
 
         Args:
             about: (3,) metres, the point on the floor that stays fixed; None uses the mesh's current place.
@@ -114,7 +118,7 @@ class Actor:
         )
 
     def exaggerate(self, exaggeration: float | None) -> None:
-        """Sets how far soft parts swing past the motion. None uses the value in the settings.
+        """Sets the factor on the overshoot of soft parts that swing. None uses the value in the settings.
 
         Raises:
             InputError: if no part of the character can swing.
@@ -123,8 +127,8 @@ class Actor:
         raise InputError("no part of it can swing", where=where, remedy="Choose a mesh that performers hold.")
 
     def preview(self, body: int | None = None, parts: str = "all") -> None:
-        """Selects the performer and the body parts that :meth:`cues` previews. None as performer selects the
-        next performer.
+        """Selects the performer (body id) and the body parts for the preview in :meth:`cues`. The id None
+        selects the first free performer.
 
         Raises:
             InputError: for an unknown part.
@@ -133,12 +137,12 @@ class Actor:
         self._candidate = (body, parts)
 
     def next_performer(self, bodies: list[Body]) -> Body | None:
-        """Returns the first body that neither holds this character nor is busy with another character."""
+        """Returns the first body that is attached to no character, or None."""
         return next(iter(self._free_bodies(bodies)), None)
 
     def cues(self, bodies: list[Body]) -> Cues:
-        """Returns the nodes to highlight: those that are held, and those that the next performer would
-        hold.
+        """Returns the nodes to highlight: those that performers are attached to, and those that the next
+        performer would attach to.
         """
         raise NotImplementedError
 
@@ -147,12 +151,13 @@ class Actor:
         raise NotImplementedError
 
     def _free_bodies(self, bodies: Sequence[Body]) -> list[Body]:
-        """Returns the bodies that neither hold this character nor are busy with another character."""
+        """Returns the bodies that are attached to no character."""
         holders = {hold.body for hold in self.holds}
         return [body for body in bodies if body.id not in holders and body.id not in self.busy]
 
     def _need_holder(self, body: int | None, verb: tuple[str, str]) -> None:
-        """Raises InputError if a performer does not hold this character. Does nothing if ``body`` is None.
+        """Raises InputError if a performer is not attached to this character. Does nothing if ``body`` is
+        None.
 
         Args:
             verb: verb and participle for the message, such as ("drive", "driven").

@@ -1,4 +1,4 @@
-"""Settings for how a character approaches and follows its performers."""
+"""Settings of a character's approach to its performers, and of the transfer of their motion."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from enliven.settings import group, parameter, setting
 
 @dataclass(frozen=True)
 class ActorSettings:
-    """Settings for how a character approaches its performers."""
+    """Settings of a character's approach to its performers, and of the transfer of their motion."""
 
     place: Literal["meet", "fixed"] = setting(
         "meet", "'meet' puts the mesh at the performer's position; 'fixed' leaves it as modelled."

@@ -1,8 +1,8 @@
 """Attachment: binds a tracked body to a deformation graph (KinÊtre, section "Constraints").
 
-Each bone is a cylinder with sample points. A sample becomes a point constraint if it lies near a node and
-faces the same way as the node. The samples then move with the bones, and the solver deforms the graph to
-follow the samples.
+Each bone is a cylinder with sample points. A sample becomes a point constraint if it is near a node and its
+normal is similar to the node's. These samples then move with the bones, and the solver deforms the graph to
+follow them.
 """
 
 from __future__ import annotations
@@ -57,13 +57,14 @@ class AttachmentSettings:
 
 @dataclass(frozen=True)
 class ReachGrowth:
-    """Extends the reach for a body that does not fit the mesh, limb by limb, until enough bones attach.
+    """Increases the reach of each limb until enough of its bones attach. It is used for a body that does not
+    fit the mesh.
 
     If the performer attaches with the whole body, the reach of the arms is limited to the reach that the
-    whole body needs. Otherwise they would attach to the flanks of a mesh that has no arms.
+    whole body needs. Otherwise the arms would attach to the sides of a mesh without arms.
 
     Attributes:
-        enough: fraction of the bones that must attach before the reach stops growing.
+        enough: fraction of a limb's bones that must attach before its reach stops growing.
         farthest: the longest reach that is tried, metres.
     """
 
@@ -71,8 +72,8 @@ class ReachGrowth:
     farthest: float
 
     def limb_reaches(self, reach: float, bone: Int, nearest: Float) -> Float:
-        """Returns the reach (L,) of each sample, metres. It is ``reach`` or, if necessary, a longer reach at
-        which enough bones attach.
+        """Returns the reach (L,) of each sample, metres. It is ``reach``, or a longer reach if too few bones
+        would attach.
 
         Args:
             bone: (L,) the bone of each sample.
@@ -89,8 +90,8 @@ class ReachGrowth:
         return reaches
 
     def _larger_reach(self, reach: float, first: Float) -> float:
-        """Returns the reach at which enough bones attach, given the distances ``first`` (B,) from the bones
-        to their nearest nodes.
+        """Returns the reach at which enough bones attach, metres. ``first`` (B,) are the distances from the
+        bones to their nearest nodes.
         """
         while np.count_nonzero(first < reach) < self.enough * len(first) and reach < self.farthest:
             reach = min(1.5 * reach + 0.01, self.farthest)
@@ -105,7 +106,7 @@ class Attachment:
         points: (L, 3) the constrained points p_l in the mesh's rest space, metres.
         node_indices: (L, 4) int32 the nodes that move each point.
         node_weights: (L, 4) weights of these nodes. They sum to one; unused entries are 0.
-        bone: (L,) the child joint of the bone that each point sits on (:class:`enliven.person.body.Joint`).
+        bone: (L,) the bone of each point, given by its child joint (:class:`enliven.person.body.Joint`).
         along: (L,) position along the bone: 0 is the parent joint, 1 is the child joint.
         radial: (L, 3) offset from the bone's axis to the point, in the world, at the time of attaching,
             metres.
@@ -125,7 +126,8 @@ class Attachment:
 
     @property
     def nodes(self) -> tuple[Int, Float]:
-        """The K held nodes (K,) and the strength (K,) of each, in (0, 1], for the viewer's highlights."""
+        """The nodes (K,) that the points are attached to, and the strength (K,) of each, in (0, 1], for the
+        viewer's highlights."""
         if not len(self):
             return np.empty(0, np.int64), np.empty(0)
         total = np.bincount(self.node_indices.reshape(-1), self.node_weights.reshape(-1))
@@ -145,16 +147,17 @@ class Attachment:
         )
 
     def targets(self, joints: Float, turns: Float | None = None) -> Float:
-        """Returns the current target positions q_l (L, 3) in metres of the points. NaN if a needed joint is
-        not finite.
+        """Returns the current target positions q_l (L, 3) of the points, in metres. A target is NaN if a
+        joint of its bone is not finite.
 
         A point keeps its fraction along the bone, even if the bone's length changes, and its distance from
         the bone's axis.
 
         Args:
             joints: (20, 3) metres, world frame.
-            turns: (19, 3, 3) rotation of each bone since the body attached; None computes it from the joints.
-                Joint positions do not determine how a trunk without hips or shoulders twists about its axis.
+            turns: (19, 3, 3) rotation of each bone since the body attached. None computes it from the joints.
+                It is needed if hips or shoulders are missing, because then the joints do not determine the
+                trunk's twist about its axis.
         """
         joints = check_joints(joints)
         turns = bone_rotations(self.rest, joints)[0] if turns is None else np.ascontiguousarray(turns)
@@ -174,8 +177,8 @@ class Attachment:
         return np.where(self.along == 1.0, child, np.where(self.along == 0.0, parent, inner))
 
     def target_weights(self, confidence: Float) -> Float:
-        """Returns (L,) weights in [0, 1]: 0 if a joint of the bone is lost, rising smoothly with its
-        confidence.
+        """Returns weights (L,) in [0, 1]. A weight is 0 if a joint of the bone is lost, and rises smoothly
+        with the joint's confidence.
 
         Args:
             confidence: (20,) in [0, 1]; NaN counts as 0.
@@ -205,16 +208,16 @@ def attach(
     grow: ReachGrowth | None = None,
 ) -> Attachment:
     """Attaches the body in its current pose to the graph. The result also serves as a preview of the nodes
-    that would be held.
+    that the body would attach to.
 
     Args:
         graph: deformation graph of the mesh, in the same world frame.
-        joints: (20, 3) metres; a bone with a joint that is not finite does not attach.
-        confidence: (20,); a bone with a joint of confidence 0 does not attach.
-        parts: names of :data:`enliven.person.body.PARTS`; a bone belongs to its child joint.
+        joints: (20, 3) metres. A bone with a joint that is not finite does not attach.
+        confidence: (20,) the confidence of the joints. A bone with a joint of confidence 0 does not attach.
+        parts: names from :data:`enliven.person.body.PARTS`. A bone belongs to the part of its child joint.
         settings: radius, samples, reach and angle.
-        deformed: current (N, 3, 3) linear parts and (N, 3) positions of the nodes, if the mesh is deformed
-            already (for attaching again, or with a second body).
+        deformed: current (N, 3, 3) linear parts and (N, 3) positions of the nodes, if an attached body
+            already deforms the mesh.
         grow: extends the reach beyond the settings if too few bones reach a node.
 
     Raises:
@@ -256,8 +259,8 @@ def _usable_samples(
     """Returns the samples of all usable bones and joints, grouped by bone and by joint.
 
     Returns:
-        position, normal (zero at a joint), bone, fraction along the bone and radial offset of each sample,
-        and the index at which each group begins.
+        For each sample: position, normal (zero at a joint), bone, fraction along the bone, and radial offset.
+        For each group: the index at which it begins.
     """
     points, normals = bone_samples(joints, settings.radius, settings.along, settings.around)
     count = points.shape[1]
@@ -267,8 +270,8 @@ def _usable_samples(
     starts = count * np.arange(len(bones) + 1)
     bone, along = [np.repeat(bones + 1, count)], [np.tile(fraction, len(bones))]
     if chosen[0] and not chosen[[*_PELVIS_CHILDREN]].any() and usable[:2].all():
-        # The root joint is not the child of any bone. So if only the hip is chosen, use the samples of the
-        # lower half of the spine, so that rotating the hip rotates the attached part.
+        # The root joint is not the child of any bone. If only the hip is chosen, use the samples of the lower
+        # half of the spine. Then a rotation of the hip rotates the attached part.
         pelvis = fraction < 0.5
         positions.append(points[0][pelvis])
         facing.append(normals[0][pelvis])
@@ -303,7 +306,7 @@ def _deformed_nodes(graph: DeformationGraph, deformed: tuple[Float, Float] | Non
 
 @njit(cache=True, nogil=True)
 def _write_targets(joints, turns, bone, along, radial, out):
-    """Computes :meth:`Attachment.targets` into ``out``."""
+    """Writes the targets (L, 3) to ``out`` (kernel of :meth:`Attachment.targets`)."""
     for i in range(bone.shape[0]):
         child = bone[i]
         parent = _PARENT_JOINTS[child]

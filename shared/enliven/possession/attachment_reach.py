@@ -1,5 +1,5 @@
-"""Attaches a body to the part of a mesh within its reach, and explains the reason if no node is within
-reach.
+"""Attaches a body to the nodes of a mesh within its reach. If no node is within reach, an error explains the
+reason.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from enliven.possession.performer_attachment import TransformedAttachment
 from enliven.possession.rest_transform import RestTransform
 
 _MIN_ATTACHED_FRACTION = 0.9
-"""Minimum fraction of the bones that must attach if the joints already lie inside the mesh."""
+"""Minimum fraction of the bones that must attach if the joints are already inside the mesh."""
 
 
 def attach_within_reach(
@@ -68,7 +68,7 @@ def out_of_reach_error(
     Args:
         grip: the attachment, which is empty.
         nodes: (N, 3) metres, current positions of the nodes in the rest space.
-        comes: True if the mesh moves to the body, so that stepping nearer does not help.
+        comes: True if the mesh moves to the body. Then it does not help if the performer steps nearer.
     """
     joints = grip.rest_transform(body.joints)[sorted(parse_parts(grip.parts))]
     distances = np.linalg.norm(joints[:, None] - nodes, axis=2)

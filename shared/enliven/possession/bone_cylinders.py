@@ -1,5 +1,5 @@
-"""Rotations of a tracked body's bones from joint positions alone, and sample points on cylinders around the
-bones.
+"""Computes the rotations of a tracked body's bones from joint positions, and sample points on cylinders
+around the bones.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def bone_samples(joints: Float, radius: float = 0.04, along: int = 4, around: in
     "Constraints").
 
     Args:
-        joints: (20, 3) metres; the samples of a bone with a joint that is not finite are NaN.
+        joints: (20, 3) metres. If a joint is not finite, the samples of its bones are NaN.
         radius: metres.
         along: number of sample rings along each bone. The rings are in the middle of ``along`` equal
             sections.
@@ -49,15 +49,15 @@ def bone_samples(joints: Float, radius: float = 0.04, along: int = 4, around: in
 
 
 def bone_rotations(rest: Float, joints: Float) -> tuple[Float, Float]:
-    """Returns the rotation (19, 3, 3) of each bone since ``rest``, and the current axes (19, 3, 3) of the
-    torso part to which the bone belongs.
+    """Returns the rotation (19, 3, 3) of each bone since ``rest``, and the current axes (19, 3, 3) of its
+    part of the torso (hips or shoulders).
 
     The hips and the shoulders each define a frame (a girdle). A bone first rotates with its girdle or its
     parent bone, then swings by the shortest arc to its current direction. So limbs twist with the body and
     never spin independently. The shortest arc is undefined for opposite directions. Only an upper arm can
-    point opposite to its rest direction (hanging at rest, then raised). It therefore swings in two steps, via
-    a direction ahead of and outward from its rest direction. This moves the undefined direction behind the
-    body, which arms cannot reach.
+    point opposite to its rest direction (hanging at rest, then raised). So an upper arm swings in two steps,
+    via a direction that is farther forward and outward than its rest direction. Then the undefined direction
+    is behind the body, where arms cannot reach.
 
     Args:
         rest: (20, 3) metres, the joints when the body attached.
@@ -71,14 +71,14 @@ def bone_rotations(rest: Float, joints: Float) -> tuple[Float, Float]:
 
 
 def find_known_bones(joints: Float) -> Bool:
-    """Returns (19,) a mask of the bones with two finite joints."""
+    """Returns a mask (19,) that is True for the bones with two finite joints."""
     finite = np.asarray(np.isfinite(joints).all(1))
     return np.asarray(finite[1:] & finite[_PARENT_JOINTS[1:]])
 
 
 def fill_joints(joints: Float, rest: Float) -> Float:
-    """Replaces joints that are not finite: each gets its offset from its parent in ``rest``. Returns (20, 3)
-    joints.
+    """Replaces joints that are not finite by the parent's position plus the offset from the parent in
+    ``rest``. Returns joints (20, 3), metres.
     """
     filled = np.array(joints, np.float64)
     is_known = np.asarray(np.isfinite(filled).all(1))
@@ -119,7 +119,7 @@ def _cross_into(u, v, out):
 
 @njit(cache=True, nogil=True)
 def _product_into(m, n, out):
-    """Writes M N for (3, 3) matrices into ``out``, which must not alias M or N."""
+    """Writes the matrix product M N of (3, 3) matrices into ``out``, which must not be M or N itself."""
     for r in range(3):
         for c in range(3):
             out[r, c] = m[r, 0] * n[0, c] + m[r, 1] * n[1, c] + m[r, 2] * n[2, c]
@@ -179,7 +179,7 @@ def _girdle_turn(rest, joints, pair, turn, frame):
 
 @njit(cache=True, nogil=True)
 def _write_rotations(rest, joints, turns, axes):
-    """Computes :func:`bone_rotations`; all joints of both bodies must be finite."""
+    """Writes the results of :func:`bone_rotations`. All joints of both bodies must be finite."""
     girdle_turn, girdle = np.empty((2, 3, 3)), np.empty((2, 3, 3))
     _girdle_turn(rest, joints, _HIP_JOINTS, girdle_turn[0], girdle[0])
     _girdle_turn(rest, joints, _SHOULDER_JOINTS, girdle_turn[1], girdle[1])
@@ -199,8 +199,8 @@ def _write_rotations(rest, joints, turns, axes):
             continue
         for r in range(3):
             turned[r] = start[r, 0] * before[0] + start[r, 1] * before[1] + start[r, 2] * before[2]
-        # Swing an upper arm in two steps. The first step leads to a direction ahead and outward, which moves
-        # the undefined direction behind the body.
+        # Swing an upper arm in two steps. The first step leads to a direction farther forward and outward.
+        # Then the undefined direction is behind the body.
         if child in _UPPER_ARMS:
             outward = 0.3 if child == _UPPER_ARMS[0] else -0.3
             for r in range(3):
@@ -218,7 +218,7 @@ def _write_rotations(rest, joints, turns, axes):
 
 @njit(cache=True, nogil=True)
 def _sample_cylinders(joints, axes, radius, along, around, points, normals):
-    """Computes :func:`bone_samples` into ``points`` and ``normals``."""
+    """Writes ``points`` and ``normals`` (kernel of :func:`bone_samples`)."""
     axis, ahead, side = np.empty(3), np.empty(3), np.empty(3)
     for child in range(1, joints.shape[0]):
         b, start = child - 1, joints[_PARENT_JOINTS[child]]

@@ -1,4 +1,5 @@
-"""An actor with a mesh that an embedded deformation graph moves. Performers attach to the graph."""
+"""An actor with a mesh that is moved by an embedded deformation graph. Performers attach to the graph's
+nodes."""
 
 from __future__ import annotations
 
@@ -38,17 +39,16 @@ _STEP_NS = 33_333_333
 
 
 class EmbeddedActor(Actor):
-    """A character with its deformation graph and the performers' holds on it.
+    """A character with its deformation graph and its attached performers.
 
-    The mesh is solved in its rest space; the placement transforms the result into the world.
+    The mesh is solved in its rest space. The placement transforms the result into the world.
 
     Args:
         size: metres of the mesh as modelled per metre of its rest space.
-        height: height of the mesh at rest, metres. It determines the scale on the stage. None: it is
-            measured.
-        person: a function that returns the result of the search for a person in the mesh. It waits for the
-            search, which runs in the background. None: the actor itself runs the search when it needs the
-            result.
+        height: height of the mesh at rest, metres. It determines the scale on the stage. If None, the height
+            is measured.
+        person: a function that waits for the background search for a person in the mesh, and returns its
+            result. If None, the actor itself runs the search when it needs the result.
     """
 
     settings: ActorSettings
@@ -87,7 +87,7 @@ class EmbeddedActor(Actor):
 
     @property
     def likeness(self) -> BodyInMesh | None:
-        """The person-like skeleton in the mesh, if the mesh is driven limb by limb; otherwise None."""
+        """The person-like skeleton in the mesh if the mesh is driven limb by limb, otherwise None."""
         return self._rules.likeness
 
     def set_likeness(self, likeness: BodyInMesh | None) -> None:
@@ -101,7 +101,7 @@ class EmbeddedActor(Actor):
 
     @property
     def body_id(self) -> int:
-        """The id of the performer that has held the mesh longest; -1 while no performer holds it."""
+        """The id of the performer that has been attached longest, or -1 if no performer is attached."""
         return self.holds[0].body if self.holds else -1
 
     def possess(self, body: Body, parts: str = "all", mode: Mode = "alone") -> None:
@@ -109,8 +109,8 @@ class EmbeddedActor(Actor):
 
         Args:
             parts: the parts of the body that attach.
-            mode: "alone" ends the holds of all other performers. "join" keeps the holds of other performers
-                and ends this performer's earlier hold. "extend" also keeps this performer's earlier hold,
+            mode: "alone" detaches all other performers. "join" keeps other performers attached and replaces
+                this performer's earlier attachment. "extend" also keeps this performer's earlier attachment,
                 except for bones that attach again.
 
         Raises:
@@ -143,11 +143,11 @@ class EmbeddedActor(Actor):
         self._replace_holds([*others[:hold_index], hold, *others[hold_index:]], start)
 
     def release(self, body: int | None = None) -> None:
-        """Ends the hold of one performer, or of all performers. A mesh without holds eases to its rest shape
-        at its current place.
+        """Detaches one performer, or all performers if ``body`` is None. A mesh without performers eases to
+        its rest shape at its current position.
 
         Raises:
-            InputError: if that performer does not hold this mesh.
+            InputError: if that performer is not attached to this mesh.
         """
         self._need_holder(body, ("hold", "held"))
         remaining = [hold for hold in self.holds if body is not None and hold.body != body]
@@ -166,8 +166,8 @@ class EmbeddedActor(Actor):
         self._placement, self._placed = Placement(place[0], place[1], np.array(place[2:5])), True
 
     def resize(self, growth: float, about: Float | None = None, *, fade: bool = False) -> None:
-        """Sets the display scale relative to the mesh's own size. Holds stay valid, because they are stored
-        in the rest space.
+        """Sets the display scale relative to the mesh's own size. Attachments stay valid, because they are
+        stored in the rest space.
         """
         factor, self.growth = growth / self.growth, growth
         if self._placed and factor != 1.0:
@@ -177,12 +177,13 @@ class EmbeddedActor(Actor):
                 self._easing.restart_fade()
 
     def exaggerate(self, exaggeration: float | None) -> None:
-        """Sets how far soft parts swing past the motion. None uses the value in the settings."""
+        """Sets the factor on the overshoot of soft parts that swing. None uses the value in the settings."""
         self.exaggeration = exaggeration
         self._swing.exaggerate(self.settings.exaggeration if exaggeration is None else exaggeration)
 
     def hand_over(self, former: int, body: Body) -> None:
-        """Transfers the hold of one performer to another performer, starting from the same pose."""
+        """Transfers the attachment of the performer ``former`` to another performer, starting from the same
+        pose."""
         for hold in self.holds:
             if hold.body == former:
                 hold.body, hold.depth = body.id, depth_below_floor(body)
@@ -193,7 +194,8 @@ class EmbeddedActor(Actor):
     def perform(
         self, bodies: list[Body], time_ns: int, seen: Mapping[int, ObservedPoints] | None = None
     ) -> Pose:
-        """Returns the pose at a time: driven by the performers that hold the mesh, or waiting at its place.
+        """Returns the pose at a time. Attached performers drive the mesh. Without them it waits at its
+        position.
 
         Args:
             seen: by body id, the part of the performer's surface that a depth sensor sees.
@@ -212,7 +214,8 @@ class EmbeddedActor(Actor):
         return Pose(self.character.id, time_ns, linear.astype(np.float32), positions.astype(np.float32))
 
     def cues(self, bodies: list[Body]) -> Cues:
-        """Returns the nodes that are held, and the nodes that the next performer would hold in addition."""
+        """Returns the nodes that performers are attached to, and the nodes that the next performer would
+        attach to."""
         performer, parts = self._candidate
         body = next((b for b in bodies if b.id == performer), None) or self.next_performer(bodies)
         count = len(self.graph.positions)
@@ -231,7 +234,7 @@ class EmbeddedActor(Actor):
     def warm_up(self) -> None:
         """Drives a copy of the actor for a few frames, so that no live frame has to wait for compilation."""
         rehearsal = EmbeddedActor(self.character, self.graph, self.settings)
-        # Reuse the rules, because they already contain the result of the slow skeleton search.
+        # Reuse the placement rules, because they already contain the result of the slow skeleton search.
         rehearsal._rules = self._rules
         body = Body(0, standing_figure(), np.ones(J))
         rehearsal.perform([body], 0)
@@ -259,8 +262,8 @@ class EmbeddedActor(Actor):
     def _attachment_for_body(
         self, body: Body, parts: str, others: list[PerformerAttachment]
     ) -> TransformedAttachment:
-        """Returns the attachment that the body would get now, in addition to other holds. It is empty if no
-        node is within reach.
+        """Returns the attachment that the body would get now, in addition to those of the performers
+        ``others``. It is empty if no node is within reach.
         """
         deformed = None
         if (self.holds or self._easing.is_active) and (others or self._is_stationary):
@@ -283,7 +286,8 @@ class EmbeddedActor(Actor):
         return None if state is None else self._placement.state_to_rest(*state)
 
     def _replace_holds(self, holds: list[PerformerAttachment], start: tuple[Float, Float] | None) -> None:
-        """Replaces the holds and the solver. The displayed state eases from the old to the new result."""
+        """Replaces the attached performers and the solver. The displayed state eases from the old to the new
+        result."""
         self.holds = holds
         self._soft.reset_contacts()
         self._swing.restart()
@@ -293,8 +297,8 @@ class EmbeddedActor(Actor):
         self._easing.restart_fade()
 
     def _hand_over(self, bodies: list[Body], time_ns: int) -> None:
-        """Hands over the hold of a performer that is away longer than ``hand_over`` seconds, if exactly one
-        idle performer is in view.
+        """Transfers the attachment of a performer that is away longer than ``hand_over`` seconds to the idle
+        performer in view, if there is exactly one.
         """
         patience, present = self.settings.hand_over, {body.id for body in bodies}
         absent_holds = [h for h in self.holds if h.body not in present and h.seconds_away(time_ns) > patience]
@@ -303,8 +307,8 @@ class EmbeddedActor(Actor):
             self.hand_over(max(absent_holds, key=lambda h: h.seconds_away(time_ns)).body, idle[0])
 
     def _update_holds(self, bodies: list[Body], time_ns: int) -> None:
-        """Updates the targets of all holds. A performer that is away releases the mesh, unless all holders
-        are away.
+        """Updates the targets of all attached performers. A performer that is away does not drive the mesh,
+        unless all attached performers are away.
         """
         present = {body.id: body for body in bodies}
         sunk = {h.body for h in self.holds if h.body in present and not h.is_credible(present[h.body])}
@@ -325,7 +329,8 @@ class EmbeddedActor(Actor):
                     self._turned = hold.rest_transform.turned
 
     def _ease_into_pose(self, bodies: list[Body], time_ns: int) -> None:
-        """Eases a mesh that has not been held yet into the pose of the performer that holds it next."""
+        """Eases a mesh that no performer has been attached to yet into the pose of the performer that will
+        attach next."""
         body = self.next_performer(bodies) if self._free and self._placed else None
         if body is None:
             return
@@ -344,8 +349,8 @@ class EmbeddedActor(Actor):
     def _solved_state(
         self, bodies: list[Body], seen: Mapping[int, ObservedPoints], time_ns: int
     ) -> tuple[Float, Float]:
-        """Returns (N, 3, 3) linear parts and (N, 3) positions in the rest space. If no holder is in view,
-        returns those of the last frame.
+        """Returns (N, 3, 3) linear parts and (N, 3) positions in the rest space. If no attached performer is
+        in view, they are those of the last frame.
         """
         if self._approach is None and self._solver is None:
             return np.tile(np.eye(3), (len(self.graph.positions), 1, 1)), self.graph.positions
@@ -360,7 +365,7 @@ class EmbeddedActor(Actor):
     def _held_state(
         self, seen: Mapping[int, ObservedPoints], floor: float, time_ns: int
     ) -> tuple[Float, Float]:
-        """Solves the state of the mesh deformed by its holders."""
+        """Solves the state of the mesh that the attached performers deform."""
         assert self._solver is not None
         if not self._seen:
             return self._solver.state()

@@ -1,4 +1,4 @@
-"""Follow-through: soft parts of a possessed mesh lag behind the motion and swing past it."""
+"""Follow-through: soft parts of a possessed mesh lag behind the motion and then overshoot."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FULL_SWING_STIFFNESS = 1.0 / 16.0
 logarithm of the stiffness."""
 _ANGULAR_FREQUENCY = 2.0 * np.pi * 2.0
 """Natural angular frequency, radians per second (2 Hz). It is typical of a cheek or a belly. Performers
-rarely move a hand or foot to and fro faster."""
+rarely move a hand or foot back and forth faster."""
 _DAMPING_RATIO = 0.25
 """Damping ratio. A sudden stop overshoots by 44 %, and the swing has decayed after one second."""
 _MAX_OFFSET_M = 0.35
@@ -24,8 +24,8 @@ jumps after lost tracking from tearing the mesh."""
 def node_stiffness(
     character: Character, nodes: Float, spots: tuple[tuple[float, float, float, float, float], ...]
 ) -> Float | None:
-    """Returns the stiffness factor (N,) of each node (N, 3) at rest: the painted stiffness times that of the
-    spheres in the settings. None means 1 everywhere.
+    """Returns the stiffness factors (N,) of nodes at rest positions (N, 3), or None if all are 1. A factor is
+    the painted stiffness times that of the spheres ``spots`` in the settings.
     """
     painted, spotted = painted_stiffness(character), stiffness_at(nodes, spots)
     return painted if spotted is None else spotted if painted is None else painted * spotted
@@ -38,11 +38,12 @@ class FollowThrough:
     The computed position x moves linearly between two frames. The offset u of the mass then obeys u'' + 2 d w
     u' + w^2 u = -x'', with damping ratio d and natural frequency w. The equation is solved in closed form.
     The shown position is x + e s u, with the exaggeration e and the softness s from 0 to 1. So a node at rest
-    or at constant speed is shown at its computed position. A stiff node is always shown there.
+    or at constant speed is shown at its computed position. A stiff node is always shown at its computed
+    position.
 
     Args:
         stiffness: (N,) factors; nodes below 1 are soft. None means that no node is soft.
-        exaggeration: e; 0 turns it off.
+        exaggeration: e. 0 disables the swing.
     """
 
     def __init__(self, stiffness: Float | None, exaggeration: float) -> None:
@@ -53,7 +54,7 @@ class FollowThrough:
         self.restart()
 
     def exaggerate(self, exaggeration: float) -> None:
-        """Changes the exaggeration. A swing in progress continues. Without an earlier swing, the model
+        """Changes the exaggeration. A swing in progress continues. If the exaggeration was 0, the model
         restarts.
         """
         had_swing, self._exaggeration = self._has_swing, exaggeration

@@ -1,5 +1,5 @@
-"""The nodes of a mesh that the viewer highlights: nodes that are held, and nodes that the next performer
-would hold.
+"""The nodes of a mesh that the viewer highlights: nodes with attached performers, and nodes that the next
+performer would attach to.
 """
 
 from __future__ import annotations
@@ -17,16 +17,18 @@ State = Literal["free", "possessed"]
 
 @dataclass(frozen=True)
 class Cues:
-    """The nodes that the viewer highlights: those that are held, and a preview of those that would be held.
+    """The nodes that the viewer highlights: those with attached performers, and a preview of those that would
+    be attached next.
 
     Attributes:
         state: "free" or "possessed".
-        nodes: (K,) node indices; the first ``held`` are held, the others are a preview.
-        strengths: (K,) strength of the hold on each node, in (0, 1].
-        body: the id of the first performer that holds the mesh, or otherwise of the first that would hold it;
-            -1 if no performer does.
+        nodes: (K,) node indices. Performers are attached to the first ``held`` of them. The others are a
+            preview.
+        strengths: (K,) strength of the attachment of each node, in (0, 1].
+        body: the id of the first attached performer. Without one, the id of the performer in the preview, or
+            -1 without a preview.
         owners: (K,) the id of the performer that each node belongs to.
-        held: number of nodes that are held; the others are a preview.
+        held: number of nodes with attached performers.
     """
 
     state: State
@@ -38,10 +40,11 @@ class Cues:
 
 
 def make_cues(held: Sequence[tuple[int, Float]], preview: tuple[int, Float] | None) -> Cues:
-    """Computes the cues. A node that several performers hold belongs to the one with the greatest strength.
+    """Computes the cues. If several performers are attached to a node, it belongs to the one with the
+    greatest strength.
 
     Args:
-        held: for each performer that holds the mesh, the id and the strength (N,) on each node.
+        held: for each attached performer, the id and the strength (N,) on each node.
         preview: id and strengths of the performer that would attach next.
     """
     holders = [body for body, _ in held]

@@ -17,16 +17,16 @@ _HIP_JOINT = Joint.HIP_CENTER
 _MESH_POSED_JOINTS = frozenset(
     joint for joint in Joint if joint.name.split("_")[0] in ("ELBOW", "WRIST", "KNEE", "ANKLE")
 )
-"""Child joints of arm and leg bones, which point in the same direction as the performer's. The trunk, a
-hand or a foot of a mesh may be built differently, so these bones rotate by the same amount as the
-performer's."""
+"""Child joints of the arm and leg bones that point in the same direction as the performer's bones. The trunk,
+the hands and the feet of a mesh may be built differently, so their bones only rotate by the same amount as
+the performer's."""
 _MAX_EASING_SLOPE = 1.5 * np.pi / 2
-"""Ratio of maximum to mean speed of an easing: the maximum slope of the cubic easing (1.5), times pi / 2, the
-ratio of arc to chord of a half turn."""
+"""Maximum ratio of the easing's top speed to its mean speed: the maximum slope of the cubic easing (1.5),
+times the ratio of arc to chord of a half turn (pi / 2)."""
 
 
 class LimbRetargeting:
-    """A limb-to-limb retargeting: each bone of the mesh's own skeleton rotates like the corresponding bone of
+    """A limb-to-limb retargeting. Each bone of the mesh's own skeleton rotates like the corresponding bone of
     the performer.
 
     Joints are chained down the mesh's skeleton: j = parent + Q R Q^T (rest bone). R is the rotation of the
@@ -43,14 +43,14 @@ class LimbRetargeting:
 
     Args:
         likeness: the mesh's skeleton.
-        body: the performer when attaching.
+        body: the performer at the time of attaching.
         scale: metres of the performer per metre of the rest space.
         travel: fraction of the performer's travel over the floor that the mesh follows.
         seconds: duration of the move of the mesh into the performer's pose.
         pace: maximum speed of this move, in the performer's metres per second.
         inside: True if the mesh is at the performer's position and travels exactly like the performer.
-        front: radians about +Y, the direction that a human-like mesh at rest faces in the world; None: the
-            performer's direction.
+        front: radians about +Y, the direction that a human-like mesh at rest faces in the world. None means
+            the performer's direction.
 
     Attributes:
         turns: (19, 3, 3) rotation of each bone of the mesh since rest, for the last joints.
@@ -95,8 +95,8 @@ class LimbRetargeting:
 
     @property
     def at_rest(self) -> Float | None:
-        """(20, 3) metres, the joint positions at which the bones attach to the mesh at rest. None uses the
-        current joints.
+        """(20, 3) metres, the joint positions at which the bones attach to the mesh at rest. If None, the
+        current joints are used.
         """
         return self.likeness.joints if self.likeness.human else None
 
@@ -115,8 +115,8 @@ class LimbRetargeting:
             self._share = fraction * fraction * (3.0 - 2.0 * fraction)
 
     def __call__(self, joints: Float) -> Float:
-        """Converts the performer's joints (20, 3) in the world to joints (20, 3) of the mesh's skeleton; NaN
-        for joints that the mesh lacks.
+        """Converts the performer's joints (20, 3) in the world to joints (20, 3) of the mesh's skeleton.
+        Joints that the mesh lacks are NaN.
         """
         current = fill_joints(joints, self._last)
         self._last = current
@@ -171,13 +171,13 @@ def _hip_heading(joints: Float) -> float:
 
 
 def _pose_like_mesh(likeness: BodyInMesh, current_joints: Float, yaw: float, turn: Float) -> Float:
-    """Returns joints (20, 3), metres: the performer, upright on the floor, with limbs in the directions of
-    the mesh's limbs at rest.
+    """Returns joints (20, 3), metres, of the performer standing upright on the floor. The limbs have the
+    directions of the mesh's limbs at rest.
 
     Args:
         current_joints: (20, 3) current joints of the performer, metres.
         yaw: radians about +Y, the direction that the returned figure faces.
-        turn: (3, 3) rotation from that direction to the mesh's front.
+        turn: (3, 3) rotation from the direction ``yaw`` to the mesh's front.
     """
     figure = standing_figure() @ rotation_about_y(yaw).T
     mesh = likeness.joints @ turn

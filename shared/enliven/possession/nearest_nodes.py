@@ -17,20 +17,21 @@ def nearest_facing(points, normals, starts, nodes, node_normals, reach, cosine):
     first.
 
     Samples come in groups (one group per bone). A node that is out of reach of a whole group is tested only
-    once. Nodes in the outer part of the reach are tested only for samples that find too few in the inner
+    once. Nodes in the outer part of the reach are tested only for samples with too few nodes in the inner
     part.
 
     Args:
         points: (L, 3) metres.
-        normals: (L, 3) unit vectors; zero for a sample without a direction, which accepts every node.
-        starts: (G + 1,) int64 the index at which each group begins; the last is L.
+        normals: (L, 3) unit vectors. Zero for a sample without a direction, which accepts every node.
+        starts: (G + 1,) int64 the index at which each group begins. The last entry is L.
         nodes: (N, 3) metres.
         node_normals: (N, 3) unit vectors.
         reach: metres.
-        cosine: cosine of the widest angle between two normals.
+        cosine: cosine of the maximum angle between the normals of a sample and a node.
 
     Returns:
-        (L, 4) int32 nodes, and (L, 4) the distances to them, metres; infinite if there are fewer than four.
+        (L, 4) int32 nodes, and (L, 4) their distances, metres. If there are fewer than four nodes, the
+        remaining distances are infinite.
     """
     count = points.shape[0]
     indices = np.zeros((count, 4), np.int32)

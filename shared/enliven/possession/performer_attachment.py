@@ -1,4 +1,5 @@
-"""One performer's hold on an embedded mesh: the attached points, their targets, and the current strength."""
+"""The attachment of one performer to an embedded mesh: the attached points, their targets, and their current
+strength."""
 
 from __future__ import annotations
 
@@ -13,23 +14,25 @@ from enliven.possession.attachment import Attachment
 from enliven.possession.rest_transform import RestTransform
 
 _STRENGTH_TIME_CONSTANT_S = 0.12
-"""Time constant in seconds that smooths the strength of a hold, which follows the tracking confidence.
-Without it, flickering confidence would shake the mesh."""
+"""Time constant in seconds of the low-pass filter on the strength of an attachment. Without the filter,
+flickering tracking confidence would shake the mesh."""
 
 _MAX_TARGET_M = 1e4
-"""Maximum distance of a valid target from the rest origin, metres. It is larger than any room."""
+"""Maximum distance of a valid target from the origin of the rest space, metres. It is larger than any
+room."""
 
 _MAX_SINKING_M = 0.06
-"""Maximum depth, metres, of the lowest joint below its level at the start of the hold. The tracked skeleton
-of a half-occluded performer sinks through the floor before it is lost. It is then ignored."""
+"""Maximum depth, metres, of the lowest joint below its level at the time of attaching. The tracked skeleton
+of a half-occluded performer sinks through the floor before it is lost. A deeper skeleton is ignored."""
 
 
 @dataclass
 class TransformedAttachment:
-    """An attachment with its transform of joints. A performer that attaches several times has several.
+    """An attachment with the transform of the performer's joints into the rest space. A performer that
+    attaches several times has several attachments.
 
     Attributes:
-        attachment: the points that the body drives.
+        attachment: the points of the mesh that the body drives.
         rest_transform: transforms joints from the world into the rest space.
         parts: the name of the body parts that attached.
         start_turns: (19, 3, 3) bone rotations of the transform at the time of attaching; None means the
@@ -42,7 +45,7 @@ class TransformedAttachment:
     start_turns: Float | None = None
 
     def targets(self, body: Body) -> Float:
-        """Returns the current target positions (L, 3) of the held points, metres, rest space."""
+        """Returns the current target positions (L, 3) of the attached points, metres, rest space."""
         joints = self.rest_transform(body.joints)
         turns = self.rest_transform.turns
         if turns is not None and self.start_turns is not None:
@@ -52,12 +55,12 @@ class TransformedAttachment:
 
 @dataclass
 class PerformerAttachment:
-    """The hold of one performer: all of its attachments to an embedded mesh.
+    """The hold of one performer, that is, all of the performer's attachments to an embedded mesh.
 
     Attributes:
         body: the performer's id.
         attachments: one for each time that the performer attached.
-        seen_ns: time at which the performer was last in view, nanoseconds of the sensor's clock; None before
+        seen_ns: time at which the performer was last in view, nanoseconds of the sensor's clock. None before
             the first frame.
         active: True if the performer currently drives the mesh.
         depth: depth of the performer's lowest joint below the floor at the time of attaching, metres. It may
@@ -122,14 +125,14 @@ class PerformerAttachment:
 
     @property
     def targets(self) -> tuple[Float, Float]:
-        """(L, 3) targets of the held points, metres in the rest space, and (L,) their weights."""
+        """(L, 3) targets of the attached points, metres in the rest space, and (L,) their weights."""
         count = len(self)
         if self._targets is None or self._pulls is None or len(self._targets) != count or not self.active:
             return np.zeros((count, 3)), np.zeros(count)
         return self._targets, self._pulls
 
     def strengths(self, count: int) -> Float:
-        """Returns how strongly each of ``count`` nodes is held, (N,) from 0 to 1."""
+        """Returns the strength (N,), from 0 to 1, of the attachment of each of ``count`` nodes."""
         firm = np.zeros(count)
         for grip in self.attachments:
             nodes, strengths = grip.attachment.nodes
@@ -138,13 +141,13 @@ class PerformerAttachment:
 
 
 def depth_below_floor(body: Body) -> float:
-    """Returns the depth of the lowest joint below the floor, metres; 0 if no joint is below the floor."""
+    """Returns the depth of the lowest joint below the floor, metres, or 0 if no joint is below the floor."""
     return max(0.0, -float(np.nanmin(body.joints[:, 1], initial=0.0)))
 
 
 @dataclass(frozen=True)
 class ConstraintSet:
-    """The points of several holds as one set of constraints, in the order of the holds."""
+    """The attached points of several performers as one set of constraints, in the order of the performers."""
 
     points: Float
     node_indices: Int32
@@ -152,7 +155,7 @@ class ConstraintSet:
 
 
 def join_constraints(holds: Sequence[PerformerAttachment]) -> ConstraintSet:
-    """Joins the points of all holds to one set of constraints."""
+    """Concatenates the attached points of all performers to one set of constraints."""
     attachments = [grip.attachment for hold in holds for grip in hold.attachments]
     return ConstraintSet(
         np.concatenate([np.empty((0, 3)), *(a.points for a in attachments)]),

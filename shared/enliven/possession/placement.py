@@ -26,7 +26,7 @@ class Placement:
 
     @property
     def rotation(self) -> Float:
-        """(3, 3) the rotation about +Y."""
+        """The rotation about +Y as a matrix (3, 3)."""
         return rotation_about_y(self.yaw)
 
     def to_world(self, points: Float) -> Float:
@@ -59,8 +59,8 @@ def placement_at_performer(body: Body, mesh_height: float, ratio: float) -> Plac
     performer's height times ``ratio``.
 
     Args:
-        mesh_height: metres, height of the rest mesh, with its floor at y = 0.
-        ratio: the mesh's height over the performer's.
+        mesh_height: metres, height of the rest mesh. Its lowest point is at y = 0.
+        ratio: the mesh's height divided by the performer's height.
     """
     return placement_under_hips(body, ratio * body.height / mesh_height)
 
@@ -68,12 +68,12 @@ def placement_at_performer(body: Body, mesh_height: float, ratio: float) -> Plac
 def placement_under_hips(
     body: Body, scale: float, stand: Float | None = None, front: float = 0.0
 ) -> Placement:
-    """Returns the placement that puts a point of the mesh under the hips, and turns the mesh to face in the
-    performer's direction.
+    """Returns the placement that puts a point of the mesh below the performer's hips, and turns the mesh to
+    face in the performer's direction.
 
     Args:
         scale: metres of the world per metre of the rest mesh.
-        stand: (3,) the point on the floor of the rest mesh that is put under the hips, metres; None: the
+        stand: (3,) the point on the floor of the rest mesh that is put below the hips, metres. None means the
             origin.
         front: radians about +Y from +Z to the front of the rest mesh.
     """
@@ -91,8 +91,8 @@ def shift_left(placement: Placement, metres: float) -> Placement:
 
 
 def body_yaw(body: Body) -> float:
-    """Returns the performer's heading from hips and shoulders: radians about +Y from +Z. 0 if these joints
-    are unknown.
+    """Returns the performer's heading, computed from hips and shoulders: radians about +Y from +Z. It is 0 if
+    these joints are unknown.
     """
     lefts = [
         body.joints[a] - body.joints[b]
@@ -133,8 +133,8 @@ def wrap_angle(angle: float) -> float:
 
 
 def yaw_between(start: Float, end: Float) -> float:
-    """Returns the radians about +Y that best align (N, 3) centred points with others (Procrustes, in the
-    floor plane).
+    """Returns the rotation about +Y, in radians, that best aligns the centred points ``start`` (N, 3) with
+    ``end`` (N, 3): Procrustes analysis in the floor plane.
     """
     sine = float((end[:, 0] * start[:, 2] - end[:, 2] * start[:, 0]).sum())
     cosine = float((end[:, 0] * start[:, 0] + end[:, 2] * start[:, 2]).sum())

@@ -1,5 +1,5 @@
-"""Rules for the placement of a mesh, and for the transform of joints into it. They implement the modes of the
-setting ``how``.
+"""Rules for the placement of a mesh, and for the transform of a performer's joints into its rest space. They
+implement the modes of the setting ``how``.
 """
 
 from __future__ import annotations
@@ -23,18 +23,17 @@ from enliven.possession.placement import AS_MODELLED, Placement, placement_under
 from enliven.possession.rest_transform import PlacementTransform, RestTransform
 
 _MAX_ORIGIN_DISTANCE_M = 0.2
-"""A performer stands at the origin of a mesh if the origin is at most this far (metres) from the floor area
-of the mesh. It is half a person's width."""
+"""Maximum distance (metres) of a mesh's floor area from its origin if a performer stands at the origin. It is
+half a person's width."""
 _USUAL_HEIGHT_M = 1.75
-"""Performer height, metres, that ``_MAX_ORIGIN_DISTANCE_M`` assumes, because a mesh is scaled to its
-performer's height."""
+"""Performer height, metres, that ``_MAX_ORIGIN_DISTANCE_M`` and the scale of the mesh assume."""
 _TRUNK_JOINTS = (Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT)
-"""Joints that define the middle of a person's trunk: their mean."""
+"""Joints with their mean at the middle of a person's trunk."""
 
 
 def needs_person_search(settings: ActorSettings) -> bool:
-    """Returns True if the settings require a search for a person in the mesh. This is so if a human-like mesh
-    around its performer moves limb by limb.
+    """Returns True if the settings require a search for a person in the mesh. The search is needed if the
+    performer is inside the mesh and a human-like mesh moves limb by limb.
     """
     meets = settings.meets and settings.how == "inside" and settings.follow == "skeleton"
     return meets and settings.place == "meet" and settings.scaled == "mesh"
@@ -46,8 +45,8 @@ class PlacementRules:
     Args:
         height: height of the rest mesh, metres.
         size: metres of the mesh as modelled per metre of its rest space.
-        person: a function that waits for the search for a person, which runs in the background, and returns
-            the person or None. If it is not given, the search runs when the result is needed.
+        person: a function that waits for the background search for a person, and returns the person or None.
+            If it is not given, the search runs when the result is needed.
     """
 
     def __init__(
@@ -65,8 +64,8 @@ class PlacementRules:
 
     @cached_property
     def likeness(self) -> BodyInMesh | None:
-        """The person-like skeleton in the mesh, if the mesh is driven limb by limb; None if the performer's
-        bones attach to the nodes near them.
+        """The person-like skeleton in the mesh if the mesh is driven limb by limb. None if the performer's
+        bones attach to nearby nodes instead.
         """
         settings, ends = self.settings, np.array(self.settings.ends, np.float64)
         if settings.how != "mapped" and not needs_person_search(settings):
@@ -83,9 +82,8 @@ class PlacementRules:
     def stand(self) -> Float:
         """(3,) metres of the rest space: the point on the floor at which a performer stands in the mesh.
 
-        It is the origin, or the middle of the mesh if the mesh is far from the origin. This is so for a
-        character that is not at the origin of its project, and for a scan that is put next to another
-        character.
+        It is the origin, or the middle of the mesh if the mesh is far from the origin. A mesh may be far from
+        the origin of its project, for example a scan next to another character.
         """
         corners = self._character.vertices[:, [0, 2]]
         low, high = corners.min(0).astype(np.float64), corners.max(0).astype(np.float64)
@@ -107,8 +105,8 @@ class PlacementRules:
         return metres / (self.size if settings.scaled == "nobody" else scale)
 
     def waiting_placement(self, body: Body, farther: float = 0.0) -> Placement:
-        """Returns the placement of a mesh that waits for its first performer. It is moved to the left by
-        another ``farther`` metres.
+        """Returns the placement of a mesh that waits for its first performer, moved to the left by an
+        additional ``farther`` metres.
         """
         placement = self.placement_at(body)
         metres = farther + (0.0 if self.settings.how == "inside" else self.settings.aside)
@@ -135,9 +133,9 @@ class PlacementRules:
 
         Args:
             placement: the current placement of the mesh.
-            earlier: the transforms of those current holds that are kept, of other bodies or of this body.
-            own_earlier: the transform of the body's current hold, whether it is kept or not. If the mesh
-                stands next to the performer, the new hold continues with this transform, so that attaching
+            earlier: the transforms of the attachments that are kept, of other bodies and of this body.
+            own_earlier: the transform of the body's current attachment, even if it is not kept. If the mesh
+                stands next to the performer, the new attachment continues with this transform. So attaching
                 again causes no motion.
         """
         settings, scale = self.settings, self._performer_scale(body)

@@ -1,6 +1,7 @@
-"""Eases a mesh that no performer has held yet into the pose of the performer that may attach next.
+"""Eases a mesh that no performer has been attached to yet into the pose of the performer that may attach
+next.
 
-The mesh stays at its waiting place, and its limbs ease into the performer's pose. So a T-posed mesh lowers
+The mesh stays at its waiting position, and its limbs ease into the performer's pose. So a T-posed mesh lowers
 its arms before its performer attaches, and no part of it jumps at that moment.
 """
 
@@ -22,7 +23,8 @@ State = tuple[Float, Float]
 
 
 class PoseApproach:
-    """A preview hold of one performer on a mesh, solved like a real hold but without travel over the floor.
+    """A preview of one performer's attachment to a mesh. It is solved like a real attachment, but without
+    travel over the floor.
 
     Args:
         rest_transform: limb-to-limb retargeting, without travel.

@@ -1,4 +1,4 @@
-"""Easing (blending) that keeps the shown state continuous when the computed state jumps."""
+"""Blending that keeps the displayed state continuous when the computed state jumps."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from enliven.arrays import Float
 from enliven.possession.placement import rotation_about_y, yaw_between
 
 _MAX_SLOPE = 1.5 * np.pi / 2
-"""Maximum slope of the cubic easing (1.5, at its middle) times pi / 2, the ratio of arc to chord of a half
-turn."""
+"""Maximum slope of the cubic easing (1.5, at its middle), times the ratio of arc to chord of a half turn (pi
+/ 2)."""
 
 State = tuple[Float, Float]
 """(N, 3, 3) linear parts and (N, 3) positions, world frame."""
@@ -40,13 +40,13 @@ class PoseBlend:
     """A blend over a jump. It stores the gap between the displayed and the computed state, and closes the gap
     over time.
 
-    While a gap closes, the shown speed of a node exceeds its computed speed by at most ``pace``, and by at
-    most 1.5 / seconds times the length of the gap. The rotation and scale of the gap itself are not counted.
-    If the gap is a rotation, its length counts pi / 2 times.
+    While a gap closes, the displayed speed of a node exceeds its computed speed by at most ``pace``. It also
+    exceeds it by at most 1.5 / seconds times the length of the gap. The length does not include the rotation
+    and scale of the whole mesh. For the rotation of a node it is multiplied by pi / 2.
 
     Args:
         seconds: duration in which a gap closes.
-        pace: maximum speed of closing, metres per second; a wide gap takes longer than ``seconds``.
+        pace: maximum speed of closing, metres per second. A wide gap takes longer than ``seconds``.
     """
 
     def __init__(self, seconds: float, pace: float = np.inf) -> None:
@@ -68,8 +68,7 @@ class PoseBlend:
 
     def turn_along(self, yaw: float) -> None:
         """Rotates the last displayed state by ``yaw`` radians about +Y if a fade restarts in this frame. The
-        fade then begins from the rotated state. Otherwise a spinning mesh would lag by the rotation of one
-        frame.
+        fade then begins from the rotated state, so a spinning mesh does not lag by the rotation of one frame.
         """
         if self._restarts and self.shown is not None:
             (linear, positions), rotation_matrix = self.shown, rotation_about_y(yaw)
@@ -83,8 +82,8 @@ class PoseBlend:
         self._restarts = True
 
     def skip(self, time_ns: int) -> None:
-        """Excludes the time since the last state from the fade, because nothing was displayed in that time.
-        The fade then continues.
+        """Pauses the fade from the last displayed state until ``time_ns``, because nothing was displayed in
+        that time.
         """
         self._start_ns += time_ns - self._time_ns
         self._time_ns = time_ns
@@ -130,7 +129,7 @@ def _gap_between(shown: State, new: State) -> _Gap:
 
 
 def _state_across_gap(gap: _Gap, left: float, linear: Float, positions: Float) -> State:
-    """Returns the computed state plus the fraction ``left`` of the gap."""
+    """Returns the computed state with the fraction ``left`` (0 to 1) of the gap applied."""
     similarity = np.exp(left * gap.growth) * rotation_about_y(left * gap.yaw)
     centre = positions.mean(0)
     relative = positions - centre + left * gap.positions

@@ -31,14 +31,14 @@ limb to bend."""
 
 
 class PreparedMesh(NamedTuple):
-    """A mesh ready for the stage, and the values for its actor.
+    """A mesh that is ready for the stage, with the parameters of its actor.
 
     Attributes:
         mesh: the mesh, in metres of its rest space.
         settings: the settings of the actor, including the limb ends and joints of this mesh.
         size: metres of the mesh as modelled per metre of its rest space.
         height: height of the person that the mesh shows, metres, even if the mesh is only a part of the
-            person. 0: use the height of the mesh.
+            person. 0 means the height of the mesh.
     """
 
     mesh: Mesh
@@ -88,17 +88,18 @@ def prepare_for_actor(
 def prepare_mesh(
     mesh: Mesh, settings: ActorSettings, ends: Sequence[int] = (), joints: Float | None = None
 ) -> tuple[Mesh, float]:
-    """Prepares an upright mesh for the stage. Returns it, and its scale: metres as modelled per metre of the
-    result.
+    """Prepares an upright mesh for the stage. Returns the mesh, and its scale in metres as modelled per metre
+    of the result.
 
     If the settings place the mesh at its performer (``place = "meet"``), there are three steps. The mesh is
-    scaled to a person's height, moved to where a standing person fits into it, and refined if its triangles
-    are too large to bend. A mesh that stays fixed is returned as modelled. The original vertices keep their
-    indices.
+    scaled to a person's height. It is moved so that a standing person at the origin fits into it. It is
+    refined if its triangles are too large for limbs to bend. A mesh that stays fixed is returned unchanged.
+    The original vertices keep their indices.
 
     Args:
         ends: the vertices at the ends of head, left and right hand, left and right foot, if they are known.
-        joints: (20, 3) metres of the mesh, of the person that it shows, if they are known.
+        joints: (20, 3) the joints of the person that the mesh shows, in metres of the mesh, if they are
+            known.
     """
     if settings.place == "fixed":
         return mesh, 1.0

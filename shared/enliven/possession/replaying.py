@@ -1,4 +1,4 @@
-"""Replays a recorded take: passes the recorded bodies and holds to the same actor as in a live
+"""Replays a recorded take: passes the recorded bodies and attachments to the same actor as in a live
 performance.
 """
 
@@ -19,7 +19,7 @@ from enliven.possession.embedded_actor import EmbeddedActor
 from enliven.settings import load_settings
 
 _SAME_TIME_S = 1e-7
-"""Tolerance, seconds, within which two times count as equal. It is far less than one frame of any sensor."""
+"""Maximum difference, seconds, between two equal times. It is far less than one frame of any sensor."""
 
 
 def settings_from_possession(possession: Possession) -> ActorSettings:
@@ -48,11 +48,12 @@ def replay(
     """Yields the pose of a mesh at each frame of a take, as the stage would show it live.
 
     The result is deterministic. With the mesh of the recording, the poses equal the recorded poses. A take
-    does not contain the performers' surfaces, so a mesh that followed a surface is driven by the bones alone.
+    does not contain the performers' surfaces. So a mesh that followed a surface in the live performance is
+    driven by the bones alone.
 
     Args:
-        notes: list to which a sentence is appended for each change of holds that was impossible with this
-            mesh.
+        notes: list to which a sentence is appended for each attachment or release that was impossible with
+            this mesh.
 
     Raises:
         InputError: if no performer can attach to the mesh at all.
@@ -87,7 +88,7 @@ def replay(
 
 
 def _apply_change(actor: EmbeddedActor, change: HoldChange, bodies: list[Body]) -> None:
-    """Applies a change of holds.
+    """Attaches or releases a performer.
 
     Raises:
         InputError: if no node is within reach, or the performer is not in view.

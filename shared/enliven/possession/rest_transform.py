@@ -23,22 +23,22 @@ class RestTransform(Protocol):
 
     @property
     def fits(self) -> bool:
-        """True if the joints already lie inside the mesh, so that every bone should attach."""
+        """True if the joints are already inside the mesh, so every bone should attach."""
 
     @property
     def at_rest(self) -> Float | None:
-        """(20, 3) metres, the joint positions at which the bones attach to the mesh at rest. None uses the
-        current joints.
+        """(20, 3) metres, the joint positions at which the bones attach to the mesh at rest. If None, the
+        current joints are used.
         """
 
     @property
     def turns(self) -> Float | None:
-        """(19, 3, 3) rotation of each bone for the last joints. None: the caller computes the rotations from
-        the joints.
+        """(19, 3, 3) rotation of each bone for the last joints. If None, the caller computes the rotations
+        from the joints.
         """
 
     def at(self, time_ns: int) -> None:
-        """Sets the time of the joints that are transformed next, by the sensor's clock."""
+        """Sets the time of the joints that are transformed next, in nanoseconds of the sensor's clock."""
 
     def __call__(self, joints: Float) -> Float:
         """Returns (20, 3) joints in the rest space, from (20, 3) in the world."""
@@ -52,13 +52,13 @@ class RestTransform(Protocol):
 
 @dataclass
 class PlacementTransform:
-    """A rigid placement with scale that transforms joints as if the mesh stood at the performer's position.
+    """A similarity transform that converts joints as if the mesh stood at the performer's position.
 
     Attributes:
         placement: the placement that the mesh would need for the performer to be inside it.
         travel: fraction of the performer's travel over the floor that the mesh follows.
-        is_elsewhere: True if the mesh is not at the performer's position. If another performer takes over,
-            the mesh then continues from the last position.
+        is_elsewhere: True if the mesh is not at the performer's position. In this case the mesh continues
+            from its last position if another performer takes over.
         home: (2,) x and z of the hip at the time of attaching, metres.
     """
 
@@ -101,8 +101,8 @@ class PlacementTransform:
         return self.placement.to_rest(points)
 
     def hand_over_to(self, body: Body) -> None:
-        """Continues with another body: from the last position if the mesh stands elsewhere, and otherwise at
-        the body's own position.
+        """Continues with another body. If the mesh is not at the performer's position, it continues from its
+        last position. Otherwise it moves to the position of the new body.
         """
         if self.is_elsewhere and self._hip is not None and self.home is not None:
             step = body.joints[_HIP_JOINT, [0, 2]] - self._hip

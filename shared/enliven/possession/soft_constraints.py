@@ -17,7 +17,7 @@ from enliven.possession.performer_attachment import PerformerAttachment
 
 
 class SoftConstraints:
-    """The soft constraints that the settings enable. Disabled constraints take no time."""
+    """The soft constraints that the settings enable. Disabled constraints take no computing time."""
 
     def __init__(self, character: Character, graph: DeformationGraph, settings: ActorSettings) -> None:
         follows = settings.follow != "skeleton"
@@ -38,7 +38,7 @@ class SoftConstraints:
 
         Args:
             state: current (N, 3, 3) linear parts and (N, 3) positions.
-            holds: all holds on the mesh.
+            holds: the attachments of all performers to the mesh.
             seen: for each body id, the visible part of the performer's surface.
             floor: height of the floor in the rest space, metres.
             seconds: time since the last frame.
@@ -59,8 +59,8 @@ class SoftConstraints:
         return join_planes(sets)
 
     def lift_out_of_floor(self, linear: Float, positions: Float, floor: float) -> tuple[Float, Float]:
-        """Lifts the state out of the floor if the settings require it. ``floor`` is the floor height in the
-        rest space, metres.
+        """Lifts a mesh that is below the floor if the settings require it. ``floor`` is the floor height in
+        the rest space, metres.
         """
         if self._floor is not None and self._raises:
             positions = self._floor.raise_above_floor(linear, positions, floor)

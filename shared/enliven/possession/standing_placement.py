@@ -1,5 +1,4 @@
-"""Finds where a person would stand in a mesh: legs in its legs and trunk in its trunk, if the mesh has these
-parts.
+"""Finds the position and heading at which a standing person fits best into a mesh.
 
 The origin of a mesh from a file may be anywhere. A performer at the origin could stand in the seat of a chair
 or in the belly of a horse, and attach to few nodes. So the mesh is moved and rotated until all limbs of a
@@ -20,12 +19,14 @@ from enliven.person import PARENTS, Joint
 from enliven.possession.placement import rotation_about_y
 
 _BONE_DISTANCE_M = 0.11
-"""Distance from the surface, metres, at which a bone has a third of the score of a bone in the surface."""
+"""Distance from the surface, metres, at which a bone has a third of the score of a bone that touches the
+surface."""
 _CELL_M = 0.04
 """Grid cell size, metres: a third of ``_BONE_DISTANCE_M``, so that the score of a bone hardly changes
 within a cell."""
 _YAW_COUNT = 16
-"""Number of yaw angles that are tried, 22.5 degrees apart. Each requires a pass over all positions."""
+"""Number of yaw angles that are tried. They are 22.5 degrees apart, because each requires a pass over all
+positions."""
 _POINTS_PER_BONE = 5
 """Number of points per bone at which the distance score is looked up. On a lower leg they are at most 9 cm
 apart."""
@@ -52,27 +53,27 @@ of its worse bone. Hanging arms have a low weight, because few meshes have a sur
 _TRUNK_BONES = (("SPINE", 1.0), ("SHOULDER_CENTER", 1.0), ("HEAD", 0.5))
 """Bones of the trunk that are scored, given by their child joint and weight."""
 _SURFACE_DISTANCE_M = 0.25
-"""Distance from the bones, metres, at which a piece of surface has a third of the score of a piece that
-contains a bone."""
+"""Distance from the bones, metres, at which a surface point has a third of the score of a point on a bone."""
 _HEAD_AHEAD_GAIN = 0.4
-"""Relative gain in score per metre that the head is ahead. A performer in a horse then faces in the horse's
-direction."""
+"""Relative gain in score per metre that the head is ahead of the middle. With it, a performer inside a horse
+faces in the horse's direction."""
 _MASS_AHEAD_GAIN = 0.03
-"""Relative gain in score per metre that the centre of the mesh is ahead. A performer in the back of a chair
-then faces its seat. It is far smaller than the gain for a head."""
+"""Relative gain in score per metre that the mesh's centre is ahead of the person. With it, a performer in the
+back of a chair faces the seat. It is far smaller than the gain for a head."""
 _MODELLED_YAW_GAIN = 0.004
-"""Relative gain in score of the modelled yaw over a quarter turn. It only decides between otherwise equal
-yaws."""
+"""Relative gain in score of the modelled yaw compared with a yaw that differs by a quarter turn. It only
+decides between otherwise equal yaws."""
 _HEAD_HEIGHT_FRACTION = 0.85
-"""Fraction of the mesh's height above which the surface counts as the head."""
+"""Minimum height of the surface that counts as the head, as a fraction of the mesh's height."""
 _MIN_HEAD_OFFSET_M = 0.15
-"""Minimum horizontal distance, metres, of the highest part from the middle if it indicates the front."""
+"""Minimum horizontal distance, metres, between the head and the middle at which the head indicates the
+front."""
 _BEHIND_FACTOR = 0.5
-"""Factor on distances behind the surface. Below 1, because a bone belongs inside a limb rather than
-outside."""
+"""Factor on distances from points behind the surface. It is below 1, because a bone belongs inside a limb
+rather than outside."""
 _POINTS_PER_LEAF = 32
-"""Points per leaf of the k-d tree. A query for a whole grid then takes three quarters of the time with the
-default."""
+"""Number of points per leaf of the k-d tree. With it, queries for a whole grid take three quarters of the
+time with SciPy's default."""
 
 
 def standing_figure(height: float = _PERSON_HEIGHT_M) -> Float:
@@ -87,8 +88,8 @@ def standing_figure(height: float = _PERSON_HEIGHT_M) -> Float:
 
 
 def fit_standing_person(mesh: Mesh) -> tuple[Mesh, float]:
-    """Moves a mesh with its floor at y = 0 such that a person that stands at the origin and faces +Z fits
-    best.
+    """Moves a mesh with its lowest point at y = 0, so that a person that stands at the origin and faces +Z
+    fits best into it.
 
     Returns:
         The mesh, and the score of the fit, from 0 (no bone is near the surface) to 1 (every bone is in the
@@ -101,10 +102,10 @@ def fit_standing_person(mesh: Mesh) -> tuple[Mesh, float]:
 
 
 def fit_figures(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, float]:
-    """Finds one rotation about +Y and one move over the floor that best fit all figures into a mesh.
+    """Finds the rotation about +Y and the move over the floor that best fit all figures into a mesh.
 
     The score combines how near the bones are to the surface and how much of the surface is near to bones. For
-    a single figure it also includes how symmetric the mesh is about the figure.
+    a single figure it also contains the symmetry of the mesh about the figure.
 
     Args:
         figures: joints (20, 3) of each figure, metres, scaled to the mesh's height, around the origin, facing
@@ -144,8 +145,8 @@ def fit_figures(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, flo
             mirror = rotation_matrix @ np.diag([-1.0, 1.0, 1.0]) @ rotation_matrix.T
             mirror_values = surface_field.over(pieces @ mirror, floor - floor @ mirror)
             scores *= (mirror_values.mean(1) / own_nearness) ** 2
-        # Prefer yaws for which the head lies ahead, or otherwise the mass. The reported score does not
-        # include this preference.
+        # Prefer yaws for which the head of the mesh is ahead or, without a head, its centre. The reported
+        # score does not include this preference.
         ahead = (head - shifts) @ front
         ahead = np.sign(ahead) * np.maximum(np.abs(ahead) - _MIN_HEAD_OFFSET_M, 0.0)
         preference = scores + _HEAD_AHEAD_GAIN * scores * ahead
@@ -159,14 +160,14 @@ def fit_figures(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, flo
 
 
 def _bone_points(joints: Float) -> Float:
-    """Returns P points (P, 3) along all bones of the joints (20, 3)."""
+    """Returns points (P, 3) along all scored bones of the joints (20, 3)."""
     along = np.linspace(0.0, 1.0, 8)[:, None, None]
     ends, starts = joints[1:], joints[list(PARENTS[1:])]
     return np.asarray((starts * (1 - along) + ends * along).reshape(-1, 3))
 
 
 class _Nearness:
-    """A proximity grid: its values are exp(-(d / near)^2), where d is the distance to the nearest of some
+    """A grid of nearness values exp(-(d / near)^2), in which d is the distance to the nearest of the given
     points.
 
     If the points have ``normals``, distances behind them are shortened, because a spine belongs inside a
@@ -195,8 +196,8 @@ class _Nearness:
         self._values = np.pad(np.exp(-((length / near) ** 2)).reshape(shape), 1)
 
     def over(self, points: Float, shifts: Float) -> Float:
-        """Returns the values (S, P) at points (P, 3) that are moved by shifts (S, 3) over the floor; 0
-        outside the grid.
+        """Returns the nearness (S, P) at points (P, 3) that are moved by shifts (S, 3) over the floor. It is
+        0 outside the grid.
         """
         cell_index: Int = np.zeros((), np.int64)
         for axis, size in enumerate(self._values.shape):

@@ -1,4 +1,4 @@
-"""Sensor streams and takes on disk, as MCAP files that other tools can open.
+"""Records sensor streams and takes to MCAP files, which other tools can open.
 
 :class:`Recorder` writes, :class:`Recording` reads. Topics, schemas and layouts are in
 :mod:`enliven.recording.schemas`.

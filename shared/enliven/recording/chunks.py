@@ -1,4 +1,4 @@
-"""The chunks of an MCAP file: their decompression limits, and their records."""
+"""Reads the chunks of an MCAP file and their records, with limits on the decompressed size."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ RECORD = struct.Struct("<BQ")
 """The header of a record: its kind and its length."""
 _MESSAGE_HEADER = struct.Struct("<HIQQ")
 _MAX_CHUNK_BYTES = 1 << 28
-"""Maximum bytes of a decompressed chunk. Our recorder closes a chunk at 1 MiB, and its longest message is 128
-MiB.
+"""Maximum size of a decompressed chunk in bytes. Enliven's recorder closes a chunk at 1 MiB, but a single
+message can have 128 MiB.
 """
 _MAX_COMPRESSION_RATIO = 200
-"""Maximum compression ratio. Empty images, each with its time, reach about 40."""
+"""Maximum compression ratio. A chunk of empty images with their times reaches about 40."""
 _MIN_CHUNK_BYTE_LIMIT = 1 << 16
-"""Decompressed size, in bytes, that is allowed for every chunk, however small its compressed data is."""
+"""Decompressed size, in bytes, that is always allowed, even for a very small chunk."""
 _MAX_RECORDS = 1 << 16
-"""Maximum number of records in a chunk. Our recorder writes at most 34,000: records of at least 31 bytes in 1
-MiB.
+"""Maximum number of records in a chunk. Enliven's recorder writes at most 34,000, since records have at least
+31 bytes and a chunk 1 MiB.
 """
 _MIN_CHUNK_RECORD_LIMIT = 256
-"""Number of records that is allowed for every chunk, however small it is. Each further record needs at least
+"""Number of records that is always allowed, even in a very small chunk. Each further record needs at least
 one compressed byte, for its time.
 """
 DAMAGE = (McapError, struct.error, ValueError, OverflowError, zstandard.ZstdError)
 
 
 class Damage(Exception):
-    """A chunk or record that cannot be read."""
+    """Raised for a chunk or record that cannot be read."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def read_chunk(file: BinaryIO, ref: ChunkRef) -> list[Any]:
 
     Raises:
         Damage: if the chunk's checksum, compression or content is wrong.
-        InputError: for a small chunk that decompresses to a very large size (decompression bomb).
+        InputError: if a small chunk would decompress to a very large size (decompression bomb).
     """
     try:
         file.seek(ref.offset)
@@ -100,7 +100,7 @@ def _decompressed_chunk(chunk: Any) -> bytes:
     if chunk.compression != "zstd":
         raise Damage(f"a chunk is compressed with {chunk.compression!r}")
     if zstandard.frame_content_size(chunk.data) not in (size, -1):
-        raise Damage("a chunk states two sizes")
+        raise Damage("a chunk states two different sizes")
     if size > min(_MAX_CHUNK_BYTES, _MIN_CHUNK_BYTE_LIMIT + _MAX_COMPRESSION_RATIO * packed_bytes):
         raise _DecompressionBombError(f"a part of {packed_bytes} bytes states that it unpacks to {size}")
     return zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size)
@@ -135,9 +135,10 @@ def parse_record(opcode: int, data: bytes) -> Any:
     """Returns a record of :data:`SMALL_RECORDS`.
 
     Raises:
-        Damage: if the record is of another kind. Another exception of :data:`DAMAGE` if it is damaged.
+        Damage: if the record has another kind. A damaged record may also raise another exception in
+            :data:`DAMAGE`.
     """
     kind = SMALL_RECORDS.get(opcode)
     if kind is None:
-        raise Damage(f"a record of kind {opcode} is out of place")
+        raise Damage(f"a record of kind {opcode} is not allowed here")
     return kind.read(ReadDataStream(BytesIO(data)))

@@ -1,4 +1,4 @@
-"""Reads the MCAP container so that damage affects only its own chunk."""
+"""Reads the MCAP container. A damaged chunk does not affect the other chunks."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ MAGIC = b"\x89MCAP0\r\n"
 _FOOTER = struct.Struct("<QQI")
 _FOOTER_BYTES = RECORD.size + _FOOTER.size + len(MAGIC)
 _MAX_SMALL_RECORD_BYTES = 1 << 26
-"""Maximum bytes of a schema, a channel or another small record."""
+"""Maximum size in bytes of a schema, a channel or another small record."""
 _MAX_METADATA_BYTES = 1 << 20
-"""Maximum bytes of a metadata record that the index refers to. It is limited because an index may refer to
-the same record many times.
+"""Maximum size in bytes of a metadata record that the index refers to. It is limited because an index may
+refer to the same record many times.
 """
 _MAX_METADATA_RECORDS = 1 << 10
-"""Maximum number of metadata records that the index may refer to. Our recorder writes a few."""
+"""Maximum number of metadata records that the index may refer to. Enliven's recorder writes only a few."""
 
 
 @dataclass
@@ -44,7 +44,7 @@ class Container:
 
     Attributes:
         complete: True if the file was closed properly.
-        cut_at: if the file was not closed properly, the first byte that cannot be read.
+        cut_at: if the file was not closed properly, the offset of the first byte that cannot be read.
         counts: number of messages for each channel.
     """
 
@@ -90,7 +90,7 @@ def open_container(path: Path) -> Container:
 
 
 def check_version(container: Container) -> None:
-    """Raises InputError if a recording is of a later version, or its version is not a number."""
+    """Raises InputError if a recording has a later version, or its version is not a number."""
     stated = container.metadata.get(ABOUT_NAME, {}).get(VERSION_KEY, "1")
     if not (stated.isdecimal() and stated.isascii()):
         problem, remedy = f"it states the version {stated[:20]!r}, which is not a number", "Record it again."
@@ -178,7 +178,7 @@ def _from_records(path: Path, file: BinaryIO, size: int) -> Container:
 
 
 def _add_scanned(container: Container, file: BinaryIO, offset: int, length: int) -> None:
-    """Registers a chunk and the schemas, channels and counts inside."""
+    """Registers a chunk, and the schemas, channels and message counts in it."""
     try:
         inside = read_chunk(file, ChunkRef(offset, length, 0, 0))
     except Damage:
@@ -203,7 +203,7 @@ def _read_record(file: BinaryIO, size: int) -> Any:
 
 
 def _parse_summary(data: bytes) -> list[Any]:
-    """Returns the used records of a summary section."""
+    """Returns those records of a summary section that this module uses."""
     summary_records, at = [], 0
     while at < len(data):
         opcode, length = RECORD.unpack_from(data, at)

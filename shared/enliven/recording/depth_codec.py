@@ -2,8 +2,8 @@
 
 Depth cameras quantise: a Kinect frame of 300,000 pixels contains a few hundred different distances. Each
 distance is replaced by its rank among the occurring values and predicted from its neighbours. The residuals
-are packed with zstd. Archives of earlier versions, packed by an arithmetic coder conditioned on the
-neighbours, can be read, too. :data:`LAYOUT` specifies every byte. It is written into each recording.
+are packed with zstd. Archives of earlier versions, which use an arithmetic coder instead of zstd, can also be
+read. :data:`LAYOUT` specifies every byte. It is written into each recording.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from enliven.recording.depth_entropy import unpack_levels
 from enliven.recording.depth_kernels import mark_levels, predict_image, restore_image
 
 MAX_PIXELS = 1 << 24
-"""Maximum pixels that a decoder allocates for by default: 4096 x 4096, more than every depth camera has."""
+"""Default maximum number of pixels that a decoder accepts: 4096 x 4096, which is more than any depth camera
+has."""
 
 
 LAYOUT = """\
@@ -69,20 +70,21 @@ _HEADER = struct.Struct("<BBHHI")
 _CHECKSUM = struct.Struct("<I")
 _CONTENT_OFFSET = _HEADER.size + _CHECKSUM.size
 _ZSTD_PACKING = 0
-"""Packing by zstd, byte 1 of the layout."""
+"""Value of byte 1 in the layout for packing by zstd."""
 _ARITHMETIC_PACKING = 1
-"""Packing by the arithmetic coder, byte 1 of the layout."""
+"""Value of byte 1 in the layout for packing by the arithmetic coder."""
 
 
 def encode_depth(depth: UInt16, level: int = 1) -> bytes:
-    """Returns the payload of one image.
+    """Compresses one image. Returns the payload.
 
     Args:
-        depth: (H, W) uint16, any values; 0 for unknown depth.
+        depth: (H, W) uint16, any values. 0 means unknown depth.
         level: zstd level, 1 (live) to 22 (archives).
 
     Raises:
-        InputError: for another type or shape, an empty image, or one above :data:`MAX_PIXELS`.
+        InputError: if type or shape are wrong, or the image is empty or has more than :data:`MAX_PIXELS`
+            pixels.
     """
     height, width = _check_shape(depth)
     depth = np.require(depth, requirements=["C", "W", "A"])
@@ -99,7 +101,7 @@ def decode_depth(payload: bytes, *, max_pixels: int = MAX_PIXELS) -> UInt16:
     """Returns (H, W) uint16, exactly the image that was passed to :func:`encode_depth`.
 
     Raises:
-        InputError: for a payload that is damaged, of a later version, or larger than ``max_pixels``.
+        InputError: if the payload is damaged, has a later version, or has more than ``max_pixels`` pixels.
     """
     packing, width, height, levels = _check_header(payload, max_pixels)
     compressed = payload[_CONTENT_OFFSET:]
@@ -116,7 +118,8 @@ def decode_depth(payload: bytes, *, max_pixels: int = MAX_PIXELS) -> UInt16:
 
 
 def _unpack_zstd(packed: bytes, width: int, height: int, levels: int) -> tuple[UInt16, UInt8]:
-    """Returns the depth values of the levels, and the (1 or 2, H, W) residuals of packing 0."""
+    """Unpacks an image with packing 0. Returns the depth values of the levels, and the residuals (1 or 2, H,
+    W)."""
     planes = 1 if 0 < levels <= 255 else 2
     content = _unpack_content(packed, 2 * levels + planes * width * height)
     return _level_depths(content[: 2 * levels], levels), content[2 * levels :].reshape(planes, height, width)
@@ -131,8 +134,8 @@ def _check_shape(depth: UInt16) -> tuple[int, int]:
 
 
 def _depth_levels(depth: UInt16) -> tuple[UInt16, UInt16]:
-    """Returns the table (L,) of levels (empty if a table saves nothing), and the level (65536,) of each
-    value.
+    """Returns the table of levels (L,), and the level (65536,) of each value. The table is empty if it would
+    not save space.
     """
     occurs = mark_levels(depth)
     levels = np.flatnonzero(occurs).astype(np.uint16)
@@ -144,7 +147,8 @@ def _depth_levels(depth: UInt16) -> tuple[UInt16, UInt16]:
 
 
 def _check_header(payload: bytes, max_pixels: int) -> tuple[int, int, int, int]:
-    """Returns packing, width, height and number of levels of a payload after checking its checksum."""
+    """Checks the header and the checksum of a payload. Returns its packing, width, height and number of
+    levels."""
     if len(payload) < _CONTENT_OFFSET:
         raise _damage_error(f"it is {len(payload)} bytes long")
     version, packing, width, height, levels = _HEADER.unpack_from(payload)
@@ -164,7 +168,7 @@ def _check_header(payload: bytes, max_pixels: int) -> tuple[int, int, int, int]:
 
 
 def _unpack_content(packed: bytes, size: int) -> UInt8:
-    """Returns the content (size,) of a zstd frame. The frame must declare exactly this size."""
+    """Decompresses a zstd frame. Returns its content (size,). The frame must declare exactly this size."""
     try:
         stated = zstandard.frame_content_size(packed)
         if stated != size:

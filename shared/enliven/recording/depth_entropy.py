@@ -1,11 +1,11 @@
-"""The decoder of depth images in an arithmetic code, the archive format of earlier versions.
+"""Decodes depth images that are compressed by an arithmetic coder, the archive format of earlier versions.
 
 Every level is coded as answers to yes-no questions (a hole? as predicted? above or below? by how much?). The
 probability of each answer is learned from previous answers in the same context. The coder is the carry-free
 one with 32-bit bounds (Witten, Neal and Cleary, CACM 30(6), 1987, reduced to two symbols).
 
-Unsigned values are first converted to np.int64. In compiled code int() of them is unsigned, and mixing
-unsigned with signed gives a float.
+Unsigned values are first converted to np.int64. In Numba, int() of an unsigned value stays unsigned, and
+mixing unsigned with signed integers gives a float.
 """
 
 from __future__ import annotations
@@ -17,33 +17,35 @@ from enliven.kernels import njit
 from enliven.recording.depth_kernels import predict_level
 
 SURROUNDINGS = 12 * 625
-"""Number of contexts of a pixel: 12 classes of recent errors times 5^4 patterns of neighbour differences."""
+"""Number of contexts of a pixel: 12 classes of recent errors times 5^4 patterns of differences between
+neighbours."""
 QUESTIONS = 15
-"""Number of questions about a residual that have a probability per context. Large residuals use further
-questions.
+"""Number of questions about a residual that have a separate probability in each context. Large residuals use
+further questions.
 """
 UNARY = 12
-"""Number of residual sizes with a separate question each. Larger ones are coded in bits. Part of
+"""Number of residual sizes with a separate question. Larger sizes are coded in bits. Part of
 :data:`~enliven.recording.depth_codec.LAYOUT`.
 """
 _HOLE_STATES = 64
-"""Number of states of the question "is it a hole?": one for each pattern of six known or unknown neighbours,
-2^6.
+"""Number of states of the question "is it a hole?". There is one for each of the 2^6 patterns of six known or
+unknown neighbours.
 """
 _LARGE_STATES_START = _HOLE_STATES + SURROUNDINGS * QUESTIONS
 _TABLE_STATES_START = _LARGE_STATES_START + 20
 _STATE_COUNT = _TABLE_STATES_START + 4 * QUESTIONS
 _ADAPTING_ANSWERS = 60
 """Number of answers after which a question's probability adapts at a constant rate, so that it follows a
-changing image. Part of the layout."""
+changing image. It is part of the layout."""
 
 _ADAPTATION_RATES = np.array([round(65536 / (n + 1.6)) for n in range(_ADAPTING_ANSWERS + 1)], np.int64)
-"""(61,) adaptation rate (of 65536) of a probability at the n-th answer."""
+"""(61,) adaptation rate of a probability at the n-th answer, in units of 1 / 65536."""
 
 
 @njit(cache=True, nogil=True)
 def _update_state(states: AnyArray, at: int, bit: int) -> None:
-    """Adapts the probability of a question towards the answer. The low byte of a state counts the answers."""
+    """Adapts the probability of a question towards the answer ``bit``. The low byte of a state counts the
+    answers."""
     state = int(states[at])
     odds, count = state >> 8, state & 255
     odds += ((65535 * bit - odds) * _ADAPTATION_RATES[count]) >> 16
@@ -53,7 +55,8 @@ def _update_state(states: AnyArray, at: int, bit: int) -> None:
 
 @njit(cache=True, nogil=True)
 def _decode_bit(coder: AnyArray, data: UInt8, odds: int) -> int:
-    """Decodes one answer. ``coder`` is (4,) int64: low bound, high bound, bytes read, the value between."""
+    """Decodes one answer. ``coder`` is (4,) int64: low bound, high bound, number of bytes read, and current
+    value."""
     low, high, value = coder[0], coder[1], coder[3]
     width = high - low
     middle = low + (width >> 16) * odds + (((width & 0xFFFF) * odds) >> 16)
@@ -98,8 +101,8 @@ def _context_index(w: int, ww: int, n: int, ne: int, p: int, recent: int) -> int
 
 @njit(cache=True, nogil=True)
 def _decode_residual(coder: AnyArray, data: UInt8, states: AnyArray, base: int) -> int:
-    """Decodes a residual: whether it is zero, its sign, and its size. Small sizes are coded one by one,
-    larger ones in bits."""
+    """Decodes a residual: the question whether it is zero, its sign, and its size. Small sizes have one
+    question per step, and larger sizes are coded in bits."""
     if _decode_with_state(coder, data, states, base):
         return 0
     negative = _decode_with_state(coder, data, states, base + 1)
@@ -117,7 +120,7 @@ def _decode_residual(coder: AnyArray, data: UInt8, states: AnyArray, base: int) 
 
 @njit(cache=True, nogil=True)
 def _read_table(values: UInt16, data: UInt8, coder: AnyArray, states: AnyArray) -> bool:
-    """Decodes the ascending (P + 1,) ``values``. Each step is predicted to equal the previous one."""
+    """Decodes the ascending ``values`` (P + 1,). Each step is predicted to equal the previous step."""
     former, size = 1, 0
     for level in range(1, values.size):
         r = _decode_residual(coder, data, states, _TABLE_STATES_START + size * QUESTIONS)
@@ -132,7 +135,8 @@ def _read_table(values: UInt16, data: UInt8, coder: AnyArray, states: AnyArray) 
 
 @njit(cache=True, nogil=True)
 def _read_image(depth: UInt16, values: UInt16, data: UInt8, coder: AnyArray, states: AnyArray) -> bool:
-    """Decodes (H, W) ``depth``, with the value of each level. Returns False for invalid data."""
+    """Decodes the image ``depth`` (H, W). ``values`` are the depths of the levels. Returns False if the data
+    is invalid."""
     height, width = depth.shape
     count = values.size - 1
     rows, errors = np.zeros((3, width + 4), np.int64), np.zeros((2, width + 4), np.int64)
@@ -165,13 +169,13 @@ def _read_image(depth: UInt16, values: UInt16, data: UInt8, coder: AnyArray, sta
 
 @njit(cache=True, nogil=True)
 def unpack_levels(data: UInt8, values: UInt16, tabled: bool, depth: UInt16) -> bool:
-    """Fills (H, W) ``depth`` from packed bytes. Returns False if they are not a valid image.
+    """Decodes packed bytes to the image ``depth`` (H, W). Returns False if they are not a valid image.
 
     Args:
-        data: the packed bytes. Zeros follow after their end.
-        values: (P + 1,) the millimetres of each level. Overwritten if they are in the data.
-        tabled: True if the data contains the values.
-        depth: (H, W), written.
+        data: the packed bytes. Bytes beyond their end are read as zeros.
+        values: (P + 1,) the depth of each level in millimetres. Overwritten if ``tabled`` is True.
+        tabled: True if the data contains the depths of the levels.
+        depth: (H, W) receives the image, millimetres.
     """
     states = np.full(_STATE_COUNT, 32768 << 8, np.int32)
     coder = np.array([0, 0xFFFFFFFF, 4, 0], np.int64)

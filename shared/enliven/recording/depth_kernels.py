@@ -1,4 +1,5 @@
-"""The compiled loops of the depth codec: occurring levels, and residuals of the LOCO-I prediction.
+"""The kernels of the depth codec: they find the occurring levels, and compute the residuals of the LOCO-I
+prediction.
 
 LOCO-I: Weinberger, Seroussi and Sapiro, "The LOCO-I lossless image compression algorithm", IEEE TIP 9(8),
 2000, equation 1 (the median edge detector). Here it is applied to levels of depth, with holes kept separate.
@@ -14,7 +15,7 @@ from enliven.kernels import njit
 
 @njit(cache=True, nogil=True)
 def mark_levels(depth: UInt16) -> Bool:
-    """Returns (65536,) flags of the non-zero values that occur in the (H, W) image."""
+    """Returns (65536,) True for each non-zero value that occurs in the image ``depth`` (H, W)."""
     occurs = np.zeros(65536, np.bool_)
     for value in depth.ravel():
         occurs[value] = True
@@ -24,7 +25,8 @@ def mark_levels(depth: UInt16) -> Bool:
 
 @njit(cache=True, nogil=True)
 def predict_level(w: int, n: int, nw: int, ne: int, last: int) -> int:
-    """Returns the level predicted from the neighbouring levels. A neighbour of 0 is unknown."""
+    """Predicts a level from the neighbouring levels: west, north, north-west, north-east, and the last known
+    level. A level of 0 is unknown."""
     if w != 0 and n != 0:
         if nw == 0:
             return (w + n) >> 1
@@ -41,8 +43,8 @@ def predict_level(w: int, n: int, nw: int, ne: int, last: int) -> int:
 
 @njit(cache=True, nogil=True)
 def predict_image(depth: UInt16, ranks: UInt16, count: int) -> UInt8:
-    """Returns (1 or 2, H, W) the residuals of an (H, W) image: their low bytes and, if there are more than
-    255 levels, their high bytes.
+    """Computes the residuals (1 or 2, H, W) of an image: their low bytes and, if there are more than 255
+    levels, their high bytes.
 
     Args:
         depth: (H, W) millimetres.
@@ -80,14 +82,14 @@ def predict_image(depth: UInt16, ranks: UInt16, count: int) -> UInt8:
 
 @njit(cache=True, nogil=True)
 def restore_image(planes: UInt8, values: UInt16, count: int, depth: UInt16) -> bool:
-    """Fills (H, W) ``depth`` from (1 or 2, H, W) residuals. Returns False if a decoded level is outside
-    0..count.
+    """Restores the image ``depth`` (H, W) from the residuals ``planes`` (1 or 2, H, W). Returns False if a
+    decoded level is outside 0..count.
 
     Args:
         planes: low bytes, and high bytes if there are more than 255 levels.
-        values: (count + 1,) the millimetres of each level.
+        values: (count + 1,) the depth of each level in millimetres.
         count: the number of levels P.
-        depth: (H, W), written.
+        depth: (H, W) receives the image, millimetres.
     """
     height, width = depth.shape
     wide = planes.shape[0] == 2

@@ -1,4 +1,4 @@
-"""Converts frames to the bytes of a recording's messages and back, exactly."""
+"""Converts frames to the bytes of a recording's messages, and back without loss."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SEQUENCE = struct.Struct("<q")
 _VERSION = 1
 """First byte of a depth message: the version of its layout."""
 _POSE_FLAG = 1
-"""Flag of a depth message that contains world_from_camera."""
+"""Flag of a depth message that contains the camera's pose."""
 _COLOUR_FLAG = 2
 """Flag of a depth message that contains a colour image."""
 _SEQUENCE_FLAG = 4
@@ -34,7 +34,7 @@ stored.
 
 
 def pack_depth(frame: DepthFrame, level: int) -> bytes:
-    """Returns the message of a depth frame. ``level`` is the compression level of ``encode_depth``."""
+    """Encodes a depth frame as a message. ``level`` is the compression level of ``encode_depth``."""
     camera, sensor = frame.intrinsics, frame.sensor.encode()
     depth = encode_depth(frame.depth, level)
     count = frame.sequence
@@ -55,7 +55,7 @@ def unpack_depth(data: bytes) -> DepthFrame:
     """Returns the depth frame of a message.
 
     Raises:
-        InputError: if the bytes are not a depth frame, or of a later version.
+        InputError: if the bytes are not a depth frame, or have a later version.
     """
     if not data or data[0] < _VERSION:
         raise _damage_error("it does not begin like a depth frame")
@@ -132,13 +132,14 @@ _bodies_decoder = msgspec.json.Decoder(_BodiesMessage)
 
 
 def pack_bodies(frame: BodyFrame) -> bytes:
-    """Returns the JSON message of a body frame, with float64 in the fewest digits that restore it exactly."""
+    """Encodes a body frame as a JSON message. Numbers have the fewest digits that restore the float64
+    exactly."""
     bodies = [_body_fields(body) for body in frame.bodies]
     return msgspec.json.encode({"time_ns": frame.time_ns, "sensor": frame.sensor, "bodies": bodies})
 
 
 def _body_fields(body: Body) -> dict[str, Any]:
-    """Returns the fields of a body in the types of JSON."""
+    """Returns the fields of a body as JSON types."""
     turns = body.orientations
     fields: dict[str, Any] = {
         "id": int(body.id),
@@ -180,7 +181,7 @@ def _decode_body(message: _BodyMessage) -> Body:
 
 
 def _shaped_values(values: AnyArray | list[Any], shape: tuple[int, ...]) -> Float:
-    """Returns ``values`` as a float64 array of this shape. None becomes NaN."""
+    """Converts ``values`` to a float64 array of this shape. None becomes NaN."""
     array = np.asarray(values, np.float64)
     if array.shape != shape:
         raise InputError(f"an array of a body is {array.shape}, expected {shape}", where="body frame")

@@ -1,4 +1,4 @@
-"""Reads a recording: frames ordered by time, from a complete or a truncated file."""
+"""Reads a complete or truncated recording. Frames are ordered by time."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from enliven.recording.messages import unpack_bodies, unpack_depth
 from enliven.recording.schemas import BODIES_TOPIC, DEPTH_TOPIC, PROFILE, TRUTH_TOPIC
 
 _MAX_WAITING_BYTES = 1 << 29
-"""Maximum bytes of buffered messages that wait for earlier ones. Two of our recorder's chunks of 1 MiB may
-overlap.
+"""Maximum size in bytes of buffered messages in the sort by time. In enliven's recordings, two chunks of 1
+MiB may overlap.
 """
 
 
 class RecordingWarning(UserWarning):
-    """A recording that could be read only in part."""
+    """Warns that a recording could be read only partly."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,10 @@ class RecordingInfo:
     Attributes:
         sensors: the identities of the sensors, sorted.
         topics: the topics by name.
-        start_ns, end_ns: the sensor's clock at the first and the last message.
-        metadata: the named records of texts.
-        complete: False if the program that wrote it was killed.
+        start_ns, end_ns: times of the first and the last message, nanoseconds of the sensor's clock.
+        metadata: the metadata records by name. Each contains texts by key.
+        complete: False if the file was not closed properly, for example because the recording program was
+            killed.
     """
 
     sensors: tuple[str, ...]
@@ -86,9 +87,11 @@ class Recording:
         self._report_cut()
 
     def frames(self, file: BinaryIO | None = None) -> Iterator[Frame]:
-        """Yields depth frames and sensor-tracked bodies ordered by time. ``file`` is the opened recording.
+        """Yields depth frames and sensor-tracked bodies ordered by time. ``file`` is the opened recording, or
+        None to open it.
 
-        ``next`` raises InputError for a message that is not a frame, and continues with the message after it.
+        If a message is not a frame, ``next`` raises InputError. The following ``next`` continues with the
+        message after it.
         """
         return map(
             lambda said: frame_from_message(said[0], said[2]),
@@ -101,16 +104,17 @@ class Recording:
             yield unpack_bodies(data)
 
     def messages(self, topic: str) -> Iterator[tuple[int, bytes]]:
-        """Yields (time in ns, bytes) of every message of a topic, ordered by time."""
+        """Yields the time in nanoseconds and the bytes of every message of a topic, ordered by time."""
         for _, time_ns, data in self.messages_in_order({topic}):
             yield time_ns, data
 
     def messages_in_order(
         self, topics: set[str], file: BinaryIO | None = None
     ) -> Iterator[tuple[str, int, bytes]]:
-        """Yields (topic, time in ns, bytes) of all messages of some topics, by time, then by file position.
+        """Yields topic, time in nanoseconds and bytes of all messages of some topics, ordered by time, then
+        by file position.
 
-        ``file`` is the opened recording.
+        ``file`` is the opened recording, or None to open it.
         """
         for topic, message in self._read_messages(topics, file):
             yield topic, message.log_time, message.data

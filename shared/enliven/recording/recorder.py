@@ -23,32 +23,32 @@ from enliven.recording.schemas import MessageKind
 from enliven.recording.whole_file import WholeFile
 
 _CHUNK_BYTES = 1 << 20
-"""Maximum bytes of a chunk before compression. Larger chunks do not compress better."""
+"""Maximum size in bytes of a chunk before compression. Larger chunks do not compress better."""
 _FIRST_CHUNK_BYTES = 1 << 12
 """Size of a live recording's first chunk, in bytes. Each full chunk doubles the size of the next. So a
 recording that ends early, for example because the disk is full, does not lose its only chunk."""
 LATEST_NS = (1 << 63) - 1
-"""The latest time of a message: nanoseconds are signed 64-bit numbers everywhere except in MCAP."""
+"""The latest time of a message in nanoseconds. Times are signed 64-bit numbers everywhere except in MCAP."""
 
 
 class Recorder:
     """Writes frames and messages into an MCAP file. Use it in a ``with`` statement.
 
     The current chunk is closed and passed to the operating system with the first message after
-    ``sync_seconds``. So a killed program loses no more than this time. If messages may pause for long, call
-    :meth:`sync` from time to time. Chunks are small at first, and schemas and channels are written twice, so
-    that a damaged chunk loses only its own messages. With ``sync_seconds=math.inf`` the bytes of the file
-    depend only on the messages, and all chunks are large.
+    ``sync_seconds``. So if the program is killed, at most the messages of this time are lost. If there may be
+    long pauses between messages, call :meth:`sync` regularly. The first chunks are small, and schemas and
+    channels are written twice, so that damage to a chunk affects only its own messages. With
+    ``sync_seconds=math.inf`` the bytes of the file depend only on the messages, and all chunks are large.
 
-    After a failed write (a full disk) everything before stays readable. The file ends after its last complete
-    record, and every further write raises the same error.
+    After a failed write, for example because the disk is full, all earlier messages stay readable. The file
+    ends after its last complete record, and every further write raises the same error.
 
     Args:
         path: the file to create.
         compression_level: level of ``encode_depth``: 1 for live recording, 19 for archives.
         sync_seconds: wall time between two syncs to the operating system.
-        overwrite: True replaces an existing file as soon as the beginning of the new one is written. Until
-            then, and if that fails, the existing file is untouched.
+        overwrite: True replaces an existing file as soon as the beginning of the new file is written. If that
+            fails, the existing file stays unchanged.
 
     Raises:
         InputError: if the file already exists.
@@ -76,7 +76,7 @@ class Recorder:
         """Opens the file and writes its beginning.
 
         Args:
-            begun: the file, or a temporary one that will replace it.
+            begun: the path of the file, or of a temporary file that will replace it.
         """
         self._file = _create_file(begun, overwrite)
         self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES)  # type: ignore[arg-type]
@@ -123,14 +123,15 @@ class Recorder:
         """Appends a message of any kind. Schema and channel are written when they first occur.
 
         Raises:
-            InputError: for a time before 0 or after :data:`LATEST_NS`.
+            InputError: if the time is before 0 or after :data:`LATEST_NS`.
             ResourceError: if it cannot be written.
         """
         kind = MessageKind(schema_name, schema_encoding, schema_text, message_encoding)
         self._write_message(topic, kind, sensor, data, time_ns)
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
-        """Adds a named record of texts for humans: performer, place, command line, calibration."""
+        """Adds a metadata record with texts for users, such as performer, place, command line or
+        calibration."""
         self._run_step(self._writer.add_metadata, name, values)
 
     def fileno(self) -> int:
@@ -138,14 +139,14 @@ class Recorder:
         return -1 if self._file.closed else self._file.fileno()
 
     def sync(self) -> None:
-        """Passes everything written to the operating system, as complete chunks."""
+        """Closes the current chunk, and passes all data to the operating system."""
         self._run_step(self._writer.flush)
         self._repeat_descriptions()
         self._filled = 0
         self._synced = time.monotonic()
 
     def close(self) -> None:
-        """Writes the index and closes the file. A second call, or one after a failed write, does nothing."""
+        """Writes the index and closes the file. Does nothing after a failed write, or at a second call."""
         if self._file.closed:
             return
         self._run_step(self._writer.finish)
@@ -171,7 +172,7 @@ class Recorder:
             self.sync()
 
     def _check_time(self, time_ns: int, what: str) -> None:
-        """Raises InputError for a time outside the range of MCAP or of this project."""
+        """Raises InputError if a time is outside the range of MCAP or of enliven."""
         if not 0 <= time_ns <= LATEST_NS:
             raise InputError(
                 f"the time {time_ns} ns is outside 0..2^63",
@@ -219,7 +220,8 @@ class Recorder:
         return self._channels[key]
 
     def _store_description(self, record: Schema | Channel) -> None:
-        """Stores a schema or channel to be repeated. An archive is always complete, and repeats none."""
+        """Queues a schema or channel to be written a second time. Does nothing for archives, which are always
+        complete."""
         if self._live:
             self._unrepeated.append(record)
 

@@ -1,4 +1,4 @@
-"""Copies the undamaged messages of a truncated or damaged recording into a new one."""
+"""Copies the undamaged messages of a truncated or damaged recording to a new recording."""
 
 from __future__ import annotations
 
@@ -28,15 +28,16 @@ _CHUNK_START_PATTERN = re.compile(
 compression.
 """
 _FIXED_BYTES = 36
-"""Bytes of a chunk's fields except compression and data: times, two sizes, checksum."""
+"""Size in bytes of a chunk's fields except compression and data: times, two sizes, checksum."""
 _HEAD_BYTES = 9
-"""Bytes of a record's opcode and length."""
+"""Size in bytes of a record's opcode and length."""
 _CHUNK_HEAD_BYTES = 64
-"""Maximum bytes of a chunk before its data. Blocks overlap by this length, so that no chunk header is split.
+"""Maximum size in bytes of a chunk's header before its data. Blocks overlap by this length, so that no chunk
+header is split.
 """
 _BLOCK_BYTES = 1 << 20
-"""Bytes of a block that is searched for chunks. An unreadable sector hides the chunk headers of one such
-block.
+"""Size in bytes of a block that is searched for chunks. If a sector is unreadable, the chunk headers of its
+block are not found.
 """
 _RECORDS_BETWEEN_CHUNKS = {
     Opcode.MESSAGE_INDEX,
@@ -45,7 +46,8 @@ _RECORDS_BETWEEN_CHUNKS = {
     Opcode.CHANNEL,
     Opcode.ATTACHMENT,
 }
-"""The records that are allowed between chunks. Other bytes between chunks belonged to a damaged chunk."""
+"""The kinds of records that are allowed between chunks. Other bytes between chunks are from a damaged
+chunk."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,8 @@ class LostSpan:
     """A span of time in which some or all messages were lost.
 
     Attributes:
-        start_ns, end_ns: the sensor's clock. None if no undamaged chunk precedes or follows.
+        start_ns, end_ns: start and end, nanoseconds of the sensor's clock. None without an undamaged chunk
+            before or after the span.
     """
 
     start_ns: int | None
@@ -66,11 +69,12 @@ class Recovery:
 
     Attributes:
         kept, lost: number of copied and of lost messages by topic. ``lost`` is known only if the recording's
-            own index states
+            own index contains
         the total.
-        spans: the times in which messages were lost, in the order of the file.
-        cut: True if the recording was never closed, so that messages after its last chunk are unknown.
-        nameless: number of undamaged messages left out because the description of their topic is lost.
+        spans: the time spans in which messages were lost, in the order of the file.
+        cut: True if the recording was not closed properly, so messages after its last chunk are unknown.
+        nameless: number of undamaged messages that were left out because the description of their topic is
+            lost.
         first_ns: the earliest time of the copied messages, ignoring messages at time 0.
     """
 
@@ -88,7 +92,7 @@ def recover(path: Path, output: Path) -> Recovery:
     Raises:
         InputError: if ``path`` is not a recording, is of a later version or has no undamaged message, or if
             ``output`` exists.
-        ResourceError: if ``output`` cannot be written. It is then removed.
+        ResourceError: if ``output`` cannot be written. The incomplete file is removed.
     """
     container = _open_damaged(path)
     if container.profile not in (PROFILE, ""):
@@ -119,7 +123,8 @@ def recover(path: Path, output: Path) -> Recovery:
 
 
 def _open_damaged(path: Path) -> Container:
-    """Returns the container of a recording. Empty if its index lies in an unreadable part of the device."""
+    """Returns the container of a recording, or an empty container if its index is in an unreadable part of
+    the device."""
     try:
         return open_container(path)
     except ResourceError:
@@ -129,7 +134,7 @@ def _open_damaged(path: Path) -> Container:
 def _copy_messages(
     container: Container, file: BinaryIO, refs: list[ChunkRef], recorder: Recorder, recovery: Recovery
 ) -> None:
-    """Copies every chunk's messages, and records the time spans with missing messages."""
+    """Copies the messages of all chunks, and stores the time spans with missing messages in ``recovery``."""
     for name, values in container.metadata.items():
         if name != ABOUT_NAME:
             recorder.add_metadata(name, values)
@@ -195,9 +200,9 @@ def _file_blocks(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
 
 
 def _read_chunks(file: BinaryIO, refs: list[ChunkRef]) -> Iterator[tuple[ChunkRef, list[Any] | None]]:
-    """Yields every chunk with its records, None if it is damaged.
+    """Yields every chunk with its records, or with None if it is damaged.
 
-    A false match inside another chunk is left out.
+    False matches of the search inside other chunks are left out.
     """
     end = 0
     for ref in refs:
@@ -213,7 +218,7 @@ def _read_chunks(file: BinaryIO, refs: list[ChunkRef]) -> Iterator[tuple[ChunkRe
 
 
 def _has_only_small_records(file: BinaryIO, start: int, end: int) -> bool:
-    """Returns True if only small records lie between two offsets of the file."""
+    """Returns True if there are only small records between two offsets of the file."""
     at = start
     while at + _HEAD_BYTES <= end:
         file.seek(at)

@@ -1,4 +1,4 @@
-"""The schemas and layouts of a recording's messages, which every file contains."""
+"""The schemas and layouts of a recording's messages. Every file contains them."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from enliven.recording.depth_codec import LAYOUT as DEPTH_CODEC_LAYOUT
 
 PROFILE = "enliven"
-"""The MCAP profile: files with it have the topics and layouts below."""
+"""The MCAP profile of enliven's recordings. Files with this profile have the topics and layouts below."""
 
 RECORDING_VERSION = 1
-"""Version of all topics and layouts, including those of the wire. A new topic or an added field needs no
-new version. A changed meaning of written bytes does."""
+"""Version of all topics and layouts, including those of network messages. It changes if existing bytes change
+their meaning, but not if a topic or a field is added."""
 ABOUT_NAME = "about"
 """Name of the metadata record that describes the file."""
 VERSION_KEY = "version"
-"""Key of the version in that record. Recordings of enliven 0.1 lack it and are of version 1."""
+"""Key of the version in the record "about". Recordings of enliven 0.1 lack it and have version 1."""
 
 DEPTH_TOPIC = "/depth"
 BODIES_TOPIC = "/bodies"
@@ -25,7 +25,7 @@ TRUTH_TOPIC = "/truth/bodies"
 
 @dataclass(frozen=True)
 class MessageKind:
-    """A schema and the encoding of the messages that follow it."""
+    """A schema, and the encoding of messages with this schema."""
 
     schema_name: str
     schema_encoding: str
@@ -111,4 +111,4 @@ ABOUT = {
     "time": "log time is the sensor's own clock in nanoseconds",
     "units": "metres; world right-handed, +Y up, floor at y = 0",
 }
-"""The metadata record that describes the content for humans."""
+"""The metadata record that describes the content for users."""

@@ -1,4 +1,4 @@
-"""A file that contains complete records only. An incomplete record is removed after a failed write."""
+"""A file that contains only complete records. After a failed write, the incomplete record is removed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class WholeFile:
 
     Every write is passed to the operating system immediately.
 
-    After a failed write, which may be partly on the disk, the file is truncated to its previous end and
+    After a failed write, a part of it may be on the disk. So the file is truncated to its previous end and
     closed.
 
     Raises:
@@ -24,8 +24,8 @@ class WholeFile:
         self._end = 0
 
     def move(self, path: Path) -> None:
-        """Continues writing in the file ``path``. The caller has already moved or copied the written bytes to
-        that file.
+        """Continues writing to the file ``path``, to which the caller has already moved or copied the written
+        bytes.
 
         Raises:
             OSError: if that file cannot be opened.
@@ -49,10 +49,10 @@ class WholeFile:
         return self._end
 
     def write(self, data: bytes) -> int:
-        """Writes all of the bytes, or none of them.
+        """Writes all bytes, or none of them.
 
         Raises:
-            OSError: if the disk is full, for example. The file is then closed.
+            OSError: if writing fails, for example because the disk is full. The file is then closed.
         """
         remaining = memoryview(data)
         try:

@@ -1,1 +1,1 @@
-"""Sample characters that the project made: a chair, a lamp and a cactus."""
+"""The sample characters of the project: a chair, a lamp and a cactus."""

@@ -15,23 +15,23 @@ if TYPE_CHECKING:
     from enliven.document import Project
 
 SAMPLES_FOLDER = Path(__file__).resolve().parent
-"""The folder of the files."""
+"""The folder of the sample files."""
 _BEAT_FRAMES = 18
-"""Number of frames from one pose of the dance to the next: 0.6 s, the tempo of a slow march."""
+"""Number of frames from one pose of the dance to the next. It is 0.6 s, the tempo of a slow march."""
 _FRAME_S = 1.0 / 30.0
 """Duration of a frame of the dance, seconds."""
 COORDINATE_STEP_M = 2.0**-14
-"""Quantization step of a coordinate in the files, metres (0.06 mm): 1/200 of the length of an edge."""
+"""Quantization step of a coordinate in the files, metres (0.06 mm). It is 1/200 of the length of an edge."""
 
 
 _OWN_PARTS = {"lamp": "hip and right arm"}
-"""The body parts for which a sample is designed. Performers attach to other meshes with all parts."""
+"""The body parts with which performers attach to a sample by default. For other meshes, all parts are
+used."""
 
 
 def parts_for(mesh: str) -> str:
-    """Returns the body parts that attach to a mesh if the user does not choose any. They are given by the
-    name or path of the mesh.
-    """
+    """Returns the body parts that attach to a mesh by default. They depend on the name or path of the
+    mesh."""
     return _OWN_PARTS.get(mesh, "all")
 
 
@@ -47,7 +47,7 @@ def load_sample(name: Literal["chair", "lamp", "cactus"]) -> Mesh:
     cactus: a saguaro 1.3 m tall in a pot, with two arms and two eyes. It is symmetric about the plane x = 0.
 
     Raises:
-        InputError: for another name.
+        InputError: if the name is unknown.
     """
     if name == "cactus":
         return cactus_project().puppet(name).mesh
@@ -61,7 +61,8 @@ def load_sample(name: Literal["chair", "lamp", "cactus"]) -> Mesh:
 
 
 def cactus_project() -> Project:
-    """Returns a project: the cactus as a puppet that a tracked person moves, and the take of its key poses.
+    """Returns a project with the cactus as a puppet that a tracked person moves, and with the take of its key
+    poses.
 
     The performer's poses are constructed from bone directions. They are not recordings.
     """

@@ -1,1 +1,1 @@
-"""The anatomy of skeletons: their facing direction, their limbs, and the names of human joints."""
+"""Analyses skeletons: finds the facing direction, the limbs, and the joints of humans by their names."""

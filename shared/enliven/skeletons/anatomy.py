@@ -1,13 +1,13 @@
 """Finds the anatomy of a skeleton: a trunk, pairs of limbs on its sides, a head and a tail.
 
 An upright skeleton with the joint names of a person (:mod:`enliven.skeletons.human_names`) is divided by the
-names: weapons, hair, capes and twist bones are not limbs. Every other skeleton is divided by geometry.
-Division by geometry first ignores small branches (twigs) such as fingers, ears and a jaw. A branch at a fork
-is small if its name indicates a part of a face or a hand. It is also small if it is short compared with the
-whole skeleton, or with the path from the root to the fork. The remaining joints form chains between forks and
-ends. Chains between forks form the trunk, and chains to an end are limbs. Two limbs that mirror each other
-form a pair. Of the unpaired limbs, the head leads farthest forward and up, and the tail leads farthest
-backward and down.
+names, so that weapons, hair, capes and twist bones do not count as limbs. Every other skeleton is divided by
+geometry. In this case, small branches (twigs) such as fingers, ears and a jaw are ignored first. A branch at
+a fork is small if its name indicates a part of a face or a hand. It is also small if it is short compared
+with the whole skeleton, or with the path from the root to the fork. The remaining joints form chains between
+forks and ends. Chains between forks form the trunk, and chains to an end are limbs. Two limbs that mirror
+each other form a pair. Among the unpaired limbs, the head is the one that extends farthest forward and up,
+and the tail is the one that extends farthest backward and down.
 """
 
 from __future__ import annotations
@@ -28,27 +28,28 @@ _TWIG_WORDS = re.compile(
     r"s?(?![a-z])",
     re.IGNORECASE,
 )
-"""Words in joint names that mean a part of a face or a hand."""
+"""Pattern of words in joint names for a part of a face or a hand."""
 _PARTNER_DISTANCE = 0.02
-"""Two joints are partners if each is at most this far from the other's mirror image, as a fraction of the
-skeleton's size."""
+"""Maximum distance between a joint and the mirror image of its partner, as a fraction of the skeleton's
+size."""
 _MIN_BRANCH_FRACTION = 0.15
-"""A branch shorter than this fraction of the longest branch is a twig, not a limb."""
+"""Minimum length of a limb, as a fraction of the longest branch. A shorter branch is a twig."""
 _MIN_FORK_FRACTION = 0.5
-"""A branch shorter than this fraction of the path from the root to its fork is a twig, not a limb.
+"""Minimum length of a limb, as a fraction of the path from the root to its fork. A shorter branch is a twig.
 
-The same fraction defines whether a branch leads away from the middle plane: its end must be farther from this
-plane than its fork by more than this fraction of the branch's length."""
+The same fraction defines the branches that lead away from the middle plane. Their end is farther from this
+plane than their fork by more than this fraction of the branch's length.
+"""
 _MIN_SIDE_FORK_FRACTION = 0.6
-"""For a branch that leads away from the middle plane, this fraction replaces ``_MIN_FORK_FRACTION``, because
-big ears are longer than other twigs."""
+"""Replaces ``_MIN_FORK_FRACTION`` for a branch that leads away from the middle plane, because big ears are
+longer than other twigs."""
 _MIN_FORK_BRANCHES = 5
 """Minimum number of branches at a fork that is a face or a hand. The rule does not apply to the root."""
 _MIN_PALM_LENGTH = 0.02
 """Minimum length of a palm's bone (to the first joint of a finger), as a fraction of the longest branch."""
 _MAX_FORK_OFFSET = 0.15
-"""A fork farther from the middle plane than this fraction of the longest branch is a hand. The limb continues
-along its longest branch only."""
+"""Maximum distance of a fork from the middle plane, as a fraction of the longest branch. A fork beyond it is
+a hand, and the limb continues only along its longest branch."""
 _MAX_PAIR_DIFFERENCE = 0.15
 """Maximum relative difference in length of the two limbs of a pair."""
 _MIN_PAIR_DISTANCE = 0.1
@@ -59,7 +60,8 @@ _MIN_LIMB_OFFSET = 0.03
 _MIN_GIRDLE_SIDEWAYS = 0.8
 """Minimum lateral extent of a girdle bone (collar bone, hip), as a fraction of its length."""
 _MAX_GIRDLE_COSINE = 0.5
-"""Maximum cosine between a girdle bone and the rest of the limb, which bends there by at least 60 degrees."""
+"""Maximum cosine of the angle between a girdle bone and the rest of the limb. The limb bends by at least 60
+degrees at this joint."""
 _MAX_GIRDLE_LENGTH = 0.6
 """Maximum length of the girdle, as a fraction of the limb's length. A longer girdle would leave too little of
 the limb."""
@@ -68,19 +70,21 @@ _MIN_LEG_JOINTS = 3
 _MIN_FIRST_BONE = 0.7
 """Minimum length of the first bone of the limb proper, as a fraction of the limb's second longest bone."""
 _MAX_LEG_END_HEIGHT = 0.15
-"""Maximum height of a leg's end above the floor, as a fraction of body height. The end may be an ankle."""
+"""Maximum height of a leg's end above the floor, as a fraction of body height. It allows for legs that end at
+the ankle."""
 _MIN_LEG_DROP = 0.12
-"""Minimum height difference between the highest joint of a leg and its end, as a fraction of body height. A
-low tail descends less."""
+"""Minimum height difference between the highest joint of a leg and its end, as a fraction of body height. It
+excludes tails close to the ground."""
 _MAX_HAND_LENGTH = 0.45
-"""Maximum length of a hand, as a fraction of the limb's length. An arm has two segments before its hand."""
+"""Maximum length of a hand, as a fraction of the limb's length. The two segments of the arm are longer."""
 _MIN_WRIST_POSITION = 0.6
-"""A segment that begins beyond this fraction of the limb's length is a hand or a foot."""
+"""Minimum position of a wrist or an ankle, as a fraction of the limb's length. A segment that begins beyond
+it is a hand or a foot."""
 _MIN_WRIST_BONES = 3
-"""Minimum number of bones that begin at a wrist. A joint with only two bones may have a twist bone."""
+"""Minimum number of bones that begin at a wrist. At a joint with only two bones, one may be a twist bone."""
 _MIN_UPRIGHT_COSINE = np.cos(np.radians(45.0))
-"""Human joint names are used only if the cosine between the vertical and the line from hips to chest is at
-least this value. Animals may have human joint names too."""
+"""Minimum cosine of the angle between the vertical and the line from hips to chest at which human joint names
+are used. Animals may have human joint names too."""
 
 
 @dataclass(frozen=True)
@@ -91,9 +95,9 @@ class SkeletonLimb:
         chain: its joints, beginning with the fork.
         start: index in the chain at which the limb proper begins. The girdle (collar bone, hip) is before it.
         grounded: True if the limb stands on the floor.
-        end: (3,) position of its end, metres, in a frame in which the body faces +Z and its left is +X.
-        stop: index in the chain at which its hand or foot begins (wrist, ankle). None if it has no separate
-            hand or foot.
+        end: (3,) position of its end, metres, in a frame in which the body faces +Z and its left side is +X.
+        stop: index in the chain at which the hand or foot begins (wrist, ankle). None without a separate hand
+            or foot.
         knots: indices in the chain at which segments begin and the last segment ends, determined from joint
             names. For an arm: shoulder, elbow, wrist. For a leg: hip, knee, ankle. For a head: neck and head,
             or the head alone. Empty if the names do not determine them.
@@ -151,17 +155,17 @@ class Anatomy:
 
     @property
     def legs(self) -> tuple[Pair, ...]:
-        """The pairs that stand on the floor, the foremost first."""
+        """The pairs of limbs that stand on the floor, the foremost first."""
         return tuple(pair for pair in self.pairs if pair[0].grounded)
 
     @property
     def arms(self) -> tuple[Pair, ...]:
-        """The pairs that do not stand on the floor, the uppermost first."""
+        """The pairs of limbs that do not stand on the floor, the uppermost first."""
         return tuple(pair for pair in self.pairs if not pair[0].grounded)
 
 
 def is_tip_start(skeleton: Skeleton, limb: SkeletonLimb, joint: int) -> bool:
-    """Returns True if a hand or foot begins at a joint, judged by length.
+    """Returns True if a hand or foot begins at a joint, based on lengths.
 
     Returns False if joint names or fingers already define the limb's hand or foot.
     """
@@ -176,7 +180,7 @@ def find_anatomy(skeleton: Skeleton, facing: float | None = None) -> Anatomy:
 
     Args:
         skeleton: the skeleton.
-        facing: heading of its front: angle about +Y from +Z, radians. If None, it is detected.
+        facing: heading of the skeleton's front: angle about +Y from +Z, radians. If None, it is detected.
     """
     return _detect_anatomy(skeleton) if facing is None else _find_anatomy(skeleton, facing)
 
@@ -306,7 +310,7 @@ def _major_children(skeleton: Skeleton, at: Float) -> list[list[int]]:
 
 
 def _fork_chains(below: list[list[int]]) -> list[tuple[int, ...]]:
-    """Returns the chains from the root and every fork to the next fork or end."""
+    """Returns the chains that begin at the root and at every fork, up to the next fork or end."""
     chains, waiting = list[tuple[int, ...]](), [0]
     while waiting:
         fork = waiting.pop(0)
@@ -346,9 +350,9 @@ def _separate_head(
 ) -> tuple[tuple[int, ...], list[Pair], SkeletonLimb | None]:
     """Separates a head with paired branches (ears) from the trunk. Returns the trunk, the pairs and the head.
 
-    The trunk has such a head if it ends in a fork with pairs that are not legs (ears), and has an earlier
-    fork with such pairs (arms). The part after the arms is then the head. Otherwise, trunk and pairs are
-    unchanged, and the head is None.
+    Such a head exists if the trunk ends in a fork with pairs that are not legs (ears), and an earlier fork
+    also has such pairs (arms). The head is the part of the trunk after the arms. Otherwise, trunk and pairs
+    are returned unchanged, and the head is None.
     """
     forks = [
         trunk.index(pair[0].chain[0]) for pair in pairs if pair[0].chain[0] in trunk and not pair[0].grounded
@@ -385,7 +389,7 @@ def _limb_from_chain(chain: tuple[int, ...], at: Float) -> SkeletonLimb:
 
 
 def _separate_hand(limb: SkeletonLimb, skeleton: Skeleton, at: Float) -> SkeletonLimb:
-    """Separates the hand of a limb. The hand begins at the joint near the end where the fingers begin."""
+    """Separates the hand of a limb. The hand begins at the joint near the end at which the fingers begin."""
     proper = limb.proper
     if limb.grounded or len(proper) < _MIN_LEG_JOINTS + 1:
         return limb
@@ -398,7 +402,8 @@ def _separate_hand(limb: SkeletonLimb, skeleton: Skeleton, at: Float) -> Skeleto
 
 
 def _is_sideways(points: Float) -> Bool:
-    """Returns (K - 1,) True for bones of a chain that lead sideways before the chain bends, as at a hip."""
+    """Returns (K - 1,) True for the bones that lead sideways at the start of a chain, before it bends as at a
+    hip."""
     bones, rest = np.diff(points, axis=0), points[-1] - points[1:]
     lengths = np.linalg.norm(bones, axis=1) * np.maximum(np.linalg.norm(rest, axis=1), 1e-9)
     cosines = np.einsum("kc,kc->k", bones, rest) / np.maximum(lengths, 1e-12)
@@ -411,7 +416,7 @@ def _paired_limbs(
 ) -> tuple[list[Pair], list[SkeletonLimb]]:
     """Returns the pairs (left, right) from front and top to back and bottom, and the unpaired limbs.
 
-    The two limbs of a pair have the same length. Their positions have less influence, because a performer may
+    The limbs of a pair have similar lengths. Their positions have less influence, because a performer may
     hold them in different poses.
     """
     costs = []
@@ -451,7 +456,7 @@ def _is_left_right(left: SkeletonLimb, right: SkeletonLimb, at: Float, names: tu
 
 
 def _mirror_distance(left: SkeletonLimb, right: SkeletonLimb, at: Float) -> float:
-    """Returns the sum of the distances, metres, between both ends of a limb and those of the other limb's
+    """Returns the sum of the distances, metres, between both ends of a limb and the ends of the other limb's
     mirror image.
     """
     mirror = np.array([-1.0, 1.0, 1.0])
@@ -460,8 +465,8 @@ def _mirror_distance(left: SkeletonLimb, right: SkeletonLimb, at: Float) -> floa
 
 
 def _pair_position(pair: Pair, at: Float) -> float:
-    """Returns a sort key: how far forward and up a pair begins, metres. The ends distinguish pairs with equal
-    beginnings.
+    """Returns a sort key, metres, that increases with the forward and upward position of a pair's start. The
+    positions of the ends distinguish pairs with equal starts.
     """
     starts = np.mean([at[limb.proper[0]] for limb in pair], axis=0)
     ends = np.mean([limb.end for limb in pair], axis=0)
@@ -469,7 +474,7 @@ def _pair_position(pair: Pair, at: Float) -> float:
 
 
 def _head_and_tail(single: list[SkeletonLimb], at: Float) -> tuple[SkeletonLimb | None, SkeletonLimb | None]:
-    """Finds the head and the tail among unpaired limbs. The head leads up and forward, and the tail
+    """Finds the head and the tail among unpaired limbs. The head extends up and forward, and the tail
     backward.
     """
     directions = {limb: np.array(limb.end) - at[0] for limb in single}

@@ -1,4 +1,5 @@
-"""Finds the facing direction of a skeleton: its vertical plane of symmetry, and the side of its front."""
+"""Finds the facing direction of a skeleton from joint names, or from its vertical plane of symmetry and its
+toes."""
 
 from __future__ import annotations
 
@@ -12,13 +13,13 @@ from enliven.document import Skeleton
 _LEFT_WORDS = re.compile(r"left|(?<![a-z])l(?![a-z])", re.IGNORECASE)
 _RIGHT_WORDS = re.compile(r"right|(?<![a-z])r(?![a-z])", re.IGNORECASE)
 _WORD_BOUNDARY = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
-"""Boundaries between the words of a camel-case name."""
+"""Pattern of the boundaries between the words of a camel-case name."""
 _MIN_FOOT_LENGTH = 0.03
-"""Minimum forward length of both feet together, as a fraction of the size, if the feet are to determine the
-front."""
+"""Minimum forward length of both feet together at which they determine the front, as a fraction of the
+size."""
 _MIN_SIDE_DISTANCE = 0.01
-"""Minimum distance between left and right joints, as a fraction of the size, if they are to determine which
-side is left."""
+"""Minimum distance between left and right joints at which they determine the left side, as a fraction of the
+size."""
 _MAX_FOOT_HEIGHT = 0.12
 """Maximum height of a foot above the floor, as a fraction of the skeleton's height."""
 
@@ -26,9 +27,9 @@ _MAX_FOOT_HEIGHT = 0.12
 def facing_of(skeleton: Skeleton) -> float:
     """Returns the angle of the skeleton's front about +Y from +Z at rest, in radians.
 
-    It is found from pairs of joint names that differ only in left and right. Without such names, it is found
-    from the best plane of mirror symmetry and the direction of the toes. If this fails too, it is 0 (+Z), as
-    in glTF.
+    The front is computed from pairs of joint names that differ only in left and right. Without such names, it
+    is computed from the best plane of mirror symmetry and the direction of the toes. If this fails too, the
+    angle is 0 (+Z), as in glTF.
     """
     left = _left_from_names(skeleton)
     if left is None:
@@ -61,8 +62,8 @@ def _left_from_names(skeleton: Skeleton) -> Float | None:
     it.
 
     It is computed from pairs of joints with the same parent, such as hips and shoulders. Other pairs, such as
-    hands and feet, count only if there are none of these. Hands and feet are unreliable if the rest pose is
-    in mid-stride.
+    hands and feet, are used only without such pairs. They are unreliable, because the rest pose may be a
+    walking pose.
     """
     parents, total, roots = skeleton.parents, np.zeros(3), np.zeros(3)
     by_plain: dict[str, dict[int, int]] = {}
@@ -95,7 +96,7 @@ def _left_from_symmetry(skeleton: Skeleton) -> Float:
     best_angle = angles[int(np.argmin(costs))]
     finer = best_angle + np.arange(-4.0, 4.5, 0.5)
     angle = finer[int(np.argmin([_mirror_distance(positions, candidate) for candidate in finer]))]
-    # In glTF, left is +X, so use another plane only if it is clearly better.
+    # Models in glTF have their left side at +X, so use another plane only if it is clearly better.
     if costs[0] <= 1.2 * min(costs) + 1e-3 * _skeleton_size(skeleton):
         angle = 0.0
     angle = np.radians(angle)
@@ -117,7 +118,7 @@ def _mirror_distance(at: Float, degrees: float) -> float:
 
 
 def _toe_directions(skeleton: Skeleton, left: Float) -> Float:
-    """Returns the sum (3,) of the vectors of end bones near the floor, metres. Bones in the middle are
+    """Returns the sum (3,) of the vectors of end bones near the floor, metres. Bones in the middle plane are
     excluded.
     """
     height = skeleton.positions[:, 1]

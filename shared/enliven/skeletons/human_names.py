@@ -4,10 +4,10 @@
     joints.arms[0].knots                 # left shoulder, elbow and wrist
 
 Known conventions: Mixamo, VRM and Unity humanoid, Unreal, Rigify (also its split deform bones), Quaternius,
-CMU, Bandai Namco, Biovision, Biped, VRoid, Poser. They use the same words differently: a "Leg" is the shin in
-Mixamo and the thigh elsewhere, and a "Shoulder" is a collar bone or an upper arm. So each limb is found from
-its middle joint, because its names are the least ambiguous. The names of the other joints are tried from the
-least to the most ambiguous.
+CMU, Bandai Namco, Biovision, Biped, VRoid, Poser. These conventions use the same words differently. For
+example, a "Leg" is the shin in Mixamo and the thigh elsewhere, and a "Shoulder" is a collar bone or an upper
+arm. So the search for a limb starts at its middle joint, which has the least ambiguous names. The names of
+the other joints are tried from the least to the most ambiguous.
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ from enliven.document import Skeleton
 _ELBOW_NAMES = (("forearm", "lowerarm", "armlower", "loarm"), ("elbow",))
 """Names of the joint in the middle of an arm, the least ambiguous first."""
 _SHOULDER_NAMES = (("upperarm", "uparm", "armupper", "humerus"), ("arm",), ("shldr", "shoulder"))
-"""Names of the joint where an upper arm begins."""
+"""Names of the joint at which an upper arm begins."""
 _WRIST_NAMES = (("hand", "wrist"), ("palm", "fist"))
-"""Names of the joint where a hand begins."""
+"""Names of the joint at which a hand begins."""
 _KNEE_NAMES = (("lowerleg", "leglower", "loleg", "lowleg", "shin", "calf"), ("knee",), ("leg",))
 """Names of the joint in the middle of a leg."""
 _HIP_NAMES = (("upperleg", "legupper", "upleg", "thigh", "femur"), ("leg",), ("hip",))
-"""Names of the joint where a thigh begins."""
+"""Names of the joint at which a thigh begins."""
 _ANKLE_NAMES = (("foot", "ankle"),)
-"""Names of the joint where a foot begins."""
+"""Names of the joint at which a foot begins."""
 _HEAD_NAMES = (("head",),)
-"""Names of the joint where a head begins."""
+"""Names of the joint at which a head begins."""
 _NECK_NAMES = (("neck",),)
-"""Names of the joint where a neck begins."""
+"""Names of the joint at which a neck begins."""
 _FINGER_NAMES = ("thumb", "index", "middle", "mid", "ring", "pinky", "little")
 """First words of the names of fingers. The joints of one finger share a word."""
 _TOE_NAMES = ("toe", "toes", "toebase", "ball")
-"""Names of the joint where toes begin."""
+"""Names of the joint at which toes begin."""
 _TIP_WORDS = ("end", "tip", "nub", "top", "site")
-"""Words in the names of joints that only mark where a bone ends."""
+"""Words in the names of joints that only mark the end of a bone."""
 _EXPORTER_PREFIXES = (
     "armature",
     "base",
@@ -67,11 +67,11 @@ _OBJECT_WORDS = frozenset(
         *("shield", "spear", "staff", "sword", "torch", "wand", "weapon"),
     )
 )
-"""Words in the names of joints that move an object which a hand carries."""
+"""Words in the names of joints that move an object carried by a hand."""
 _SIDE_OF_WORD = {"left": 1, "l": 1, "right": -1, "r": -1}
 """The side that a word means: 1 for left, -1 for right."""
 _WORD_PATTERN = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
-"""The words of a name, separated by camel case or by any character that is not a letter."""
+"""Pattern of a word in a name. Words are separated by camel case or by any character that is not a letter."""
 
 
 @dataclass(frozen=True)
@@ -80,8 +80,8 @@ class HumanLimb:
 
     Attributes:
         knots: the joints at which the upper segment, the lower segment and the hand or foot begin. If the
-            hand or foot has no joint, the third is the end of the lower segment.
-        tip: the joint at which the hand or foot ends: the middle finger's knuckle, or the toes; -1 if
+            hand or foot has no joint, the third joint is the end of the lower segment.
+        tip: the joint at which the hand or foot ends: the middle finger's knuckle, or the toes. -1 if
             unknown.
     """
 
@@ -96,11 +96,11 @@ class HumanJoints:
     Attributes:
         hips: the joint at the fork of the legs.
         chest: the joint at the fork of the arms.
-        arms, legs: (left, right).
+        arms, legs: the limbs as (left, right).
         head: the joints from the chest to the end of the head. Empty if no joint is named head.
         head_knots: joints of ``head`` at which the neck and the head begin.
-        tail: the joints of the tail. The first is the joint, at or above the hips, to which the tail is
-            attached. Empty if no joint is named tail.
+        tail: the joints of the tail. The first joint is at or above the hips, and the tail is attached to it.
+            Empty if no joint is named tail.
     """
 
     hips: int
@@ -147,9 +147,7 @@ def names_object(name: str) -> bool:
 
 
 def _finger_name(word: str) -> str:
-    """Returns the finger that a word of a joint name denotes, in a standard spelling. Empty if it denotes
-    none.
-    """
+    """Returns the standard name of the finger that a word of a joint name means, or an empty string."""
     short_word = word.removeprefix("hand").removesuffix("finger")
     short_word = short_word.removeprefix("finger")
     finger_word = next((finger for finger in _FINGER_NAMES if short_word.startswith(finger)), "")
@@ -157,9 +155,9 @@ def _finger_name(word: str) -> str:
 
 
 def _split_name(name: str) -> tuple[int, str]:
-    """Returns the side of a name (1 left, -1 right, 0 none) and its other words, joined and in lower case.
+    """Returns the side of a name (1 left, -1 right, 0 none), and its other words joined in lower case.
 
-    Helper joints get an empty word, since they never belong to a limb.
+    For helper joints, which never belong to a limb, the word is empty.
     """
     bare_name = re.sub(r"^.*[:|]", "", name)
     side, other_words = 0, list[str]()
@@ -183,8 +181,8 @@ _LIMB_WORDS = frozenset(
     for tier in tiers
     for word in tier
 )
-"""All words for joints of a limb. They are used to split side letters: "lknee" is a left knee, but "lower" is
-not a left "ower"."""
+"""All words for joints of a limb. They are used to separate side letters from words: "lknee" is a left knee,
+but "lower" is not a left "ower"."""
 
 
 def _limb_of_side(
@@ -195,7 +193,7 @@ def _limb_of_side(
     middles: Sequence[Sequence[str]],
     ends: Sequence[Sequence[str]],
 ) -> HumanLimb | None:
-    """Returns the limb of one side from the names of its joints, or None if the names do not occur."""
+    """Finds the limb of one side by the names of its joints. Returns None if the names do not occur."""
     for names in middles:
         middle_joint = _first_named_joint(range(len(words)), words, side, (names,))
         ancestors = skeleton.path(0, middle_joint)[:-1] if middle_joint >= 0 else ()
@@ -216,8 +214,8 @@ def _limb_of_side(
 def _first_named_joint(
     joints: Iterable[int], words: Sequence[tuple[int, str]], side: int, tiers: Sequence[Sequence[str]]
 ) -> int:
-    """Returns the first joint that matches a name. The tiers of names are tried in turn, the least ambiguous
-    first. Returns -1 if no joint matches.
+    """Returns the first joint with a matching name. The tiers of names are tried in order, the least
+    ambiguous first. Returns -1 if no name matches.
     """
     joints = tuple(joints)
     for names in tiers:
@@ -248,7 +246,8 @@ def _limb_tip(skeleton: Skeleton, words: Sequence[tuple[int, str]], end: int) ->
 def _head_chain(
     skeleton: Skeleton, words: Sequence[tuple[int, str]], chest: int
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Returns the chain from the chest to the end of the head, and the joints that begin neck and head."""
+    """Returns the chain from the chest to the end of the head, and the joints at which neck and head
+    begin."""
     descendants = skeleton.below(chest)[1:]
     head = _first_named_joint(descendants, words, 0, _HEAD_NAMES)
     if head < 0:
@@ -269,7 +268,7 @@ def _tail_chain(skeleton: Skeleton, words: Sequence[tuple[int, str]], hips: int)
 
 
 def longest_branch(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
-    """Returns a joint and those below it, along the longest branch to its end."""
+    """Returns the joints from ``joint`` along the longest branch to its end."""
     chain = [joint]
     while skeleton.children[chain[-1]]:
         chain.append(max(skeleton.children[chain[-1]], key=lambda child: _branch_length(skeleton, child)))
@@ -282,7 +281,7 @@ def _common_ancestor(skeleton: Skeleton, first: int, second: int) -> int:
 
 
 def _longest_child(skeleton: Skeleton, joint: int) -> int:
-    """Returns the child of a joint with the longest bone; -1 for a leaf."""
+    """Returns the child of a joint with the longest bone, or -1 for a leaf."""
     return max(skeleton.children[joint], key=lambda child: float(skeleton.lengths[child]), default=-1)
 
 

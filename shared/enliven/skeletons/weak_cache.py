@@ -1,4 +1,4 @@
-"""A cache for functions of one immutable object. It keeps no object alive.
+"""A cache for functions of one immutable object. It does not keep the objects alive.
 
 @cache_while_alive
 def find_anatomy(skeleton: Skeleton) -> Anatomy: ...
@@ -18,8 +18,8 @@ V = TypeVar("V")
 def cache_while_alive(function: Callable[[K], V]) -> Callable[[K], V]:
     """Returns the function with a cache. A result is dropped as soon as its argument is no longer used.
 
-    The argument is compared by identity, so its class must define no other equality. The result must not
-    refer to the argument, because both would then stay in memory.
+    Arguments are compared by identity, so their class must not define another equality. The result must not
+    refer to the argument, because then both would stay in memory.
     """
     results = weakref.WeakKeyDictionary[K, V]()
 

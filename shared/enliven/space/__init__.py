@@ -1,3 +1,3 @@
-"""The poses of the sensors in a space (such as a stage): rigid transforms, and the TOML file that stores
-them.
+"""The poses of several sensors in one space, such as a stage: rigid transforms, and the TOML file that stores
+the poses.
 """

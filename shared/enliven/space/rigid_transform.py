@@ -1,6 +1,4 @@
-"""Rigid transforms (4, 4): basic operations, and a weighted least squares fit to corresponding points,
-optionally with rotation about the vertical only.
-"""
+"""Rigid transforms (4, 4): basic operations, and a weighted least squares fit to corresponding points."""
 
 from __future__ import annotations
 
@@ -40,7 +38,7 @@ def invert(transform: Float) -> Float:
 
 
 def compose_transform(rotation: Float, translation: Float) -> Float:
-    """Returns the (4, 4) transform of a (3, 3) rotation and a (3,) translation."""
+    """Returns the transform (4, 4) of a rotation (3, 3) and a translation (3,)."""
     transform = np.eye(4)
     transform[:3, :3], transform[:3, 3] = rotation, translation
     return transform
@@ -67,12 +65,13 @@ def rotation_vector(rotation: Float) -> Float:
 
 
 def fit_rigid(source: Float, target: Float, weights: Float, *, upright: bool) -> Float:
-    """Returns (4, 4) target_from_source that minimises sum w |R s + t - d|^2 (Kabsch 1976, Umeyama 1991).
+    """Returns the rigid transform (4, 4) from source to target that minimises sum w |R s + t - d|^2 over
+    points s and d (Kabsch 1976, Umeyama 1991).
 
     Args:
         source, target: (N, 3) corresponding points, metres.
         weights: (N,) at least 0, not all 0.
-        upright: rotate about +Y only.
+        upright: True allows only rotation about +Y.
     """
     normalised_weights = weights / weights.sum()
     from_centre, to_centre = normalised_weights @ source, normalised_weights @ target

@@ -36,12 +36,13 @@ class Place:
 
     @property
     def camera(self) -> Float | None:
-        """Returns (4, 4) world_from_camera, or None for a sensor that tracks bodies itself."""
+        """Returns the transform (4, 4) from camera to world, or None for a sensor that tracks bodies
+        itself."""
         return None if self.world_from_camera is None else np.array(self.world_from_camera)
 
     @property
     def level(self) -> Float:
-        """Returns (4, 4) world_from_sensor."""
+        """Returns the transform (4, 4) from the sensor's level frame to the world."""
         return np.array(self.world_from_sensor)
 
     @property
@@ -55,7 +56,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Space:
-    """All sensors of one space by their identities."""
+    """The poses of all sensors in one space, by sensor id."""
 
     sensors: dict[str, Place]
 
@@ -92,8 +93,8 @@ def save_space(path: Path, space: Space, remarks: list[str]) -> Path | None:
         The path of the previous file, or None.
 
     Raises:
-        InputError: if the existing file is of a later version; it is not changed.
-        ResourceError: if the file cannot be written; the existing file is then not changed.
+        InputError: if the existing file has a later version. It is not changed.
+        ResourceError: if the file cannot be written. The existing file is then not changed.
     """
     refuse_later_toml(path)
     old = path.with_name(path.name + ".old") if path.exists() else None
@@ -104,7 +105,7 @@ def save_space(path: Path, space: Space, remarks: list[str]) -> Path | None:
 
 
 def nested_tuples(transform: Float) -> _Rows:
-    """Returns a (4, 4) array as nested tuples."""
+    """Converts an array (4, 4) to nested tuples."""
     a, b, c, d = (tuple(float(v) for v in row) for row in transform)
     return a, b, c, d  # type: ignore[return-value]
 
@@ -127,9 +128,9 @@ def _format_matrix(key: str, matrix: _Rows) -> list[str]:
 
 
 def _check_rigid(transform: Float, where: str) -> None:
-    """Raises InputError for a matrix that is not a rigid transform.
+    """Raises InputError if a matrix is not a rigid transform.
 
-    The check is needed because a typing error in the file would distort every body.
+    The check is needed because a typing error in the file would distort all bodies.
     """
     rotation = transform[:3, :3]
     is_invalid = np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3 or np.linalg.det(rotation) < 0

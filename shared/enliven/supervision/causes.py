@@ -1,4 +1,5 @@
-"""Explains why a program ended: exit code, signal, or killed by the kernel for lack of memory."""
+"""Determines why a program ended: by an exit code, by a signal, or because the kernel killed it for lack of
+memory."""
 
 from __future__ import annotations
 
@@ -7,11 +8,12 @@ import signal
 from pathlib import Path
 
 INTERRUPTED_EXIT_CODE = 130
-"""Exit code of a run that Ctrl-C or SIGTERM ended: 128 + SIGINT (2), the convention of shells."""
+"""Exit code of a program that was ended by Ctrl-C or SIGTERM: 128 + SIGINT (2), by the convention of
+shells."""
 OUT_OF_MEMORY = "killed by the kernel, because the memory was used up"
 """Cause of a program that Linux killed to free memory."""
 _CGROUP_ROOT = Path("/sys/fs/cgroup")
-"""Mount point of the second version of Linux's control groups, which bound the memory of services."""
+"""Mount point of Linux's control groups (version 2), which limit the memory of services."""
 
 
 def exit_cause(code: int) -> str:
@@ -31,10 +33,10 @@ def exit_code_from_status(code: int) -> int:
 
 
 def count_memory_kills(proc: Path = Path("/proc"), cgroups: Path = _CGROUP_ROOT) -> int:
-    """Returns how many processes the kernel has killed for lack of memory, on this computer and in this
-    service.
+    """Returns the number of processes that the kernel has killed for lack of memory, on this computer plus in
+    this service.
 
-    Only the difference between two calls is meaningful. Returns 0 on other systems than Linux.
+    Only the difference between two calls is meaningful. Returns 0 on systems other than Linux.
     """
     count = _read_counter(proc / "vmstat")
     with contextlib.suppress(OSError):
@@ -45,7 +47,7 @@ def count_memory_kills(proc: Path = Path("/proc"), cgroups: Path = _CGROUP_ROOT)
 
 
 def _read_counter(path: Path) -> int:
-    """Returns the value of ``oom_kill`` in a file of counters, or 0 if the file or the counter is missing."""
+    """Returns the value of the counter ``oom_kill`` in a file, or 0 if the file or the counter is missing."""
     with contextlib.suppress(OSError, ValueError):
         for line in path.read_text().splitlines():
             key, _, value = line.partition(" ")

@@ -22,14 +22,14 @@ from .schedule import RestartBackoff
 log = logging.getLogger(__name__)
 
 START_TIMEOUT_S = 900.0
-"""Default time in seconds from the start of a program to its first report. A small machine compiles the
-kernels of an edge for more than 600 s when it starts for the first time."""
+"""Default timeout in seconds from the start of a program to its first report. At the first start on a small
+machine, compiling the kernels of an edge takes more than 600 s."""
 FROZEN_GRACE_S = 2.0
-"""Time in seconds from the termination signal to the kill signal for a frozen program. Few frozen programs
-react to the signal, and visitors wait.
+"""Time in seconds from the termination signal to the kill signal for a frozen program. It is short, because
+few frozen programs react to the signal, and visitors are waiting.
 """
 _MAX_NOTIFICATIONS = 1000
-"""Maximum number of notifications that are read at a time, so that a program that floods its socket does not
+"""Maximum number of notifications that are read at once, so that a program that floods its socket does not
 block the others.
 """
 _SIGKILL_CODE = -9
@@ -41,16 +41,18 @@ class Program:
     """A program to be supervised.
 
     Attributes:
-        name: the program's name for operators, such as "edge floor".
+        name: name of the program for operators, such as "edge floor".
         command: its command line. The first word is the program.
-        restart: whether it is restarted when it ends: never, after a failure, or always.
+        restart: when it is restarted after it has ended: never, after a failure, or always.
         restart_command: its command line for restarts. None uses ``command``.
-        leads: True if the whole run ends when this program ends and is not restarted.
-        frozen_after_s: time in seconds without a progress report until it is restarted. None disables the
-            check.
-        start_timeout_s: time in seconds from its start to its first report, if it is watched.
-        ready: returns True when the next program can be started. None starts the next program immediately.
-        environment: variables in addition to those of the supervisor.
+        leads: True if all programs end when this program ends and is not restarted.
+        frozen_after_s: maximum time in seconds without a progress report. Then the program is restarted. None
+            disables the check.
+        start_timeout_s: maximum time in seconds from its start to its first report. It is ignored if
+            ``frozen_after_s`` is None.
+        ready: a function that returns True when the next program can be started. If None, the next program is
+            started immediately.
+        environment: environment variables in addition to those of the supervisor.
     """
 
     name: str
@@ -75,7 +77,7 @@ class Child:
     Args:
         program: the program.
         socket_path: path of the socket for its reports. It must be short.
-        backoff: the waits between its restarts.
+        backoff: computes the delays between its restarts.
     """
 
     def __init__(self, program: Program, socket_path: Path, backoff: RestartBackoff | None = None) -> None:
@@ -112,7 +114,7 @@ class Child:
         return self.process is None and self.due_s is None
 
     def start(self, now_s: float) -> None:
-        """Starts the program. A failed start counts as an end with exit code 127, as in a shell."""
+        """Starts the program. A failed start is handled like an end with exit code 127, as in a shell."""
         program = self.program
         restart_command = program.restart_command if self._started_before else None
         environment = dict(program.environment)
@@ -141,7 +143,7 @@ class Child:
         """Reads reports, watches the progress, and kills a process that does not end.
 
         Returns:
-            The cause if the process has ended since the last call, else None.
+            The cause of the end if the process has ended since the last call, otherwise None.
         """
         if self.process is None:
             return None
@@ -158,7 +160,7 @@ class Child:
         return None
 
     def plan_restart(self, now_s: float, *, is_failure: bool = True) -> float:
-        """Schedules the next start of the program, and returns the wait in seconds.
+        """Schedules the next start of the program, and returns the delay in seconds.
 
         Args:
             is_failure: False for a planned restart, which is immediate.
@@ -191,8 +193,8 @@ class Child:
             self._socket = None
 
     def _read_notifications(self, now_s: float) -> None:
-        """Reads the program's reports. A progress report postpones the time at which the program counts as
-        frozen.
+        """Reads the program's notifications. A progress report postpones the time at which the program counts
+        as frozen.
         """
         for _ in range(_MAX_NOTIFICATIONS):
             data = self._receive()
@@ -216,19 +218,19 @@ class Child:
         return None
 
     def _drop_notifications(self) -> None:
-        """Removes the reports of the previous process, which must not count for the next one."""
+        """Removes the notifications of the previous process, which must not count for the next process."""
         for _ in range(_MAX_NOTIFICATIONS):
             if self._receive() is None:
                 return
 
     def _silence_reason(self) -> str:
-        """Returns the reason for ending a program that reports no progress."""
+        """Returns the reason for ending a program that does not report progress."""
         if self._is_ready:
             return f"no progress for {self.program.frozen_after_s:g} s"
         return f"not ready after {self._deadline_s - self._started_s:.0f} s"
 
     def _exit_cause(self, code: int) -> str:
-        """Returns why the process ended by itself."""
+        """Returns the reason why the process ended without being ended by the supervisor."""
         if code == _SIGKILL_CODE and count_memory_kills() > self._memory_kills:
             return OUT_OF_MEMORY
         return exit_cause(code)
@@ -251,8 +253,8 @@ def _bind(path: Path) -> tuple[socket.socket | None, str]:
 
 
 def _resident_mb(pid: int) -> float | None:
-    """Returns the memory of a process in megabytes, or None if it is unknown (always so on other systems than
-    Linux).
+    """Returns the resident memory of a process in megabytes. Returns None if it is unknown, as always on
+    systems other than Linux.
     """
     with contextlib.suppress(OSError, ValueError, IndexError):
         pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])

@@ -7,7 +7,7 @@ from typing import Protocol, Self
 
 
 class Closeable(Protocol):
-    """A context manager that closes itself."""
+    """A context manager that closes itself at the end of the ``with`` block."""
 
     def close(self) -> None:
         """Releases all resources. A second call does nothing."""

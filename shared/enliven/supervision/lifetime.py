@@ -13,12 +13,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import IO
 
 PARENT_VARIABLE = "ENLIVEN_PARENT"
-"""Environment variable with the process id of the parent program. A child ends after its parent has ended."""
+"""Environment variable with the process id of the parent program. A child process ends when its parent has
+ended."""
 _KERNEL_WATCHES_VARIABLE = "ENLIVEN_ENDS_WITH_PARENT"
-"""Environment variable of a child that the kernel shall end with its parent, see :func:`end_with_parent`."""
+"""Environment variable of a child process that the kernel must end together with its parent, see
+:func:`end_with_parent`."""
 TERMINATION_GRACE_S = 8.0
-"""Time in seconds from the termination signal to the kill signal for a child process. An edge closes its
-recording and camera in that time.
+"""Time in seconds from the termination signal to the kill signal for a child process. An edge needs this time
+to close its recording and its camera.
 """
 _PR_SET_PDEATHSIG = 1
 """Linux's prctl operation that sets the signal at the end of the parent (linux/prctl.h)."""
@@ -38,7 +40,7 @@ def start_child(
     parent ends it instead.
 
     Args:
-        environment: variables in addition to those of this process.
+        environment: environment variables in addition to those of this process.
         stderr: a file for its messages. None uses the parent's standard error.
         stdout: a file for its output. None uses the parent's standard output.
         is_bound: True makes the kernel terminate an ``enliven`` program when this *thread* ends, even if the
@@ -56,8 +58,8 @@ def start_child(
 
 @contextlib.contextmanager
 def block_interrupts() -> Iterator[None]:
-    """Blocks Ctrl-C (SIGINT) until the end of the block. A program started in the block inherits this
-    (POSIX)."""
+    """Blocks Ctrl-C (SIGINT) until the end of the ``with`` block. A program that is started in the block
+    inherits the blocked signal (POSIX)."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -69,8 +71,8 @@ def block_interrupts() -> Iterator[None]:
 
 
 def parent_is_gone() -> bool:
-    """Returns True if the program that started this one has ended. Always False on other systems than
-    POSIX."""
+    """Returns True if the program that started this program has ended. Always returns False on systems other
+    than POSIX."""
     parent = os.environ.get(PARENT_VARIABLE)
     return (
         parent is not None
@@ -81,7 +83,8 @@ def parent_is_gone() -> bool:
 
 
 def end_with_parent() -> None:
-    """Makes the kernel terminate this process when its parent ends, if the parent asked for it (Linux only).
+    """Makes the kernel terminate this process when its parent ends, if the parent requested this (Linux
+    only).
 
     Unlike a main loop that calls :func:`parent_is_gone`, this also works while the process waits or is
     frozen.
@@ -90,7 +93,7 @@ def end_with_parent() -> None:
         return
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
     if parent_is_gone():
-        # The parent ended before the kernel was asked to watch it.
+        # The parent ended before the kernel could watch it.
         os.kill(os.getpid(), signal.SIGTERM)
 
 
@@ -110,7 +113,7 @@ def end_children(children: Sequence[subprocess.Popen[bytes]], grace_s: float) ->
 
 @contextlib.contextmanager
 def terminate_as_interrupt() -> Iterator[None]:
-    """Makes SIGTERM (systemd, kill) end the run as Ctrl-C does."""
+    """Makes SIGTERM (from systemd or kill) end the program in the same way as Ctrl-C."""
 
     def interrupt(signum: int, frame: object) -> None:
         raise KeyboardInterrupt

@@ -1,12 +1,12 @@
-"""Reports to a supervisor that a program is ready and makes progress, by the protocol of systemd's
+"""Reports to a supervisor that a program is ready or makes progress, by the protocol of systemd's
 ``sd_notify``.
 
 A supervisor restarts a program that is silent for too long. So a program must only report progress that a
-visitor could see: a frame that was read *and* published, a picture that was drawn *and* differs from the
-previous one. A timer that reports progress would keep a frozen program alive.
+visitor could see. Examples are a frame that was read *and* published, or a picture that was drawn *and*
+differs from the previous picture. A timer that reports progress would keep a frozen program alive.
 
-Both systemd and ``enliven kiosk`` use this protocol. The latter supervises programs on machines without
-systemd.
+Both systemd and ``enliven kiosk`` use this protocol. ``enliven kiosk`` supervises programs on machines
+without systemd.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ is an abstract socket name.
 WATCHDOG_VARIABLE = "WATCHDOG_USEC"
 """Environment variable with the time in microseconds after which the supervisor restarts a silent program."""
 MAX_NOTIFICATION_BYTES = 4096
-"""Maximum bytes of one notification."""
+"""Maximum size of one notification in bytes."""
 _MIN_INTERVAL_S = 0.5
 """Minimum time between two reports of progress, in seconds. A watchdog waits for several seconds, so more
-reports would only cost system calls."""
+frequent reports would only cost system calls."""
 
 
 class Notifier:
     """Reports to the supervisor that started this program. Without a supervisor it does nothing.
 
-    A supervisor that is gone or busy never delays the program: reports are dropped.
+    A supervisor that has ended or is busy never delays the program, because reports are dropped.
 
     Args:
         address: the supervisor's socket. None reads :data:`SOCKET_VARIABLE`.
@@ -49,7 +49,7 @@ class Notifier:
 
     @property
     def is_supervised(self) -> bool:
-        """True if a supervisor listens to this program's reports."""
+        """True if a supervisor receives this program's reports."""
         return self._socket is not None
 
     def ready(self, status: str = "") -> None:
@@ -69,7 +69,8 @@ class Notifier:
         self._send(STATUS=_one_line(status))
 
     def extend_timeout(self, seconds: float) -> None:
-        """Requests more time until :meth:`ready`, for a start that compiles or waits for a camera."""
+        """Requests more time until :meth:`ready`, for example because kernels are compiled or the camera is
+        not ready."""
         self._send(EXTEND_TIMEOUT_USEC=str(round(seconds * 1e6)))
 
     def stopping(self) -> None:
@@ -83,7 +84,8 @@ class Notifier:
             self._socket = None
 
     def _send(self, **fields: str) -> None:
-        """Sends the fields that are not empty. Drops them if the supervisor does not read."""
+        """Sends the fields that are not empty as one notification. Drops it if the supervisor does not
+        read."""
         if self._socket is None:
             return
         text = "\n".join(f"{key}={value}" for key, value in fields.items() if value)

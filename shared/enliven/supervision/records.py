@@ -28,15 +28,17 @@ RUNTIME_VARIABLE = "ENLIVEN_RUNTIME"
 SCREEN_PICTURE = "screen.png"
 """Name in the runtime folder of a recent picture of the kiosk's window."""
 MAX_RESTARTS = 1000
-"""Number of restarts that are kept. With back-off, a program that always fails writes one line every 30 s."""
+"""Maximum number of stored restarts. Because of the back-off, a program that always fails writes one line
+every 30 s."""
 _MAX_RECORD_BYTES = 1 << 20
-"""Maximum bytes of a file of records that is read: :data:`MAX_RESTARTS` lines have about 150,000."""
+"""Maximum size in bytes of a file of records that is read. A file with :data:`MAX_RESTARTS` lines has about
+150,000 bytes."""
 _MAX_CAUSE_LENGTH = 500
-"""Maximum length of a cause. The end of an error message is cut off."""
+"""Maximum length of a cause in characters. Longer error messages are truncated."""
 _SERVICES = "services"
-"""Name of the folder of states, in the runtime folder."""
+"""Name of the folder for program states in the runtime folder."""
 _RESTARTS = "restarts.jsonl"
-"""Name of the file of restarts, in the user's data folder."""
+"""Name of the file with the history of restarts in the user's data folder."""
 
 T = TypeVar("T", bound=msgspec.Struct)
 
@@ -67,7 +69,7 @@ class RestartRecord(msgspec.Struct, frozen=True):
     Attributes:
         name: name of the program.
         at_s: Unix time of its end, in seconds.
-        cause: why it ended, one sentence.
+        cause: one sentence about the reason why it ended.
     """
 
     name: str
@@ -95,7 +97,8 @@ def runtime_folder() -> Path:
 def write_service(record: ServiceRecord, folder: Path | None = None) -> None:
     """Writes a program's state, completely or not at all.
 
-    It does not wait for the disk, because the state has no meaning after a restart of the computer.
+    Does not wait until the data is on the disk, because the state is irrelevant after a restart of the
+    computer.
 
     Args:
         folder: the runtime folder. None uses :func:`runtime_folder`.
@@ -116,13 +119,14 @@ def read_services(folder: Path | None = None) -> list[ServiceRecord]:
         try:
             records.append(_decode(read_file(path, _MAX_RECORD_BYTES), ServiceRecord))
         except InputError:
-            # The program has ended since the folder was listed, or the file is too large to be a record.
+            # The file is missing, because the program has ended since the folder was listed, or it is too
+            # large for a record.
             continue
     return sorted((record for record in records if record is not None), key=lambda record: record.name)
 
 
 def append_restart(record: RestartRecord, folder: Path | None = None) -> None:
-    """Adds a restart to the history, and drops the oldest beyond :data:`MAX_RESTARTS`.
+    """Adds a restart to the history. If there are more than :data:`MAX_RESTARTS`, drops the oldest.
 
     Args:
         folder: folder of the history. None uses the user's data folder.

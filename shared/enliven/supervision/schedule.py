@@ -1,4 +1,4 @@
-"""The times of restarts: the wait after a failure, and the nightly restart."""
+"""The times of restarts: the delay after a failure, and the nightly restart."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import time
 from enliven.errors import InputError
 
 MAX_WAIT_S = 30.0
-"""Maximum wait between two restarts, in seconds. The wait doubles after each restart, so that a program that
-always fails uses few resources.
+"""Maximum delay between two restarts, in seconds. The delay doubles after each restart, so that a program
+that always fails uses few resources.
 """
 STABLE_RUN_S = 60.0
 """Running time, in seconds, after which a program counts as stable. Its next restart is then immediate."""
 _SECOND_WAIT_S = 1.0
-"""Wait before the second restart in a row, in seconds. After this time, a port and a camera are free again.
-"""
+"""Delay before the second restart in a row, in seconds. After this time, ports and the camera are free
+again."""
 _NIGHTLY_WINDOW_MIN = 60
 """Length of the window for the nightly restart, in minutes. It covers the hour that daylight saving time
 skips."""
@@ -26,11 +26,11 @@ _TIME_OF_DAY = re.compile(r"([01]\d|2[0-3]):([0-5]\d)")
 
 
 class RestartBackoff:
-    """The waits between the restarts of one program: none, then 1 s, doubled up to :data:`MAX_WAIT_S`.
+    """The delays between the restarts of one program: none, then 1 s, doubled up to :data:`MAX_WAIT_S`.
 
     Args:
-        max_wait_s: maximum wait in seconds.
-        stable_run_s: running time in seconds after which the waits start at none again.
+        max_wait_s: maximum delay in seconds.
+        stable_run_s: running time in seconds after which the next restart is immediate again.
     """
 
     def __init__(self, max_wait_s: float = MAX_WAIT_S, stable_run_s: float = STABLE_RUN_S) -> None:
@@ -38,20 +38,20 @@ class RestartBackoff:
         self._next_wait_s = 0.0
 
     def wait_after(self, run_s: float) -> float:
-        """Returns the wait in seconds before the restart of a program that ran for ``run_s`` seconds."""
+        """Returns the delay in seconds before the restart of a program that ran for ``run_s`` seconds."""
         wait_s = 0.0 if run_s >= self._stable_run_s else self._next_wait_s
         self._next_wait_s = min(max(2 * wait_s, _SECOND_WAIT_S), self._max_wait_s)
         return wait_s
 
 
 class NightlyRestart:
-    """The time of a nightly restart, safe against jumps of the clock and daylight saving time.
+    """The time of a nightly restart. It handles jumps of the clock and daylight saving time.
 
-    A restart is due in the hour after the time of day, and at most once in three hours of the monotonic
+    A restart is due within the hour after the time of day, but at most once in three hours of the monotonic
     clock.
 
     Args:
-        time_of_day: local time such as "04:00". Empty for never.
+        time_of_day: local time such as "04:00". Empty means never.
         monotonic_s: current time of the monotonic clock in seconds.
 
     Raises:
@@ -63,7 +63,7 @@ class NightlyRestart:
         self._last_s = monotonic_s
 
     def is_due(self, monotonic_s: float, unix_s: float) -> bool:
-        """Returns True once per night.
+        """Returns True if the restart is due. Returns True once per night.
 
         Args:
             monotonic_s: time of the monotonic clock in seconds.

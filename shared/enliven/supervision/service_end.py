@@ -1,7 +1,7 @@
 """Records why systemd ended a service: ``python -m enliven.supervision.service_end edge NAME``.
 
-The units of ``enliven install-kiosk`` run this as ``ExecStopPost``. The module imports little, because the
-restart waits for it.
+The systemd units of ``enliven install-kiosk`` run this module as ``ExecStopPost``. It imports few modules,
+because the restart waits for it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from .causes import OUT_OF_MEMORY, exit_cause
 from .records import RestartRecord, append_restart
 
 _SIGNAL_BASE = 128
-"""Exit codes above this number mean a signal, by the convention of shells."""
+"""By the convention of shells, an exit code above this number means the signal with the number of the
+difference."""
 _CAUSES = {
     "oom-kill": OUT_OF_MEMORY,
     "watchdog": "no progress for too long",
@@ -26,21 +27,23 @@ _CAUSES = {
     "resources": "systemd could not start it",
     "start-limit-hit": "started too often",
 }
-"""Causes for values of systemd's ``SERVICE_RESULT`` (systemd.exec). Exit codes and signals are described
-elsewhere.
+"""Causes by value of systemd's ``SERVICE_RESULT`` (systemd.exec). Exit codes and signals are described by
+:func:`exit_cause`.
 """
 
 
 def cause_from_systemd(variables: Mapping[str, str]) -> str:
-    """Returns why a service ended, from the variables that systemd gives to ``ExecStopPost``.
+    """Returns the reason why a service ended, from the environment variables that systemd sets for
+    ``ExecStopPost``.
 
-    Empty if it was stopped or restarted intentionally, or ended by itself without a failure.
+    The result is empty if the service was stopped or restarted intentionally, or ended by itself without a
+    failure.
     """
     result, status = variables.get("SERVICE_RESULT", ""), variables.get("EXIT_STATUS", "")
     if result in ("", "success"):
         return ""
     if result == "exit-code" and status.isdecimal():
-        # Like a shell, the compositor reports the signal that ended its window as an exit code.
+        # If a signal ended the window, the compositor returns an exit code above 128, like a shell.
         code = int(status)
         return exit_cause(_SIGNAL_BASE - code if code > _SIGNAL_BASE else code)
     if result in ("signal", "core-dump"):

@@ -1,4 +1,4 @@
-"""Supervises programs that run for weeks: restarts each one that ends or that shows no progress."""
+"""Supervises programs that run for weeks. Restarts a program that ends or does not make progress."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from .schedule import NightlyRestart, RestartBackoff
 log = logging.getLogger(__name__)
 
 NIGHTLY_CAUSE = "nightly restart"
-"""Cause of a restart at the nightly time in the profile."""
+"""Cause in the record of a nightly restart."""
 POLL_INTERVAL_S = 0.05
-"""Interval between two checks of the programs, in seconds. Linux reports the end of a program at once."""
+"""Interval between two checks of the programs, in seconds. On Linux, the end of a program is detected
+immediately."""
 _RECORD_INTERVAL_S = 2.0
-"""Interval between two records of the programs' states, in seconds. The health page displays whole seconds.
-"""
+"""Interval in seconds at which the programs' states are recorded. The health page displays whole seconds."""
 _FAILED_START_CODE = 127
 """Exit code of a program that could not be started, by the convention of shells."""
 
@@ -53,19 +53,19 @@ class RecordFolders:
 class Supervisor:
     """Starts programs as child processes and keeps them running.
 
-    It restarts a program that ends or that reports no progress. The first restart is immediate. Then the wait
-    doubles up to 30 s. The number of restarts is unlimited. If the supervisor is killed, ``enliven`` programs
-    end, too.
+    It restarts a program that ends or does not report progress. The first restart is immediate. Then the
+    delay doubles up to 30 s. The number of restarts is unlimited. If the supervisor is killed, ``enliven``
+    programs end, too.
 
     Args:
         programs: the programs, in the order of their start.
-        folders: folders for records. None writes no records.
+        folders: folders for records. If None, no records are written.
         restart_at: local time of a nightly restart of all programs, such as "04:00". Empty disables it.
-        backoff: creates the waits between the restarts of one program.
+        backoff: a function that creates the object with the restart delays of one program.
 
     Attributes:
         exit_codes: after :meth:`run`, the exit status of each process that it ended, by name of the program.
-            A signal's number is negative.
+            A negative value is the number of a signal.
 
     Raises:
         InputError: if ``restart_at`` is not a time of day.
@@ -99,8 +99,8 @@ class Supervisor:
         """Supervises the programs, and ends all of them before it returns.
 
         Returns:
-            The exit code of the leading program, or of the first program that fails and is not restarted;
-            130 after SIGTERM, Ctrl-C or :meth:`stop`.
+            The exit code of the leading program, or of the first program that fails and is not restarted. 130
+            after SIGTERM, Ctrl-C or :meth:`stop`.
         """
         with TemporaryFolder("supervisor") as folder, self._handle_signals(), self._selector:
             self._children = [
@@ -148,7 +148,7 @@ class Supervisor:
         now_s, was_ready = time.monotonic(), child.is_ready
         cause = child.poll(now_s)
         if child.is_ready != was_ready:
-            # Write a record at once, so that the health page shows the change.
+            # Write the records immediately, so that the health page shows the change.
             self._recorded_s = -_RECORD_INTERVAL_S
         if cause is not None:
             self._unwatch_end(child)
@@ -168,7 +168,7 @@ class Supervisor:
         self._watch_end(child)
 
     def _watch_end(self, child: Child) -> None:
-        """Ends the wait between two checks when the program ends (Linux)."""
+        """Makes the end of the program interrupt the wait between two checks (Linux)."""
         if child.process is None or sys.platform != "linux":
             return
         with contextlib.suppress(OSError):
@@ -196,11 +196,11 @@ class Supervisor:
         self._write("restart", lambda folders: _append(folders, program.name, cause))
 
     def _finish(self, child: Child, cause: str) -> None:
-        """Ends the run after a program has ended, unless this is a program that does not lead and has
-        finished its work.
+        """Ends all programs after a program has ended. Does nothing if a program that does not lead has ended
+        without a failure.
         """
         code, program = child.exit_code or 0, child.program
-        # All programs end with a leading one, which has printed the reason for its exit code itself.
+        # The leading program has printed the reason for its exit code itself.
         if code < 0 or (code and not program.leads):
             log.warning("the %s has ended: %s.", program.name, cause)
         if program.leads or code or child is self._starting:
@@ -230,15 +230,15 @@ class Supervisor:
             self._write("state", lambda folders, record=record: write_service(record, folders.runtime))
 
     def _is_recorded_by_itself(self, record: ServiceRecord, present: ServiceRecord | None) -> bool:
-        """Returns True if a running program writes its own state, which contains more than the
-        supervisor's.
+        """Returns True if a running program writes its own state record, which contains more than the
+        supervisor's record.
         """
         is_of_process = present is not None and record.pid != 0 and present.pid == record.pid
         return is_of_process and present != self._records.get(record.name)
 
     def _write(self, kind: str, write: Callable[[RecordFolders], None]) -> None:
-        """Writes a record. A full disk must not end the supervision, so failures are only logged, once per
-        kind of record.
+        """Writes a record. Failures, such as a full disk, must not end the supervision, so they are only
+        logged, once per kind of record.
         """
         if self._folders is None:
             return
@@ -251,7 +251,7 @@ class Supervisor:
             self._unwritable.add(kind)
 
     def _end_all(self) -> None:
-        """Ends all programs. Signals that arrive meanwhile do not interrupt this."""
+        """Ends all programs. Signals do not interrupt this method."""
         running: dict[str, subprocess.Popen[bytes]] = {
             child.program.name: child.process for child in self._children if child.process is not None
         }

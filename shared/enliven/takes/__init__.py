@@ -1,3 +1,3 @@
-"""Takes: reads motion clips from motion captures, recordings and possessed meshes, in files of any known
-kind.
+"""Takes: reads motion clips from files of any known kind, such as motion captures, recordings and possessed
+meshes.
 """

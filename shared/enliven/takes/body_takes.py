@@ -1,4 +1,4 @@
-"""Takes of performers' joints for moving possessed meshes. They contain every measured frame, without
+"""Takes of performers' joints, which move possessed meshes. They contain every measured frame without
 resampling.
 
 body_take_from_file(path) -> BodyTake
@@ -25,8 +25,8 @@ from enliven.wire import HOLDS, HoldMessage
 
 
 def body_take_from_file(path: Path | str) -> BodyTake:
-    """Reads all motion of the performers in a recording: bodies from its sensor, or bodies that an edge
-    published.
+    """Reads the motion of all performers in a recording. The bodies are from the sensor, or were published by
+    an edge.
 
     Raises:
         InputError: if the file is not a recording, or contains no bodies.
@@ -37,12 +37,13 @@ def body_take_from_file(path: Path | str) -> BodyTake:
 
 @dataclass(frozen=True)
 class RecordedHolds:
-    """The performers of a recording, and their holds on characters.
+    """The performers of a recording, and their attachments (holds) to characters.
 
     Attributes:
         take: the motion of the performers.
         begin_ns: time of the sensor's clock at the start of the take, nanoseconds.
-        events: the changes of holds, by id and revision of the character, ordered by time.
+        events: the attachments and releases, ordered by time. The key is the id and revision of the
+            character.
     """
 
     take: BodyTake
@@ -50,7 +51,7 @@ class RecordedHolds:
     events: dict[tuple[str, int], list[HoldMessage]] = field(default_factory=dict)
 
     def possession(self, key: tuple[str, int], character: Character, poses: list[Pose]) -> Possession | None:
-        """Returns the possession of a character with these poses, or None if it was not recorded.
+        """Returns the record of possession of a character, or None if there is none.
 
         Args:
             key: the id and the revision of the character.
@@ -87,8 +88,8 @@ class RecordedHolds:
 
 
 def recorded_holds(recording: Recording, id: str) -> RecordedHolds | None:
-    """Reads the performers of a recording and their holds. Returns None if the recording does not contain
-    them.
+    """Reads the performers of a recording and their attachments. Returns None if the recording does not
+    contain them.
     """
     if HOLDS.name not in recording.info.topics:
         return None
@@ -104,7 +105,7 @@ def recorded_holds(recording: Recording, id: str) -> RecordedHolds | None:
 def holds_from_frames(
     frames: Iterable[Frame], events: Iterable[HoldMessage], id: str
 ) -> RecordedHolds | None:
-    """Converts the performers in frames to a take, with their holds. Returns None if there are no
+    """Converts the performers in frames to a take, with their attachments. Returns None if there are no
     performers.
     """
     observed = [frame for frame in frames if isinstance(frame, BodyFrame)]
@@ -120,7 +121,8 @@ def holds_from_frames(
 def body_take_from_frames(frames: Iterable[Frame], id: str) -> BodyTake:
     """Converts the bodies of frames to a take. It begins with the first frame that contains a performer.
 
-    A frame that is not later than the previous one is dropped. Joints that are not finite count as not seen.
+    A frame that is not later than the previous frame is dropped. Joints that are not finite count as not
+    seen.
 
     Raises:
         InputError: if the frames contain no performer.
@@ -133,7 +135,7 @@ def body_take_from_frames(frames: Iterable[Frame], id: str) -> BodyTake:
     people = sorted({body.id for frame in used_frames for body in frame.bodies})
     if not people:
         advice = "Track the depth first: enliven track TAKE.mcap -o bodies.mcap"
-        raise InputError("no performer is in them", where=f"take {id!r}", remedy=advice)
+        raise InputError("they contain no performer", where=f"take {id!r}", remedy=advice)
     shape = (len(used_frames), len(people))
     joints, confidence = np.zeros((*shape, len(Joint), 3)), np.zeros((*shape, len(Joint)))
     present, stature = np.zeros(shape, np.bool_), np.zeros(shape)

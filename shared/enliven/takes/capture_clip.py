@@ -39,15 +39,16 @@ def clip_of_capture(
 ) -> Clip:
     """Returns the motion of a file as a clip in metres.
 
-    A capture with another axis up is turned upright. Visible translations of joints relative to their parents
-    become the clip's offsets. A static joint above the moving root (for example a point on the floor) is
-    removed.
+    A capture in which +Y does not point up is rotated upright. Visible translations of joints relative to
+    their parents become the clip's offsets. A static joint above the moving root (for example a point on the
+    floor) is removed.
 
     Args:
         rest: the rest pose: "zero" (all rotations are zero), "first" (the first frame), a frame number, or
-            "auto". "auto" is "zero" if the zero pose is as tall as the frames, and otherwise "first".
-        unit: a name of ``UNITS``, or metres per unit. None guesses it from the legs of a person or, if there
-            are none, from the height of the root above the lowest joint.
+            "auto". "auto" means "zero" if the zero pose is as tall as the body in the frames, and otherwise
+            "first".
+        unit: a name in ``UNITS``, or metres per unit. None guesses the unit from the leg length or, if no
+            legs are found, from the height of the root above the lowest joint.
 
     Raises:
         InputError: if the tree has two roots, or a frame or unit does not exist.
@@ -73,7 +74,7 @@ def clip_of_capture(
     if unit is None:
         unit = metres_per_unit_from_legs(capture)
     scale = metres_per_unit(unit, at_rest, f"clip {id!r}")
-    # Bone j rotates with its parent joint. The root and its children rotate as one.
+    # Bone j has the rotation of its parent joint. The bones that begin at the root rotate with the root.
     holds = np.array([0, *parents[1:]])
     world = multiply(turns[:, holds], conjugate(frame_turns[holds]))
     skeleton = Skeleton(names, np.array(parents, np.int32), at_rest * scale)
@@ -96,16 +97,17 @@ def clip_of_bodies(
 ) -> Clip:
     """Converts a tracked person's motion to a clip of 20 joints.
 
-    If a body has orientations, a bone's rotation is the orientation since rest. Otherwise it is the swing
-    with the least twist relative to the parent bone. In both cases, every bone points from its parent joint
-    to its joint. A joint of confidence 0 is interpolated from the frames before and after.
+    If a body has measured orientations, they define the rotations of the bones since rest. Otherwise, the
+    rotation of a bone is the swing with the least twist relative to the parent bone. In both cases, every
+    bone points from its parent joint to its joint. A joint of confidence 0 is interpolated from the frames
+    before and after.
 
     Args:
-        bodies: (F,) the person over time.
+        bodies: (F,) the tracked bodies of the person over time.
         seconds: (F,) times of the bodies, ascending. Intervals may be irregular.
         rest: index of the rest pose among the bodies, or a body in the rest pose.
         step: seconds between the frames of the clip.
-        names: (20,) names of the joints; None for :data:`BODY_NAMES`.
+        names: (20,) names of the joints. None means :data:`BODY_NAMES`.
 
     Raises:
         InputError: if the list of bodies is empty, or the times do not match or do not ascend.
@@ -127,7 +129,7 @@ def clip_of_bodies(
 
 
 def resample_clip(clip: Clip, step: float) -> Clip:
-    """Resamples a clip to a frame every ``step`` seconds. The last frame is at or before the clip's end."""
+    """Resamples a clip to frames ``step`` seconds apart. The last frame is at or before the clip's end."""
     times: Float = np.arange(len(clip.turns), dtype=np.float64) * clip.step
     tracks: dict[str, Any] = {name: _interpolate_track(track, times, step) for name, track in clip.tracks}
     if clip.mirrors is not None:
@@ -136,7 +138,7 @@ def resample_clip(clip: Clip, step: float) -> Clip:
 
 
 def trim_clip(clip: Clip, start: float, stop: float) -> Clip:
-    """Trims a clip to the frames from ``start`` to ``stop`` seconds, at least one."""
+    """Trims a clip to the frames from ``start`` to ``stop`` seconds. At least one frame is kept."""
     first = min(max(round(start / clip.step), 0), len(clip.turns) - 1)
     last = max(round(stop / clip.step) + 1, first + 1)
     trimmed = clip.mapped(lambda track: track[first:last])
@@ -159,9 +161,7 @@ def _evenly_sampled_clip(
 
 
 def _interpolate_track(track: Float, times: Float, step: float) -> Float:
-    """Interpolates a track (F, ...) at ``times`` (F,) to G frames, one every ``step`` seconds. Returns (G,
-    ...).
-    """
+    """Resamples a track (F, ...) with ``times`` (F,) to G frames ``step`` seconds apart. Returns (G, ...)."""
     before, after, fraction = _frame_fractions(times, step)
     fraction = fraction.reshape(-1, *(1,) * (track.ndim - 1))
     return np.asarray(track[before] + fraction * (track[after] - track[before]))
@@ -180,8 +180,8 @@ def _frame_fractions(times: Float, step: float) -> tuple[Int, Int, Float]:
 
 
 def _measured_rotations(bodies: Sequence[Body], still: Body) -> Float | None:
-    """Computes rotations since rest (F, 20, 4) from the bodies' orientations. Returns None if a body has no
-    orientations.
+    """Computes rotations since rest (F, 20, 4) from the bodies' measured orientations. Returns None if a body
+    has none.
     """
     if still.orientations is None or any(body.orientations is None for body in bodies):
         return None

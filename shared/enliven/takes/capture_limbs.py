@@ -1,4 +1,4 @@
-"""Computes the frames of a captured person's limbs from the joint positions."""
+"""Computes the coordinate frames of a captured person's limbs from the joint positions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ _UP, _DOWN, _FORWARD = np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0]), np
 
 
 def find_limb_rotations(capture: Capture, roles: Roles) -> tuple[Float, Bool]:
-    """Returns (F, 16, 3, 3) world_from_limb in every frame, and (F, 2) True for each standing foot."""
+    """Returns the rotation from each limb to the world in every frame (F, 16, 3, 3), and (F, 2) True for each
+    standing foot."""
     p = capture.positions
     pair_positions = lambda pair: p[:, list(pair)]  # noqa: E731  (F, 2, 3)
     shoulders, elbows, wrists, tips = (
@@ -30,7 +31,7 @@ def find_limb_rotations(capture: Capture, roles: Roles) -> tuple[Float, Bool]:
     rotations[:, Limb.PELVIS] = _limb_axes(spine_middle - low, across_hips)
     rotations[:, Limb.CHEST] = _limb_axes(top - spine_middle, across_shoulders)
     rotations[:, Limb.ABDOMEN] = _limb_axes(top - low, unit(across_hips) + unit(across_shoulders))
-    # The head rotates with its joint. Assume that on average it faces in the same direction as the chest.
+    # The head rotates with its joint. Assume that the head's average direction is that of the chest.
     head = capture.rotations[:, roles.head]
     usual = nearest_rotation((rotations[:, Limb.CHEST].transpose(0, 2, 1) @ head).mean(0))
     rotations[:, Limb.SKULL] = head @ usual.T
@@ -56,8 +57,8 @@ def find_limb_rotations(capture: Capture, roles: Roles) -> tuple[Float, Bool]:
 
 
 def _standing_feet(toes: Float, ankles: Float, seconds: float, knees: Float, hips: Float) -> Bool:
-    """Returns (F, 2) True for frames in which a foot is low and hardly moves. At least the best fifth of all
-    frames is True.
+    """Returns (F, 2) True for frames in which a foot is low and nearly still. At least a fifth of all frames
+    is True.
     """
     leg = float(np.median(np.linalg.norm(hips - knees, axis=-1) + np.linalg.norm(knees - ankles, axis=-1)))
     speed = np.linalg.norm(np.gradient(toes, axis=0), axis=-1) / seconds / leg
@@ -78,19 +79,19 @@ def path_midpoint(path: Float) -> Float:
 
 
 def _limb_axes(up: Float, left: Float) -> Float:
-    """Returns (F, 3, 3) coordinate frames with +Y along ``up`` and +X as near to ``left`` as possible."""
+    """Returns coordinate frames (F, 3, 3) with +Y along ``up`` and +X as near to ``left`` as possible."""
     y = unit(up)
     x = unit(left - (left * y).sum(-1, keepdims=True) * y)
     return np.stack([x, y, np.cross(x, y)], -1)
 
 
 def _hinge_axis(first: Float, middle: Float, last: Float, trunk: Float, sense: float) -> Float:
-    """Returns the hinge axis (F, 3) of a limb, towards the body's left. A straight limb uses the axis of the
-    trunk.
+    """Returns the hinge axis (F, 3) of a limb, pointing to the body's left. For a straight limb, it is the
+    left axis of the trunk.
 
     Args:
         trunk: (F, 3, 3) coordinate frame of the trunk part to which the limb is attached.
-        sense: 1 if the lower half bends forward (elbows), -1 if it bends backward (knees).
+        sense: 1 if the joint bends the lower half forward (elbows), -1 if backward (knees).
     """
     upper, lower = unit(middle - first), unit(last - middle)
     bend_axis = sense * np.cross(lower, upper)
@@ -103,8 +104,8 @@ def _hinge_axis(first: Float, middle: Float, last: Float, trunk: Float, sense: f
 
 
 def _foot_frames(along: Float, shank_left: Float, standing: Bool) -> Float:
-    """Returns the coordinate frames (F, 3, 3) of a foot. A standing foot is level, even if the captured foot
-    slopes.
+    """Returns the coordinate frames (F, 3, 3) of a foot. A standing foot is horizontal, even if the captured
+    foot is tilted.
 
     Args:
         along: (F, 3) from the ankle to the toes.
@@ -122,6 +123,6 @@ def _foot_frames(along: Float, shank_left: Float, standing: Bool) -> Float:
 
 
 def smoothstep(value: Float, low: float, high: float) -> Float:
-    """Returns 0 up to ``low``, 1 from ``high``, and a smooth transition between."""
+    """Returns 0 up to ``low``, 1 from ``high``, and a smooth transition (smoothstep) between them."""
     t = np.clip((value - low) / (high - low), 0.0, 1.0)
     return np.asarray(t * t * (3.0 - 2.0 * t))

@@ -1,4 +1,4 @@
-"""Derives a capture's rest pose from its file: moving root, bone lengths, zero pose and unit."""
+"""Computes the rest pose of a capture: moving root, bone lengths, zero pose and unit."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from enliven.errors import InputError
 from enliven.formats.motion.capture import UNITS, Capture, guess_unit
 
 _MIN_STANDING_HEIGHT_FRACTION = 0.9
-"""Minimum height of a zero pose that counts as standing, as a fraction of the height in the frames."""
+"""Minimum height of a standing zero pose, as a fraction of the body's height in the frames."""
 _MIN_ROOT_MOTION_FRACTION = 0.002
-"""A joint that moves relative to its parent by at least this fraction of the extent counts as the moving
-root. Smaller motions are rounding errors."""
+"""Minimum motion of the moving root relative to its parent, as a fraction of the extent. Smaller motions are
+rounding errors."""
 _HIP_TO_ANKLE = 0.9
 """Typical leg length as a fraction of the root's height above the lowest joint, for guessing the unit."""
 
 
 def find_moving_root(capture: Capture, id: str) -> tuple[tuple[str, ...], list[int], Float, Float]:
-    """Returns the capture's names, parents, positions and rotations, starting at the joint that moves as
-    the root.
+    """Returns the capture's names, parents, positions and rotations, starting at the joint that acts as the
+    moving root.
     """
     if sum(parent < 0 for parent in capture.parents) != 1 or capture.parents[0] != -1:
         raise InputError(
@@ -38,8 +38,8 @@ def find_moving_root(capture: Capture, id: str) -> tuple[tuple[str, ...], list[i
 
 
 def median_links(parents: list[int], positions: Float, rotations: Float) -> Float:
-    """Returns the median position (N, 3) over all frames of each joint in its parent's frame; zero at the
-    root.
+    """Returns the median position (N, 3) over all frames of each joint in its parent's frame. The root's
+    position is zero.
     """
     return np.asarray(np.median(_local_links(parents, positions, rotations), axis=0))
 
@@ -57,14 +57,14 @@ def link_translations(parents: list[int], offsets: Float, positions: Float, rota
 
 
 def _local_links(parents: list[int], positions: Float, rotations: Float) -> Float:
-    """Returns the position (F, N, 3) of each joint in its parent's frame; zero at the root."""
+    """Returns the position (F, N, 3) of each joint in its parent's frame. The root's position is zero."""
     parent_joints = np.maximum(parents, 0)
     offsets = positions - positions[:, parent_joints]
     return np.asarray(np.einsum("fnji,fnj->fni", rotations[:, parent_joints], offsets))
 
 
 def rigid_pose(parents: list[int], offsets: Float, positions: Float, rotations: Float) -> Float:
-    """Returns the joints (N, 3) of a frame with constant bone lengths."""
+    """Returns the joint positions (N, 3) of one frame, computed with constant bone lengths."""
     pose = positions.copy()
     for j, parent in enumerate(parents[1:], 1):
         pose[j] = pose[parent] + rotations[parent] @ offsets[j]
@@ -72,7 +72,8 @@ def rigid_pose(parents: list[int], offsets: Float, positions: Float, rotations: 
 
 
 def zero_pose(parents: list[int], offsets: Float, positions: Float) -> Float:
-    """Returns the joints (N, 3) with all rotations zero, standing on the floor at the start of the motion."""
+    """Returns the joint positions (N, 3) with all rotations zero, standing on the floor at the start of the
+    motion."""
     count = len(parents)
     pose = rigid_pose(parents, offsets, np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1)))
     floor = np.percentile(positions[:, :, 1].min(1), 10)
@@ -81,8 +82,8 @@ def zero_pose(parents: list[int], offsets: Float, positions: Float) -> Float:
 
 
 def is_zero_pose_standing(parents: list[int], offsets: Float, positions: Float) -> bool:
-    """Returns True if the zero pose is about as tall as the frames and has its root at about the same
-    height."""
+    """Returns True if the zero pose is about as tall as the body in the frames, and its root is at about the
+    same height."""
     zero = zero_pose(parents, offsets, positions)
     lowest = positions[:, :, 1].min(1)
     frame_height, root_height = (
@@ -110,5 +111,7 @@ def metres_per_unit(unit: str | float | None, at_rest: Float, where: str) -> flo
             )
         return UNITS[unit]
     if not 0.0 < unit < 1e6:
-        raise InputError(f"a unit of {unit} m cannot be", where=where, remedy="Give the metres of one unit.")
+        raise InputError(
+            f"a unit of {unit} m is not valid", where=where, remedy="Give the length of one unit in metres."
+        )
     return float(unit)

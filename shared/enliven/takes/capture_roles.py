@@ -27,8 +27,8 @@ class Roles:
 
     Attributes:
         root: the joint at which trunk and legs branch.
-        spine: the joints from the root to where the arms branch, both included.
-        tips: the joints beyond the wrists; the wrist itself if no joint follows it.
+        spine: the joints from the root to the joint at which the arms branch, both included.
+        tips: the joints beyond the wrists, or the wrist itself if it has no child.
         toes: the joints beyond the ankles.
     """
 
@@ -49,7 +49,7 @@ def find_roles(capture: Capture) -> Roles:
     """Finds the roles of a capture's joints.
 
     Raises:
-        InputError: if a joint is missing; the message lists the existing joints.
+        InputError: if a joint is missing. The message lists the existing joints.
     """
     names = [re.sub(r"[^a-z0-9]", "", name.split(":")[-1].lower()) for name in capture.names]
     elbows = _matching_pair(capture, names, _ELBOWS, "elbow")
@@ -87,8 +87,8 @@ def find_roles(capture: Capture) -> Roles:
 
 
 def _matching_pair(capture: Capture, names: list[str], parts: tuple[str, ...], role: str) -> tuple[int, int]:
-    """Returns the left and the right joint with the first of some name parts that matches joints on both
-    sides.
+    """Returns the left and the right joint with the same name part. The first of ``parts`` that matches on
+    both sides is used.
     """
     for part in parts:
         sides = [
@@ -109,7 +109,7 @@ def _missing_role_error(capture: Capture, role: str) -> InputError:
 
 
 def _ancestors(capture: Capture, joint: int) -> list[int]:
-    """Returns the joints from the file's root to ``joint``."""
+    """Returns the joints on the path from the file's root to ``joint``."""
     chain = [joint]
     while capture.parents[chain[-1]] >= 0:
         chain.append(capture.parents[chain[-1]])
@@ -129,7 +129,7 @@ def _children_of(capture: Capture, joint: int) -> list[int]:
 def _matching_children(
     capture: Capture, names: list[str], joints: tuple[int, int], parts: tuple[str, ...]
 ) -> tuple[int, int]:
-    """Returns for each joint its child with a matching name, or its first child."""
+    """Returns for each of two joints the child with a matching name, or otherwise the first child."""
     children = []
     for joint in joints:
         below = _children_of(capture, joint)

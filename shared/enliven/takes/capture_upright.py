@@ -1,4 +1,4 @@
-"""Rotates motion captures upright and finds their unit. Import, retargeting, export and studio use this
+"""Rotates motion captures upright and determines their unit. Import, retargeting, export and studio use this
 module.
 """
 
@@ -27,27 +27,27 @@ _Y_FROM = {
     "+X": np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
     "-X": np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
 }
-"""(3, 3) rotations that map each possible up axis of a file to +Y."""
+"""For each possible up axis of a file, the rotation (3, 3) that maps it to +Y."""
 _HEAD_BYTES = 1024
 """Number of bytes at the start of a file in which its first word is searched."""
 _MIN_ALIGNMENT = 0.8
-"""Minimum cosine between an axis and the rest pose (or an animal's legs) if this axis is to be the up
-direction."""
+"""Minimum cosine of the angle between the up axis and the upright direction of the rest pose (or of an
+animal's legs)."""
 _MIN_REST_HEIGHT = 0.8
-"""Minimum height of a rest pose that counts as standing, as a ratio of the height in the frames."""
+"""Minimum height of a standing rest pose, relative to the body's height in the frames."""
 _MIN_STEADINESS = 0.7
-"""Minimum mean cosine between the body and its median direction. Below it, the frames do not determine the up
-direction, and the rest pose is used. A person that turns somersaults has no constant direction."""
+"""Minimum mean cosine of the angle between the body's direction and its median. Below it, the up direction is
+determined from the rest pose instead of the frames, for example for a person that turns somersaults."""
 _FLOOR_TOLERANCE = 0.05
-"""If the lowest joint is within this distance of zero along an axis, as a fraction of the body's length, the
-floor of the file is there. Markers are some centimetres above the floor."""
+"""Maximum distance of the lowest joint from a floor at zero, as a fraction of the body's length. It allows
+for markers some centimetres above the floor."""
 _FOOT_NAME_PATTERN = re.compile(r"foot|ankle|paw|hoof|feet", re.IGNORECASE)
-"""Names of the lowest joint of a leg, also in captures of animals."""
+"""Pattern of the names of a leg's lowest joint, also in captures of animals."""
 
 
 def read_capture(path: Path) -> Capture:
-    """Reads a motion capture (BVH or CMU's exponential maps), and rotates it upright (+Y up). The unit is
-    that of the file.
+    """Reads a motion capture (BVH or CMU's exponential maps), and rotates it upright (+Y up). Positions stay
+    in the unit of the file.
 
     Raises:
         InputError: if the file cannot be read or is damaged.
@@ -65,8 +65,8 @@ def read_capture(path: Path) -> Capture:
 def turn_upright(capture: Capture) -> Capture:
     """Rotates the capture so that +Y is up. Returns the same object if it is already upright.
 
-    The coordinate frames of the joints are rotated too. So the result equals that of a file that was written
-    with +Y up, and zero rotations still give the same pose.
+    The coordinate frames of the joints are rotated too. So the result is the same as for a file that was
+    written with +Y up, and zero rotations still mean the zero pose.
     """
     up = _up_axis(capture)
     if up == "+Y":
@@ -88,8 +88,8 @@ def leg_length(capture: Capture, roles: Roles) -> float:
 
 
 def metres_per_unit_from_legs(capture: Capture) -> float | None:
-    """Returns the length in metres of the file's unit, estimated from the length of a person's legs; None if
-    no legs are found by name.
+    """Returns the length in metres of the file's unit, estimated from the length of a person's legs. Returns
+    None if no legs are found by name.
     """
     roles = _joint_roles(capture)
     return None if roles is None else UNITS[guess_unit(leg_length(capture, roles))]
@@ -106,8 +106,8 @@ def _up_axis(capture: Capture) -> str:
     """Returns the axis of a file that points up, such as "+Z".
 
     It is the axis along which the head is above the ankles or, for an animal, along which the legs stand. If
-    a person crawls or lies the whole time, the rest pose stands along another axis. This other axis is used
-    if the floor is at zero only along it.
+    a person crawls or lies all the time, the rest pose may stand along another axis. The axis of the rest
+    pose is used if the lowest joint is at zero only along this axis.
     """
     roles = _joint_roles(capture)
     ups = _up_vectors(capture, roles, capture.positions)
@@ -128,8 +128,8 @@ def _up_axis(capture: Capture) -> str:
 
 
 def _up_vectors(capture: Capture, roles: Roles | None, positions: Float) -> Float:
-    """Returns (F, 3) vectors that point up: from the ankles to the head, or along an animal's legs; zero
-    if unknown.
+    """Returns vectors (F, 3) that point up: from the ankles to the head, or along an animal's legs. They are
+    zero if unknown.
     """
     if roles is not None:
         return np.asarray(positions[:, roles.head] - positions[:, list(roles.ankles)].mean(1))
@@ -146,8 +146,8 @@ def _up_vectors(capture: Capture, roles: Roles | None, positions: Float) -> Floa
 
 
 def _nearest_axis(up: Float) -> tuple[str, bool]:
-    """Returns the axis nearest to a vector, and True if the choice is clear. If it is not clear, the axis is
-    +Y or -Y.
+    """Returns the axis nearest to a vector, and True if the choice is unambiguous. Otherwise returns +Y or
+    -Y, and False.
     """
     length = np.abs(up)
     k = 1 if length[1] >= length.max() else int(np.argmax(length))
@@ -155,7 +155,8 @@ def _nearest_axis(up: Float) -> tuple[str, bool]:
 
 
 def _zero_pose(capture: Capture) -> Float:
-    """Returns the joints (N, 3) in the zero pose (all rotations zero), with the root at the origin."""
+    """Returns the joint positions (N, 3) in the zero pose (all rotations zero), with the root at the
+    origin."""
     positions = np.zeros((len(capture.parents), 3))
     for j, parent in enumerate(capture.parents):
         if parent >= 0:

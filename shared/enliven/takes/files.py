@@ -30,14 +30,15 @@ _KNOWN_FORMATS_ADVICE = (
 def read_take(
     path: Path | str, animation: str | None = None, start: float = 0.0, end: float | None = None
 ) -> tuple[Clip, tuple[str, ...]]:
-    """Reads one clip of a file, from ``start`` to ``end`` seconds. Returns it with notes on unusual content.
+    """Reads one clip from a file, trimmed to ``start`` to ``end`` seconds. Returns the clip and notes on
+    unusual content.
 
     Args:
-        animation: name of a glTF animation, of a person in a recording, or of a take in a project; None for
+        animation: name of a glTF animation, of a person in a recording, or of a take in a project. None means
             the first.
 
     Raises:
-        InputError: if the animation does not exist, or the times are outside of it.
+        InputError: if the animation does not exist, or the times are outside its range.
     """
     path = Path(path)
     clip, notes = _read_clips(path, animation)
@@ -76,8 +77,8 @@ def _read_clips(path: Path, animation: str | None) -> tuple[Clip, tuple[str, ...
 def _remove_added_poses(
     clip: Clip, places: Float, notes: tuple[str, ...], only_rest: bool = False
 ) -> tuple[Clip, tuple[str, ...]]:
-    """Removes poses that an exporter added at the ends of a clip, and adds a note. The rest pose of the clip
-    does not change.
+    """Removes poses that were added at the ends of a clip, such as a T-pose, and adds a note. The rest pose
+    of the clip does not change.
     """
     begin, end = count_added_frames(places, clip.step, clip.skeleton.positions, only_rest)
     if not (begin or end):
@@ -89,7 +90,8 @@ def _remove_added_poses(
 def _find_clip(clips: Sequence[Clip], path: Path, requested: str | None) -> Clip:
     """Returns the clip with the requested name, or the first clip if no name is given.
 
-    The name may also be the part of a glTF name after the last bar ("|")."""
+    The requested name may also be the part of a glTF name after the last vertical bar ("|").
+    """
     if not clips:
         raise InputError("it has no animation", where=str(path), remedy=_KNOWN_FORMATS_ADVICE)
     for clip in clips:

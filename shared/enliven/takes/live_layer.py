@@ -1,6 +1,4 @@
-"""Plays a live pose as an additional layer over a shape's motion (live overlay). It previews the result of a
-recording.
-"""
+"""Plays a live pose as an additional layer on a shape's motion, as a preview of a recording."""
 
 from __future__ import annotations
 
@@ -14,13 +12,13 @@ from enliven.rotation import IDENTITY, conjugate, from_matrix, multiply
 
 
 class LiveLayer:
-    """A player of a project's shape that adds a live pose to its present motion, or replaces the motion by
-    it.
+    """A player of a project's shape that adds a live pose to the existing motion, or replaces the motion by
+    the live pose.
 
-    It keeps the given version of the project. After an edit, create a new player.
+    It evaluates the version of the project that it was created with. After an edit, create a new player.
 
     Args:
-        replaced: joints of the bones. The live pose replaces the present layers of these bones.
+        replaced: the bones, given by their joints. The live pose replaces their existing layers.
     """
 
     def __init__(self, project: Project, shape_id: str, replaced: frozenset[int] = frozenset()) -> None:
@@ -64,8 +62,8 @@ def single_bone_chain(shape: Shape, joint: int) -> tuple[int, ...]:
 
 
 def local_rotations(shape: Shape, turns: Float) -> Float:
-    """Computes the rotation (G, N, 4) of each bone that layers must provide to reach the world rotations (G,
-    N, 4).
+    """Computes the rotations (G, N, 4) that the layers of each bone must produce to reach the world rotations
+    ``turns`` (G, N, 4).
     """
     local = np.empty_like(turns)
     for j, parent in enumerate(shape.skeleton.parents):

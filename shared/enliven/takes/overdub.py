@@ -1,9 +1,9 @@
-"""Overdub: adds a performance, live or recorded, to a possessed mesh that already has motion. The new motion
-is a layer in the rest space of the mesh.
+"""Overdub: adds a live or recorded performance to a possessed mesh that already has motion. The new motion
+becomes a layer in the rest space of the mesh.
 
 The nodes and the placement of the mesh on the stage differ from the nodes and the placement of the project's
-mesh. The rigid motion that most of its nodes share is removed, so that parts that no performer moved are
-static. The remaining motion is transferred to the nodes of the project's mesh.
+mesh. The rigid motion that most nodes on the stage share is removed, so that parts that no performer moved
+are static. The remaining motion is transferred to the nodes of the project's mesh.
 """
 
 from __future__ import annotations
@@ -31,8 +31,7 @@ from enliven.takes.punch_in import PunchIn
 from enliven.takes.shared_motion import find_shared_motion
 
 _SAME_NODE_M = 2e-3
-"""Maximum distance, metres, between two nodes that count as the same: the quantization step of transmitted
-poses."""
+"""Maximum distance, metres, between two equal nodes. It allows for the quantization of transmitted poses."""
 
 
 def has_motion(project: Project, shape: GraphShape) -> bool:
@@ -41,7 +40,7 @@ def has_motion(project: Project, shape: GraphShape) -> bool:
 
 
 class OverdubTransfer:
-    """A transfer of poses from a mesh on a stage to the nodes of a shape of a project, in its rest space.
+    """Transfers poses of a mesh on a stage to the nodes of a project's shape, in the rest space of the shape.
 
     Args:
         shape: the shape in the project.
@@ -60,8 +59,8 @@ class OverdubTransfer:
         self._nodes: Int = character.skin.indices[nearest].astype(np.int64)
         self._weights: Float = character.skin.weights[nearest].astype(np.float64)
         distances, node = scipy.spatial.cKDTree(pivots).query(self._at)
-        # If both meshes share a node, use the transform of the node instead of the motion of the surface
-        # around it.
+        # If both meshes have a node at the same position, use the transform of the node instead of the motion
+        # of the surface around it.
         is_shared = distances < _SAME_NODE_M
         self._nodes[is_shared], self._weights[is_shared] = (
             node[is_shared, None],
@@ -95,7 +94,8 @@ class OverdubTransfer:
 
 
 class LiveOverdub:
-    """A player of a project's possessed mesh that adds a live pose to its motion. It previews the overdub."""
+    """A player of a project's possessed mesh that adds a live pose to its motion, as a preview of the
+    overdub."""
 
     def __init__(self, project: Project, shape_id: str, character: Character) -> None:
         self._within = OverdubTransfer(project.graph(shape_id), character)
@@ -105,9 +105,9 @@ class LiveOverdub:
         """Returns the pose of the project's mesh, metres in the world.
 
         Args:
-            live: the pose of the mesh on the stage. An unchanged pose is not converted again, because the
-                display rate is higher than the pose rate.
-            base: the present pose of the project's mesh.
+            live: the pose of the mesh on the stage. Its conversion is cached, because the display rate is
+                higher than the pose rate.
+            base: the pose of the project's mesh without the live pose.
         """
         if self._last is None or self._last[0] is not live:
             arrays = (np.asarray(values, np.float64)[None] for values in (live.linear, live.positions))

@@ -3,9 +3,9 @@
     project, names = add_performance(project, performed, begin)     # begin: the sensor's clock at 0 seconds
 
 Each performer becomes a take. Each character that performers moved plays the new motion. A rigged shape gets
-layers on the bones that moved. A possessed mesh gets motion of its nodes that can be solved again. A puppet
-gets a layer of its performer's take. The new motion is added to the present motion, or replaces it during the
-recording (punch-in). Characters that are not in the project yet are added.
+layers on the bones that moved. A possessed mesh gets the motion of its nodes, which can be solved again. A
+puppet gets a layer with its performer's take. The new motion is added to the existing motion, or replaces it
+during the recording (punch-in). Characters that are not in the project yet are added.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from enliven.takes.rigged import shape_and_clip_from_poses
 from enliven.wire import HoldMessage
 
 _MIN_POSES = 2
-"""Minimum number of recorded poses of a character that counts as performed."""
+"""Minimum number of recorded poses of a character that was performed."""
 _MIN_MOTION = 0.005
 """Minimum change, in metres or in entries of a rotation matrix, that counts as motion. It is ten times the
 quantization step of transmitted poses."""
@@ -57,10 +57,11 @@ Key = tuple[str, int]
 
 
 _UNSPLIT_TAKE_SETTINGS = TakeSettings(gap=math.inf)
-"""Settings that create one take per performer, even if the tracker lost the performer for a while."""
+"""Settings with which each performer gets a single take, even if the tracker lost the performer for a
+while."""
 ONLOOKER_SUFFIX = " onlooker"
-"""Suffix of a take's name, before its number, if its performer held no character while other performers
-did."""
+"""Suffix of a take's name, before its number, if its performer was attached to no character while other
+performers were."""
 
 
 @dataclass
@@ -69,7 +70,7 @@ class PerformedMotion:
 
     Attributes:
         name: name of the takes that are created from the motion.
-        since_ns: start time, nanoseconds of the sensor's clock. Frames and holds may begin earlier.
+        since_ns: start time, nanoseconds of the sensor's clock. Frames and attachments may begin earlier.
         frames: frames with tracked performers, in the order of time.
         events: events of performers that attach to or release characters, in the order of time.
         characters: the characters by id and revision.
@@ -108,7 +109,7 @@ class PerformedCharacter:
     Attributes:
         key: its id and revision on the stage.
         performed: the whole performance.
-        merged: the performers, with one id per person.
+        merged: the performers after re-identification, with one id per person.
         begin: time of the sensor's clock at 0 seconds of the project, nanoseconds.
         replaces: True if the performance replaces the earlier motion between its begin and its end.
     """
@@ -141,8 +142,8 @@ def add_performance(
     """Adds takes and layers of a performance to a project. Returns the project, and the ids of the new
     content.
 
-    The layers form an alternative in a group of alternative takes
-    (:mod:`enliven.modeling.edits.take_comping`), either an existing or a new group.
+    The new layers become an alternative in an existing or new group of alternative takes
+    (:mod:`enliven.modeling.edits.take_comping`).
 
     Args:
         begin: time of the sensor's clock at 0 seconds of the project, nanoseconds.
@@ -176,8 +177,8 @@ def add_performance(
 
 
 def _performer_clips(merged: MergedPerformers, performed: PerformedMotion) -> list[Clip]:
-    """Returns one clip for each performer. Performers that held no character, while others did, are named
-    onlookers.
+    """Returns one clip for each performer. Performers that were attached to no character, while others were,
+    are named onlookers.
     """
     ids = {
         performer for event in performed.events for performer in (event.body, event.former, *event.holders)
@@ -200,8 +201,8 @@ def _performer_clips(merged: MergedPerformers, performed: PerformedMotion) -> li
 
 
 def _add_node_motion(project: Project, shape: GraphShape, motion: PerformedCharacter) -> Project | None:
-    """Adds the new motion of a possessed mesh on top of its earlier motion. Returns None if nothing remains
-    of its earlier motion.
+    """Adds the new motion of a possessed mesh to its earlier motion. Returns None if no earlier motion
+    remains.
     """
     if not has_motion(project, shape):
         return None
@@ -229,7 +230,7 @@ def _is_moving(poses: Sequence[Pose]) -> bool:
 
 
 def _add_bone_layers(project: Project, shape: Shape, motion: PerformedCharacter) -> Project | None:
-    """Adds a layer to the bones of a shape that moved. Returns None if the performed character has another
+    """Adds a layer to those bones of a shape that moved. Returns None if the performed character has another
     skeleton.
     """
     performed, replaces = motion.performed, motion.replaces
@@ -285,8 +286,8 @@ def _moved_limbs(shape: Shape, moved: Sequence[int]) -> list[tuple[int, ...]]:
 
 
 def _add_puppet_layer(project: Project, puppet: Puppet, motion: PerformedCharacter) -> Project | None:
-    """Adds a layer to a puppet, with the take of the performer that last moved it. Returns None if performers
-    attached to its surface.
+    """Adds a layer to a puppet, with the take of the performer that moved it last. Returns None if performers
+    were attached to its surface.
     """
     performed, merged = motion.performed, motion.merged
     if motion.character.kind != puppet.kind:
@@ -341,6 +342,6 @@ RECORDERS: dict[str, Callable[[Project, Any, PerformedCharacter], Project | None
     GraphShape.kind: _add_node_motion,
     Puppet.kind: _add_puppet_layer,
 }
-"""For each kind of rig, the function that adds a performance to a character of the project. It returns None
-if the performance does not fit the character, which is then added as a new character. Register further kinds
-here."""
+"""For each kind of rig, the function that adds a performance to a character of the project. The function
+returns None if the performance does not match the character. Then the performed character is added as a new
+character. Further kinds of rig must be registered here."""

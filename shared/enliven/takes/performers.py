@@ -1,4 +1,4 @@
-"""Re-identification of the performers in a recording: merges tracks of the same person under one id.
+"""Re-identifies the performers in a recording: merges the tracks of the same person under one id.
 
     merge_performers(frames, events) -> MergedPerformers     # enliven.frames.BodyFrame, in order
 
@@ -18,11 +18,11 @@ from enliven.person import Body, Joint
 from enliven.wire import HoldMessage
 
 _MAX_GAP_S = 3.0
-"""Maximum gap, seconds, between two tracks of the same person. After a longer absence, the person has usually
-left."""
+"""Maximum gap, seconds, between two tracks of the same person. If the absence is longer, the person has
+usually left."""
 _SEARCH_RADIUS_M = 1.0
-"""Maximum distance, metres, between the positions where a person is lost and found. It allows for the
-tracker's error and one step."""
+"""Maximum distance, metres, between the positions at which a person is lost and found again. It allows for
+the tracker's error and one step."""
 _WALKING_SPEED_M_PER_S = 1.5
 """Assumed walking speed of a lost person, metres per second."""
 _BLEND_NS = 300_000_000
@@ -35,8 +35,8 @@ class MergedPerformers:
     """Frames of a recording in which each person has a single id.
 
     Attributes:
-        frames: the frames in the order of time. A lost person stays in the last known pose until they are
-            found.
+        frames: the frames in the order of time. A lost person stays in the last known pose until the person
+            is found again.
         people: maps each id of the tracker to the person's first id.
     """
 
@@ -56,9 +56,9 @@ class MergedPerformers:
 def merge_performers(frames: Sequence[BodyFrame], events: Iterable[HoldMessage] = ()) -> MergedPerformers:
     """Merges tracks, so that every person has one id from the first to the last frame.
 
-    A track continues an earlier track if the hold of the earlier track was handed over to it. It also
-    continues a track that ended shortly before, near the same position. If there are several such tracks, the
-    nearest is chosen.
+    A track continues an earlier track if the earlier track's attachment was transferred to it ("take over").
+    It also continues a track that ended shortly before at nearly the same position. Of several such tracks,
+    the nearest is chosen.
     """
     handed = {event.body: event.former for event in events if event.mode == "take over" and event.former >= 0}
     people: dict[int, int] = {}
@@ -85,7 +85,7 @@ def _find_person(
     last: dict[int, tuple[int, Float]],
     present: set[int],
 ) -> int:
-    """Returns the person that a new track belongs to: a lost person, or a new one."""
+    """Returns the id of the person that a new track belongs to. This may be a lost person or a new person."""
     handed_person = people.get(handed.get(body.id, -1))
     if handed_person is not None and handed_person not in present:
         return handed_person
@@ -105,14 +105,15 @@ def _find_person(
 
 
 def _floor_position(body: Body) -> Float:
-    """Returns the floor position (2,) of a body's hips, metres; a far away position if it is unknown."""
+    """Returns the position (2,) of a body's hips on the floor, metres. If it is unknown, returns a position
+    far away."""
     position = body.joints[Joint.HIP_CENTER, [0, 2]]
     return position if np.isfinite(position).all() else np.full(2, 1e6)
 
 
 def _bridge_losses(frames: list[BodyFrame]) -> list[BodyFrame]:
-    """Adds frames in which each lost person stays in the last known pose until shortly before they are found
-    again.
+    """Adds each lost person to the frames of the gap, in the last known pose until shortly before the person
+    is found again.
     """
     added: dict[int, list[Body]] = {}
     last_seen: dict[int, tuple[int, Body]] = {}

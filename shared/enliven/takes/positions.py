@@ -1,4 +1,4 @@
-"""Computes bone rotations from joint positions alone: swings with the least twist.
+"""Computes bone rotations from joint positions, with the least twist.
 
     rotations_from_positions(skeleton, positions (F, N, 3), known=None) -> (F, N, 4)
     rest_from_positions(parents, at_rest, positions) -> (N, 3)    # the rest pose with median bone lengths
@@ -28,13 +28,13 @@ def rotations_from_positions(skeleton: Skeleton, positions: Float, known: Float 
     """Computes world rotations since rest (F, N, 4) that point every bone from its parent joint to its joint.
 
     A bone first rotates with its parent, then swings by the shortest arc. The root, and bones with several
-    child bones, also twist so that the child bones fit best. So the hips rotate the pelvis, and the shoulders
-    rotate the chest.
+    child bones, also twist so that the child bones fit best. So the positions of the hips determine the
+    rotation of the pelvis, and those of the shoulders the rotation of the chest.
 
     Args:
         positions: (F, N, 3) metres.
-        known: (F, N, 4) measured rotations since rest. The result equals these rotations, followed by the
-            swing that points each bone at its joint.
+        known: (F, N, 4) measured rotations since rest. The result is these rotations, corrected by the
+            shortest swing that points each bone at its joint.
     """
     turns = np.empty((len(positions), len(skeleton), 4))
     known_turns = (
@@ -46,7 +46,8 @@ def rotations_from_positions(skeleton: Skeleton, positions: Float, known: Float 
 
 
 def rest_from_positions(parents: AnyArray, at_rest: Float, positions: Float) -> Float:
-    """Returns the joints (N, 3) at rest, with each bone's median length over the frames (F, N, 3)."""
+    """Returns the joint positions (N, 3) at rest, with each bone's median length over the frames
+    ``positions`` (F, N, 3)."""
     joints = np.array(at_rest, np.float64)
     for j, parent in enumerate(parents):
         if parent < 0:
@@ -57,9 +58,10 @@ def rest_from_positions(parents: AnyArray, at_rest: Float, positions: Float) -> 
 
 
 def fill_unseen(parents: AnyArray, positions: Float, seen: Bool) -> Float:
-    """Returns (F, N, 3) positions, with unseen joints interpolated from their parent and the adjacent frames.
+    """Returns the positions (F, N, 3) with interpolated positions of unseen joints.
 
-    The offset from the parent is interpolated in time. A joint that was never seen stays unchanged.
+    The offset of an unseen joint from its parent is interpolated in time. A joint that was never seen stays
+    unchanged.
     """
     completed = np.array(positions, np.float64)
     frames = np.arange(len(positions))
@@ -76,7 +78,7 @@ def fill_unseen(parents: AnyArray, positions: Float, seen: Bool) -> Float:
 
 
 def _unit_direction(v: Float) -> Float:
-    """Returns unit vectors; +Y for a vector of zero length."""
+    """Normalises vectors. A vector of zero length becomes +Y."""
     length = np.linalg.norm(v, axis=-1, keepdims=True)
     return np.asarray(
         np.where(
@@ -89,7 +91,8 @@ def _unit_direction(v: Float) -> Float:
 
 @njit(cache=True, nogil=True)
 def point_bones(parents, vectors, positions, known, turns):
-    """Computes ``turns`` (F, N, 4), the world rotations that point bones along ``positions`` (F, N, 3).
+    """Computes the world rotations ``turns`` (F, N, 4) that point bones along ``positions``
+    (F, N, 3).
 
     ``known`` is (F, N, 4), or (0, N, 4) if nothing is known.
     """
@@ -111,8 +114,8 @@ def point_bones(parents, vectors, positions, known, turns):
 
 @njit(cache=True, nogil=True)
 def root_turn(parents, vectors, positions):
-    """Returns the rotation that best fits the bones that begin at the root (Kabsch). A single bone is only
-    swung.
+    """Returns the rotation that best fits the bones that begin at the root (Kabsch algorithm). If there is a
+    single bone, returns its shortest swing.
     """
     moment = np.zeros((3, 3))
     count, only = 0, 0
@@ -146,8 +149,9 @@ def twisted(parents, vectors, positions, joint, q):
     """Returns ``q`` with an additional twist about its bone, so that the child bones fit best. There is no
     twist unless there are several child bones.
 
-    Let a and b be the components of a child bone perpendicular to the bone, as predicted by ``q`` and as
-    measured. The angle is atan2(sum (a x b).n, sum a.b), the least squares fit of a single angle.
+    For each child bone, let a and b be its components perpendicular to the bone, as predicted by ``q`` and as
+    measured. With n along the bone, the twist angle is atan2(sum (a x b).n, sum a.b), the least squares fit
+    of a single angle.
     """
     bone = row(vectors, joint)
     size = length(bone)

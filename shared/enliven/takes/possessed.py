@@ -1,10 +1,10 @@
-"""Reads possessed meshes from a recorded take: the motion of a mesh and its nodes, ready for editing.
+"""Reads possessed meshes, with the motion of their nodes, from a recorded take for editing.
 
     project = read_possessed("take.mcap")          # a graph shape and a stream for each possessed mesh
 
-``enliven run`` recorded the file. It contains the transmitted characters and poses. For a puppet that was
-performed live, it contains the control points. The surface of such a puppet is solved again and baked to
-nodes (:mod:`enliven.examples.baking.bake`), with a note about the error.
+The file, which ``enliven run`` records, contains the transmitted characters and poses. The poses of a puppet
+contain only its control points. So its surface is solved again and baked to nodes
+(:mod:`enliven.examples.baking.bake`), with a note about the error.
 """
 
 from __future__ import annotations
@@ -53,14 +53,14 @@ from enliven.wire import (
 )
 
 _MIN_MOVING_POSES = 2
-"""Minimum number of poses of a mesh that counts as moved."""
+"""Minimum number of poses of a mesh that moved."""
 
 
 def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
     """Reads the possessed meshes and puppets of a take with their motion, as a project.
 
-    Poses were recorded at the sensor's rate. In a stream they are resampled by interpolation to even steps
-    (their median interval). A mesh that was possessed again with other nodes becomes another shape. Every
+    Poses were recorded at the sensor's rate. For a stream, they are interpolated at evenly spaced times with
+    their median interval. A mesh that was possessed again with other nodes becomes another shape. Every
     stream begins at its time in the take. The first pose of the take is at 0 seconds.
 
     Args:
@@ -89,11 +89,12 @@ def read_possession(path: str | Path, character: str = "") -> tuple[Project, str
     """Reads the performers in a recording that moved a possessed mesh.
 
     Args:
-        character: id of a possessed mesh; empty for the first one.
+        character: id of a possessed mesh. Empty means the first possessed mesh.
 
     Returns:
-        The recording as a project, the mesh's id in it, its performers, and their holds. If the recording
-        contains no holds, the id is empty, and the first performer attaches at the start.
+        The recording as a project, the mesh's id, its performers, and the record of their attachments. If the
+        recording contains no attachments, the id is empty, and the record lets the first performer attach at
+        the start.
 
     Raises:
         InputError: if the file is not a recording, the character does not exist, or no performer is in it.
@@ -155,12 +156,12 @@ def add_character_motion(
 ) -> Project:
     """Adds the recorded motion of a character to a project, resampled to even steps.
 
-    A possessed mesh includes its performers and can be solved again; its motion begins when they appear.
+    A possessed mesh is added with its performers and can be solved again. Its motion begins when they appear.
 
     Args:
         key: id and revision of the character.
         begin: time of the sensor's clock at 0 seconds of the project, nanoseconds.
-        holds: the holds in the recording, or None.
+        holds: the performers and their attachments in the recording, or None.
     """
     ids = unused(character.id, project.characters), unused(character.id, project.streams)
     if character.kind == "points":
@@ -190,7 +191,8 @@ def _bake_puppet(
     ids: tuple[str, str],
     notes: list[str],
 ) -> tuple[GraphShape, PoseStream]:
-    """Bakes a puppet to a shape and a stream. Its surface is solved at the times ``grid`` (G,), seconds."""
+    """Bakes a puppet to a graph shape and a stream. Its surface is solved at the times ``grid`` (G,),
+    seconds."""
     turns = from_matrix(np.array([pose.linear[0] for pose in poses], np.float64))
     world = np.array([pose.positions for pose in poses], np.float64)
     local = rotate(conjugate(turns)[:, None], world[:, 1:] - world[:, :1])

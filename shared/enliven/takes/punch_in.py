@@ -1,4 +1,4 @@
-"""Punch-in: a recording replaces the present motion only between its begin and its end."""
+"""Punch-in: a recording replaces the existing motion only between its begin and its end."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from enliven.document import LayerBase, Project, Ref, Segment, unused
 
 FADE_S = 0.1
 """Duration, seconds, of the cross-fade between a recording and the motion that it replaces. It is long enough
-that no jump is visible, and shorter than a beat of a performance."""
+to hide jumps, and shorter than a beat of a performance."""
 _HELD_CLIP_SPEED = 1e-9
-"""Speed, in seconds of the take per second of the lane, of a clip that shows a single frame. A clip's speed
-cannot be 0."""
+"""Speed, in seconds of the take per second of the lane, of a clip that shows a single frame. It is not 0,
+because a speed of 0 is invalid."""
 _MIN_CLIP_S = 1e-3
 """Minimum length of a clip, seconds. A shorter clip would not show any frame of a take."""
 _Layer = TypeVar("_Layer", bound=LayerBase)
@@ -40,13 +40,11 @@ class PunchIn:
         return cls(begin, end, max([end, *end_times]))
 
     def __call__(self, project: Project, layer: _Layer) -> _Layer | None:
-        """Mutes a layer within the span. Outside of the span, the layer plays as before. Returns None if no
-        motion is left.
+        """Returns the layer with clips that mute it within the span. Returns None if no motion is left.
 
-        A muted layer is returned unchanged.
-
-        If the layer holds its first and last frames, it gets clips that hold these frames. At the ends of the
-        span, it fades over :data:`FADE_S`, or over its own ``ease`` if it does not hold frames.
+        Outside the span, the layer plays as before. A muted layer is returned unchanged. If the layer freezes
+        its first and last frames (``hold``), these frames become clips. At the ends of the span, the layer
+        fades over :data:`FADE_S`, or over its own ``ease`` if it does not freeze frames.
         """
         if layer.muted:
             return layer
@@ -71,7 +69,7 @@ class PunchIn:
             start = max(clip.begin, high)
             if clip.end - start > _MIN_CLIP_S:
                 after.append(replace(clip, begin=start, first=clip.second(start)))
-        # Keep the earlier motion only if some of it lies outside the fades.
+        # Keep the earlier motion only if some of it is outside the fades.
         first = min(self.begin, self.until) - _MIN_CLIP_S
         has_earlier_motion = (
             any(clip.begin < first and clip.end > _MIN_CLIP_S for clip in before) and first > 0.0
@@ -92,7 +90,7 @@ class PunchIn:
 
     @property
     def played(self) -> dict[str, Any]:
-        """Playback settings of a recording that plays only within the span."""
+        """The time map fields of a recording's layer that plays only within the span."""
         return {"hold": False, "ease": min(FADE_S, self._half_length)}
 
     @property
@@ -100,8 +98,8 @@ class PunchIn:
         return (self.end - self.begin) / 2.0
 
     def _layer_clips(self, layer: LayerBase, length: float, ease: float) -> list[Segment]:
-        """Returns the clips of a layer in the order of time, including repetitions of loops and held
-        frames.
+        """Returns the clips of a layer in the order of time. Repetitions of loops and frozen frames become
+        clips, too.
         """
         clips = list(layer.clips(length))
         if layer.loop:
@@ -129,7 +127,7 @@ class PunchIn:
 
 def _sort_clips(clips: Sequence[Segment]) -> list[Segment]:
     """Returns clips sorted by begin and end. If the span cuts two blended clips at the same time, their times
-    are separated slightly.
+    are moved apart slightly.
     """
     separated_clips = list[Segment]()
     for clip in clips:
@@ -145,11 +143,11 @@ def _sort_clips(clips: Sequence[Segment]) -> list[Segment]:
 def punch_bones(project: Project, shape_id: str, chain: Sequence[int], punch: PunchIn) -> Project:
     """Mutes the layers on the bones of a chain within a span. Returns the edited project.
 
-    On other bones, the layers do not change. A layer without any remaining motion is removed from the bones.
-    Its take stays in the project.
+    On other bones, the layers do not change. A layer without remaining motion is removed from the bones of
+    the chain. Its take stays in the project.
 
     Args:
-        chain: joints of the shape, each the child of the previous one.
+        chain: joints of the shape. Each is a child of the previous joint.
     """
     shape = project.shape(shape_id)
     bones = chain[1:] if len(chain) > 1 else chain

@@ -1,10 +1,10 @@
-"""Takes of recordings: the motion of each person in a file of tracked bodies.
+"""Reads takes from recordings: the motion of each person in a file with tracked bodies.
 
     read_recorded_clips(path, *, settings=TakeSettings()) -> list[Clip]
     clips_of_frames(frames, name, settings) -> list[Clip]          # enliven.frames.BodyFrame, in order
 
-Bodies come from the tracking of a sensor, from ``enliven track`` on depth images, or from the published
-messages of an edge. A recording with only depth images must be tracked first.
+Bodies are from the tracking of a sensor, from ``enliven track``, or from the messages that an edge published.
+A recording with only depth images must be tracked first.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _STEP_S = 1.0 / 30.0
 
 @dataclass(frozen=True)
 class TakeSettings:
-    """Settings that turn a recording into takes."""
+    """Settings of the conversion from a recording to takes."""
 
     gap: float = parameter(
         0.5,
@@ -56,11 +56,11 @@ def read_recorded_clips(
     The rest pose is the first observed pose. Use ``clip_of_bodies`` for another rest pose.
 
     Args:
-        whole: True returns one clip for each person instead. While the person is lost, the clip stays in the
+        whole: True returns one clip for each person instead. While the person is lost, the clip repeats the
             last known pose.
 
     Raises:
-        InputError: if the file is not a recording, or if every person is in it too briefly.
+        InputError: if the file is not a recording, or if all visits are too short.
     """
     path = Path(path)
     recording = Recording(path)
@@ -71,7 +71,7 @@ def read_recorded_clips(
     clips = clips_of_frames(frames, path.stem, chosen)
     if not clips and DEPTH_TOPIC in recording.info.topics:
         advice = f"Find the people in it first: enliven track {path.name} -o bodies.mcap"
-        raise InputError("it holds depth, and no bodies yet", where=str(path), remedy=advice)
+        raise InputError("it contains depth images, but no bodies", where=str(path), remedy=advice)
     if not clips:
         advice = "Record a performance that lasts longer."
         raise InputError(

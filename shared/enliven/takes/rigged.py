@@ -1,7 +1,8 @@
-"""Reconstructs rigged models from a recording: a live performance on a skeleton becomes a shape and a clip.
+"""Reconstructs rigged models from a recording. A live performance of a rigged character becomes a shape and a
+clip.
 
-Transmitted characters have transforms and the geometry between them, but no joints. So the joints are
-reconstructed: a bone begins at its pivot, and bones with the same pivot begin at the same joint.
+Transmitted characters contain transforms with pivots, but no joints. So the joints are reconstructed: a bone
+begins at its pivot, and bones with the same pivot begin at the same joint.
 """
 
 from __future__ import annotations
@@ -21,15 +22,15 @@ from enliven.takes.possessed import even_times, interpolate_linearly
 def shape_and_clip_from_poses(
     character: Character, poses: Sequence[Pose], begin: int = 0
 ) -> tuple[Shape, Clip, float]:
-    """Converts a rigged character to a shape and a clip with even steps. Returns both, and the time in
+    """Converts a rigged character to a shape and a clip with evenly spaced frames. Also returns the time in
     seconds at which the clip begins.
 
     Args:
-        poses: at least two, in the order of time.
-        begin: time of 0 seconds, nanoseconds.
+        poses: at least two poses, in the order of time.
+        begin: time of the sensor's clock at 0 seconds, nanoseconds.
 
     Raises:
-        InputError: if a bone has no parent, or the poses are too few or too far apart.
+        InputError: if a bone has no parent, or there are too few poses, or they are too far apart.
     """
     used_poses, seconds, grid = even_times(character, list(poses), begin)
     skeleton = skeleton_from_bones(character)
@@ -72,9 +73,9 @@ def skeleton_from_bones(character: Character) -> Skeleton:
 
 
 def _limb_end(character: Character, bone: int, begin: Float, previous_joint: Float) -> Float:
-    """Returns the end (3,) of a limb's last bone. It is twice as far from the bone's start as the centre of
-    the bone's vertices. Without vertices, the bone continues the previous bone straight, with half of its
-    length.
+    """Returns the end (3,) of a limb's last bone. Its distance from the bone's start is twice that of the
+    centre of the bone's vertices. Without vertices, the bone continues the previous bone in a straight line,
+    with half of its length.
     """
     strongest = character.skin.indices[np.arange(len(character.vertices)), character.skin.weights.argmax(1)]
     bone_vertices = character.vertices[strongest == bone]

@@ -9,11 +9,11 @@ from enliven.kernels import njit
 from enliven.rotation import nearest_quaternion, rotation_matrix
 
 _REWEIGHTING_ITERATIONS = 12
-"""Number of iterations of reweighted least squares. The last iterations change the result by less than a
-millimetre on a chair."""
+"""Number of iterations of reweighted least squares. For a mesh of a chair's size, the last iterations change
+the result by less than a millimetre."""
 _MIN_WEIGHTED_DISTANCE_M = 2e-3
-"""Residual, metres, below which the weight of a node no longer grows: the quantization step of transmitted
-poses."""
+"""Minimum residual, metres, in the weight of a node. It is the quantization step of transmitted poses, and
+limits the weight of nodes that fit exactly."""
 
 
 def find_shared_motion(positions: Float, rest: Float) -> tuple[Float, Float]:
@@ -21,7 +21,7 @@ def find_shared_motion(positions: Float, rest: Float) -> tuple[Float, Float]:
     ``positions`` (F, N, 3).
 
     It is the rigid motion with the smallest sum of distances, computed by iteratively reweighted least
-    squares (Weiszfeld's algorithm). A minority of nodes that move differently has hardly any effect.
+    squares (Weiszfeld's algorithm). So a minority of nodes with other motion has hardly any effect.
     """
     turns, moves = np.zeros((len(positions), 3, 3)), np.zeros((len(positions), 3))
     _fit_shared_motion(
@@ -32,7 +32,8 @@ def find_shared_motion(positions: Float, rest: Float) -> tuple[Float, Float]:
 
 @njit(cache=True, nogil=True)
 def _fit_shared_motion(positions, rest, turns, moves):
-    """Computes ``turns`` (F, 3, 3) and ``moves`` (F, 3)."""
+    """Computes for :func:`find_shared_motion` the rotations ``turns`` (F, 3, 3) and translations ``moves``
+    (F, 3)."""
     weights, spread = np.empty(rest.shape[0]), np.empty((3, 3))
     middle, centre = np.empty(3), np.empty(3)
     for f in range(positions.shape[0]):
@@ -49,7 +50,8 @@ def _fit_shared_motion(positions, rest, turns, moves):
 
 @njit(cache=True, nogil=True)
 def _weighted_moments(positions, rest, weights, middle, centre, spread):
-    """Computes both weighted centres, and the covariance sum w (p - middle) (r - centre)^T / sum w."""
+    """Computes the weighted centres ``middle`` of positions p and ``centre`` of rest positions r, and the
+    covariance ``spread`` = sum w (p - middle) (r - centre)^T / sum w."""
     total = weights.sum()
     middle[:], centre[:], spread[:] = 0.0, 0.0, 0.0
     for n in range(rest.shape[0]):
@@ -66,7 +68,7 @@ def _weighted_moments(positions, rest, weights, middle, centre, spread):
 @njit(cache=True, nogil=True)
 def _update_weights(positions, rest, turn, move, weights):
     """Sets the weight of each node to 1 / residual. The residual is the distance between the node and its
-    position under the motion.
+    rest position moved by the shared motion.
     """
     for n in range(rest.shape[0]):
         square = 0.0

@@ -1,1 +1,1 @@
-"""The web page that shows characters: its files, and a copy that needs no server."""
+"""The web page that shows characters: its files, and a standalone version that needs no server."""

@@ -16,7 +16,7 @@ def read_page_file(name: str) -> bytes:
     """Returns the bytes of a file of the page.
 
     Raises:
-        KeyError: for a name that is not in :data:`PAGE_FILES`.
+        KeyError: if the name is not in :data:`PAGE_FILES`.
     """
     if name not in PAGE_FILES:
         raise KeyError(name)
@@ -24,7 +24,7 @@ def read_page_file(name: str) -> bytes:
 
 
 def make_standalone_page(title: str, take: str) -> bytes:
-    """Returns the page with style, script and a take inside, as UTF-8.
+    """Returns a standalone page with embedded style, script and take, as UTF-8.
 
     Args:
         title: the title, as plain text.

@@ -1,1 +1,1 @@
-"""The common parts of the web servers: access, the TLS certificate, and the address to listen on."""
+"""The common parts of the web servers: access control, the TLS certificate, and the address to listen on."""

@@ -1,4 +1,5 @@
-"""Access to web pages: passwords with a rate limit, secret tokens, and protection from other web pages."""
+"""Access control of web pages: passwords with a rate limit, secret tokens, and protection against other web
+pages."""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ from enliven.files import file_fault
 from enliven.keys.key_files import is_loopback
 
 PASSWORD_VARIABLE = "ENLIVEN_HEALTH_PASSWORD"
-"""Environment variable with the password for programs that read the page of another computer."""
+"""Environment variable with the password, for programs that read the health page of another computer."""
 MIN_PASSWORD_LENGTH = 10
 """Minimum length of the password. With the rate limit, a random password of this length cannot be guessed."""
 MAX_FAILURES = 5
@@ -31,17 +32,16 @@ LOCK_S = 60.0
 _MAX_ADDRESSES = 1000
 """Maximum number of stored addresses that sent wrong passwords."""
 _MAX_PASSWORD_BYTES = 4096
-"""Maximum bytes of a password file."""
+"""Maximum size of a password file in bytes."""
 _OTHERS = stat.S_IRWXG | stat.S_IRWXO
 """Permission bits of users other than the owner."""
 _IPV6_PREFIX = 64
-"""Number of bits of an IPv6 address that identify one computer's network. The computer can choose the
-remaining bits.
-"""
+"""Number of bits in the network prefix of an IPv6 address. A computer can choose the remaining bits
+itself."""
 _TOKEN_BYTES = 16
-"""Number of random bytes of a token in an address: too many to guess."""
+"""Number of random bytes of a token in a URL. A token of this length cannot be guessed."""
 _TOKEN = re.compile(r"[A-Za-z0-9_-]{22}")
-"""Pattern of a token: 16 bytes in base64, without the characters that an address cannot contain."""
+"""Pattern of a token: 16 bytes in URL-safe base64."""
 
 
 def read_secret_file(path: Path, content: str, max_bytes: int) -> bytes:
@@ -49,10 +49,11 @@ def read_secret_file(path: Path, content: str, max_bytes: int) -> bytes:
 
     Args:
         content: the kind of file for messages, such as "password file".
-        max_bytes: maximum bytes.
+        max_bytes: maximum size of the file in bytes.
 
     Raises:
-        InputError: if it cannot be read, is too large, belongs to another user, or others may read it.
+        InputError: if it cannot be read, is too large, belongs to another user, or is readable by other
+            users.
     """
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
     try:
@@ -79,7 +80,7 @@ def read_secret_file(path: Path, content: str, max_bytes: int) -> bytes:
 
 
 def _refuse_other_users(path: Path, content: str, state: os.stat_result) -> None:
-    """Raises InputError if a file belongs to another user, or others may read or change it."""
+    """Raises InputError if a file belongs to another user, or other users may read or change it."""
     if state.st_uid not in (os.getuid(), 0):
         raise InputError(
             "it belongs to another user", where=str(path), remedy=f"Make a {content} of your own."
@@ -96,7 +97,7 @@ def read_password(path: Path) -> str:
     """Returns the password in the first line of a file.
 
     Raises:
-        InputError: as :func:`read_secret_file`, or if the password is too short.
+        InputError: in the cases of :func:`read_secret_file`, or if the password is too short.
     """
     data = read_secret_file(path, "password file", _MAX_PASSWORD_BYTES)
     try:
@@ -126,7 +127,7 @@ class PasswordGate:
         self._failures: OrderedDict[str, tuple[int, float]] = OrderedDict()
 
     def locked_s(self, address: str) -> float:
-        """Returns the remaining seconds for which an address is locked. 0 if it may try now."""
+        """Returns the remaining seconds for which an address is locked, or 0 if it is not locked."""
         count, last_s = self._failures.get(_address_network(address), (0, 0.0))
         if count < MAX_FAILURES:
             return 0.0
@@ -136,7 +137,7 @@ class PasswordGate:
         """Checks the "Authorization" header of a request. A wrong password counts as a failure.
 
         Returns:
-            True if the password is right, and the address is not locked. Right passwords are not admitted
+            True if the password is correct and the address is not locked. A correct password is refused
             during the lock, so that a guess cannot be confirmed.
         """
         if self.locked_s(address) > 0.0:
@@ -150,7 +151,7 @@ class PasswordGate:
         return False
 
     def _count_failure(self, network: str) -> None:
-        """Counts a wrong password, and drops the oldest addresses."""
+        """Counts a wrong password of an address. Drops the oldest addresses if there are too many."""
         count, _ = self._failures.pop(network, (0, 0.0))
         self._failures[network] = (count + 1, time.monotonic())
         while len(self._failures) > _MAX_ADDRESSES:
@@ -160,7 +161,7 @@ class PasswordGate:
 class FormTokens:
     """Tokens in forms, which other web pages cannot know (CSRF protection).
 
-    A token is valid for one action, until the program ends.
+    A token is valid for one action on one subject, until the program ends.
     """
 
     def __init__(self) -> None:
@@ -180,8 +181,8 @@ def is_same_origin(host: str, origin: str, fetch_site: str = "") -> bool:
     """Returns True if a browser sent a request from a page of this server.
 
     Args:
-        host: the "Host" header.
-        origin: the "Origin" header. Empty if there is none, as from a script.
+        host: the "Host" header of the request.
+        origin: the "Origin" header. Empty if there is none, as in requests from scripts.
         fetch_site: the "Sec-Fetch-Site" header. Empty if there is none.
     """
     if fetch_site and fetch_site not in ("same-origin", "none"):
@@ -192,15 +193,15 @@ def is_same_origin(host: str, origin: str, fetch_site: str = "") -> bool:
 def names_this_computer(host: str) -> bool:
     """Returns True if the "Host" header of a request names the loopback of this computer.
 
-    A server on loopback refuses all other requests. Otherwise a foreign web page could let its own domain
-    name point to this computer, and read from its server (DNS rebinding).
+    A server on loopback refuses all other requests. Otherwise a malicious web page could let its own domain
+    name point to this computer, and read from the server (DNS rebinding).
     """
     name = host[1:].partition("]")[0] if host.startswith("[") else host.partition(":")[0]
     return is_loopback(name)
 
 
 def make_token() -> str:
-    """Returns a new token for an address, which cannot be guessed."""
+    """Returns a new random token for a URL. It cannot be guessed."""
     return secrets.token_urlsafe(_TOKEN_BYTES)
 
 
@@ -210,8 +211,8 @@ def is_token(text: str) -> bool:
 
 
 def tokens_match(given: str, token: str) -> bool:
-    """Returns True if a given token equals the right one. The comparison takes constant time, so that its
-    duration reveals nothing.
+    """Returns True if two tokens are equal. The comparison takes constant time, so that its duration does not
+    reveal the token.
     """
     return hmac.compare_digest(given.encode(errors="replace"), token.encode())
 
@@ -257,7 +258,7 @@ def _basic_password(authorization: str) -> bytes | None:
 
 
 def _address_network(address: str) -> str:
-    """Returns the part of an address that one computer cannot choose."""
+    """Returns the part of an IP address that a computer cannot choose itself: the network prefix for IPv6."""
     try:
         parsed = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:

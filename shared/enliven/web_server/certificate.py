@@ -1,4 +1,4 @@
-"""The TLS certificate of a web server: read, checked and loaded."""
+"""Reads, checks and loads the TLS certificate of a web server."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from cryptography.x509 import Certificate
 
 _MAX_PEM_BYTES = 1 << 20
-"""Maximum bytes of a file with certificates or a key. A certificate chain has about 10,000."""
+"""Maximum size in bytes of a file with certificates or a key. A certificate chain has about 10,000 bytes."""
 _NEW_CERTIFICATE = "docs/health.md shows how to make a new one."
-"""The remedy for a certificate that cannot be used."""
+"""The remedy for an invalid certificate."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class ServerCertificate:
 
 
 def load_certificate(path: Path, key: Path, at_s: float) -> ServerCertificate:
-    """Returns a certificate that can be used now.
+    """Loads a certificate, and checks that it is currently valid.
 
     Args:
         path: file with the certificate, followed by those of its issuers if there are any (PEM).
@@ -45,8 +45,8 @@ def load_certificate(path: Path, key: Path, at_s: float) -> ServerCertificate:
         at_s: Unix time in seconds.
 
     Raises:
-        InputError: if a file cannot be read, the certificate is not valid now, the key does not match or
-            has a passphrase, or others may read the key.
+        InputError: if a file cannot be read, the certificate is not valid now, the key does not match or has
+            a passphrase, or the key is readable by other users.
     """
     certificate = _read_certificate(path)
     read_secret_file(key, "key file", _MAX_PEM_BYTES)
@@ -74,7 +74,7 @@ def read_end(path: Path) -> float:
 
 
 def _read_certificate(path: Path) -> Certificate:
-    """Returns the first certificate of a file (PEM). Raises InputError like :func:`read_end`."""
+    """Returns the first certificate of a file (PEM). Raises the errors of :func:`read_end`."""
     from cryptography import x509
 
     pem = read_file(path, _MAX_PEM_BYTES)
@@ -87,7 +87,7 @@ def _read_certificate(path: Path) -> Certificate:
 
 
 def _load_context(path: Path, key: Path) -> ssl.SSLContext:
-    """Returns a server's SSL context with a certificate and its key. Raises errors like
+    """Returns a server's SSL context with a certificate and its key. Raises the errors of
     :func:`load_certificate`.
     """
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)

@@ -1,4 +1,4 @@
-"""The address of a web server: its port, its address for other computers, and the limits on connections."""
+"""Binds the port of a web server, determines its address for other computers, and limits its connections."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ if TYPE_CHECKING:
     from enliven.web_server.certificate import ServerCertificate
 
 ANY_HOSTS = ("0.0.0.0", "::")
-"""Network addresses that make a server listen at all addresses of its computer."""
+"""Network addresses that make a server listen on all addresses of its computer."""
 MAX_CONNECTIONS = 100
-"""Maximum number of connections of a server. Further connections get status 503."""
+"""Maximum number of connections of a server. Further requests get status 503."""
 _MAX_HEADER_BYTES = 16 * 1024
-"""Maximum bytes of the headers of a request."""
+"""Maximum size of a request's headers in bytes."""
 _IDLE_TIMEOUT_S = 10
 """Time in seconds after which an idle connection is closed."""
 _SHUTDOWN_TIMEOUT_S = 3
-"""Longest wait for unfinished answers at the end of the program, in seconds."""
+"""Maximum time to wait for unfinished responses when the program ends, in seconds."""
 _BACKLOG = 64
 """Maximum number of connections that wait to be accepted."""
 _HOST_ADVICE = "Use an address of this computer, 127.0.0.1 or 0.0.0.0."
-"""The remedy for an address that cannot be used."""
+"""The remedy for an invalid address."""
 
 
 def bind_port(host: str, port: int, remedy: str) -> socket.socket:
-    """Returns a socket that listens at an address.
+    """Returns a socket that is bound to an address.
 
     Args:
         remedy: the remedy if the port is in use.
@@ -67,8 +67,8 @@ def find_own_address() -> str:
     """
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
-            # Connecting a UDP socket sends nothing and only selects the network interface. The address is
-            # reserved for documentation.
+            # Connecting a UDP socket only selects the network interface and sends nothing. The destination
+            # address is reserved for documentation.
             probe.connect(("192.0.2.1", 9))
             address: str = probe.getsockname()[0]
         except OSError:
@@ -79,7 +79,7 @@ def find_own_address() -> str:
 def format_address(host: str, port: int, *, uses_tls: bool = False) -> str:
     """Returns the address of a server for browsers, with a slash at its end.
 
-    If the server listens at all addresses, the result contains this computer's address in its network.
+    If the server listens on all addresses, the result contains this computer's address in its network.
     """
     name = find_own_address() if host in ANY_HOSTS else host
     scheme = "https" if uses_tls else "http"
@@ -93,12 +93,13 @@ def make_server(
     max_connections: int = MAX_CONNECTIONS,
     max_message_bytes: int = 0,
 ) -> uvicorn.Server:
-    """Returns a server of an ASGI application, with limits for slow and hostile clients.
+    """Returns a server for an ASGI application, with limits for slow and malicious clients.
 
     Args:
         certificate: the TLS certificate. None disables encryption.
         max_connections: maximum number of connections.
-        max_message_bytes: maximum bytes of a message to a WebSocket. 0 for a server without WebSockets.
+        max_message_bytes: maximum size of a received WebSocket message in bytes. 0 for a server without
+            WebSockets.
     """
     import uvicorn
 
@@ -108,14 +109,15 @@ def make_server(
         http="h11",
         ws="websockets-sansio" if max_message_bytes else "none",
         ws_max_size=max_message_bytes,
-        # Poses are already compressed, and more compression would cost time for each page.
+        # Disable compression, because poses are already compressed and compression would cost time for each
+        # client.
         ws_per_message_deflate=False,
         loop="asyncio",
         lifespan="on",
         log_config=None,
         access_log=False,
         server_header=False,
-        # Ignore addresses in headers, because the rate limit of passwords needs the real address.
+        # Ignore addresses in proxy headers, because the rate limit of passwords needs the real address.
         proxy_headers=False,
         limit_concurrency=max_connections,
         timeout_keep_alive=_IDLE_TIMEOUT_S,

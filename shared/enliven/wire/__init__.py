@@ -1,4 +1,5 @@
-"""The wire protocol: messages between edge and viewer, the table of topics, and the compression of poses."""
+"""The network protocol ("wire"): messages between edge and viewer, the table of topics, and the compression
+of poses."""
 
 import lazy_loader
 

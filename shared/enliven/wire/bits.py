@@ -1,10 +1,10 @@
-"""Rice codes: they store small signed integers in few bits, and any integer in a bounded number of bits.
+"""Rice codes store small signed integers in few bits, and any other integer in a bounded number of bits.
 
 An integer n is folded to u = 2n or -2n - 1, so that small magnitudes stay small (zigzag). It is written as u
 >> k ones, a zero, and the low k bits of u (Rice, "Some practical universal noiseless coding techniques", JPL
-79-22, 1979). ``ESCAPE`` ones announce ``ESCAPE_BITS`` raw bits instead, which bounds the worst case. A column
-of numbers shares one k, the one with the fewest bits. ``ALL_ZERO`` in place of k means that the whole column
-is zero.
+79-22, 1979). If the code begins with ``ESCAPE`` ones, the integer follows as ``ESCAPE_BITS`` raw bits, which
+bounds the code's length. All numbers in a column use the same k, which is chosen for the fewest bits. The
+value ``ALL_ZERO`` instead of k means that the whole column is zero.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from enliven.arrays import Int32, UInt8
 from enliven.kernels import njit
 
 ESCAPE: Any = np.int64(12)
-"""Number of consecutive ones that announce a raw number."""
+"""Number of consecutive ones before a raw number."""
 ESCAPE_BITS: Any = np.int64(22)
 LIMIT = int(2 ** (ESCAPE_BITS - 1) - 1)
 """The largest magnitude that can be encoded."""
 ALL_ZERO = 15
-"""The parameter value for a column of zeros, which needs no further bits."""
+"""Value of the parameter k for a column of zeros. No further bits follow."""
 PARAMETER_BITS: Any = np.int64(4)
-"""Number of bits of a parameter. It is an int64, because a plain int would be a different type for the
-compiler.
+"""Number of bits of a parameter k. It is an int64, because Numba would compile the code again for a plain
+int.
 """
 
 
 @njit(cache=True, nogil=True)
 def best_parameter(column: Int32) -> tuple[int, int]:
-    """Returns the Rice parameter of an (N,) column with the fewest bits, and the number of bits including the
-    parameter.
+    """Returns the Rice parameter k that needs the fewest bits for a column (N,), and the number of bits
+    including the parameter.
     """
     if not column.any():
         return ALL_ZERO, PARAMETER_BITS
@@ -49,7 +49,7 @@ def best_parameter(column: Int32) -> tuple[int, int]:
 
 @njit(cache=True, nogil=True)
 def _write_bits(out: UInt8, at: int, value: int, count: int) -> int:
-    """Writes the low ``count`` bits of ``value`` at bit ``at``, most significant first.
+    """Writes the lowest ``count`` bits of ``value`` at bit position ``at``, most significant bit first.
 
     Returns the next bit position.
     """
@@ -66,7 +66,8 @@ def _write_bits(out: UInt8, at: int, value: int, count: int) -> int:
 
 @njit(cache=True, nogil=True)
 def encode_columns(table: Int32) -> UInt8:
-    """Returns the bytes of an (N, C) table of integers within +-LIMIT, by columns, padded with zero bits."""
+    """Encodes a table (N, C) of integers within +-LIMIT column by column. The last byte is padded with zero
+    bits."""
     rows, columns = table.shape
     parameters = np.empty(columns, np.int64)
     total = 0
@@ -95,7 +96,7 @@ def encode_columns(table: Int32) -> UInt8:
 
 @njit(cache=True, nogil=True)
 def _read_bits(data: UInt8, at: int, count: int) -> int:
-    """Returns the ``count`` bits at bit ``at``. The caller has checked that they exist."""
+    """Reads ``count`` bits at bit position ``at``. The caller must check that they exist."""
     value, remaining = 0, count
     while remaining > 0:
         available = 8 - (at & 7)

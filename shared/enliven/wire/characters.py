@@ -9,30 +9,33 @@ from msgspec import Meta, Struct
 from enliven.wire.fields import MAX_FACES, MAX_TRANSFORMS, MAX_VERTICES, Name, RevisionNumber, check_length
 
 MAX_ITERATIONS = 100
-"""Maximum number of iterations per frame. 3 are usual. A larger number from an untrusted sender would
+"""Maximum number of solver iterations per frame. 3 are usual. A larger number from an untrusted sender would
 overload a viewer.
 """
 MAX_STIFFNESS = 1e6
-"""Maximum weight of a hold and maximum stretch, far above useful values. It limits numbers from untrusted
-senders."""
+"""Maximum weight of a position constraint, and maximum stretch. It is far above useful values, and limits
+numbers from untrusted senders."""
 MAX_SOLVED_VERTICES = 100_000
 """Maximum vertices of the solved mesh. 8,000 are usual. A larger number from an untrusted sender would
 overload a viewer."""
 
 
 MAX_MATERIALS = 1024
-"""Maximum number of materials, and of textures, of a character: detailed characters have dozens."""
+"""Maximum number of materials, and of textures, of a character. Detailed characters have dozens."""
 MAX_DEFINITION = 16 * 1024
-"""Maximum length of a material's JSON in characters. With all of its extensions it has a few thousand."""
+"""Maximum length of a material's JSON in characters. A material with many extensions has a few thousand
+characters."""
 MAX_TEXTURE_BYTES = 16 * 1024 * 1024
-"""Maximum bytes of all encoded textures of a character. Beyond it, vertex colours are sent instead."""
+"""Maximum total size in bytes of a character's encoded textures. If they are larger, vertex colours are sent
+instead."""
 MAX_JOINT_NAME = 128
 """Maximum length of a joint's name in characters. Names built from paths and namespaces have about 60."""
 JointName = Annotated[str, Meta(min_length=1, max_length=MAX_JOINT_NAME)]
 
 
 class SurfaceMessage(Struct, frozen=True):
-    """How a surface follows control points, see :class:`enliven.deformation.arap.solver.ArapSettings`.
+    """Settings of the solver that makes a surface follow control points, see
+    :class:`enliven.deformation.arap.solver.ArapSettings`.
 
     The ranges exclude unreasonable values, so that an untrusted sender cannot overload a viewer.
     """
@@ -50,7 +53,7 @@ class SurfaceMessage(Struct, frozen=True):
 
 
 class TextureMessage(Struct, frozen=True):
-    """An encoded image (PNG or JPEG) and the JSON of its glTF sampler. Neither is decoded in transit."""
+    """An encoded image (PNG or JPEG) and the JSON of its glTF sampler."""
 
     image: Annotated[bytes, Meta(min_length=8, max_length=MAX_TEXTURE_BYTES)]
     sampler: Annotated[str, Meta(max_length=MAX_DEFINITION)] = ""
@@ -61,7 +64,7 @@ class MaterialsMessage(Struct, frozen=True):
 
     Attributes:
         definitions: JSON objects of glTF materials.
-        of: (F,) int32 the material of each face; -1 for none.
+        of: (F,) int32 the material of each face, -1 for none.
         sets: number of sets of texture coordinates.
         uvs: (F, 3, S, 2) float32 texture coordinates.
         tints: (F, 3, 4) float32, or None for white.
@@ -78,13 +81,14 @@ class MaterialsMessage(Struct, frozen=True):
 
 
 class CharacterMessage(Struct, tag=True, frozen=True):
-    """A whole character, in answer to :class:`GetState`.
+    """A complete character, the reply to :class:`GetState`.
 
-    If the receiver may not support control points, the kind is "bones" with complete skin weights. Such a
-    receiver shows one rigid piece.
+    For receivers that may not support control points, the kind is "bones" with complete skin weights. They
+    display the character as a rigid object.
 
     Attributes:
-        kind: "points" only if skin weights are left out. A character with ``held`` is always of this kind.
+        kind: "graph", "bones" or "points". It is "points" only if skin weights are left out. A received
+            character with ``held`` is always treated as kind "points".
         vertices: (V, 3) float32 metres.
         faces: (F, 3) int32.
         indices: (V, 4) uint16 transforms of the skin weights. Empty for kind "points": all vertices follow
@@ -93,10 +97,10 @@ class CharacterMessage(Struct, tag=True, frozen=True):
         pivots: (J, 3) float32 metres, the pivots of the transforms at rest.
         edges: (E, 2) int32 pairs of transforms to draw as lines.
         colours: (V, 3) uint8 sRGB, or None.
-        held: (J - 1,) int32, for kind "points" the vertex that each transform except the first moves.
+        held: (J - 1,) int32, for kind "points": the vertex that each transform except the first one moves.
         pulls: (J - 1,) float32, the stiffness of each constraint, 0 for hard constraints. None if all are
             hard.
-        surface: how the surface follows the control points. None for the default.
+        surface: settings of the surface solver. None means the defaults.
         names: (J,) names of the joints at the bones' ends. None if they have none.
         materials: materials with their textures. None if the character has only vertex colours.
         stiffness: (V,) float32 above 0, the painted stiffness of kind "graph". None for 1 everywhere.
@@ -144,7 +148,7 @@ class CharacterMessage(Struct, tag=True, frozen=True):
 
 
 def _check_materials(materials: MaterialsMessage, faces: int) -> None:
-    """Raises ValueError if the parts do not match the number of faces, or the textures are too large."""
+    """Raises ValueError if the arrays do not match the number of faces, or the textures are too large."""
     check_length("of", materials.of, 4 * faces)
     check_length("uvs", materials.uvs, 24 * faces * materials.sets)
     if materials.tints is not None:

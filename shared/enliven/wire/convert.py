@@ -1,4 +1,4 @@
-"""Converts between the documents of the library and the messages of the wire, with pure functions."""
+"""Converts between the library's data types and network messages, with pure functions."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def pose_to_message(
     """Returns the message of a pose. ``codec`` must belong to the same character and revision.
 
     Raises:
-        InputError: if the pose has another number of transforms than the character.
+        InputError: if the numbers of transforms of pose and character differ.
     """
     return PoseMessage(
         pose.character,
@@ -62,7 +62,7 @@ def message_to_pose(message: PoseMessage, codec: PoseCodec) -> Pose:
     """Returns the pose of a message, within the errors of :mod:`enliven.wire.quantize`.
 
     Raises:
-        ValueError: for bytes that are not a pose of the codec's character.
+        ValueError: if the bytes are not a pose of the codec's character.
     """
     linear, positions = codec.decode(message.transforms)
     return Pose(message.character, message.time_ns, linear, positions)
@@ -74,10 +74,10 @@ def bodies_to_message(bodies: Iterable[Body], time_ns: int, captured_ns: int = 0
 
 
 def round_to_wire(bodies: Iterable[Body]) -> list[Body]:
-    """Returns bodies with joints, confidence and stature rounded to the precision of the wire.
+    """Rounds joints, confidence and stature of bodies to the precision of network messages.
 
-    With these bodies, a stage gets the same result live and from a recording. A joint that is not finite
-    stays not finite.
+    A stage that gets rounded bodies computes the same result live and from a recording. A joint that is not
+    finite stays not finite.
     """
     return [
         replace(
@@ -106,12 +106,12 @@ def _pack_body(body: Body) -> PackedBody:
 
 
 def _fraction_bytes(values: AnyArray) -> bytes:
-    """Returns numbers in [0, 1] as bytes."""
+    """Encodes numbers in [0, 1] as bytes, with 255 for 1."""
     return bytes(np.rint(np.clip(values, 0, 1) * 255).astype(np.uint8).tobytes())
 
 
 def message_to_bodies(message: BodiesMessage) -> list[Body]:
-    """Returns the bodies of a message, with the precision of the wire."""
+    """Decodes the bodies of a message."""
     return [_unpack_body(body) for body in message.bodies]
 
 
@@ -128,7 +128,7 @@ def _unpack_body(body: PackedBody) -> Body:
 
 
 def health_to_messages(states: Iterable[HealthState]) -> list[HealthMessage]:
-    """Returns the messages of the most severe states."""
+    """Returns messages for the most severe health states, at most :data:`MAX_HEALTH`."""
     return [
         HealthMessage(
             str(state.kind)[:64] or "unknown",
@@ -143,7 +143,7 @@ def health_to_messages(states: Iterable[HealthState]) -> list[HealthMessage]:
 
 
 def _truncate_sentence(sentence: str) -> str:
-    """Returns the sentence truncated to 160 bytes."""
+    """Truncates a sentence to 160 bytes in UTF-8."""
     return sentence.encode()[:160].decode(errors="ignore")
 
 
@@ -167,7 +167,7 @@ def cues_to_message(
     owners: AnyArray | None = None,
     held: int | None = None,
 ) -> CuesMessage:
-    """Returns the message of cues. A "free" state with nodes becomes a preview.
+    """Returns the message of cues. The state "free" with nodes becomes "preview".
 
     Args:
         nodes: (K,) node indices.
@@ -197,7 +197,7 @@ def cues_to_message(
 def _number_owners(owners: AnyArray | None) -> tuple[list[int], bytes]:
     """Returns the distinct owners, at most 64, and (K,) the owner of each node.
 
-    Further owners are replaced by the last of these.
+    If there are more owners, the additional ones are replaced by the last of the 64.
     """
     if owners is None or not len(owners):
         return [], b""
@@ -221,7 +221,7 @@ def message_to_cues(message: CuesMessage) -> tuple[Int32, Float32]:
 def props_to_message(props: Props) -> PropsMessage:
     """Returns the message of props.
 
-    Props without a finite place, and props beyond the limit, are left out.
+    Props with a position that is not finite, and props beyond the maximum number, are left out.
     """
     sendable = np.flatnonzero(np.isfinite(props.positions).all(1))[:MAX_PROPS]
     steps = np.rint(props.positions[sendable] / JOINT_STEP)
@@ -239,10 +239,10 @@ def props_to_message(props: Props) -> PropsMessage:
 
 
 def message_to_props(message: PropsMessage) -> Props:
-    """Returns the props of a message, in the precision of the wire.
+    """Decodes the props of a message.
 
     Raises:
-        InputError: for a shape that this program does not know.
+        InputError: if a prop has an unknown shape.
     """
     shapes = np.frombuffer(message.shapes, np.uint8)
     if not np.isin(shapes, (BOX, BALL)).all():

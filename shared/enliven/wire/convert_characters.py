@@ -20,15 +20,15 @@ from enliven.wire.convert_materials import materials_to_message, message_to_mate
 from enliven.wire.fields import MAX_FACES, MAX_VERTICES, from_bytes, to_bytes
 
 _MAX_RIGID_VERTICES = 100_000
-"""Maximum vertices of a rigid piece with explicit skin weights. Older viewers need these weights, which
-take 24 bytes per vertex."""
+"""Maximum number of vertices for which skin weights are sent although all vertices follow one transform.
+Older viewers need the weights, which take 24 bytes per vertex."""
 
 
 def character_to_message(character: Character, revision: int) -> CharacterMessage:
-    """Returns the message of a whole character.
+    """Returns the message of a complete character.
 
     Raises:
-        InputError: if its id or its mesh is too large for the wire.
+        InputError: if its id or its mesh is too large for a message.
     """
     _check_size(character)
     skinned = character.kind != "points" or len(character.vertices) <= _MAX_RIGID_VERTICES
@@ -58,7 +58,7 @@ def character_to_message(character: Character, revision: int) -> CharacterMessag
 
 
 def message_to_character(message: CharacterMessage) -> Character:
-    """Returns the character of a message, with the same checks as for one that was built here.
+    """Returns the character of a message. All checks of :class:`Character` are applied.
 
     Raises:
         InputError: if a number is not finite or an index is out of range.
@@ -89,7 +89,7 @@ def message_to_character(message: CharacterMessage) -> Character:
 
 
 def _joint_names(character: Character) -> list[str] | None:
-    """Returns the names of the joints, or None if one is empty or too long for the wire."""
+    """Returns the names of the joints, or None if a name is empty or too long for a message."""
     names = list(character.names or ())
     return names if names and all(0 < len(name) <= MAX_JOINT_NAME for name in names) else None
 
@@ -105,7 +105,8 @@ def _skin_weights(message: CharacterMessage) -> SkinWeights:
 
 
 def _surface_message(settings: ArapSettings) -> SurfaceMessage:
-    """Returns the settings with infinite limits replaced by the wire's largest values."""
+    """Returns the message of the settings. Infinite limits are replaced by the largest values that a message
+    can contain."""
     return SurfaceMessage(
         min(settings.iterations, MAX_ITERATIONS),
         settings.squash_and_stretch,

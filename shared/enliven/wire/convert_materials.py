@@ -20,7 +20,8 @@ _MAX_UV_SETS = 4
 
 
 def materials_to_message(materials: MeshMaterials | None) -> MaterialsMessage | None:
-    """Returns the message, or None without materials or if they are too large for the wire."""
+    """Returns the message of materials. Returns None if there are none, or if they are too large for a
+    message."""
     if materials is None:
         return None
     size = sum(len(texture.image) for texture in materials.textures)
@@ -41,10 +42,10 @@ def materials_to_message(materials: MeshMaterials | None) -> MaterialsMessage | 
 
 
 def message_to_materials(message: MaterialsMessage | None) -> MeshMaterials | None:
-    """Returns the materials, with the same checks as for those of a file.
+    """Returns the materials of a message. The checks are the same as for the materials of a file.
 
     Raises:
-        InputError: if the parts do not match, or a material is not a JSON object.
+        InputError: if the arrays are inconsistent, or a material is not a JSON object.
     """
     if message is None:
         return None

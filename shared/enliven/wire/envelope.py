@@ -1,10 +1,10 @@
 """Converts bytes on a socket to checked messages and back. Malformed bytes are counted and dropped.
 
-On the stream socket a message is its topic's name, a zero byte, the version, and the MessagePack payload, in
-one part. On the control socket it is the version and the payload. Streams are arrays of their fields in
-order, requests and replies are maps by name. Unknown fields are ignored and later fields have a default, so a
-newer program may append fields. Types, lengths and finiteness are checked on receipt. Numbers in ``bytes``
-are little-endian.
+On the stream socket, a message consists of a single part: the topic's name, a zero byte, the protocol
+version, and the MessagePack payload. On the control socket, it consists of the version and the payload.
+Stream messages are encoded as arrays of fields, and requests and replies as maps from names to fields.
+Unknown fields are ignored, and fields that were added later have a default. So a newer program may append
+fields. Types, lengths and finiteness are checked on receipt. Numbers in ``bytes`` are little-endian.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from enliven.wire.topics import BY_TYPE, REPLY, REQUEST, STREAMS, Topic
 log = logging.getLogger(__name__)
 
 VERSION = 1
-"""Version of the wire. It is raised if an old program could misread a new message."""
+"""Version of the network protocol. It is incremented if an old program could misread a new message."""
 
 _ID_KEY = b"\xa2id"
 """MessagePack bytes of the key "id", which contains the number of a reply."""
 _NUMBER_BYTES = {0xCC: 2, 0xCD: 3, 0xCE: 5, 0xCF: 9}
-"""Number of bytes of a MessagePack integer by its first byte. All other integers take one byte."""
+"""Total size in bytes of a MessagePack integer, by its first byte. All other integers take one byte."""
 
 _UNENCODABLE_REASON = "a name or a number in it cannot be sent"
 """Reason for refusing text with lone surrogates, and integers of more than 64 bits."""
@@ -42,7 +42,8 @@ _ENCODER = msgspec.msgpack.Encoder()
 
 
 class MalformedMessageError(Exception):
-    """Bytes that are not a valid message. ``kind`` groups them for counting."""
+    """Raised for bytes that are not a valid message. ``kind`` is the category under which the error is
+    counted."""
 
     def __init__(self, kind: str, why: str) -> None:
         super().__init__(f"{kind}: {why}")
@@ -50,7 +51,8 @@ class MalformedMessageError(Exception):
 
 
 class OtherVersionError(MalformedMessageError):
-    """A message of a program with another version of the wire. ``version`` is the sender's version."""
+    """Raised for a message from a program with another protocol version. ``version`` is the sender's
+    version."""
 
     def __init__(self, version: int) -> None:
         super().__init__(
@@ -69,7 +71,7 @@ def pack_stream(message: Any) -> bytes:
 
 
 def pack_topic(name: str, payload: bytes) -> bytes:
-    """Returns a payload as a stream message: the name of its topic, a zero byte, the version, the payload.
+    """Returns the bytes of a stream message from a topic's name and a payload.
 
     Use it in programs that forward messages or add their own topics.
     """
@@ -77,11 +79,11 @@ def pack_topic(name: str, payload: bytes) -> bytes:
 
 
 def pack_checked(message: Any) -> bytes:
-    """Returns the bytes of a stream message to send, after checking that a viewer can decode them.
+    """Returns the bytes of a stream message. Checks that a viewer can decode them.
 
     Raises:
         KeyError: for an object without a topic in the table.
-        MalformedMessageError: for a message that viewers would refuse.
+        MalformedMessageError: if viewers would refuse the message.
     """
     topic = BY_TYPE[type(message)]
     try:
@@ -129,7 +131,7 @@ def check_character(character: Character) -> None:
 
 
 def _reason_sentence(reason: str) -> str:
-    """Returns a decoder's reason as a sentence for users: the field and its error."""
+    """Converts the decoder's error text to a sentence for users, with the field and its error."""
     problem, _, place = reason.partition(" - at `$")
     field = place.rstrip("`").lstrip(".").removeprefix("body").lstrip(".") or "a value"
     expected = re.fullmatch(r"Expected `[^`]*` (.*)", problem)
@@ -139,7 +141,7 @@ def _reason_sentence(reason: str) -> str:
 
 
 def pack_payload(message: Any) -> bytes:
-    """Returns only the MessagePack payload, as stored in a recording."""
+    """Returns the MessagePack payload of a message without a header, as stored in a recording."""
     return _ENCODER.encode(message)
 
 
@@ -164,7 +166,7 @@ def _json_schema(kind: Any) -> str:
 
 
 def unpack_stream(data: bytes) -> tuple[Topic, Any]:
-    """Returns the topic and the checked message.
+    """Decodes and checks a stream message. Returns its topic and the message.
 
     Raises:
         MalformedMessageError: for any invalid bytes.
@@ -182,10 +184,10 @@ def pack_control(message: Any) -> bytes:
 
 
 def reply_prefix(number: int) -> bytes:
-    """Returns the bytes that precede the :func:`pack_payload` of an answer. With them, a long answer is
-    encoded only once for all viewers.
+    """Returns the bytes that precede the payload (:func:`pack_payload`) of an answer. With this function, a
+    long answer can be encoded once for all viewers.
     """
-    # Encode an empty message. Its last byte is a nil, which is replaced by the answer.
+    # Encode an empty reply without its last byte. This byte is a nil, and the answer takes its place.
     return bytes([VERSION]) + _ENCODER.encode({"id": number, "body": None})[:-1]
 
 
@@ -210,7 +212,7 @@ def reply_number(data: bytes) -> int:
 
 
 def unpack_control(data: bytes, topic: Topic) -> Any:
-    """Returns the checked request or reply.
+    """Decodes and checks a request or reply.
 
     Raises:
         MalformedMessageError: for any invalid bytes.
@@ -219,7 +221,7 @@ def unpack_control(data: bytes, topic: Topic) -> Any:
 
 
 def _decode_checked(topic: Topic, data: bytes) -> Any:
-    """Returns the message after the version byte, checked for version, size, types and lengths."""
+    """Checks the version byte, the size, the types and the lengths of a message, and decodes it."""
     if not data:
         raise MalformedMessageError(topic.name, "it is empty")
     if data[0] != VERSION:
@@ -237,13 +239,13 @@ def _decode_checked(topic: Topic, data: bytes) -> Any:
 def _checking_decoder(kind: Any, bodies: tuple[type[Any], ...]) -> msgspec.msgpack.Decoder[Any]:
     """Returns a decoder of a message class that checks types and ranges.
 
-    ``bodies`` are the classes that a request may contain.
+    ``bodies`` are the classes of the bodies that a request may contain.
     """
     return msgspec.msgpack.Decoder(kind[Union[bodies]] if bodies else kind)  # noqa: UP007
 
 
 class RejectCounter:
-    """Counts malformed messages by kind, and logs each kind once.
+    """A counter of malformed messages by kind. It logs the first message of each kind.
 
     Args:
         where: name of the socket, for the log.

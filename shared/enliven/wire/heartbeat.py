@@ -1,4 +1,4 @@
-"""Receives one heartbeat of an edge, for a check from a script or from another machine."""
+"""Receives a single heartbeat of an edge, for health checks by scripts or from another machine."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from enliven.wire.streams import StatusMessage
 from enliven.wire.topics import MAX_STREAM_BYTES, STATUS
 
 _LOOK_INTERVAL_MS = 100
-"""Longest wait for a message, in milliseconds, before the state of the connection is checked."""
+"""Interval in milliseconds at which the state of the connection is checked while waiting for a message."""
 
 
 def receive_heartbeat(endpoint: Endpoint, seconds: float) -> StatusMessage:
@@ -25,8 +25,9 @@ def receive_heartbeat(endpoint: Endpoint, seconds: float) -> StatusMessage:
         seconds: maximum time to wait. An edge sends two per second.
 
     Raises:
-        ResourceError: if none arrives in time, or the edge has another version of the wire or another key.
-        InputError: if a key file is damaged, or others may read it.
+        ResourceError: if no heartbeat arrives in time, or the edge has another protocol version or another
+            key.
+        InputError: if a key file is damaged or readable by other users.
     """
     context: zmq.Context[Any] = zmq.Context.instance()
     keys = endpoint.find_keys()

@@ -1,4 +1,4 @@
-"""Converts lists of matches to messages and back."""
+"""Converts between lists of pose matches and network messages."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from enliven.wire.convert import JOINT_STEP
 from enliven.wire.streams import MatchesMessage, PackedMatch
 
 _MAX_ROWS = 16
-"""Maximum number of matches in a message: the field's limit, and more than a screen shows."""
+"""Maximum number of matches in a message. It is the limit of the field, and more than a screen shows."""
 _MAX_JOINTS = 1024
 """Maximum number of joints of a match in a message, so that the message stays below its topic's limit."""
 
 
 def board_to_message(board: MatchList) -> MatchesMessage:
-    """Returns the message of a match list: at most sixteen matches, positions to a quarter of a
-    millimetre."""
+    """Returns the message of a match list. It contains at most sixteen matches, and positions are rounded to
+    a quarter of a millimetre."""
     rows = board.rows[:_MAX_ROWS]
     shown_index = board.shown if board.shown < len(rows) else -1
     return MatchesMessage(
@@ -35,7 +35,7 @@ def board_to_message(board: MatchList) -> MatchesMessage:
 
 
 def message_to_board(message: MatchesMessage) -> MatchList:
-    """Returns the match list of a message, with the precision of the wire."""
+    """Decodes the match list of a message."""
     return MatchList(
         message.character,
         message.state,

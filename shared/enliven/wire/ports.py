@@ -9,18 +9,19 @@ import socket
 from enliven.errors import ResourceError
 
 PORTS = range(20_000, 30_000)
-"""Ports that are tried. They are below those that systems give to clients, so that no client gets
-a port before its program has started, or while it restarts."""
+"""Range of the ports that are tried. It is below the range of ephemeral ports, which operating systems assign
+to clients. So no client can occupy a port before the server starts, or while it restarts."""
 
 
 def free_ports(count: int = 2, host: str = "127.0.0.1") -> tuple[int, ...]:
-    """Returns ``count`` different TCP ports of ``host`` without a listening program.
+    """Returns ``count`` different TCP ports of ``host`` that no program listens on.
 
     Raises:
-        ResourceError: if fewer are free.
+        ResourceError: if fewer ports are free.
     """
     ports: list[int] = []
-    # A program that seeds Python's random numbers must not choose the same ports as its copy.
+    # Use a separate random generator. Otherwise two programs with the same random seed would choose the same
+    # ports.
     for port in random.SystemRandom().sample(PORTS, len(PORTS)):
         if len(ports) == count:
             break

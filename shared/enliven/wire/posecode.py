@@ -1,16 +1,15 @@
-"""Encodes a pose in few bytes: every transform is predicted from its neighbour, and only the residuals are
-sent.
+"""Encodes a pose in few bytes. Each transform is predicted from its parent in a tree, and only the residuals
+are sent.
 
-The transforms of a character form a tree: the minimum spanning tree along the character's edges. A child's
-pivot is predicted by the parent's transform. This is the position towards which the regulariser of embedded
-deformation pulls the child (Sumner et al. 2007, eq. 6) and, for a bone, exactly the child's joint. So the
+The transforms of a character form a tree: the minimum spanning tree along the character's edges. The parent's
+transform predicts the position of a child's pivot. In a deformation graph, the regulariser pulls the child
+towards this position (Sumner et al. 2007, eq. 6). In a rig, this is exactly the child's joint. So the
 residuals are small integers, and Rice codes store them in few bits. Sender and receiver build the tree from
-their copies of the character. Because of four check bytes, a pose of any other character or revision is
-refused.
+their copies of the character. A checksum of four bytes prevents decoding with another character or revision.
 
-The layout is the tree's CRC-32 (4 bytes, little-endian), then the columns of :mod:`enliven.wire.bits` for a
-(J, 12) table of integers in the tree's order: 3 position, 3 rotation vector, 6 stretch. The prediction uses
-the decoded parents, so errors never add up along the tree.
+The data begins with the tree's CRC-32 (4 bytes, little-endian). The columns of a table (J, 12) of integers
+follow, in the tree's order and encoded by :mod:`enliven.wire.bits`: 3 for position, 3 for the rotation
+vector, 6 for stretch. The prediction uses decoded parents, so errors do not accumulate along the tree.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ from enliven.wire.quantize import (
 )
 
 COLUMNS = 12
-"""Number of integers per transform: 3 of position, 3 of the rotation vector, 6 of the stretch."""
+"""Number of integers per transform: 3 for position, 3 for the rotation vector, 6 for stretch."""
 
 
 @dataclass(frozen=True)
@@ -54,13 +53,14 @@ class EncodedPose:
 
 
 class PoseCodec:
-    """Encodes and decodes the poses of one character. Create it once, and use it for every frame.
+    """An encoder and decoder for the poses of one character. Create it once, and use it for every frame.
 
     Args:
-        character: its pivots and edges define the tree. Sender and receiver must have the same character.
+        character: the character with the pivots and edges that define the tree. Sender and receiver must have
+            the same character.
 
     Raises:
-        InputError: for more than ``MAX_TRANSFORMS`` transforms.
+        InputError: if the character has more than ``MAX_TRANSFORMS`` transforms.
     """
 
     def __init__(self, character: Character) -> None:
@@ -81,8 +81,9 @@ class PoseCodec:
     def encode(self, pose: Pose) -> EncodedPose:
         """Returns the bytes of a pose. Equal poses give equal bytes.
 
-        A transform that is not finite is replaced by the parent's prediction. An entry beyond +-64, or a
-        position more than 500 m from its prediction, is clamped. Both are counted in ``clamped``.
+        A transform that is not finite is replaced by the prediction. Entries of linear parts are clamped to
+        +-64, and positions to a distance of 500 m from their prediction. ``clamped`` counts the changed
+        transforms.
 
         Raises:
             InputError: if the pose has another number of transforms than the character.
@@ -101,7 +102,7 @@ class PoseCodec:
         return EncodedPose(self._check + encode_columns(table).tobytes(), int(clamped))
 
     def decode(self, data: bytes) -> tuple[Float32, Float32]:
-        """Returns (J, 3, 3) linear parts and (J, 3) positions in metres.
+        """Decodes a pose. Returns linear parts (J, 3, 3) and positions (J, 3) in metres.
 
         Raises:
             ValueError: for bytes that are not a pose of this character.
@@ -121,18 +122,19 @@ def warm_up() -> None:
     Call it before the first frame, because compilation takes seconds.
     """
     table = np.empty((1, COLUMNS), np.int32)
-    # Use bytes as in a message: they become a read-only array, which is a separate type for Numba.
+    # Decode bytes as in a message. They become a read-only array, for which Numba compiles separate code.
     decode_columns(np.frombuffer(b"\xff" * (COLUMNS // 2), np.uint8), table)
     _restore_pose(table, np.zeros((1, 3)), np.zeros(1, np.int64), np.full(1, -1), False)
 
 
 def spanning_tree(pivots: Float, edges: AnyArray) -> tuple[Int, Int]:
-    """Returns the minimum spanning tree of (J, 3) pivots: (J,) joining order and (J,) parents by index.
+    """Returns the minimum spanning tree of pivots (J, 3), metres: the order (J,) in which transforms are
+    added to the tree, and the parent (J,) of each transform.
 
-    Edges of the character, (E, 2), are preferred to any other pair, so that two legs do not predict each
-    other. Pairs without an edge only join otherwise separate parts. The first transform is the root, with
-    parent -1. Prim's algorithm is used. Ties are resolved by the lower index, so that both ends find the same
-    tree.
+    Edges of the character (E, 2) are preferred to all other pairs, so that two legs do not predict each
+    other. Pairs without an edge only connect otherwise separate parts. The first transform is the root, with
+    parent -1. The function uses Prim's algorithm. In a tie, the lower index is chosen, so that sender and
+    receiver compute the same tree.
     """
     count = len(pivots)
     neighbours: list[list[int]] = [[] for _ in range(count)]
@@ -154,12 +156,12 @@ def spanning_tree(pivots: Float, edges: AnyArray) -> tuple[Int, Int]:
 
 
 _UNLINKED_PENALTY_M2 = 1e9
-"""Penalty in square metres for pairs of pivots without an edge."""
+"""Penalty in square metres that is added to the squared distance of pivots without an edge."""
 
 
 def _squared_distances(points: Float, point: Float) -> Float:
-    """Returns (J,) squared distances in square metres, summed in a fixed order, so that every machine gets
-    the same bits.
+    """Computes the squared distances (J,) from ``points`` (J, 3) to a point, in square metres. The order of
+    the sums is fixed, so that every machine gets the same bits.
     """
     d = points - point
     return np.asarray(d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1] + d[:, 2] * d[:, 2])
@@ -169,10 +171,11 @@ def _squared_distances(points: Float, point: Float) -> Float:
 def _predict_position(
     i: int, parent: int, pivots: Float, linear: Float, positions: Float, shared: bool, out: Float
 ) -> None:
-    """Writes to ``out`` (3,) the position of transform i that its decoded parent predicts.
+    """Predicts the position of transform i from its decoded parent, and writes it to ``out`` (3,).
 
-    ``shared``: the mean of both ends' linear parts is used, because a graph's nodes are blended half-way
-    between them. A bone's child is rigidly attached to its parent.
+    If ``shared`` is True (a graph), the mean of the linear parts of child and parent is used, because the
+    surface between two nodes is a blend of both. Otherwise the child is rigidly attached to its parent (a
+    rig).
     """
     for a in range(3):
         out[a] = pivots[i, a] if parent < 0 else positions[parent, a]
@@ -206,10 +209,10 @@ def _decode_linear(
 def _difference_linear(
     a: Float, i: int, parent: int, quaternions: Float, stretches: Int32, rooms: Float, row: Int32
 ) -> None:
-    """Writes to row[3:] the residual of the (3, 3) linear part ``a`` relative to the parent's decoded
-    rotation and stretch.
+    """Computes the residual of the linear part ``a`` (3, 3) relative to the parent's decoded rotation and
+    stretch, and writes it to row[3:].
 
-    The rotation is computed in the parent's frame, where it is small and converges fast.
+    The rotation is computed in the parent's frame. There it is small, so the iteration converges fast.
     """
     q, turn, stretch = rooms[2, 0, :4], rooms[2, 1, :3], rooms[2, 2]
     rotation, relative = rooms[3, :3, :3], rooms[4, :3, :3]
@@ -230,7 +233,7 @@ def _difference_linear(
 
 @njit(cache=True, nogil=True)
 def _limit_linear_part(source: Float, a: Float) -> bool:
-    """Copies a linear part. Scales it down if an entry exceeds ``LARGEST_LINEAR``.
+    """Copies a linear part from ``source`` to ``a``. Scales it down if an entry exceeds ``LARGEST_LINEAR``.
 
     Returns True if it was scaled.
     """
@@ -259,7 +262,8 @@ def _is_finite(linear: Float, position: Float) -> bool:
 
 @njit(cache=True, nogil=True)
 def _decoding_arrays(count: int) -> tuple[Float, Int32, Float]:
-    """Returns arrays for decoded quaternions (the identity at the end), decoded stretches, and work space."""
+    """Allocates the arrays for decoding: quaternions (the last one is the identity), stretches, and work
+    space."""
     quaternions = np.empty((count + 1, 4))
     quaternions[count, 0], quaternions[count, 1:] = 1.0, 0.0
     return quaternions, np.empty((count, 6), np.int32), np.empty((5, 4, 6))
@@ -269,7 +273,8 @@ def _decoding_arrays(count: int) -> tuple[Float, Int32, Float]:
 def _prediction_residuals(
     linear: Float, positions: Float, pivots: Float, order: Int, parents: Int, shared: bool
 ) -> tuple[Int32, int]:
-    """Returns (J, 12) residuals of the predictions, in tree order, and the number of clamped transforms."""
+    """Computes the residuals (J, 12) of the predictions, in the tree's order. Also returns the number of
+    clamped transforms."""
     count, clamped = len(order), 0
     table = np.zeros((count, COLUMNS), np.int32)
     quaternions, stretches, rooms = _decoding_arrays(count)
@@ -299,7 +304,7 @@ def _prediction_residuals(
 def _restore_pose(
     table: Int32, pivots: Float, order: Int, parents: Int, shared: bool
 ) -> tuple[Float32, Float32]:
-    """Returns (J, 3, 3) linear parts and (J, 3) positions from the residuals."""
+    """Computes linear parts (J, 3, 3) and positions (J, 3) from the residuals ``table`` (J, 12)."""
     count = len(order)
     quaternions, stretches, rooms = _decoding_arrays(count)
     linear, positions, expected = np.empty((count, 3, 3)), np.empty((count, 3)), np.empty(3)

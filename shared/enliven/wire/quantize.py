@@ -1,4 +1,5 @@
-"""Quantises transforms A = Q S to small integers: Q by its rotation vector, S entry by entry.
+"""Quantises transforms A = Q S to small integers. The rotation Q is stored as a rotation vector, and the
+stretch S entry by entry.
 
 The steps are powers of two, so that an integer times its step is exact in floating point:
 
@@ -8,11 +9,11 @@ rotation ``ROTATION_STEP`` radians at most sqrt(3) step / 2 = 0.85 mrad off, as 
 stretch  ``STRETCH_STEP``          at most step / 2 = 0.001 off in each entry of S
 ======== ======================= ==========================================================================
 
-A vertex within r metres of its pivot is thus at most 0.21 mm + r (0.85e-3 |S| + 2.9e-3) off: 1 mm for
-r = 0.2 m in the worst case, and a tenth of that in practice. The rotation's bound holds because the
-exponential map never stretches: |log(exp(a)^-1 exp(b))| <= |a - b|.
+So the error of a vertex within r metres of its pivot is at most 0.21 mm + r (0.85e-3 |S| + 2.9e-3). For r =
+0.2 m this is 1 mm in the worst case, and a tenth of that in practice. The bound for the rotation holds
+because the exponential map does not increase distances: |log(exp(a)^-1 exp(b))| <= |a - b|.
 
-The kernels write into given arrays, since they run for every node of every frame.
+The kernels write to preallocated arrays, since they run for every node of every frame.
 """
 
 from __future__ import annotations
@@ -27,11 +28,11 @@ POSITION_STEP = 2.0**-12
 """Quantization step of a position, in metres (0.24 mm). The error is at most half of it, far below what a
 viewer can show."""
 ROTATION_STEP = 2.0**-10
-"""Quantization step of a rotation, in radians. A unit quaternion is stored as three such numbers below pi: 39
-bits before they are packed."""
+"""Quantization step of a rotation, in radians. A rotation is stored as three such numbers below pi, which are
+39 bits before compression."""
 STRETCH_STEP = 2.0**-9
-"""Quantization step of an entry of S, without unit. At 0.2 m from a pivot, an error of half a step moves a
-vertex by 0.2 mm.
+"""Quantization step of an entry of S (a ratio). At 0.2 m from a pivot, an error of half a step moves a vertex
+by 0.2 mm.
 """
 POSITION_ERROR = POSITION_STEP / 2
 """Maximum position error along each axis, in metres."""
@@ -45,7 +46,8 @@ LARGEST_LINEAR = 64.0
 
 @njit(cache=True, nogil=True)
 def rotation_vector(q: Float, out: Float) -> None:
-    """Writes to ``out`` (3,) axis times angle of a unit quaternion, at most pi, equal for q and -q."""
+    """Writes the rotation vector (axis times angle, radians) of a unit quaternion to ``out`` (3,). The angle
+    is at most pi, and the result is equal for q and -q."""
     sine = math.sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     sign = 1.0 if q[0] >= 0 else -1.0
     scale = 2.0 * sign
@@ -56,9 +58,8 @@ def rotation_vector(q: Float, out: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def turned_by(a: Float, x: float, y: float, z: float, out: Float) -> None:
-    """Writes to ``out`` (4,) the unit quaternion a exp(v) with w >= 0, for the rotation vector v = (x, y,
-    z).
-    """
+    """Writes the unit quaternion a exp(v) with w >= 0 to ``out`` (4,), for the rotation vector v = (x, y,
+    z)."""
     angle = math.sqrt(x * x + y * y + z * z)
     scale = 0.5
     if angle > 1e-12:
@@ -74,10 +75,11 @@ def turned_by(a: Float, x: float, y: float, z: float, out: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def nearest_rotation(a: Float, room: Float, out: Float) -> None:
-    """Writes to ``out`` (4,) the quaternion, w >= 0, of the rotation Q that maximises trace(Q^T A).
+    """Computes the rotation Q that maximises trace(Q^T A), and writes its quaternion with w >= 0 to ``out``
+    (4,).
 
-    For det A > 0 this is the rotation of A's polar decomposition. Q^T A is symmetric for every A, also for a
-    reflected or singular one.
+    For det A > 0 this is the rotation of A's polar decomposition. Q^T A is symmetric for every A, even if A
+    is reflected or singular.
 
     Args:
         a: (3, 3) finite.
@@ -93,11 +95,12 @@ def nearest_rotation(a: Float, room: Float, out: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def _polar_by_newton(a: Float, x: Float) -> bool:
-    """Writes to x[:3, :3] the rotation of A's polar decomposition.
+    """Computes the rotation of A's polar decomposition, and writes it to x[:3, :3].
 
     Returns False if A is reflected or nearly singular.
 
-    The iteration is X <- (X + X^-T) / 2 (Higham, "Computing the polar decomposition", 1986, eq. 3.2)."""
+    The iteration is X <- (X + X^-T) / 2 (Higham, "Computing the polar decomposition", 1986, eq. 3.2).
+    """
     size = 0.0
     for r in range(3):
         for c in range(3):
@@ -121,8 +124,8 @@ def _polar_by_newton(a: Float, x: Float) -> bool:
         x[0, 0], x[0, 1], x[0, 2] = 0.5 * x[0, 0] + f * c00, 0.5 * x[0, 1] + f * c01, 0.5 * x[0, 2] + f * c02
         x[1, 0], x[1, 1], x[1, 2] = 0.5 * x[1, 0] + f * c10, 0.5 * x[1, 1] + f * c11, 0.5 * x[1, 2] + f * c12
         x[2, 0], x[2, 1], x[2, 2] = 0.5 * x[2, 0] + f * c20, 0.5 * x[2, 1] + f * c21, 0.5 * x[2, 2] + f * c22
-        # After one iteration no singular value is below 1. Then det - 1 bounds how far each singular value
-        # exceeded 1 before this iteration, and the iteration squares this excess.
+        # After one iteration no singular value is below 1. Then det - 1 is an upper bound of each singular
+        # value's excess above 1 before this iteration. The iteration squares this excess.
         if step > 0 and det - 1.0 < 1e-5:
             return True
     return False
@@ -130,8 +133,8 @@ def _polar_by_newton(a: Float, x: Float) -> bool:
 
 @njit(cache=True, nogil=True)
 def _quaternion_of_matrix(m: Float, out: Float) -> None:
-    """Writes to ``out`` (4,) the quaternion, w >= 0, of a rotation matrix (Shepperd 1978: divide by the
-    largest component).
+    """Writes the quaternion, w >= 0, of a rotation matrix to ``out`` (4,). The method divides by the largest
+    component (Shepperd 1978).
     """
     trace = m[0, 0] + m[1, 1] + m[2, 2]
     if trace > max(m[0, 0], m[1, 1], m[2, 2]):
@@ -152,7 +155,7 @@ def _quaternion_of_matrix(m: Float, out: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def stretch_of(a: Float, rotation: Float, out: Float) -> None:
-    """Writes to ``out`` (6,) entries 00, 11, 22, 01, 02, 12 of the symmetric part of Q^T A - I."""
+    """Writes the entries 00, 11, 22, 01, 02, 12 of the symmetric part of Q^T A - I to ``out`` (6,)."""
     for c in range(6):
         i, j = (c, c) if c < 3 else (0, c - 2) if c < 5 else (1, 2)
         entry = 0.0
@@ -163,7 +166,8 @@ def stretch_of(a: Float, rotation: Float, out: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def stretched(rotation: Float, s: Float, out: Float) -> None:
-    """Writes to ``out`` (3, 3) the product Q S for the six entries of :func:`stretch_of`."""
+    """Writes the product Q S to ``out`` (3, 3). ``s`` are the six entries that :func:`stretch_of`
+    computes."""
     for m in range(3):
         r0, r1, r2 = rotation[m, 0], rotation[m, 1], rotation[m, 2]
         out[m, 0] = r0 * (1 + s[0]) + r1 * s[3] + r2 * s[4]

@@ -1,10 +1,11 @@
-"""Unit quaternions in four bytes each: the three smallest components with ten bits each.
+"""Encodes unit quaternions in four bytes: the three smallest components with ten bits each ("smallest
+three").
 
-The largest component is omitted, since the others and the unit length determine it. Its sign is made
-positive, which does not change the rotation. Layout of the 32 bits, little-endian: bits 30-31 are the index
-of the omitted component (0 is w). The others follow in order, bits 20-29, 10-19 and 0-9, each 511 + value /
-STEP. A rotation is off by at most :data:`MAX_ROTATION_ERROR` radians. 1023 is never written, and any bits
-decode to a rotation.
+The largest component is omitted, since the other components and the unit length determine it. It is made
+positive by negating the quaternion if necessary, which does not change the rotation. The 32 bits are
+little-endian. Bits 30-31 are the index of the omitted component (0 is w). The other components follow in
+order in bits 20-29, 10-19 and 0-9, each as 511 + value / :data:`COMPONENT_STEP`. The error of a rotation is
+at most :data:`MAX_ROTATION_ERROR` radians. Any 32 bits decode to a rotation.
 """
 
 from __future__ import annotations
@@ -19,15 +20,15 @@ from enliven.rotation import canonical, normalized
 COMPONENT_STEP = math.sqrt(0.5) / 511
 """Quantization step of a component. All components except the largest are within +-sqrt(1/2)."""
 MAX_ROTATION_ERROR = 2 * math.sqrt(3.0) * COMPONENT_STEP
-"""Maximum error of a rotation, in radians (0.27 degrees). Three components are off by half a step, and the
-fourth by at most sqrt(3) times that."""
+"""Maximum error of a rotation, in radians (0.27 degrees). The error of three components is at most half a
+step, and that of the fourth at most sqrt(3) times as large."""
 
 _OTHER_COMPONENTS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
 _COMPONENT_SHIFTS = np.array([20, 10, 0])
 
 
 def pack_quaternions(quaternions: AnyArray) -> bytes:
-    """Returns 4 N bytes of (N, 4) unit quaternions. A quaternion that is not finite is encoded as the
+    """Encodes unit quaternions (N, 4) as 4 N bytes. A quaternion that is not finite is encoded as the
     identity.
     """
     q = normalized(quaternions)
@@ -45,7 +46,7 @@ def pack_quaternions(quaternions: AnyArray) -> bytes:
 
 
 def unpack_quaternions(data: bytes) -> Float:
-    """Returns (N, 4) unit quaternions, w >= 0, from 4 N bytes."""
+    """Decodes 4 N bytes to unit quaternions (N, 4) with w >= 0."""
     bits = np.frombuffer(data, "<u4").astype(np.int64)
     missing = bits >> 30
     others = ((((bits[:, None] >> _COMPONENT_SHIFTS) & 1023) - 511) * COMPONENT_STEP).astype(np.float64)

@@ -30,23 +30,23 @@ from enliven.wire.fields import (
 from enliven.wire.streams import Revision, StatusMessage
 
 PAIRING_MESSAGE_BYTES = 33
-"""Bytes of a SPAKE2 message."""
+"""Size in bytes of a SPAKE2 message."""
 MAX_BOX_BYTES = 512
-"""Maximum bytes of an encrypted box with a key, a name and a role. 150 are usual."""
+"""Maximum size in bytes of an encrypted box with a key, a name and a role. 150 bytes are usual."""
 
 
 class Ask(Struct, tag=True, frozen=True):
-    """A request of a viewer. Each is a class with an entry in :data:`REQUESTS`."""
+    """The base class of all requests of viewers. :data:`REQUESTS` lists its subclasses."""
 
 
 class Order(Ask, frozen=True):
-    """A request that only the edge's loop can carry out, by a registered handler."""
+    """A request that a registered handler executes in the edge's main loop."""
 
 
 class Hello(Ask, frozen=True):
     """Introduces a viewer and requests the edge's state.
 
-    ``listening`` is True once the streams have reached the viewer.
+    ``listening`` is True if the viewer has already received stream messages.
     """
 
     viewer: Name
@@ -60,24 +60,23 @@ class GetState(Ask, frozen=True):
 
 
 Mode = Literal["alone", "join", "extend", "preview"]
-"""Which other performers keep control of a character when one performer possesses it, see :class:`Possess`.
-"""
+"""The mode of :class:`Possess`: its effect on earlier attachments."""
 
 
 class Possess(Order, frozen=True):
     """Lets a performer possess a character.
 
     Attributes:
-        character: the character's id. None selects the only character, or the free one nearest to the
+        character: the character's id. None selects the only character, or the free character nearest to the
             performer.
-        body: the performer's id. None selects a performer in view, for "join" one that does not control the
-            character yet. Performers that control another character are selected last.
+        body: the performer's id. None selects a performer in view. For "join", the selected performer must
+            not control the character yet. Performers that control another character are selected last.
         parts: the body parts that control the character: names of :data:`enliven.person.body.PARTS`, joined
             with "+".
-        mode: the earlier attachments that are kept. "alone": none (the default of older programs). "join":
-            those of other performers, not of this one. "extend": also this performer's earlier parts, except
-            bones that are possessed again. "preview": nothing is attached, and the cues show the nodes that
-            would be.
+        mode: the effect on earlier attachments. "alone" detaches all performers first (the default of older
+            programs). "join" keeps other performers attached. "extend" also keeps this performer's earlier
+            attachments, except for bones that attach again. "preview" attaches nothing: the cues show the
+            nodes that would be attached.
     """
 
     character: Name | None = None
@@ -87,37 +86,40 @@ class Possess(Order, frozen=True):
 
 
 class Release(Order, frozen=True):
-    """Releases a character (None: all of the performer's) from a performer (None: from every performer)."""
+    """Releases a character from a performer. A ``character`` of None means all characters of the performer,
+    and a ``body`` of None means all performers."""
 
     character: Name | None = None
     body: Identity | None = None
 
 
 class Smooth(Order, frozen=True):
-    """Sets the smoothing of a performer's joints: 0 for none, None for the value in the settings."""
+    """Sets the smoothing of a performer's joints. 0 disables it, and None restores the value in the
+    settings."""
 
     body: Identity
     amount: Annotated[float, Meta(ge=0.0, le=20.0)] | None = None
 
 
 class Lock(Order, frozen=True):
-    """Locks or unlocks the cast. While it is locked, people that arrive later stay bystanders."""
+    """Locks or unlocks the cast (the set of performers). While it is locked, people that arrive later cannot
+    become performers."""
 
     on: bool
 
 
 class LearnRoom(Order, frozen=True):
-    """Learns the background and the floor again, for example after furniture was moved."""
+    """Makes the edge learn the background and the floor again, for example after furniture was moved."""
 
 
 class Look(Order, frozen=True):
-    """Reports the viewer's view in the world frame, because poses are matched by their appearance on the
-    screen.
+    """Reports the pose of the viewer's camera in the world frame. It is needed because poses are matched by
+    their appearance on the screen.
 
     Attributes:
-        direction: (3,) from the eye into the scene, not zero.
-        up: (3,) the screen's up direction, not parallel to ``direction``.
-        eye: (3,) metres, for a perspective view. None for an orthographic one.
+        direction: (3,) viewing direction. It must not be zero.
+        up: (3,) the screen's up direction. It must not be parallel to ``direction``.
+        eye: (3,) metres, position of a perspective camera. None for an orthographic camera.
     """
 
     direction: tuple[Number, Number, Number]
@@ -126,10 +128,10 @@ class Look(Order, frozen=True):
 
 
 class Browse(Order, frozen=True):
-    """Selects another match of a character (None: of each rigged character), ``step`` places further in the
-    ranking.
+    """Selects the match that is ``step`` ranks lower in the list of pose matches. A ``character`` of None
+    means all rigged characters.
 
-    A step of 0 selects the match of the current pose again.
+    A step of 0 selects the best match of the current pose again.
     """
 
     character: Name | None = None
@@ -137,21 +139,21 @@ class Browse(Order, frozen=True):
 
 
 class PutCharacter(Order, frozen=True):
-    """Puts a character on the stage, or replaces the one with its id, once all its data has arrived.
+    """Adds a character to the stage, or replaces the character with the same id, as soon as all its data has
+    arrived.
 
-    The answer is :class:`Done` once the character is on the stage. Until then it is :class:`Awaited`, and the
-    request must be repeated. The data is a project file of one character with any rig, without textures.
-    :class:`CharacterPart` requests transfer it.
+    The answer is :class:`Awaited` until the character is on the stage, and the request must be repeated until
+    the answer is :class:`Done`. The data is a project file with one character with any rig, without textures.
+    It is transferred by :class:`CharacterPart` requests.
 
     Attributes:
         id: the character's id on the stage.
-        revision: higher than the replaced character's revision. Increment it by one: the edge refuses a
-            revision far above the newest one, or above ``MAX_REVISION``.
-        digest: SHA-256 of the data. Equal data is sent once.
-        size: bytes of the data.
-        fit: True scales a possessed mesh to a person's height, and moves it to where a standing person fits
-            into it. A mesh from a file is treated in this way. False keeps the modelled size and position, in
-            metres.
+        revision: revision number of the character. To replace a character, increment its revision by one. The
+            edge refuses numbers that are much larger, or above ``MAX_REVISION``.
+        digest: SHA-256 of the data. Data that the edge already has is not sent again.
+        size: size of the data in bytes.
+        fit: True scales a mesh for possession to a person's height, and moves it so that a standing person
+            fits into it, as for a mesh from a file. False keeps the modelled size and position, in metres.
     """
 
     id: Name
@@ -162,7 +164,8 @@ class PutCharacter(Order, frozen=True):
 
 
 class CharacterPart(Order, frozen=True):
-    """A part of the data of a character that :class:`PutCharacter` announced. Parts must arrive in order."""
+    """Uploads a part of the data of a character that :class:`PutCharacter` announced. Parts must arrive in
+    order."""
 
     id: Name
     digest: Digest
@@ -178,16 +181,17 @@ class RemoveCharacter(Order, frozen=True):
 
 class Resize(Order, frozen=True):
     """Changes the size of a character on the stage, or the overshoot of its soft parts. A ``character`` of
-    None is the held character, or the next one to be held.
+    None means the character that is possessed, or that would be possessed next.
 
     Attributes:
-        do: "hands": the distance between a performer's hands scales the character from now on. This ends if
-            the request is repeated, or if the hands keep still. "end": ends the scaling at the current size.
-            "set": sets the size. "exaggerate": sets the overshoot of its soft parts.
-        body: for "hands", the performer's id. None for the performer that controls the character, or else the
-            first in view.
+        do: the action. "hands": from now on, the distance between a performer's hands scales the character,
+            until the request is repeated or the hands keep still. "end": ends the scaling at the current
+            size. "set": sets the size. "exaggerate": sets the overshoot of its soft parts.
+        body: for "hands", the performer's id. None means the performer that controls the character, or else
+            the first performer in view.
         size: for "set", the factor relative to its original size.
-        exaggeration: for "exaggerate", the overshoot. None for the value in the stage's settings.
+        exaggeration: for "exaggerate", the factor on the overshoot. None means the value in the stage's
+            settings.
     """
 
     do: Literal["hands", "end", "set", "exaggerate"]
@@ -198,38 +202,42 @@ class Resize(Order, frozen=True):
 
 
 class ScanMode(StrEnum):
-    """How an object is scanned."""
+    """The method of scanning: motion of the camera and of the object."""
 
     AROUND = "around"
     """The camera is carried around the object, which stays in its place."""
     MOVED = "moved"
-    """The camera is carried, and the object is turned and put down. All its sides end in one mesh."""
+    """The camera is carried, and the object is repeatedly turned and put down. The scans of all sides are
+    merged to one mesh."""
     TURNED = "turned"
-    """The object turns on a turntable, and is tracked while it moves. The room is in view."""
+    """The object rotates on a turntable and is tracked. The camera also sees the room."""
     NEAR = "near"
-    """The camera stands still and ignores depth beyond a distance. The object is turned in front of it."""
+    """The camera is fixed and ignores depth beyond a distance. The object is turned in front of it."""
     PERSON = "person"
     """A person in front of a fixed camera turns around once or holds still."""
 
 
 _MODE_FLAGS = (ScanMode.PERSON, ScanMode.TURNED, ScanMode.MOVED)
-"""Modes that viewers without :attr:`Scan.mode` request by the flag of that name; the first one counts."""
+"""Modes that older viewers, which do not know :attr:`Scan.mode`, request by a flag. The first mode in this
+order with a set flag is used."""
 
 
 class Scan(Order, frozen=True):
     """Controls a scan with the edge's camera.
 
     Attributes:
-        do: "start" a new scan; "pause" it; "go on", also after it was done, which adds to it; "undo" the last
-            seconds; "done": the scan becomes a character on the stage; "cancel" the scan.
-        name: for "start", the id of the resulting character. None: "scan", or "scan 2", ...
-        voxel: for "start", metres, size of a voxel.
-        within: for "start" in the mode "near", metres. Depth beyond this distance is ignored.
-        whole: for "done", keeps the whole scan, and not only the object on the floor.
-        moved, turned, person: the mode for programs that do not know ``mode``. They follow from it.
-        box: for "done", keeps the content of a box: six metres on the stage, its lowest and its highest
-            corner.
-        stage_from_scan: with a box, the pose of the scan on the stage when the box was drawn.
+        do: the action. "start" starts a new scan, "pause" pauses it, and "go on" continues it, even after
+            "done". "undo" removes the last seconds. "done" converts the scan to a character on the stage.
+            "cancel" discards the scan.
+        name: for "start", the id of the resulting character. None means "scan", or "scan 2", ... if that id
+            is used.
+        voxel: for "start", size of a voxel in metres.
+        within: for "start" in the mode "near", maximum depth in metres. Depth beyond it is ignored.
+        whole: for "done", True keeps the whole scan. False keeps only the object on the floor.
+        moved, turned, person: flags that are set from ``mode``, for programs that do not know ``mode``.
+        box: for "done", a box. Its content is kept. Its lowest and its highest corner are six coordinates in
+            metres on the stage.
+        stage_from_scan: if a box is given, the pose of the scan on the stage when the box was drawn.
         mode: for "start", how the object is scanned.
     """
 
@@ -248,9 +256,9 @@ class Scan(Order, frozen=True):
     def __post_init__(self) -> None:
         self._complete_mode()
         if (len(self.box), len(self.stage_from_scan)) not in ((0, 0), (6, 12)):
-            raise ValueError("a box has 6 numbers, and 12 of where the scan stood; or none of both")
+            raise ValueError("a box needs 6 numbers and the pose of the scan 12; or give neither")
         if any(low > high for low, high in zip(self.box[:3], self.box[3:], strict=True)):
-            raise ValueError("the lowest corner of the box lies above the highest")
+            raise ValueError("the lowest corner of the box is above the highest corner")
 
     def _complete_mode(self) -> None:
         """Sets ``mode`` from the flags of an older viewer, and the flags for an older edge from ``mode``."""
@@ -258,7 +266,7 @@ class Scan(Order, frozen=True):
         if self.within is not None:
             requested.add(ScanMode.NEAR)
         if requested == {ScanMode.TURNED, ScanMode.MOVED}:
-            requested = {ScanMode.TURNED}  # An object that turns on a turntable is also moved.
+            requested = {ScanMode.TURNED}  # Older viewers set both flags for a turntable.
         if self.mode is not ScanMode.AROUND:
             requested.add(self.mode)
         if len(requested) > 1:
@@ -274,22 +282,23 @@ class Scan(Order, frozen=True):
 class Listen(Order, frozen=True):
     """Opens or closes the edge's microphone for spoken commands.
 
-    It can be opened from the edge's machine only.
+    Only a viewer on the edge's machine can open it.
     """
 
     on: bool
 
 
 class PlayPhysics(Order, frozen=True):
-    """Puts rigid objects on the stage that characters can push. "none" removes them."""
+    """Adds rigid objects that characters can push to the stage. "none" removes them."""
 
     world: Literal["none", "boxes", "dodgeball"]
 
 
 class Ping(Ask, frozen=True):
-    """Requests the edge's clock, and shows that the viewer is still connected.
+    """Requests the edge's clock, and keeps the connection alive.
 
-    ``sent_ns`` is the viewer's wall clock. A ``probe`` only requests the clock, over its own connection.
+    ``sent_ns`` is the time of the viewer's wall clock. A ``probe`` only requests the clock, over a separate
+    connection.
     """
 
     viewer: Name
@@ -299,7 +308,7 @@ class Ping(Ask, frozen=True):
 
 
 class StartPairing(Ask, frozen=True):
-    """Starts to pair a viewer by the code that the edge shows, see :mod:`enliven.keys.pairing`.
+    """Starts the pairing of a viewer by the code that the edge displays, see :mod:`enliven.keys.pairing`.
 
     ``message`` is the viewer's SPAKE2 message. A viewer without keys may send it.
     """
@@ -308,20 +317,20 @@ class StartPairing(Ask, frozen=True):
 
 
 class FinishPairing(Ask, frozen=True):
-    """Sends the viewer's public key, name and requested role, encrypted in a box that only the edge can
-    open.
+    """Completes the pairing. Sends the viewer's public key, name and requested role, encrypted so that only
+    the edge can read them.
     """
 
     box: Annotated[bytes, Meta(max_length=MAX_BOX_BYTES)]
 
 
 class ShowCode(Ask, frozen=True):
-    """Requests the pairing code, and accepts pairings for some minutes."""
+    """Requests the pairing code. The edge then accepts pairings for some minutes."""
 
 
 class Welcome(Struct, tag=True, frozen=True):
     """The answer to :class:`Hello`: the heartbeat, the characters, and the newest message of each latched
-    topic and key. ``role`` is the viewer's role, empty from an edge that does not know roles."""
+    topic and key. ``role`` is the viewer's role. It is empty if the edge does not know roles."""
 
     status: StatusMessage
     characters: Annotated[list[Revision], Meta(max_length=MAX_CHARACTERS)]
@@ -332,13 +341,13 @@ class Welcome(Struct, tag=True, frozen=True):
 
 
 class Done(Struct, tag=True, frozen=True):
-    """The request was carried out."""
+    """The answer to a request that was executed."""
 
     note: Text = ""
 
 
 class Awaited(Struct, tag=True, frozen=True):
-    """The answer while a character is uploaded: the edge has received the first ``received`` bytes. Once it
+    """The answer while a character is uploaded. The edge has received the first ``received`` bytes. When it
     has all bytes, it prepares the character.
     """
 
@@ -346,13 +355,13 @@ class Awaited(Struct, tag=True, frozen=True):
 
 
 class Refused(Struct, tag=True, frozen=True):
-    """The request was not carried out. ``reason`` contains the reason."""
+    """The answer to a request that was not executed. ``reason`` contains the reason."""
 
     reason: Text
 
 
 class Pong(Struct, tag=True, frozen=True):
-    """The edge's wall clock when it answered.
+    """The answer to :class:`Ping`: the edge's wall clock at the time of the answer.
 
     ``arrived_ns`` is the edge's wall clock when the ping arrived at its computer, or 0 if the system does not
     report it.
@@ -370,14 +379,14 @@ class PairingStarted(Struct, tag=True, frozen=True):
 
 
 class Paired(Struct, tag=True, frozen=True):
-    """The answer to :class:`FinishPairing`: the edge's public key, name and the granted role, in a box."""
+    """The answer to :class:`FinishPairing`: the edge's public key, name and the granted role, encrypted."""
 
     box: Annotated[bytes, Meta(max_length=MAX_BOX_BYTES)]
 
 
 class ShownCode(Struct, tag=True, frozen=True):
-    """The answer to :class:`ShowCode`. The code is empty after too many tries. A new one follows after
-    ``seconds``.
+    """The answer to :class:`ShowCode`. The code is empty after too many tries. Then a new code is available
+    after ``seconds``.
     """
 
     code: Annotated[str, Meta(max_length=16)]
@@ -385,14 +394,14 @@ class ShownCode(Struct, tag=True, frozen=True):
 
 
 SUPERSEDED = "superseded by a newer one"
-"""The reason for refusing an order that a newer order of the same viewer has replaced."""
+"""The reason in :class:`Refused` for an order that a newer order of the same viewer has replaced."""
 REQUESTS: list[type[Ask]] = [
     *(Hello, GetState, Possess, Release, Smooth, Lock, LearnRoom, Look, Browse, Ping),
     *(PutCharacter, CharacterPart, RemoveCharacter, Scan, Resize),
     *(Listen, PlayPhysics),
     *(StartPairing, FinishPairing, ShowCode),
 ]
-"""All requests that this program reads. A program with another request appends its class."""
+"""All requests that this program can read. A program that defines another request must append its class."""
 NEEDED_ROLES: dict[type[Ask], Role | None] = {
     StartPairing: None,
     FinishPairing: None,
@@ -415,24 +424,24 @@ NEEDED_ROLES: dict[type[Ask], Role | None] = {
     Listen: "operate",
     ShowCode: "operate",
 }
-"""The lowest role that may send each request. None: viewers that are not paired may send it, too. A request
-that is not listed needs the highest role.
+"""The minimum role for each request. None means that unpaired viewers may send it. A request that is not
+listed requires the highest role.
 """
 THIS_MACHINE_ONLY: frozenset[type[Ask]] = frozenset({Listen})
-"""Requests that only viewers on the edge's own machine may send: others must not open a microphone."""
+"""Requests that only viewers on the edge's own machine may send. Other viewers must not open a microphone."""
 Answer = Welcome | CharacterMessage | Done | Awaited | Refused | Pong | PairingStarted | Paired | ShownCode
 Body = TypeVar("Body")
 
 
 class Request(Struct, Generic[Body], frozen=True):
-    """A viewer's request, one of :data:`REQUESTS`. The reply has the same id."""
+    """The envelope of a viewer's request. The body is one of :data:`REQUESTS`. The reply has the same id."""
 
     id: Count
     body: Body
 
 
 class Reply(Struct, frozen=True):
-    """The edge's reply to a request."""
+    """The envelope of the edge's reply to a request."""
 
     id: Count
     body: Answer

@@ -10,13 +10,14 @@ from msgspec import Meta, Struct, field
 from enliven.wire.fields import Count, Metres, Nanoseconds, Number, Sentence, check_length
 
 MAX_PIECE_VERTICES = 8192
-"""Maximum number of vertices of a piece: three times the number in a piece with the seat and back of a chair.
+"""Maximum number of vertices of a piece. A piece that contains the seat and the back of a chair has a third
+of it.
 """
 MAX_PIECE_FACES = 16_384
-"""Maximum number of triangles of a piece: twice its vertices."""
+"""Maximum number of triangles of a piece, twice the maximum number of vertices."""
 Side = Annotated[int, Meta(ge=-(2**20), le=2**20)]
 Matrix = Annotated[list[Number], Meta(min_length=12, max_length=12)]
-"""The upper three rows of a transform, row by row."""
+"""The upper three rows of a transform (4, 4), row by row."""
 
 ThingWord = Literal["", "stands", "carried", "settling", "sought", "found", "turning", "lost", "person"]
 """The state of an object that is moved while it is scanned, see :class:`ScanMessage`."""
@@ -27,33 +28,37 @@ class ScanMessage(Struct, array_like=True, frozen=True):
 
     Attributes:
         number: number of the scan, counted from the edge's start. 0 if none was started.
-        phase: "off"; "scanning"; "paused"; "finishing": the mesh is being computed; "done": ``character`` is
-            on the stage; "failed": ``note`` contains the reason, and the scan can continue.
-        tracking: the result of the newest image, a word of :class:`enliven.scanning.ScanState`. Empty before
-            the first.
+        phase: "off", "scanning", "paused", "finishing", "done" or "failed". In "finishing", the mesh is being
+            computed. After "done", ``character`` is on the stage. After "failed", ``note`` contains the
+            reason, and the scan can continue.
+        tracking: the result of tracking the newest image, a value of :class:`enliven.scanning.ScanState`.
+            Empty before the first image.
         time_ns: the sensor's clock.
-        fused: number of images in the surface.
-        way: length of the camera's path in metres.
+        fused: number of images that were integrated into the surface.
+        way: length of the camera's path, metres.
         full: True if the memory is full, so that no new surface is added.
-        undoable: seconds that "undo" would remove. 0 if undo is not possible.
+        undoable: time in seconds that "undo" would remove. 0 if undo is not possible.
         missing: fraction of the nearby surface that was not seen yet, 0..1.
         stage_from_scan: pose of the surface on the stage.
         stage_from_camera: pose of the camera, as in :mod:`enliven.camera`. Empty before the first image.
-        view: next best view: camera position and target, six coordinates in metres on the stage, or empty.
+        view: the next best view: camera position and target, six coordinates in metres on the stage. Empty if
+            there is none.
         character: the id of the resulting character, or empty.
         note: one sentence for users, or empty.
-        remedy: the remedy.
-        thing: the state of an object that is moved while it is scanned, or empty. "stands": it is at rest.
-            "carried": it is carried or lost, and nothing is added. "settling": an object at rest is compared
-            with it. "sought": the comparison has not succeeded yet. "found": it was found a moment ago.
-            "turning": it is tracked while it moves, and its visible part is added. "lost": tracking of it
-            failed. "person": a person is scanned, and ``missing`` counts the sides not seen yet.
-        seconds: duration of the search for the object until now, or until it was found.
-        places: number of places in which it was found. From the first move on, the surface is the object
-            only.
+        remedy: one sentence about the remedy, or empty.
+        thing: the state of an object that is moved while it is scanned, or empty. "stands": the object is at
+            rest. "carried": it is carried or lost, and nothing is added to the surface. "settling": something
+            was put down, and is compared with the object. "sought": this comparison has not succeeded yet.
+            "found": the object was found a moment ago. "turning": the moving object is tracked, and its
+            visible part is added. "lost": tracking has failed. "person": a person is scanned, and ``missing``
+            is the fraction of the sides that were not seen yet.
+        seconds: duration of the search for the object, in seconds, until now or until it was found.
+        places: number of places at which the object was found. After the first move, the surface contains
+            only the object.
         ends: for the finished scan of a person, fifteen coordinates in metres on the stage: the ends of head,
             left and right hand, left and right foot, if all were seen.
-        joints: for the same person, sixty coordinates in metres: its twenty joints, if its trunk was seen.
+        joints: for the finished scan of a person, sixty coordinates in metres: the twenty joints, if the
+            trunk was seen.
     """
 
     number: Count = 0
@@ -85,15 +90,16 @@ class ScanMessage(Struct, array_like=True, frozen=True):
 
 
 class ScanPieceMessage(Struct, array_like=True, frozen=True):
-    """A part of the growing surface, which replaces its earlier version (topic "scan piece").
+    """A block of the growing surface of a scan. It replaces the earlier version of the block (topic "scan
+    piece").
 
     Attributes:
         number: number of the scan.
-        place: index of the piece, in multiples of a piece's side.
+        place: index (3,) of the piece in the grid of pieces.
         side: length of a piece's side in steps.
         step: length of a step in metres.
         vertices: (V, 3) uint16 in steps from the piece's corner, in the scan's world.
-        seen: (V,) uint8, 255 for well observed vertices.
+        seen: (V,) uint8, how well each vertex was observed, at most 255.
         faces: (F, 3) uint16.
         colours: (V, 3) uint8 sRGB. Empty without colour.
     """

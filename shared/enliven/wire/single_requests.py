@@ -1,4 +1,4 @@
-"""Single requests to an edge without a viewer: pairing, its code, and orders of operators."""
+"""Sends single requests to an edge without a viewer: pairing, the pairing code, and orders of operators."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from enliven.wire.sockets import Endpoint, make_socket
 from enliven.wire.topics import REPLY
 
 _MAX_REPLY_BYTES = 64 * 1024
-"""Maximum bytes of a reply. The longest one, about pairing, has 600."""
+"""Maximum size in bytes of a reply. The longest reply, to a pairing request, has 600 bytes."""
 _MAX_UNREAD = 16
 """Maximum number of unread replies."""
 _ANSWER_TIMEOUT_S = 5.0
-"""Timeout of each request, in seconds. An edge answers within a frame."""
+"""Timeout of each request, in seconds. It is generous, because an edge answers within a frame."""
 
 T = TypeVar("T")
 
@@ -42,8 +42,8 @@ T = TypeVar("T")
 def pair_with_edge(endpoint: Endpoint, code: str, role: Role, name: str, store: KeyStore) -> PairedEdge:
     """Pairs with an edge, and stores its key.
 
-    If this user has no keys, new ones are stored, too. A failed pairing stores nothing, because an edge of
-    this user would require keys at its next start.
+    If this user has no keys yet, new keys are stored, too. A failed pairing stores nothing, because otherwise
+    an edge of this user would require keys from its next start on.
 
     Args:
         code: the six digits that the edge shows.
@@ -51,7 +51,7 @@ def pair_with_edge(endpoint: Endpoint, code: str, role: Role, name: str, store: 
         name: the name under which the edge lists this viewer.
 
     Raises:
-        InputError: if the code is wrong or expired, or the edge does not pair now.
+        InputError: if the code is wrong or expired, or the edge currently refuses pairing.
         ResourceError: if no edge answers.
     """
     stored_keys = store.own()
@@ -74,10 +74,11 @@ def pair_with_edge(endpoint: Endpoint, code: str, role: Role, name: str, store: 
 def show_pairing_code(endpoint: Endpoint) -> tuple[str, int]:
     """Opens pairing on an edge. Returns its code and the seconds until the code expires.
 
-    The code is empty during a pause after too many tries. Then the seconds are the time until a new code.
+    The code is empty during a pause after too many tries. Then the seconds are the time until a new code is
+    available.
 
     Raises:
-        InputError: if this viewer has no key of the edge, or not the role *operate*.
+        InputError: if this viewer is not paired with the edge, or does not have the role *operate*.
         ResourceError: if no edge answers.
     """
     with _Asker(endpoint, endpoint.find_keys()) as asker:
@@ -100,7 +101,7 @@ _READ_AGAIN = "Read the code on the edge again: it changes after three tries and
 
 
 class _Asker:
-    """A socket that sends requests and waits for their answers."""
+    """A connection that sends requests and waits for their answers."""
 
     def __init__(self, endpoint: Endpoint, keys: ClientKeys | None = None) -> None:
         self._endpoint, self._number = endpoint, 0
@@ -115,7 +116,7 @@ class _Asker:
         self._socket.close(linger=0)
 
     def request(self, body: Ask, kind: type[T]) -> T:
-        """Sends a request and returns the answer, which must be a ``kind``."""
+        """Sends a request and returns its answer, which must be an instance of ``kind``."""
         self._number += 1
         self._socket.send(pack_control(Request(self._number, body)))
         end = time.monotonic() + _ANSWER_TIMEOUT_S

@@ -1,4 +1,5 @@
-"""The address of an edge, and the options of a viewer's sockets: small queues, no lingering, no blocking."""
+"""The address of an edge, and a viewer's sockets with their options (small queues, no lingering,
+non-blocking)."""
 
 from __future__ import annotations
 
@@ -11,22 +12,22 @@ from enliven.errors import InputError
 from enliven.keys.client import ClientKeys, find_client_keys
 
 POSE_PORT = 5580
-"""Default TCP port of the streams: above 1023, so that no privilege is needed."""
+"""Default TCP port of the streams. It is above 1023, so no privileges are needed."""
 CONTROL_PORT = 5581
-"""Default TCP port of the requests: the port after that of the streams."""
+"""Default TCP port of the requests, the next port after :data:`POSE_PORT`."""
 SEND_QUEUE_LENGTH = 1000
-"""Maximum number of messages that wait to be sent to an edge."""
+"""Maximum number of messages in the queue to an edge."""
 MAX_UNREAD_STREAMS = 500
-"""Maximum number of unread messages of an edge: 128 MB of the longest ones. Further messages wait in the
+"""Maximum number of unread stream messages of an edge, at most 128 MB. Further messages wait in the operating
 system's buffers.
 """
 MAX_UNREAD_REPLIES = 4
-"""Maximum number of unread replies of an edge. Each may be a character of 128 MB."""
+"""Maximum number of unread replies of an edge. A reply with a character may have 128 MB."""
 
 
 @dataclass(frozen=True)
 class Endpoint:
-    """An edge's address: its host, the port of its streams and the port of its commands."""
+    """An edge's address: its host, the port of its streams and the port of its requests."""
 
     host: str = "127.0.0.1"
     pose_port: int = POSE_PORT
@@ -46,10 +47,10 @@ class Endpoint:
         return f"tcp://{_bracketed_host(self.host)}:{self.control_port}"
 
     def find_keys(self) -> ClientKeys | None:
-        """Returns the keys for the edge at this address. None if it is not paired, and needs no keys.
+        """Returns the keys for the edge at this address, or None if this user is not paired with it.
 
         Raises:
-            InputError: if a key file is missing or damaged, or others may read it.
+            InputError: if a key file is missing, damaged, or readable by other users.
         """
         return find_client_keys(self.host, self.control_port)
 
@@ -57,10 +58,10 @@ class Endpoint:
 def parse_endpoint(text: str) -> Endpoint:
     """Parses ``host``, ``host:port`` or ``host:port:control_port``, with IPv6 in brackets.
 
-    If the control port is missing, it is ``port`` + 1.
+    The default of the control port is ``port`` + 1.
 
     Raises:
-        InputError: if the text has none of these forms.
+        InputError: if the text does not have one of these forms.
     """
     host, ports = text.strip().removeprefix("tcp://"), ""
     if host.startswith("["):
@@ -86,17 +87,17 @@ def make_socket(
 ) -> zmq.Socket[bytes]:
     """Returns a viewer's socket: non-blocking, without lingering.
 
-    The socket disconnects an edge that sends too large messages.
+    The socket disconnects an edge that sends messages that are too large.
 
-    TCP keep-alive detects an edge that vanished without closing, so that the socket connects again. libzmq's
-    own heartbeat could do this, too. But it aborts the program if a connection breaks while its queue is
-    full.
+    TCP keep-alive detects an edge that disappeared without closing the connection, so that the socket
+    reconnects. libzmq's own heartbeat is not used, because it aborts the program if a connection breaks while
+    its queue is full.
 
     Args:
         kind: kind of the socket, such as ``zmq.SUB``.
         max_bytes: maximum size of a message.
         unread: maximum number of unread messages.
-        keys: the keys for the edge that it will connect to. None for a connection without keys.
+        keys: the keys for the edge that the socket will connect to. None for a connection without encryption.
     """
     socket: zmq.Socket[bytes] = context.socket(kind)
     socket.setsockopt(zmq.LINGER, 0)

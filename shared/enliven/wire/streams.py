@@ -1,4 +1,5 @@
-"""The messages from the edge to every viewer: poses, bodies, cues, props, matches, the heartbeat."""
+"""The messages from the edge to all viewers, such as poses, bodies, cues, props, matches and the
+heartbeat."""
 
 from __future__ import annotations
 
@@ -36,10 +37,10 @@ class PoseMessage(Struct, array_like=True, frozen=True):
         character: the character's id.
         revision: revision of the character that the transforms belong to.
         instance: random number of the edge's process. A restarted edge has a different one.
-        sequence: counts the poses of this character from 0. A gap is a loss.
-        time_ns: time of the pose by the sensor's clock.
-        captured_ns: the edge's wall clock when the frame was read.
-        published_ns: the edge's wall clock when the pose was sent.
+        sequence: sequence number of the pose of this character, from 0. A gap means that poses were lost.
+        time_ns: time of the pose, nanoseconds of the sensor's clock.
+        captured_ns: time at which the frame was read, nanoseconds of the edge's wall clock.
+        published_ns: time at which the pose was sent, nanoseconds of the edge's wall clock.
         transforms: the pose, encoded by :class:`enliven.wire.posecode.PoseCodec`.
     """
 
@@ -57,12 +58,14 @@ class PackedBody(Struct, array_like=True, frozen=True):
     """One tracked person.
 
     Attributes:
-        id: stable while the person is in view.
+        id: the person's id, which does not change while the person is in view.
         joints: (20, 3) int16 in steps of :data:`enliven.wire.convert.JOINT_STEP` metres, world frame.
         confidence: (20,) uint8, 255 for certain.
-        orientations: (20,) uint32 of :mod:`enliven.wire.quaternions`, world_from_bone. Empty if unknown.
-        contacts: (2,) uint8, 255 if the left or the right foot certainly stands. Empty if unknown.
-        stature_mm: millimetres from soles to crown when standing straight. 0 if unknown.
+        orientations: (20,) uint32 rotations from bone to world, encoded by :mod:`enliven.wire.quaternions`.
+            Empty if unknown.
+        contacts: (2,) uint8 confidence that the left and the right foot stand, 255 for certain. Empty if
+            unknown.
+        stature_mm: height from soles to crown when standing straight, millimetres. 0 if unknown.
     """
 
     id: Identity
@@ -92,16 +95,17 @@ class CuesMessage(Struct, array_like=True, frozen=True):
 
     Attributes:
         character: the character's id.
-        state: "free"; "preview": the nodes that would attach to the body if it possessed the character now;
-            "possessed".
+        state: "free", "preview" or "possessed". "preview" shows the nodes to which the body would attach if
+            it possessed the character now.
         nodes: (K,) uint16 node indices.
         strengths: (K,) uint8, 255 for the strongest attachment.
-        body: the performer's id, the first of several. -1 for none.
+        body: the performer's id, or the first of several. -1 for none.
         time_ns: the sensor's clock, the time of the matching poses.
-        held: number of attached nodes, which come first. The next performer would attach to the others. None:
-            all are attached, unless the state is "preview".
+        held: number of attached nodes, which come first. The next performer would attach to the others. None
+            means that all are attached, unless the state is "preview".
         performers: the ids of the performers that control the nodes.
-        owners: (K,) uint8 index of the performer that controls each node. Empty: ``body`` controls all.
+        owners: (K,) uint8 index in ``performers`` of the performer that controls each node. Empty means that
+            ``body`` controls all nodes.
     """
 
     character: Name
@@ -119,25 +123,29 @@ class CuesMessage(Struct, array_like=True, frozen=True):
         if self.owners:
             check_length("owners", self.owners, len(self.strengths))
             if max(self.owners) >= len(self.performers):
-                raise ValueError(f"an owner is number {max(self.owners)} of {len(self.performers)}")
+                raise ValueError(
+                    f"owner number {max(self.owners)} does not exist in {len(self.performers)} performers"
+                )
 
 
 class HoldMessage(Struct, array_like=True, frozen=True):
-    """A performer possessed or released a character (topic "holds").
+    """An event: a performer possessed or released a character (topic "holds").
 
     Attributes:
         character: its id.
-        time_ns: the sensor's clock at the frame before the change. A "take over" already applies to that
-            frame.
-        mode: the kind of change. "remove": the character left the stage.
-        revision: revision of the character. 0 if it left.
+        time_ns: time of the frame before the change, nanoseconds of the sensor's clock. A "take over" already
+            applies to this frame.
+        mode: the kind of change, see :class:`enliven.document.body_take.HoldChange`. "remove" means that the
+            character left the stage.
+        revision: revision of the character, or 0 if it left the stage.
         body: the performer's id, or -1 for all performers.
         parts: the body parts that control the character.
-        former: the id of the previous holder, for "take over". Otherwise -1.
-        holders: the ids of all holders after the change.
+        former: for "take over", the id of the performer that was attached before. Otherwise -1.
+        holders: the ids of all attached performers after the change.
         settings: the actor's settings, as JSON.
-        place: placement of the mesh before the change: scale, radians about +Y, x, y, z in metres; or empty.
-        size: metres of the modelled mesh per metre of its rest space.
+        place: placement of the mesh before the change: scale, radians about +Y, x, y, z in metres. Empty if
+            unknown.
+        size: scale: metres of the modelled mesh per metre of its rest space.
     """
 
     character: Name
@@ -154,17 +162,19 @@ class HoldMessage(Struct, array_like=True, frozen=True):
 
 
 class PropsMessage(Struct, array_like=True, frozen=True):
-    """All props at one moment, so that a late viewer needs no history (topic "props").
+    """All props at one time (topic "props"). Each message is complete, so a viewer that connects late needs
+    no history.
 
     Attributes:
         time_ns: the sensor's clock, the time of the matching poses.
-        ids: (P,) uint16, stable while the prop exists.
-        shapes: (P,) uint8, 0 a box, 1 a ball.
-        sizes: (P, 3) uint16 millimetres: half edges of a box; for a ball the radius, three times.
+        ids: (P,) uint16 ids, which do not change while the prop exists.
+        shapes: (P,) uint8, 0 for a box, 1 for a ball.
+        sizes: (P, 3) uint16 millimetres: the half edge lengths of a box, or the radius of a ball in all three
+            columns.
         colours: (P, 3) uint8 sRGB.
         positions: (P, 3) int16 in steps of :data:`enliven.wire.convert.JOINT_STEP` metres, world frame.
-        turns: (P,) uint32 of :mod:`enliven.wire.quaternions`, world_from_prop.
-        note: one line for users, or empty.
+        turns: (P,) uint32 rotations from prop to world, encoded by :mod:`enliven.wire.quaternions`.
+        note: one line of text for users, or empty.
     """
 
     time_ns: Nanoseconds
@@ -186,16 +196,17 @@ class PropsMessage(Struct, array_like=True, frozen=True):
 
 
 class PackedMatch(Struct, array_like=True, frozen=True):
-    """One match of a source with a character.
+    """One match of a performer's limbs with branches of a character's skeleton.
 
     Attributes:
-        name: name of the joint at the start of the branches.
+        name: name of the character's joint at which the branches start.
         place: rank of the match, from 0.
         score: sum of cosines between the branches' bones and the performer's.
-        sizes: (m,) uint8, number of joints that each branch of the source would drive, including the first.
-        points: (sum of sizes, 3) int16 in steps of :data:`enliven.wire.convert.JOINT_STEP` metres, world.
-        limbs: (m,) uint8, the performer's limb of each branch. Empty if unknown (older edges).
-        body: the id of the performer of these limbs. -1 if unknown.
+        sizes: (m,) uint8, number of joints in each branch that would be driven, including the first joint.
+        points: (sum of sizes, 3) int16 positions of these joints, in steps of
+            :data:`enliven.wire.convert.JOINT_STEP` metres, world frame.
+        limbs: (m,) uint8, the performer's limb that drives each branch. Empty if unknown (older edges).
+        body: the id of the performer, or -1 if unknown.
     """
 
     name: Name
@@ -217,13 +228,14 @@ class MatchesMessage(Struct, array_like=True, frozen=True):
 
     Attributes:
         character: its id.
-        state: "off": no performer chooses; "choosing"; "playing": the shown match drives the character.
-        body: the performer's id. -1 for none.
+        state: "off", "choosing" or "playing". In "off", no performer chooses a match. In "playing", the shown
+            match drives the character.
+        body: the performer's id, or -1 for none.
         time_ns: the sensor's clock.
-        shown: index of the shown match in ``matches``. -1 for none.
+        shown: index of the shown match in ``matches``, or -1 for none.
         matches: the best matches, and the shown one.
         total: total number of matches.
-        held: 0..1, elapsed fraction of the time for which the performer must hold still.
+        held: elapsed fraction, 0 to 1, of the time for which the performer must hold still.
     """
 
     character: Name
@@ -237,19 +249,20 @@ class MatchesMessage(Struct, array_like=True, frozen=True):
 
     def __post_init__(self) -> None:
         if self.shown >= len(self.matches):
-            raise ValueError(f"match {self.shown} is shown of {len(self.matches)}")
+            raise ValueError(f"match {self.shown} is shown, but there are only {len(self.matches)}")
 
 
 class HealthMessage(Struct, array_like=True, frozen=True):
     """One problem at the edge.
 
     Attributes:
-        kind: a word of :class:`enliven.health.HealthKind`, or an unknown word of a later program.
-        severity: 0 a note, 1 tracking is impaired, 2 tracking fails.
-        since_ns: when the problem started, by the sensor's clock.
-        what: the problem, one sentence.
+        kind: a value of :class:`enliven.health.HealthKind`. A later program may send an unknown value.
+        severity: 0 for a note, 1 if tracking is impaired, 2 if tracking fails.
+        since_ns: start of the problem, nanoseconds of the sensor's clock.
+        what: one sentence about the problem.
         remedy: the remedy, one sentence.
-        performer: the id of the affected performer. -1 if it affects the sensor or the whole scene.
+        performer: the id of the affected performer, or -1 if the problem affects the sensor or the whole
+            scene.
     """
 
     kind: Name
@@ -279,9 +292,9 @@ class SizeMessage(Struct, array_like=True, frozen=True):
     "sizes").
 
     Attributes:
-        size: factor relative to its original size.
-        body: the id of the performer that changes it by both hands. -1 if no performer changes it.
-        exaggeration: overshoot of soft parts. None for the value in the stage's settings.
+        size: factor relative to the character's original size.
+        body: the id of the performer that changes the size with both hands, or -1.
+        exaggeration: factor on the overshoot of soft parts. None means the value in the stage's settings.
     """
 
     character: Name
@@ -294,10 +307,12 @@ class CameraMessage(Struct, array_like=True, frozen=True):
     """The camera preview: the pose of the edge's camera, and a small depth image (topic "camera").
 
     Attributes:
-        place: world_from_camera, its upper three rows, row by row. The camera looks along +Z, down is +Y.
+        place: transform from camera to world: its upper three rows, row by row. The camera looks along +Z,
+            and +Y is down.
         lens: focal lengths and principal point (fx, fy, cx, cy), as fractions of its image height.
-        width, height: pixels of the image. 0 if the sensor tracks people itself and delivers no image.
-        nearness: (height * width) bytes, row by row: 255 at the camera, 1 far away, 0 unknown.
+        width, height: size of the image in pixels. 0 if the sensor tracks people itself and delivers no
+            image.
+        nearness: (height * width) bytes, row by row. 255 is at the camera, 1 is far away, and 0 is unknown.
     """
 
     place: Annotated[list[Number], Meta(min_length=12, max_length=12)]
@@ -311,10 +326,10 @@ class CameraMessage(Struct, array_like=True, frozen=True):
 
 
 class CallMessage(Struct, array_like=True, frozen=True):
-    """A pedal, button or voice control at the edge requests that windows record (topic "calls").
+    """A recording command for all windows from a pedal, button or voice control at the edge (topic "calls").
 
     Attributes:
-        word: "record" starts or ends a recording; "stop" ends it; "again" starts the last one again.
+        word: "record" starts or ends a recording, "stop" ends it, and "again" repeats the last recording.
         control: the name of the control.
     """
 
@@ -323,15 +338,15 @@ class CallMessage(Struct, array_like=True, frozen=True):
 
 
 class HeardMessage(Struct, array_like=True, frozen=True):
-    """A microphone at the edge received speech (topic "heard"). Silence and noise send nothing.
+    """Speech that a microphone at the edge received (topic "heard"). Nothing is sent for silence and noise.
 
     Attributes:
         control: the name of the voice control.
-        words: the phrase, or the recognised words of other speech. An edge that other machines can reach
-            leaves out other speech (empty), because it may be private.
-        understood: True if it is a phrase of the list.
-        action: the command of the phrase. Empty if it was not understood.
-        refused: the reason why the stage did not carry out the command. Empty if it did.
+        words: the recognised phrase, or the words of other speech. If other machines can reach the edge,
+            other speech is left out (empty), because it may be private.
+        understood: True if the speech is one of the known phrases.
+        action: the command of the phrase. Empty if the speech was not understood.
+        refused: the reason why the stage did not execute the command. Empty if it was executed.
     """
 
     control: Name
@@ -345,8 +360,8 @@ class VoiceMessage(Struct, array_like=True, frozen=True):
     """The state of the edge's voice control, sent when it changes (topic "voice").
 
     Attributes:
-        state: "off": the microphone is closed; "starting"; "listening"; "missing": it cannot listen.
-        what: for "missing", the reason, one sentence.
+        state: "off" (the microphone is closed), "starting", "listening" or "missing" (it cannot listen).
+        what: for "missing", one sentence about the reason.
         remedy: the remedy, one sentence.
         phrases: the known phrases.
         actions: the command of each phrase.
@@ -367,9 +382,9 @@ class PhysicsMessage(Struct, array_like=True, frozen=True):
     """The state of the edge's physics, sent when it changes (topic "physics").
 
     Attributes:
-        world: the kind of rigid objects on the stage, or being prepared.
-        state: "off"; "preparing"; "on"; "missing": the library is not installed; "failed".
-        what: for "missing" and "failed", the reason, one sentence.
+        world: the kind of rigid objects that are on the stage or being prepared.
+        state: "off", "preparing", "on", "missing" (the library is not installed) or "failed".
+        what: for "missing" and "failed", one sentence about the reason.
         remedy: the remedy, one sentence.
     """
 
@@ -388,14 +403,14 @@ class StatusMessage(Struct, array_like=True, frozen=True):
         revision: revision of the edge's state. A viewer that receives a new revision requests the state
             again.
         published_ns: the edge's wall clock.
-        sensor: the sensor's identity, or empty.
+        sensor: identifier of the sensor, or empty.
         phase: the edge's activity, such as "waiting", "watching", "tracking" or "ended".
         note: one sentence for users, or empty.
-        fps: poses per second.
-        latency_p50_ms: milliseconds from frame read to pose published, the recent median.
-        latency_p99_ms: the same, the 99th percentile.
+        fps: number of poses per second.
+        latency_p50_ms: recent median of the latency from reading a frame to sending its poses, milliseconds.
+        latency_p99_ms: recent 99th percentile of this latency, milliseconds.
         performers: number of people in view.
-        dropped: number of frames that came too fast and were dropped, since the start.
+        dropped: number of frames since the start that arrived too fast and were dropped.
         health: the current problems, the most severe first.
         pairing_s: seconds until the shown pairing code expires, or 0 if pairing is closed. The code itself is
             not in the heartbeat, because viewers that may only watch receive it, too.

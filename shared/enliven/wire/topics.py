@@ -1,8 +1,8 @@
-"""The table of all messages on the wire.
+"""The table of all network messages.
 
-Sockets, recorder, late-join state, receiver, timeline, player of takes and tests derive from it. A new stream
-message is a class in :mod:`enliven.wire.streams` and a row here. A new request is a class, an entry in
-:data:`enliven.wire.requests.REQUESTS`, and a handler in the edge's list.
+Sockets, recorder, state for late viewers, receiver, timeline, take player and tests are based on this table.
+To add a stream message, add a class in :mod:`enliven.wire.streams` and a row here. To add a request, add a
+class, an entry in :data:`enliven.wire.requests.REQUESTS`, and a handler in the edge's list.
 """
 
 from __future__ import annotations
@@ -38,15 +38,16 @@ class Topic:
     """One kind of message.
 
     Attributes:
-        name: name on the wire, ASCII.
+        name: name in messages, ASCII.
         type: the message class.
-        pattern: "stream" goes from the edge to every viewer, "state" to a viewer that requests it, "request"
-            from a viewer to its edge, "reply" back.
-        max_bytes: maximum payload. A longer message is dropped without decoding.
-        rate_hz: expected messages per second while the edge tracks. 0 if the rate is irregular.
-        keep: the queued messages that a slow viewer gets: "every" one, or the "newest" of each key.
+        pattern: direction of the message. "stream" is sent from the edge to every viewer, and "state" to a
+            viewer that requests it. "request" is sent from a viewer to its edge, and "reply" is the answer.
+        max_bytes: maximum size of the payload in bytes. A longer message is dropped without decoding.
+        rate_hz: expected number of messages per second while the edge tracks people. 0 if the rate is
+            irregular.
+        keep: which queued messages a slow viewer receives: "every" message, or the "newest" of each key.
         latched: True sends the newest message of each key to viewers that join late.
-        key: returns a message's key. Messages with an equal key replace each other.
+        key: a function that returns a message's key. Messages with equal keys replace each other.
         recorded: True stores it in takes.
     """
 
@@ -84,12 +85,13 @@ def register(topic: Topic) -> Topic:
 
 
 def _character_id(message: Any) -> str:
-    """Returns the id of a message's character: the newest message of each character is kept."""
+    """Returns the id of a message's character, the key of topics that keep the newest message of each
+    character."""
     return str(message.character)
 
 
 def _register_stream(name: str, kind: type[Any], max_bytes: int, **how: Any) -> Topic:
-    """Registers a topic with one message per frame. Takes store all of them."""
+    """Registers a topic with one message per frame, which takes store."""
     return register(Topic(name, kind, "stream", max_bytes, 30, "every", recorded=True, **how))
 
 

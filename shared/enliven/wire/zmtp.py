@@ -1,9 +1,8 @@
-"""The listening side of ZMTP 3.1, with or without encryption. It converts bytes to messages and answers, and
-opens no socket.
+"""The listening side of ZMTP 3.1 (the ZeroMQ protocol), with or without encryption. It converts received
+bytes to messages and answers, and does no I/O.
 
-Viewers use libzmq for ZMTP. The listener does not use it. libzmq 4.3.5 aborts its program (``!_io_error`` in
-stream_engine_base.cpp) if a connection mixes PINGs into a flood and is then reset, with heartbeats or
-without.
+Viewers use libzmq, but the listener does not. libzmq 4.3.5 aborts the program (``!_io_error`` in
+stream_engine_base.cpp) if a peer sends PINGs within a flood of messages and then resets the connection.
 """
 
 from __future__ import annotations
@@ -19,50 +18,55 @@ GREETING = b"\xff" + bytes(8) + b"\x7f" + b"\x03\x01" + b"NULL".ljust(20, b"\0")
 CURVE_GREETING = GREETING[:12] + b"CURVE".ljust(20, b"\0") + b"\1" + bytes(31)
 """The first 64 bytes of a server with keys: signature, version 3.1, CURVE, as server."""
 _VERSION_BYTES = 12
-"""Bytes of a greeting up to its version. A peer waits for them before it sends the rest of its greeting."""
+"""Size in bytes of a greeting up to its version. A peer waits for this part before it sends the rest of its
+greeting."""
 _MAX_HANDSHAKE_BYTES = 1024
-"""Maximum bytes of a command of the CURVE handshake: 300, plus the properties of the peer's socket."""
+"""Maximum size in bytes of a command of the CURVE handshake: 300 bytes plus the properties of the peer's
+socket."""
 _SEALED_BYTES = 33
-"""Bytes that CURVE adds to a message."""
+"""Number of bytes that CURVE encryption adds to a message."""
 
 _MORE_FLAG = 1
 """Flag of a frame that is followed by another frame of the same message."""
 _LONG_FLAG = 2
 """Flag of a frame with a length of 8 bytes instead of 1."""
 _COMMAND_FLAG = 4
-"""Flag of a frame that is a command of the protocol, not a message."""
+"""Flag of a frame that contains a protocol command instead of a message."""
 _CURVE_COMMAND_FLAG = 2
-"""Flag inside a sealed message that is a command of the protocol."""
+"""Flag inside an encrypted message that contains a protocol command."""
 _MAX_PARTS = 8
-"""Maximum number of parts of one message. A viewer sends one part, libzmq's REQ sockets send two."""
+"""Maximum number of parts of one message. A viewer sends one part, and libzmq's REQ sockets send two
+parts."""
 _MAX_CONTEXT_BYTES = 16
-"""Maximum bytes of a PING that are sent back. The protocol requires this limit."""
+"""Maximum size in bytes of the context of a PING, which is sent back. The protocol defines this limit."""
 _TTL_BYTES = 2
-"""Bytes of a PING's time to live, which precede its context."""
+"""Size in bytes of a PING's time to live, which precedes its context."""
 
 
 class ZmtpError(Exception):
-    """Bytes that are not ZMTP, or longer than allowed: the connection must be closed."""
+    """Raised for bytes that are not valid ZMTP or longer than allowed. The connection must be closed."""
 
 
 def make_frame(data: bytes, flags: int = 0) -> bytes:
-    """Returns one frame: its flags, its length and the data."""
+    """Returns the bytes of one frame: flags, length and data."""
     return frame_header(len(data), flags) + data
 
 
 def frame_header(length: int, flags: int = 0) -> bytes:
-    """Returns the bytes that precede ``length`` bytes of data, so that long data need not be copied."""
+    """Returns the header of a frame with ``length`` bytes of data. With it, long data can be sent without a
+    copy."""
     return bytes([flags, length]) if length < 256 else struct.pack(">BQ", flags | _LONG_FLAG, length)
 
 
 class ZmtpSession:
-    """The protocol state of one connection. Call ``feed``, then ``read_message`` until nothing is left.
+    """The protocol state of one connection. Call ``feed``, then ``read_message`` until it returns None.
 
     Args:
-        kind: kind of the listening socket. "ROUTER" accepts DEALER and REQ, "PUB" accepts SUB.
-        max_frame_bytes: maximum bytes of an accepted frame.
-        curve: the keys of the listener, and the peers that it admits. None for a listener without keys. A
-            "ROUTER" with keys also accepts peers without keys, so that they can pair. They have no
+        kind: kind of the listening socket. "ROUTER" accepts DEALER and REQ peers, and "PUB" accepts SUB
+            peers.
+        max_frame_bytes: maximum size of an accepted frame in bytes.
+        curve: the keys of the listener, and the peers that it accepts. None for a listener without keys. A
+            "ROUTER" with keys also accepts peers without keys, so that they can pair. These peers have no
             ``channel``.
 
     Attributes:
@@ -78,8 +82,8 @@ class ZmtpSession:
         self.is_ready, self.missing = False, 0
         self.channel: CurveChannel | None = None
         self._curve = curve
-        # A peer without keys is recognised by its greeting. So a ROUTER with keys sends the second part of
-        # its own greeting, which names the mechanism, only after the peer's.
+        # A peer without keys is recognised by its greeting. So a ROUTER with keys waits for the peer's
+        # greeting before it sends the second part of its own greeting, which contains the mechanism.
         self._greeting = GREETING if curve is None else CURVE_GREETING
         early = len(GREETING) if curve is None or kind == "PUB" else _VERSION_BYTES
         self.answers, self._unsent_from = bytearray(self._greeting[:early]), early
@@ -94,13 +98,13 @@ class ZmtpSession:
         self._bytes += data
 
     def read_message(self) -> list[bytes] | None:
-        """Returns the next message's parts. Returns an empty list for a command, and None if bytes are
-        missing.
+        """Returns the parts of the next message. Returns an empty list for a command, and None if more bytes
+        are needed.
 
         A subscription is one part: the byte 1 (subscribe) or 0 (unsubscribe), and the topic's prefix.
 
         Raises:
-            ZmtpError: for bytes that are not ZMTP 3, or too long.
+            ZmtpError: if the bytes are not valid ZMTP 3, or a message is too long.
         """
         if not self._greeted:
             return self._answer_greeting()
@@ -125,7 +129,7 @@ class ZmtpSession:
         return parts
 
     def _answer_greeting(self) -> list[bytes] | None:
-        """Checks the received part of the other side's first 64 bytes, and answers it."""
+        """Checks the received part of the peer's greeting (64 bytes), and answers it."""
         greeting = self._bytes[: len(GREETING)]
         if (greeting and greeting[0] != 0xFF) or (
             len(greeting) > 10 and (not greeting[9] & 1 or greeting[10] < 3)
@@ -150,7 +154,7 @@ class ZmtpSession:
 
     @property
     def _metadata(self) -> bytes:
-        """Returns the properties of this side: the kind of its socket."""
+        """Returns the metadata of this side of the connection, which contain the kind of its socket."""
         return b"\x0bSocket-Type" + struct.pack(">I", len(self._kind)) + self._kind.encode()
 
     def _handle_curve(self, channel: CurveChannel, data: bytes) -> list[bytes]:
@@ -170,9 +174,7 @@ class ZmtpSession:
         return []
 
     def _open_sealed(self, channel: CurveChannel, data: bytes) -> tuple[int, bytes]:
-        """Returns the flags and the content of a sealed frame. The flags are the same as in a frame without
-        encryption.
-        """
+        """Decrypts a frame. Returns its content, and its flags as in an unencrypted frame."""
         from enliven.keys.curve import CurveError
 
         try:

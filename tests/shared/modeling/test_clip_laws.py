@@ -298,12 +298,12 @@ def test_invalid_segments_are_reported():
     for wrong, words in (
         ([Segment(0, 0)], "no length"),
         ([Segment(1, 2)], "does not begin"),
-        ([Segment(0, 1, speed=0.0)], "no speed"),
+        ([Segment(0, 1, speed=0.0)], "end or speed"),
         ([Segment(0, 3), Segment(1, 2)], "within another"),
-        ([Segment(0, 3), Segment(1, 4), Segment(2, 5)], "play at once"),
+        ([Segment(0, 3), Segment(1, 4), Segment(2, 5)], "play at the same time"),
     ):
         with pytest.raises(InputError, match=words):
             world(RIGS[0], segments=tuple(wrong))
     for wrong in ({"ease": -1.0}, {"smooth": float("nan")}):
-        with pytest.raises(InputError, match="come in over"):
+        with pytest.raises(InputError, match="smoothing of"):
             world(RIGS[0], **wrong)

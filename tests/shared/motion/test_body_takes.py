@@ -64,8 +64,8 @@ def test_a_recording_is_a_take(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"seconds": [0.0, 0.0]}, "do not rise"),
-        ({"seconds": [1.0, 2.0]}, "do not rise from 0"),
+        ({"seconds": [0.0, 0.0]}, "do not increase"),
+        ({"seconds": [1.0, 2.0]}, "do not increase from 0"),
         ({"people": [1, 1]}, "joints"),
         ({"joints": np.full((2, 1, 20, 3), np.nan)}, "not finite"),
         ({"confidence": np.full((2, 1, 20), 1.5)}, "confidence"),

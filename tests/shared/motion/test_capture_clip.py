@@ -111,7 +111,7 @@ def test_invalid_file_options_are_refused():
         clip_of_capture(capture, "take", rest=12)
     with pytest.raises(InputError, match="unit 'elbow' does not exist"):
         clip_of_capture(capture, "take", unit="elbow")
-    with pytest.raises(InputError, match="cannot be"):
+    with pytest.raises(InputError, match="m is not valid"):
         clip_of_capture(capture, "take", unit=0.0)
     two = Capture(("a", "b"), (-1, -1), np.zeros((1, 2, 3)), np.tile(np.eye(3), (1, 2, 1, 1)), 0.1)
     with pytest.raises(InputError, match="more than one root"):

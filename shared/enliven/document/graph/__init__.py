@@ -1,1 +1,2 @@
-"""Possessed meshes in the document: the graph, the streams that its nodes play, and layers on top of them."""
+"""Possessed meshes in the document: the deformation graph, the motion streams that its nodes play, and
+additional layers."""

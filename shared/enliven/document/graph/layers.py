@@ -31,11 +31,10 @@ def _is_finite(values: Float, shape: tuple[int, ...]) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Ride:
-    """The attachment of a part of a graph shape to a node of another part, so that the part moves along with
-    this node.
+    """The attachment of a part of a graph shape to a node of another part, which carries it.
 
-    The carried motion y becomes R(t) R_0^-1 (y - x_0) + x(t), with x the node's position and R the rotation
-    nearest to its linear map. x_0 and R_0 are their values at the time of the merge.
+    The carried motion y becomes R(t) R_0^-1 (y - x_0) + x(t), with x the carrying node's position and R the
+    rotation nearest to its linear map. x_0 and R_0 are their values when the meshes were merged.
 
     Attributes:
         node: number of the carrying node in the whole shape.
@@ -55,10 +54,10 @@ class Ride:
 
 
 class SolvedLayer(LayerBase):
-    """A layer with a stream that was solved from performers, and can be solved from them again.
+    """A layer with a stream that was solved from the motion of performers, and can be solved again.
 
     Attributes:
-        possession: the inputs of the solution; None if it was not solved.
+        possession: the inputs of the solution, or None if the stream was not solved.
     """
 
     source = "streams"
@@ -89,15 +88,16 @@ class GraphPart(SolvedLayer):
     Attributes:
         take: the id of the stream.
         nodes: (K,) int64 numbers of the stream's nodes.
-        axes: (4,) rotation of the rest pose since the recording: linear becomes linear axes^-1.
-        turn: (4,) rotation of the whole motion in the world: x becomes turn x + place.
+        axes: (4,) rotation of the rest pose since the recording. A linear map becomes linear axes^-1.
+        turn: (4,) rotation of the whole motion in the world. A position x becomes turn x + place.
         place: (3,) displacement of the whole motion, metres.
-        size: scale relative to the recording: x becomes size x. It is applied before ``turn`` and ``place``.
-        mirrored: True if motion and rest pose were reflected in the plane x = 0: x becomes S x, and linear
-            becomes S linear S, with S = diag(-1, 1, 1). It is applied first.
-        ride: the node that carries the part, or None for the world.
+        size: scale relative to the recording. A position x becomes size x. The scale is applied before
+            ``turn`` and ``place``.
+        mirrored: True if motion and rest pose were reflected in the plane x = 0. A position x becomes S x,
+            and a linear map becomes S linear S, with S = diag(-1, 1, 1). The reflection is applied first.
+        ride: the attachment to the node that carries the part, or None if the part moves in the world.
         muted: True keeps the nodes in the first frame of the stream.
-        possession: the inputs of the solution, for solving again; None if it was not solved.
+        possession: the inputs for solving the stream again, or None if it was not solved.
     """
 
     take: str
@@ -119,9 +119,7 @@ class GraphPart(SolvedLayer):
         if not 0.0 < self.size < np.inf:
             raise InputError(f"it cannot be {self.size} times as large", where=where)
         if not (_is_rotation(self.axes) and _is_rotation(self.turn) and _is_finite(self.place, (3,))):
-            problem = (
-                f"it cannot be turned by {self.turn}, its axes by {self.axes}, and moved by {self.place}"
-            )
+            problem = f"rotation {self.turn}, axes {self.axes} or displacement {self.place} is not valid"
             raise InputError(
                 problem, where=where, remedy="Move the character again, or possess the mesh again."
             )
@@ -133,11 +131,11 @@ class GraphPart(SolvedLayer):
 
 @dataclass(frozen=True, eq=False)
 class GraphLayer(SolvedLayer):
-    """A layer that was performed on top of the motion of a graph shape. It contains the displacement of each
+    """A layer that was recorded on top of the motion of a graph shape. It contains the displacement of each
     node from its rest position.
 
-    Near a node, let B be the map from rest to world by the base motion, and D the map from rest to rest by
-    the layer. The node then maps points by B D. If there are several layers, the first is the outermost.
+    Near a node, let B be the map from rest to world of the base motion, and D the layer's map within the rest
+    space. The node maps points by B D. If there are several layers, the first is the outermost.
 
     Attributes:
         take: the id of the stream: positions and linear maps of the nodes, relative to the mesh at rest.

@@ -32,15 +32,15 @@ class GraphShape(RigBase):
         edges: (E, 2) int32 pairs of nodes, to be drawn.
         mesh: the surface at rest.
         skin: the four nodes that each vertex follows.
-        parts: the groups of nodes with their streams. Their node counts sum to N. Only an earlier part can
-            carry a part.
+        parts: the groups of nodes with their streams. Their node counts sum to N. A part can only be carried
+            by an earlier part.
         over: the layers on top of the parts, the outermost first.
         ends: (5, 3) the ends of head, left and right hand, left and right foot at rest, metres, if an artist
-            or a scan provided them; otherwise empty.
-        joints: (20, 3) the joints of a scanned person at rest, metres; otherwise empty.
+            or a scan provided them. Otherwise empty.
+        joints: (20, 3) the joints of a scanned person at rest, metres. Empty for other meshes.
 
     Raises:
-        InputError: if the parts do not fit together.
+        InputError: if the attributes are inconsistent.
     """
 
     id: str
@@ -87,18 +87,18 @@ class GraphShape(RigBase):
         return self.with_changes(parts=parts, over=upper_layers, root_layers=root)
 
     def check(self, held: Mapping[str, Mapping[str, Any]]) -> None:
-        """Raises an error if a take does not exist or does not fit."""
+        """Raises InputError if a take does not exist, or does not match the nodes."""
         super().check(held)
         for layer in (*self.parts, *self.over):
             node_count = held["streams"][layer.take].positions.shape[1]
             if layer.nodes.size and not 0 <= layer.nodes.min() <= layer.nodes.max() < node_count:
-                raise InputError(f"it plays nodes of {layer.take!r} that are not there", where=self.where)
+                raise InputError(f"it plays nodes of {layer.take!r} that do not exist", where=self.where)
 
     def without_layer(self, number: int) -> GraphShape:
         """Returns the shape without a layer on top of its motion.
 
         Raises:
-            InputError: for a part, since its nodes have no other motion.
+            InputError: if the layer is a part, since its nodes have no other motion.
         """
         if number < len(self.parts):
             advice = "Mute it, or cut that part off."
@@ -117,7 +117,7 @@ class GraphShape(RigBase):
 
 
 _REST_STREAM_ID = "rest"
-"""The id of the stream of a possessed mesh at rest."""
+"""The id of the motionless stream of a possessed mesh at rest."""
 
 
 def graph_shape_at_rest(name: str, nodes: Float, edges: Int32, mesh: Mesh) -> tuple[GraphShape, PoseStream]:
@@ -184,11 +184,11 @@ def _describe_problem(shape: GraphShape) -> str:
     if shape.positions.shape != (count, 3) or shape.starts[-1] != count or count == 0:
         return f"positions {shape.positions.shape} of {shape.starts[-1]} nodes"
     if shape.edges.size and not 0 <= shape.edges.min() <= shape.edges.max() < count:
-        return "an edge names a node that is not there"
+        return "an edge refers to a node that does not exist"
     if shape.ends.shape not in ((0, 3), (5, 3)) or not np.isfinite(shape.ends).all():
-        return f"ends {shape.ends.shape}, expected five places or none"
+        return f"ends {shape.ends.shape}, expected five positions or none"
     if shape.joints.shape not in ((0, 3), (20, 3)) or not np.isfinite(shape.joints).all():
-        return f"joints {shape.joints.shape}, expected twenty places or none"
+        return f"joints {shape.joints.shape}, expected twenty positions or none"
     vertices = (len(shape.mesh.vertices), 4)
     if shape.skin.indices.shape != vertices or shape.skin.weights.shape != vertices:
         return f"the skin is {shape.skin.indices.shape}, expected {vertices}"
@@ -196,10 +196,10 @@ def _describe_problem(shape: GraphShape) -> str:
         return f"a vertex follows node {int(shape.skin.indices.max())} of {count}"
     for part, start in zip(shape.parts, shape.starts, strict=False):
         if part.ride is not None and not 0 <= part.ride.node < start:
-            return f"a part rides on node {part.ride.node}, which does not come before it"
+            return f"a part rides on node {part.ride.node}, which is not a node of an earlier part"
     for layer in shape.over:
         if not 0 <= layer.own.min() <= layer.own.max() < count or len(set(layer.own.tolist())) < len(
             layer.own
         ):
-            return f"layer {layer.take!r} moves a node that is not there, or one twice"
+            return f"layer {layer.take!r} moves a node that does not exist, or moves a node twice"
     return ""

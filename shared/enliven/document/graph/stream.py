@@ -1,4 +1,4 @@
-"""A pose stream: the motion of a deformation graph's nodes, which is recorded or computed from keyframes."""
+"""A pose stream: the recorded or keyframed motion of a deformation graph's nodes."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ class PoseStream:
         linear: (F, N, 3, 3) float64 linear maps of the nodes, which are nearly rotations.
         positions: (F, N, 3) float64 metres, the positions of the nodes in the world.
         step: seconds from one frame to the next.
-        keys: the keys that the frames were computed from, in the order of time; empty for a performance.
+        keys: the keys that the frames were computed from, in the order of time. Empty for a performance.
         follow: (N, 4) for a stream of keys: the weight with which each node follows the keys (1 for the node
             with the keys), and the gradient (3,) of this weight per metre; see :func:`keyed_stream`.
 
     Raises:
-        InputError: if the arrays do not fit together or are not finite.
+        InputError: if the shapes of the arrays are inconsistent or values are not finite.
     """
 
     id: str

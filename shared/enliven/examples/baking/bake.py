@@ -6,8 +6,8 @@
 Weights and transforms are fitted alternately (smooth skinning decomposition, B. H. Le and Z. Deng, 2012).
 Transforms begin at the control points and spread over the surface. While the error is too large, more
 transforms are added where it is greatest. Weights are fitted to the frames that differ most from one another.
-Then the transforms of every frame are computed, and the error is measured. Frames are processed one after the
-other and are not stored.
+Then the transforms of every frame are computed, and the error is measured. Frames are processed in sequence
+and are not stored.
 """
 
 from __future__ import annotations
@@ -45,17 +45,18 @@ rotation, and scale along fixed axes.
 
 @dataclass(frozen=True, eq=False)
 class BakedSurface:
-    """Transforms of a mesh over time: x = sum_k w_k (linear_k (v - pivot_k) + place_k).
+    """Transforms of a skinned mesh over time. Vertex v moves to x = sum_k w_k (linear_k (v - pivot_k) +
+    place_k).
 
     Attributes:
         pivots: (K, 3) metres, at rest, on the surface.
         edges: (E, 2) int32 pairs of neighbouring transforms.
-        skin: four transforms per vertex.
+        skin: the numbers and the weights of four transforms per vertex.
         linear: (F, K, 3, 3) linear maps.
         places: (F, K, 3) positions of the pivots over time, metres.
         axes: (K, 3, 3) stretch axes Q, with linear = R Q diag(s) Q' for a rotation R and scales s. None if
             linear may be any map.
-        error: the error over all frames.
+        error: the difference from the solved surface, over all frames.
     """
 
     pivots: Float
@@ -75,14 +76,14 @@ def bake_surface(
     settings: BakeSettings | None = None,
     shear: bool = False,
 ) -> BakedSurface:
-    """Fits transforms to a surface.
+    """Fits the weights and transforms of a skinned mesh to an animated surface.
 
     Args:
         mesh: the mesh at rest.
         frames: returns an iterator over the vertices (V, 3) of each frame, in a coordinate frame that moves
             with the whole mesh.
         traits: (F, ...) features that distinguish frames, for example the positions of the control points.
-        held: vertices that always get a transform of their own.
+        held: numbers of the vertices at which a transform is always placed.
         shear: True to allow any affine map, as in a deformation graph. False allows only maps that a glTF
             node can represent.
     """
@@ -145,7 +146,7 @@ class _Fit:
 
     Attributes:
         indices, weights: (V, 4) of the welded mesh.
-        seeds, pivots: the positions of the transforms.
+        seeds: the vertices at which transforms are placed.
         maps: solver for the maps of a frame.
     """
 

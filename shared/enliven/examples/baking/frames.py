@@ -16,13 +16,14 @@ from enliven.rotation import from_rotation_vector, multiply, rotate
 
 @dataclass(eq=False)
 class SurfaceFrames:
-    """The frames of a surface that control points drive. Each call returns a new iterator over all frames.
+    """The vertices of a surface over time, solved from its control points. Each call returns a new iterator
+    over all frames.
 
     Attributes:
         puppet: the puppet with the surface.
         places: (F, P, 3) positions of the control points in the mesh's frame, metres.
-        kept: size of the cache in MB. If all frames fit into it, they are solved only once. Otherwise they
-            are solved again at each call.
+        kept: size of the cache in MB. If the cache can store all frames, they are solved only once. Otherwise
+            they are solved again at each call.
     """
 
     puppet: Puppet

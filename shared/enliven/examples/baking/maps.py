@@ -1,12 +1,12 @@
 """Solves all transforms of a frame of a baked surface together, by least squares.
 
-With the weights known, a frame's surface is linear in its K affine maps. The matrix of that system is the
-same for all frames, so it is factored once. The vertices of a frame are only needed for its right-hand side
-of 12 numbers per transform. All other steps use these numbers.
+If the weights are known, a frame's surface is linear in its K affine maps. The matrix of this least-squares
+system is the same for all frames, so it is factored once. The vertices of a frame are only needed for its
+right-hand side of 12 numbers per transform. All other steps use these numbers.
 
-If the maps must be possible for a glTF node, A = R Q diag(s) Q' with constant axes Q per transform, they are
-found block by block (B. H. Le and Z. Deng, "Smooth skinning decomposition with rigid bones", 2012, section
-4.2, extended by scale).
+A glTF node can only represent maps of the form A = R Q diag(s) Q', with constant axes Q per transform. Maps
+of this form are fitted transform by transform (B. H. Le and Z. Deng, "Smooth skinning decomposition with
+rigid bones", 2012, section 4.2, extended by scale).
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from enliven.rotation import nearest_quaternion, nearest_rotation, rotation_matr
 _PIVOT_WEIGHT = 1e-6
 """Weight that keeps a pivot at the position given by its rotation if the surface does not determine it."""
 _GLOBAL_ROTATION_WEIGHT = 1e-3
-"""Weight of the whole surface's rotation in the rotation of each transform. It resolves the ambiguity if a
-transform's own vertices lie on a line."""
+"""Weight of the whole surface's rotation in the fit of each transform's rotation. It resolves the ambiguity
+if a transform's vertices are on a line."""
 _TRANSFORM_SWEEPS = 4
 """Number of passes over all transforms, each solved with the others fixed."""
 _MIN_SCALE = 0.1
@@ -38,8 +38,8 @@ class Maps:
         rest: (V, 3) metres.
         pivots: (K, 3) metres.
         indices, weights: (V, 4) int32 and float64.
-        rigid: weight of the regularization towards a rotation. It acts in directions in which the surface
-            does not determine the map.
+        rigid: weight of the regularization towards a rotation, for directions in which the surface does not
+            determine the map.
 
     Attributes:
         axes: (K, 3, 3) the axes Q of the scales, or None if any maps are allowed.
@@ -54,8 +54,8 @@ class Maps:
         mass = np.array([self._gram[k, 3, k, 3] for k in range(count)])
         typical = max(float(spread.mean()), 1e-30)
         self._pull = np.empty((count, 4))
-        # A transform with few vertices would stretch wildly to fit them. So its regularization grows with the
-        # mean of its own spread and a typical spread.
+        # A transform with few vertices would stretch wildly to fit them. So its regularization uses the mean
+        # of its own spread and the typical spread.
         self._pull[:, :3] = (rigid * (spread + typical) / 2)[:, None]
         self._pull[:, 3] = _PIVOT_WEIGHT * mass + 1e-9 * max(float(mass.mean()), 1e-30)
         flat[np.diag_indices(4 * count)] += self._pull.ravel()
@@ -90,10 +90,10 @@ class Maps:
         self.axes = stretch_axes(maps[:, :, :3].transpose(0, 1, 3, 2))
 
     def _fit_rigid_motions(self, right: Float) -> tuple[Float, Float]:
-        """Fits rigid motions to each transform's own vertices.
+        """Fits a rigid motion per frame to the vertices of each transform.
 
         Returns:
-            (F, K, 3, 3) transposed rotations, and (F, K, 3) positions of the pivots under them.
+            (F, K, 3, 3) transposed rotations, and (F, K, 3) positions of the pivots after the motion.
         """
         weight = np.maximum(self._sums[:, 3], 1e-30)
         centre, moved_centre = self._sums[:, :3] / weight[:, None], right[:, :, 3] / weight[None, :, None]
@@ -136,7 +136,8 @@ def factor_of(matrix):
 
 @njit(cache=True, nogil=True)
 def moments_of(rest, pivots, indices, weights, vertices):
-    """Computes (K, 4, 3 F): sum_v w (v - pivot, 1) x' of the frames of ``vertices`` (V, 3 F)."""
+    """Computes the right-hand side (K, 4, 3 F) of the least squares: sum_v w (v - pivot, 1) x', with x from
+    ``vertices`` (V, 3 F)."""
     out = np.zeros((len(pivots), 4, vertices.shape[1]))
     for v in range(len(rest)):
         for s in range(4):
@@ -156,7 +157,7 @@ def moments_of(rest, pivots, indices, weights, vertices):
 
 @njit(cache=True, nogil=True)
 def first_moments(rest, pivots, indices, weights):
-    """Computes (K, 4): sum_v w (v - pivot, 1)."""
+    """Computes the first moments (K, 4) of the weights: sum_v w (v - pivot, 1)."""
     out = np.zeros((len(pivots), 4))
     for v in range(len(rest)):
         for s in range(4):
@@ -169,7 +170,8 @@ def first_moments(rest, pivots, indices, weights):
 
 @njit(cache=True, nogil=True)
 def gram_of(rest, pivots, indices, weights):
-    """Computes (K, 4, K, 4): sum_v w_k w_l (v - pivot_k, 1)(v - pivot_l, 1)'."""
+    """Computes the Gram matrix (K, 4, K, 4) of the least squares: sum_v w_k w_l (v - pivot_k, 1)(v - pivot_l,
+    1)'."""
     count = len(pivots)
     out = np.zeros((count, 4, count, 4))
     row = np.empty((4, 4))
@@ -191,10 +193,10 @@ def gram_of(rest, pivots, indices, weights):
 
 @njit(cache=True, nogil=True)
 def separable(gram, right, axes, sweeps, maps):
-    """Restricts ``maps`` (F, K, 4, 3) to R Q diag(s) Q', block by block, in place.
+    """Restricts ``maps`` (F, K, 4, 3) in place to the form R Q diag(s) Q', one transform at a time.
 
-    Each block takes its best rotation, scales and position with the others fixed. Its part of the system
-    reduces to |(A - A_k) H^(1/2)|², with A_k and H from the elimination of its position.
+    The best rotation, scales and position of each transform are computed with the others fixed. Its part of
+    the system reduces to |(A - A_k) H^(1/2)|², and A_k and H follow from the elimination of its position.
     """
     frames, count = maps.shape[0], maps.shape[1]
     linked = np.zeros((count, count), np.bool_)
@@ -217,7 +219,8 @@ def separable(gram, right, axes, sweeps, maps):
 
 @njit(cache=True, nogil=True)
 def _solve_transform(own, left, axes, fresh, found):
-    """Computes the best R Q diag(s) Q' and position of one transform, into ``found`` (4, 3)."""
+    """Computes the best map R Q diag(s) Q' and position of one transform, and writes them to ``found`` (4,
+    3)."""
     mass = own[3, 3]
     # Find N = A H by eliminating the position. Rows are world axes, and columns are the scale axes.
     flat, spread = np.zeros((3, 3)), np.zeros((3, 3))
@@ -250,7 +253,7 @@ def _solve_transform(own, left, axes, fresh, found):
 
 @njit(cache=True, nogil=True)
 def skinned(rest, pivots, indices, weights, maps, out):
-    """Computes into ``out`` (V, 3) the vertices skinned by one frame's ``maps`` (K, 4, 3)."""
+    """Computes the vertices skinned by one frame's ``maps`` (K, 4, 3), and writes them to ``out`` (V, 3)."""
     for v in range(len(rest)):
         p = q = r = 0.0
         for s in range(4):
@@ -267,10 +270,11 @@ def skinned(rest, pivots, indices, weights, maps, out):
 
 @njit(cache=True, nogil=True)
 def add_errors(rest, pivots, indices, weights, maps, wanted, squares, worst):
-    """Adds the square errors of ``wanted`` (V, F, 3) to ``squares`` (V,), and raises ``worst`` (V,) to them.
+    """Measures the square errors of skinned vertices relative to their true positions ``wanted`` (V, F, 3).
 
-    Returns:
-        The greatest square error of each frame (F,).
+    The errors are added to ``squares`` (V,), and their maximum is kept in ``worst`` (V,).
+
+    Returns the largest square error of each frame (F,).
     """
     of_frame = np.zeros(maps.shape[0])
     out = np.empty((len(rest), 3))

@@ -2,7 +2,7 @@
 frame.
 
 The targets are the principal components of the frames that differ most. The required error determines their
-number. A rotation of a part is not a sum of shapes, so large rotations need many targets. In that case,
+number. A rotation is not a sum of shapes, so large rotations need many targets. For large rotations,
 transforms (:mod:`enliven.examples.baking.bake`) need less data.
 """
 
@@ -20,7 +20,7 @@ from enliven.meshes import Mesh
 _MAX_REFITS = 4
 """Maximum number of times that frames with too large errors are added to the chosen ones."""
 _NORMAL_REGULARIZATION = 1e-4
-"""Regularization of the changes of normals, relative to the targets' own size."""
+"""Regularization of the fit of the normals' changes, relative to the size of the targets."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +29,9 @@ class BakedMorphs:
 
     Attributes:
         targets: (N, V, 3) metres.
-        normals: (N, V, 3) the change of the normals by each target.
-        weights: (F, N) the weights of the targets, about -2 to 2.
-        error: over all frames.
+        normals: (N, V, 3) the change of the vertex normals per unit weight of each target.
+        weights: (F, N) the weights of the targets in each frame, about -2 to 2.
+        error: the difference from the solved surface, over all frames.
     """
 
     targets: Float
@@ -69,7 +69,7 @@ def bake_morphs(
 
 def _gather_displacements(mesh: Mesh, frames: Frames, chosen: list[int]) -> tuple[Float, Float]:
     """Returns the vertices' displacements (C, 3 V) from rest in the chosen frames, and the changes of their
-    normals.
+    normals (C, 3 V).
     """
     displacements, normals = (
         np.empty((len(chosen), mesh.vertices.size)),
@@ -85,7 +85,8 @@ def _gather_displacements(mesh: Mesh, frames: Frames, chosen: list[int]) -> tupl
 
 
 def _vertex_displacements(mesh: Mesh, vertices: Float) -> tuple[Float, Float]:
-    """Returns (3 V,) displacements of vertices (V, 3) from rest, and the changes of their normals."""
+    """Returns the displacements (3 V,) of vertices (V, 3) from rest, and the changes of their normals (3
+    V,)."""
     moved_normals = Mesh(vertices, mesh.faces, mesh.name).vertex_normals() - mesh.vertex_normals()
     return (vertices - mesh.vertices).ravel(), moved_normals.ravel()
 

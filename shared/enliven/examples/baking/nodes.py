@@ -33,8 +33,8 @@ class EdgeGraph:
         self.lengths: csr_matrix = (half + half.T).tocsr()
 
     def away(self, seeds: Sequence[int], limit: float = np.inf) -> Float:
-        """Returns (S, V) geodesic distances along the edges from each seed, metres; infinite beyond the
-        limit.
+        """Returns (S, V) geodesic distances along the edges from each seed, metres. Distances above the limit
+        are infinite.
         """
         return np.asarray(dijkstra(self.lengths, directed=False, indices=list(seeds), limit=limit))
 
@@ -57,8 +57,8 @@ class Seeds:
     def grow(self, scores: Float, count: int) -> int:
         """Adds up to ``count`` seeds, each at the vertex with the highest remaining score (V,).
 
-        A vertex nearer to a new seed than half of the seed's distance to the next one is no longer a
-        candidate.
+        A vertex is no longer a candidate if its distance to a new seed is less than half the distance from
+        that seed to the nearest earlier seed.
 
         Returns:
             The number of added seeds.

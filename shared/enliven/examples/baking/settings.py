@@ -1,4 +1,4 @@
-"""The settings of a bake, and its error."""
+"""The settings of baking, and the error of a baked surface."""
 
 from __future__ import annotations
 
@@ -63,8 +63,8 @@ class BakeError:
     Attributes:
         rms: root mean square error in metres.
         worst: maximum error in metres, of any vertex in any frame.
-        frame: the frame with the worst error.
-        vertex: the vertex of the mesh with the worst error.
+        frame: the frame with the maximum error.
+        vertex: the vertex with the maximum error.
         size: metres, the diagonal of the mesh's bounding box at rest.
     """
 

@@ -3,8 +3,8 @@
 B. H. Le and Z. Deng, "Smooth skinning decomposition with rigid bones", 2012, section 4.1: if the transforms
 are known, each vertex is a separate least-squares problem. Let d_k(t) be the difference between the vertex
 moved by transform k at time t and its true position. Then w minimizes sum_t |sum_k w_k d_k(t)|² = w' D w,
-since the weights sum to one. Two parts are added here. A pull towards the mean of the neighbours' weights
-keeps the surface smooth between frames. The old weights are kept if the new weights are not better.
+since the weights sum to one. This module adds two rules to the paper. A smoothness term pulls the weights
+towards the mean of the neighbours' weights. The old weights are kept if the new weights are not better.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from enliven.kernels import njit
 
 _MAX_TRANSFORMS_PER_VERTEX = 4
-"""Maximum number of transforms per vertex. One joint set in glTF, and the viewer's shader, have four."""
+"""Maximum number of transforms per vertex. A joint set in glTF and the viewer's shader support four."""
 
 
 @njit(cache=True, nogil=True)
@@ -25,11 +25,11 @@ def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, in
         rest: (V, 3).
         wanted: (V, 3 F) positions of the vertices, frame by frame.
         pivots: (K, 3).
-        maps: (K, 4, 3 F) x = (v - pivot, 1) map.
+        maps: (K, 4, 3 F) affine maps: x = (v - pivot, 1) map.
         candidates: (V, C) int32, -1 for none.
         near, starts: adjacency list; the neighbours of vertex v are near[starts[v]:starts[v + 1]].
-        smooth: weight of the smoothness term: square metres over all frames per unit difference from the
-            neighbours.
+        smooth: weight of the smoothness term: square metres, summed over all frames, per squared difference
+            from the neighbours' weights.
     """
     count, most = len(rest), candidates.shape[1]
     old_indices, old_weights = indices.copy(), weights.copy()
@@ -77,8 +77,8 @@ def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, in
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _transform_differences(at, own, wanted, out):
-    """Writes to ``out`` (3 F) the difference between ``at`` (3,), moved by a transform (4, 3 F), and
-    ``wanted``.
+    """Writes the differences between a moved vertex and its true positions ``wanted`` (3 F,) to ``out`` (3
+    F,). The vertex is at ``at`` (3,) relative to the pivot at rest, and ``own`` (4, 3 F) moves it.
     """
     x, y, z = at
     for j in range(len(out)):
@@ -98,8 +98,8 @@ def solve_bounded(gram, pull, smooth, there, free, room, found):
     """Solves for the weights of one vertex, at most four above zero, and writes them to ``found``. Returns
     False if no solution exists.
 
-    First negative weights are removed, the lowest first. Then the smallest weights are removed until four are
-    left.
+    First, negative weights are set to zero, the lowest first. Then the smallest weights are set to zero until
+    four are left.
     """
     scale = 0.0
     for c in range(there):

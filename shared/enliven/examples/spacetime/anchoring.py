@@ -22,8 +22,8 @@ def stand(turned, feet, stands, grip, first, last, root, anchors):
         turned: (F, P, 3) metres, the control points with the yaw applied.
         feet: (K,) numbers of the control points that the mesh can stand on.
         stands: (F, K) bool, True for feet that the performer stands on; all False if unknown.
-        grip: if ``stands`` is unknown, minimum height difference in metres at which another, lower foot
-            becomes the anchor.
+        grip: only used if ``stands`` is unknown. Another foot becomes the anchor if it is lower than the
+            anchor by at least this height, metres.
         root: (F, 3) metres, output.
         anchors: (F,) numbers of control points, -1 in flight, output.
     """
@@ -35,8 +35,8 @@ def stand(turned, feet, stands, grip, first, last, root, anchors):
         anchor = _choose_anchor(turned[f], feet, stands[f], before, lowest + grip)
         anchors[f] = anchor
         if f > 0:
-            # Between the previous frame and this one, keep the new anchor fixed, even if another point was
-            # the anchor in the previous frame.
+            # The anchor of this frame stays fixed from the previous frame to this frame, even if another
+            # point was the anchor there.
             for c in range(3):
                 root[f, c] = root[f - 1, c] + turned[f - 1, anchor, c] - turned[f, anchor, c]
         root[f, 1] = -lowest
@@ -47,8 +47,9 @@ def _choose_anchor(places, feet, stands, before, highest):
     """Chooses the anchor of a frame; ``before`` is the anchor of the previous frame (-1 for none).
 
     The previous anchor stays the anchor while the performer stands on it. Otherwise the lowest standing foot
-    becomes the anchor, the first one of several. If ``stands`` is unknown, the previous anchor stays while it
-    is not above ``highest``, and otherwise the lowest foot becomes the anchor.
+    becomes the anchor. Of several equally low feet, the first becomes the anchor. If ``stands`` is unknown,
+    the previous anchor stays the anchor while its height is at most ``highest``. Otherwise the lowest foot
+    becomes the anchor.
     """
     has_standing = stands.any()
     best, height = -1, np.inf

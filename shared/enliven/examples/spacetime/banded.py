@@ -1,8 +1,9 @@
 """The spacetime system, solved by a band factorization: block LDL' of 3x3 blocks, two off the diagonal.
 
 The unknowns of the paper's system (eq. 24) are the weights of all frames. They are eliminated within each
-frame; module ``bounded`` gives the positions c = base - give q for a pull q. This leaves the accelerations y
-= lambda A c (eq. 20, 21), with (A c)_i = c_(i-1) - 2 c_i + c_(i+1) and q = lambda A' y:
+frame; module ``bounded`` computes the positions c = base - give q for a pull q. This leaves only the
+accelerations as unknowns, y = lambda A c (eq. 20, 21), with (A c)_i = c_(i-1) - 2 c_i + c_(i+1) and q =
+lambda A' y:
 
     (1 + lambda^2 A give A') y = lambda A base
 
@@ -19,7 +20,7 @@ from enliven.kernels import njit
 
 
 class Band:
-    """The factorization of one control point's system.
+    """The LDL' factorization of one control point's banded system.
 
     Args:
         compliances: (F, 3, 3) the response (compliance) of the positions to a pull, symmetric and positive
@@ -122,7 +123,7 @@ def substitute(inverse, one, two, out):
 
 @njit(cache=True, nogil=True, inline="always")
 def _multiply(a, b, out):
-    """Computes ``out`` = a b."""
+    """Computes the matrix product ``out`` = a b."""
     for i in range(3):
         for j in range(3):
             out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
@@ -130,7 +131,7 @@ def _multiply(a, b, out):
 
 @njit(cache=True, nogil=True, inline="always")
 def _subtract_product(out, a, b):
-    """Computes ``out`` -= a b'."""
+    """Subtracts a b' from ``out`` in place."""
     for i in range(3):
         for j in range(3):
             out[i, j] -= a[i, 0] * b[j, 0] + a[i, 1] * b[j, 1] + a[i, 2] * b[j, 2]
@@ -138,7 +139,7 @@ def _subtract_product(out, a, b):
 
 @njit(cache=True, nogil=True, inline="always")
 def _invert_symmetric(d, out):
-    """Computes ``out`` = d^-1 of a symmetric d with eigenvalues of one or more."""
+    """Computes ``out`` = d^-1 for a symmetric matrix d with eigenvalues of one or more."""
     a, b, c = d[0, 0], 0.5 * (d[0, 1] + d[1, 0]), 0.5 * (d[0, 2] + d[2, 0])
     e, f, g = d[1, 1], 0.5 * (d[1, 2] + d[2, 1]), d[2, 2]
     out[0, 0], out[0, 1], out[0, 2] = e * g - f * f, c * f - b * g, b * f - c * e

@@ -1,13 +1,14 @@
-"""Solves for weights within bounds: the exact solution of a small quadratic program per frame and point.
+"""Solves for weights within bounds, by the exact solution of a small quadratic program per frame and control
+point.
 
-A node is one control point at one frame. Let q (3,) be the pull on it, w its weights, and r its offset from
-the weighted examples. They minimize
+A node is one control point at one frame. Let q (3,) be the pull (generalized force) on it, w its weights, and
+r its offset from the weighted examples. They minimize
 
     argmin  w' M w / 2 - b' w + |r|^2 / (2 slack) + q' (C' w + r + o),      low <= w <= high.
 
-For a fixed set of weights at their bounds, w = still - swing q and c = C' w + r + o = base - give q. These
-sets are found by pivoting. At first, all wrong weights change between free and bounded at once. If that
-cycles, they change one by one (Murty's least-index rule, which always terminates).
+For a fixed set of weights at their bounds, w = still - swing q and c = C' w + r + o = base - give q. The sets
+of weights at their bounds are found by pivoting. At first, all wrong weights change between free and bounded
+at once. If this cycles, weights change one by one (Murty's least-index rule, which always terminates).
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ _JOINT_CHANGE_ROUNDS = 6
 
 @dataclass
 class BoundedQuadratics:
-    """The quadratic programs of P points in F frames, with E weights each: one per node.
+    """The quadratic programs of P points in F frames. Each pair of point and frame is a node with E weights.
 
     :meth:`respond` computes ``still`` and the arrays after it.
 
@@ -37,9 +38,9 @@ class BoundedQuadratics:
         slack: (P, F, 3) the variance of the offset r from the weighted examples. Zero along a fixed axis.
         state: (P, F, E) int8: -1 for a weight at its low bound, 0 free, 1 at its high bound, 2 unknown.
         still: (P, F, E) the weights without a pull.
-        swing: (P, F, E, 3) the decrease of the weights per pull.
+        swing: (P, F, E, 3) the decrease of the weights per unit of pull.
         base: (P, F, 3) the position without a pull, metres.
-        compliance: (P, F, 3, 3) the decrease of the position per pull.
+        compliance: (P, F, 3, 3) the decrease of the position per unit of pull.
         min_energy: (P, F) the minimum energy without a pull.
     """
 
@@ -85,7 +86,8 @@ class BoundedQuadratics:
         """Computes the positions ``places`` (P, F, 3) for a pull (P, F, 3).
 
         Returns:
-            The number of nodes with a changed set of weights at bounds, and the sum of the minimum energies.
+            The number of nodes in which a weight reached or left a bound, and the sum of the minimum
+            energies.
         """
         lower = (self.matrix, self.right, self.reach, self.offset, self.slack, self.state)
         results = (self.still, self.swing, self.base, self.compliance, self.min_energy)
@@ -93,7 +95,7 @@ class BoundedQuadratics:
         return int(changed), float(energy)
 
     def arrays_of(self, point: int) -> tuple[tuple[AnyArray, ...], tuple[AnyArray, ...]]:
-        """Returns a point's arrays for the kernels: the inputs, and the results."""
+        """Returns two tuples with a point's arrays for the kernels: inputs and results."""
         names = list(self.__dataclass_fields__)
         arrays = tuple(getattr(self, name)[point] for name in names)
         return arrays[:6], arrays[6:]
@@ -129,13 +131,14 @@ def workspace(most):
 
 @njit(cache=True, nogil=True)
 def answers(node, known, pull, a, b, low, high, work, places, marks):
-    """Kernel: computes the positions of the nodes a..b of a point for a pull (F, 3), into ``places``.
+    """Kernel: computes the positions of the nodes a..b of a point for a pull (F, 3), and writes them to
+    ``places``.
 
     ``node`` and ``known`` are the point's arrays, in the order of :class:`BoundedQuadratics`. ``marks`` (F,)
-    receives True for frames with a new set of weights at bounds.
+    receives True for frames in which a weight reached or left a bound.
 
     Returns:
-        The number of these frames, and the sum of the least energies.
+        The number of these frames, and the sum of the minimum energies.
     """
     matrix, right, reach, _, _, state = node
     still, swing, base, give, least = known
@@ -165,7 +168,7 @@ def answers(node, known, pull, a, b, low, high, work, places, marks):
         cy = base[f, 1] - give[f, 1, 0] * qx - give[f, 1, 1] * qy - give[f, 1, 2] * qz
         cz = base[f, 2] - give[f, 2, 0] * qx - give[f, 2, 1] * qy - give[f, 2, 2] * qz
         places[f, 0], places[f, 1], places[f, 2] = cx, cy, cz
-        # The positions are the gradient of the least energy. Within one quadratic piece they are exact.
+        # The positions are the gradient of the minimum energy. Within one quadratic piece they are exact.
         along = qx * (base[f, 0] + cx) + qy * (base[f, 1] + cy) + qz * (base[f, 2] + cz)
         energy += least[f] + 0.5 * along
     return changed, energy
@@ -215,7 +218,7 @@ def _pivot_states(matrix, f, work, low, high):
         if first < 0:
             return
         last = most if turn < _JOINT_CHANGE_ROUNDS else first + 1
-        # Judge all weights by the same values, which do not change within this loop.
+        # Decide for all weights from the same values. They do not change within this loop.
         for e in range(first, last):
             if _is_wrong(matrix, f, g, state, w, low, high, e):
                 state[e] = 0 if state[e] != 0 else (-1 if w[e] < low else 1)
@@ -242,8 +245,8 @@ def _factor_free_part(matrix, f, work):
 
 @njit(cache=True, nogil=True, inline="always")
 def _fill_weights(matrix, f, work, count, low, high):
-    """Computes the weights: weights at bounds get the bounds, and free weights solve the remaining system for
-    g.
+    """Computes all weights. Weights at a bound get the value of the bound, and free weights solve the
+    remaining system with the right-hand side g.
     """
     w, g, free, factor, state = work
     for e in range(len(w)):
@@ -267,7 +270,8 @@ def _fill_weights(matrix, f, work, count, low, high):
 
 @njit(cache=True, nogil=True, inline="always")
 def _linear_terms(node, known, f, qx, qy, qz, work):
-    """Computes the linear terms of a node. Its states, weights at a pull and factor are in ``work``."""
+    """Computes the linear terms (``still``, ``swing``, ``base``, ``give``) of a node. Its states, factor and
+    weights for the pull are in ``work``."""
     matrix, right, reach, offset, slack, _ = node
     still, swing, base, give, least = known
     w, _, free, factor, state = work

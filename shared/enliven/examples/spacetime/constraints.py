@@ -4,10 +4,10 @@
     Velocity("left foot", frame=11, velocity=(0, 0, 0))           # from the frame before to this one
     Coupling("left foot", "right foot", frame=30, axes="y")       # equal heights: a change of anchor
 
-Each constraint sets one coordinate, or the difference of two, axis by axis. So the constraints form a forest
-(union-find). If a coordinate is linked to a known value, it becomes known too, and is eliminated from its
-node. A constraint that would close a cycle is dropped if it agrees with the others, and raises an error if it
-contradicts them. The remaining constraints are independent.
+Each constraint sets one coordinate, or the difference of two, axis by axis. So the coordinates form a forest
+with constraints as edges (union-find). If a coordinate is linked to a known value, it becomes known too, and
+is eliminated from its node. A constraint that would close a cycle is dropped if it agrees with the others,
+and raises an error if it contradicts them. The remaining constraints are independent.
 """
 
 from __future__ import annotations
@@ -82,8 +82,8 @@ _Link = tuple[Constraint, _Node, _Node | None, float]
 
 
 def _coordinate_links(one: Constraint, examples: Examples, frames: int, step: float) -> Iterator[_Link]:
-    """Splits a constraint into one link per coordinate: (constraint, a, b, value) means a - b = value, or a =
-    value if b is None.
+    """Splits a constraint into one link per coordinate. A link (constraint, a, b, value) means a - b = value,
+    or a = value if b is None.
     """
     _check_constraint(one, frames)
     p, f = examples.point(one.point), one.frame
@@ -139,8 +139,8 @@ class _Forest:
                 advice = "Remove or change one of them."
                 raise InputError(f"{why} contradicts {contradicted}", where=_ERROR_PLACE, remedy=advice)
             return False
-        # If one of the roots is the ground (None), keep the ground as the root, so that values remain
-        # absolute. ``of_x`` is x minus its root.
+        # If one of the roots is the ground (None), keep it as the root, so that values remain absolute.
+        # ``of_x`` is x minus its root.
         if root_a is None:
             self._above[root_b] = (root_a, of_a - of_b - value)
         else:

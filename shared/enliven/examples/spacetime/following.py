@@ -5,8 +5,8 @@ floor.
     pull, held = following.next(off, stands)         # frame by frame, in a take and live
 
 The feet of a mesh slip slightly at every step, so the mesh would drift away from a performer that stays in
-place. If its distance from the path exceeds a maximum (the leash), it is slowly pulled back. Meanwhile, a
-standing foot stays in place, and returns to its position in the mesh when it is lifted.
+place. If its distance from the path exceeds a maximum (the leash), the mesh is slowly pulled back. Meanwhile,
+a standing foot stays in place on the floor. It returns to its position in the mesh when it is lifted.
 
 A position on the floor is a complex number here: x + iz, metres.
 """
@@ -22,10 +22,11 @@ from enliven.arrays import Complex, Float
 from enliven.document import LocomotionSettings
 
 _STEPPING_PULL_S = 0.5
-"""Time constant, in seconds, of the pull on a mesh that steps: about a stride, so that it is not visible."""
+"""Time constant, in seconds, of the pull on a mesh that steps. It is about a stride, so that the pull is not
+visible."""
 _GLIDING_PULL_S = 0.02
-"""Time constant, in seconds, of the pull on a mesh that does not step: short, so that it does not lag
-behind."""
+"""Time constant, in seconds, of the pull on a mesh that does not step. It is short, so that the mesh does not
+lag behind."""
 _MAX_FOOT_DISPLACEMENT = 0.1
 """Maximum displacement of a standing foot, as a fraction of the mesh's size. More would visibly stretch its
 leg."""
@@ -33,7 +34,8 @@ _MAX_PATH_LEASHES = 2.0
 """Maximum distance from the path, as a multiple of the leash. Larger distances are corrected even if standing
 feet slide."""
 _SLIDING_PULL_S = 0.2
-"""Time constant, in seconds, of the correction of such larger distances: short, but without a jump."""
+"""Time constant, in seconds, of the correction of distances above :data:`_MAX_PATH_LEASHES`. It is short, but
+long enough to avoid a jump."""
 
 
 class PathFollower:
@@ -43,7 +45,7 @@ class PathFollower:
         size: size of the mesh, metres.
         settings: the length of the leash, and the time in which a foot returns to its position.
         step: seconds between frames.
-        feet: number of feet with which it steps; 0 for a mesh that does not step.
+        feet: number of feet with which the mesh steps, 0 if it does not step.
 
     Attributes:
         held: for each foot, its displacement on the floor from its position in the mesh, metres.
@@ -85,7 +87,7 @@ class PathFollower:
 
 
 def _part_beyond_circle(off: complex, radius: float) -> complex:
-    """Returns the part of a displacement outside a circle."""
+    """Returns the part of the displacement ``off`` beyond a circle of ``radius`` about 0, or 0 inside it."""
     distance = abs(off)
     return (distance - radius) / distance * off if distance > radius else 0j
 

@@ -6,8 +6,8 @@
 
 In contact the lowest foot is on the floor, and the anchor does not move over it. The anchor is the lowest
 foot. It changes only when another foot is clearly lower. In flight the mesh keeps its take-off velocity. Its
-vertical velocity is chosen so that it lands when the performer lands. In the free mode, the vertical take-off
-velocity is kept instead.
+vertical velocity is chosen so that it lands when the performer lands. In the free mode, the mesh keeps its
+vertical take-off velocity instead.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class PlacedMotion:
     Attributes:
         world: (F, P, 3) metres, the control points; the floor is y = 0.
         root: (F, 3) metres: world = mesh rotated by yaw, plus root.
-        anchors: (F,) the number of the control point that stays in place on the floor; -1 in flight.
+        anchors: (F,) the number of the control point that stays in place on the floor. It is -1 in flight.
         switches: the resulting switches between contact and flight.
     """
 
@@ -72,7 +72,7 @@ def find_switches(
 
 
 def standing_feet(feet: Float, step: float, size: float, settings: LocomotionSettings | None = None) -> Bool:
-    """Returns (F, K) true for feet of the performer that touch the floor, with the criteria of
+    """Returns (F, K) True for feet of the performer that touch the floor. The criteria are those of
     :func:`find_switches`."""
     settings = settings or LocomotionSettings()
     contact = settings.contact
@@ -118,13 +118,13 @@ def place_motion(
         yaw: (F,) radians, the yaw of the performer.
         step: seconds between frames.
         switches: ascending, the first at frame 0.
-        feet: numbers of the control points that it can stand on.
-        stands: (F, K) true for feet that the performer stands on (:func:`standing_feet`). These feet are the
-            anchors, each until it is lifted. If None, the lowest foot is the anchor, independent of the
+        feet: numbers of the control points that the mesh can stand on.
+        stands: (F, K) True for feet that the performer stands on (:func:`standing_feet`). Each of these feet
+            is the anchor until it is lifted. If None, the lowest foot is the anchor, independent of the
             performer.
 
     Raises:
-        InputError: if switches are out of order or outside the motion, or without feet.
+        InputError: if switches are out of order or outside the motion, or if ``feet`` is empty.
     """
     settings = settings or LocomotionSettings()
     rotated = rotate_about_y(np.asarray(places, np.float64), np.asarray(yaw)[:, None])
@@ -163,13 +163,13 @@ class _RootPath:
         self._done = 0
 
     def compute_contact(self, first: int, last: int) -> None:
-        """Computes contact from frame ``first`` to ``last``."""
+        """Computes the roots and anchors of frames ``first`` to ``last``, which have floor contact."""
         first = max(first, self._done)
         stand(self._turned, self._feet, self._stands, self._grip, first, last, self.root, self.anchors)
         self._done = max(self._done, last + 1)
 
     def compute_flight(self, until: int) -> None:
-        """Computes flight from the last finished frame to the frame ``until``."""
+        """Computes the roots in flight, from the last finished frame to the frame ``until``."""
         start = self._done
         if start >= until:
             return

@@ -5,11 +5,12 @@ w is
 
     |sum_e w_e (j_e - j)|^2  +  affine^2 (sum_e w_e - 1)^2  +  sum_e t_e w_e^2            (eq. 14, 16)
 
-in sizes of the performer. The first two terms are the paper's, in a form that is invariant to the performer's
-position. t_e grows with the distance of example e from the pose and is zero at the example itself. So if the
-pose equals an example, its weight is one and all others are zero (law 3). If many weights explain a pose,
-near examples are preferred. When an example leaves the set of nearest ones, its t_e grows without bound, so
-that the weights change continuously when another example replaces it.
+with positions in units of the performer's size. The first two terms are the paper's, in a form that is
+invariant to the performer's position. t_e grows with the distance of example e from the pose and is zero at
+the example itself. So if the pose equals an example, its weight is one and all others are zero (law 3). If
+many weights explain a pose, near examples are preferred. When an example is about to leave the set of nearest
+examples, its t_e grows without bound. So its weight is zero when another example replaces it, and weights
+change continuously.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ from enliven.examples.spacetime.bounded import BoundedQuadratics
 from enliven.kernels import njit
 
 _MIN_EXCLUDED_DISTANCE = 1e-6
-"""Minimum relative distance to the first excluded example. It limits t_e of an example that is about to leave
-the set."""
+"""Minimum relative distance to the first example that is not in the set of nearest examples. It limits t_e of
+an example that is about to leave the set."""
 
 
 class Nearest:
@@ -47,8 +48,8 @@ class Nearest:
         """Computes the energies of some control points at all frames, with E = min(n, nearest) weights each.
 
         The energies are w' matrix w / 2 - right' w plus a constant. ``reach`` contains the control points'
-        positions in the examples relative to their centre, in sizes of the mesh. If ``spare`` (nodes of the
-        same number of points) is given, the results are written into it.
+        positions in the examples relative to their centre, in units of the mesh's size. If ``spare`` (nodes
+        of the same number of points) is given, the results are written into it.
         """
         frames, count = self._whole.shape
         weight_count = min(self._settings.nearest, count)

@@ -1,11 +1,11 @@
 """Solves one control point's trajectory in compiled code: Newton's method on the dual, globally and in
 windows.
 
-When weights reach or leave their bounds, the piecewise quadratic energy switches to another piece, usually at
-a few frames. After each step over all frames, windows around these frames are solved with the other frames
-fixed. Then all frames are solved again. A step over all frames that would not decrease the energy is damped.
-The iteration ends when a step over all frames changes no piece. The solution is then exact. With costs far
-outside the range of the settings, it may stop after many rounds with the best result so far.
+When weights reach or leave their bounds, the piecewise quadratic energy switches to another piece. This
+usually happens at few frames. After each step over all frames, windows around these frames are solved with
+the other frames fixed. Then all frames are solved again. A step over all frames that would not decrease the
+energy is damped. The iteration ends when a step over all frames changes no piece. The solution is then exact.
+With costs far outside the range of the settings, it may stop after many rounds with the best result so far.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ _MAX_ROUNDS = 60
 """Maximum number of Newton steps over all frames. The iteration ends earlier if no frame changes its
 quadratic piece."""
 _MAX_STEPS = np.int64(40)
-"""Maximum number of Newton steps in a window. As a plain int it would be a Numba type of its own (a
-literal)."""
+"""Maximum number of Newton steps in a window. It is an int64, because Numba gives a plain int a separate type
+(a literal)."""
 _MAX_HALVINGS = 20
-"""Maximum number of halvings of a step, which leave a millionth of it."""
+"""Maximum number of halvings of a step. A millionth of the step is left then."""
 
 
 @njit(cache=True, nogil=True)
@@ -108,8 +108,8 @@ def _solve_windows(node, known, y, goal, how, work, places, marks, band):
 
 @njit(cache=True, nogil=True)
 def _solve_rows(node, known, y, goal, a, b, how, work, places, marks, band, most):
-    """Runs damped Newton steps on rows a..b, with the others fixed. Returns the dual of their frames, and the
-    step count."""
+    """Runs damped Newton steps on rows a..b, with the other rows fixed. Returns the dual energy of the
+    affected frames, and the number of steps."""
     _, value = _evaluate_rows(node, known, y, a, b, how, work, places, marks, band)
     before = np.empty((b - a, 3))
     for step in range(most):
@@ -134,8 +134,8 @@ def _solve_rows(node, known, y, goal, a, b, how, work, places, marks, band, most
 
 @njit(cache=True, nogil=True)
 def _evaluate_rows(node, known, y, a, b, how, work, places, marks, band):
-    """Evaluates the nodes at the frames that rows a..b affect. Returns the number of changed ones, and the
-    dual (minimized)."""
+    """Evaluates the nodes at the frames that rows a..b affect. Returns the number of changed nodes, and the
+    dual energy, which is to be minimized."""
     weight, low, high = how
     rows, value, last = len(y), 0.0, min(b + 2, len(places))
     pull = band[4]

@@ -59,7 +59,7 @@ def lock_feet(
 
 
 def _lock_position(foot_path: Float, anchor: Bool) -> Float:
-    """Returns the position (3,) to which a foot with path (N, 3) is locked: where it becomes the anchor, or
-    else the mean of its path.
+    """Returns the position (3,) to which a foot with path (N, 3) is locked. This is the position at which the
+    foot becomes the anchor, or the mean of its path if it never does.
     """
     return np.asarray(foot_path[anchor.argmax()] if anchor.any() else foot_path.mean(0))

@@ -4,10 +4,11 @@ Section 5, eq. 24. With weights w, offsets r from the weighted examples, and c =
 
     minimise  sum of the nodes' energies + lambda^2 |A c|^2 / 2     with H c = h and low <= w <= high.
 
-Positions are eliminated node by node. Velocities and couplings (H) have Lagrange multipliers, solved by a
-bordered system of the band. Because of the bounds, the response of a node to a pull is piecewise linear.
-Newton's method on the dual, which is convex and once differentiable, solves the band for the current pieces
-until no piece changes. Every step is a banded solve, and is shortened if the dual would not decrease.
+Here A computes second differences over frames, and ``middle`` is the mean position in the examples. Positions
+are eliminated node by node. Velocities and couplings (H) have Lagrange multipliers, which border the banded
+system. Because of the bounds, the response of a node to a pull is piecewise linear. Newton's method on the
+dual, which is convex and once differentiable, solves the band for the current pieces until no piece changes.
+Every step is a banded solve, and is shortened if the dual would not decrease.
 """
 
 from __future__ import annotations
@@ -58,10 +59,10 @@ def solve(
     Args:
         nodes_of: builds the nodes of some points, reusing the memory of finished nodes.
         conditions: the constraints of P points and F frames.
-        weight: lambda (see the module), for times in frames.
+        weight: lambda (see the module), with frames as the unit of time.
         bounds: lower and upper bound of the weights.
         workers: threads that share the points; None solves them sequentially.
-        only: the points to solve; the positions of the other points are 0. None for all points.
+        only: the points to solve, or None for all points. The positions of the other points are 0.
     """
     places = np.zeros(conditions.held.shape)
     # Reuse the memory of finished nodes, because allocating new memory takes as long as the computation.
@@ -93,7 +94,8 @@ def solve(
 
 @njit(cache=True, nogil=True)
 def _eliminate_held(held, values, matrix, right, reach, offset, slack):
-    """Kernel: eliminates the coordinates that are ``held`` (P, F, 3) at ``values``, in place.
+    """Eliminates in place the coordinates that are fixed: those with ``held`` (P, F, 3) True have the
+    positions ``values``.
 
     The offset r is the difference between a held coordinate and C w. Its cost becomes part of the weights'
     energy.
@@ -164,8 +166,8 @@ class _System:
         return places
 
     def _evaluate_nodes(self, y: Float, nu: Float, places: Float) -> tuple[int, float]:
-        """Evaluates the nodes for y and nu, into ``places``. Returns the number of changed nodes, and the
-        dual."""
+        """Evaluates the nodes for y and nu, and writes the positions to ``places``. Returns the number of
+        changed nodes, and the dual energy."""
         changed, energy = self._nodes.respond(self._pull_of(y, nu), *self._bounds, places)
         return changed, 0.5 * float((y * y).sum()) + float(nu @ self._difference) - energy
 
@@ -195,7 +197,7 @@ class _System:
         return y - through @ nu, nu
 
     def _multiplier_response(self, rows: int) -> Float:
-        """Computes the response (P, F, 3, R) of the positions to the multipliers: give H'."""
+        """Computes the response ``give`` H' (P, F, 3, R) of the positions to the multipliers."""
         out = np.zeros((self._points, self._frames, 3, rows))
         for r in range(rows):
             for ends, sign in ((self._first, 1.0), (self._second, -1.0)):

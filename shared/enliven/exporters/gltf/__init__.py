@@ -1,1 +1,1 @@
-"""The GLB exporter: characters of every kind with their motion, one scene."""
+"""The GLB exporter. It writes characters of every kind with their motion as one scene."""

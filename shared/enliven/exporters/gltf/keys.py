@@ -12,11 +12,11 @@ def reduce_keys(values: Float, tolerance: float, turns: bool = False, times: Flo
     """Returns the frames (K,) of ``values`` (T, C) to keep, including the first and the last.
 
     Between two kept keys every frame is within the tolerance of the interpolated value. The search is greedy:
-    each next key is as far away as possible, without backtracking.
+    each key is as far as possible from the previous key, without backtracking.
 
     Args:
-        turns: True for unit quaternions without sign jumps, which players interpolate on the sphere. The
-            tolerance is then in radians.
+        turns: True for unit quaternions without sign jumps, which players interpolate on the sphere (slerp).
+            The tolerance is then in radians.
         times: (T,) seconds of the frames. None for evenly spaced frames.
     """
     if len(values) <= 2 or tolerance <= 0.0:
@@ -29,8 +29,8 @@ def reduce_keys(values: Float, tolerance: float, turns: bool = False, times: Flo
 def _needed_keys(values, times, tolerance, turns):
     kept = np.empty(len(values), np.int64)
     kept[0], count = 0, 1
-    # Read the zero from the array: a literal 0 has another Numba type, for which Numba would compile
-    # _is_within_tolerance again.
+    # Read the zero from the array. A literal 0 has a different Numba type, so _is_within_tolerance would be
+    # compiled a second time.
     begin = kept[0]
     last = len(values) - 1
     while begin < last:

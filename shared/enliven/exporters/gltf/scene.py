@@ -14,8 +14,8 @@ from enliven.meshes.gltf.scene import MeshScene
 from enliven.rotation import IDENTITY
 
 _MAX_STILL_CHANGE = 1e-7
-"""Maximum change of a quaternion or a position (metres) over all frames that counts as no motion: below
-float32's resolution."""
+"""Maximum change over all frames of a static quaternion or position (metres). It is below the resolution of
+float32."""
 
 
 class GltfScene(MeshScene):
@@ -47,7 +47,7 @@ class GltfScene(MeshScene):
         Args:
             tree: the common ancestor node of the joints.
             pivots: (J, 3) positions of the joints at rest.
-            axes: (J, 3, 3) rotations of the joints at rest. None for the identity.
+            axes: (J, 3, 3) rotations of the joints at rest. None means the identity.
         """
         document = self.document
         inverse = np.tile(np.eye(4), (len(joints), 1, 1))
@@ -70,12 +70,12 @@ class GltfScene(MeshScene):
         self.add_roots(tree, node)
 
     def animate(self, times: Float, node: int, path: str, values: Float, keys: Int | None = None) -> None:
-        """Adds a channel for values that change.
+        """Adds an animation channel for values (T, C).
 
-        Constant values need no keys if they equal the node's rest value, and two keys otherwise.
+        Constant values need no channel if they equal the node's rest value, and otherwise only two keys.
 
         Args:
-            keys: indices of the frames that suffice under interpolation. None for all frames.
+            keys: indices of the frames that become keys. None means all frames.
         """
         is_still = np.abs(values - values[0]).max() <= _MAX_STILL_CHANGE
         if is_still and (len(times) == 1 or _is_rest(self.document.nodes[node], path, values[0])):
@@ -99,7 +99,7 @@ class GltfScene(MeshScene):
         self.add_channel(times[kept_frames], node, path, self.blob.add(stored_value))
 
     def add_curve(self, node: int, path: str, keys: CubicKeys) -> None:
-        """Adds a channel of cubic keys. Each is stored as incoming tangent, value, outgoing tangent."""
+        """Adds a channel of cubic keys. A key is stored as incoming tangent, value and outgoing tangent."""
         rows = np.stack([keys.slopes[:, 0], keys.values, keys.slopes[:, 1]], 1)
         rows = rows.reshape(-1, rows.shape[2])
         if keys.turns:
@@ -126,7 +126,7 @@ class GltfScene(MeshScene):
 def find_jumps(times: Float, values: Float) -> Int | None:
     """Returns the frames (K,) of ``values`` (T, C) that reproduce a channel with STEP interpolation.
 
-    Returns None if the values also change more slowly than a jump in a clip.
+    Returns None if values also change gradually.
     """
     is_changed = np.abs(np.diff(values, axis=0)).max(1) > _MAX_STILL_CHANGE
     if not is_changed.any() or (is_changed & (np.diff(times) > 1.5 * JUMP_DURATION_S)).any():
@@ -137,7 +137,7 @@ def find_jumps(times: Float, values: Float) -> Int | None:
 
 
 def _is_rest(node: pygltflib.Node, path: str, value: Float) -> bool:
-    """Returns True if the node already has this value without the channel."""
+    """Returns True if the node's rest value for this channel is ``value``."""
     if path == "translation":
         rest_value = np.zeros(3) if node.translation is None else np.array(node.translation)
     elif path == "rotation":

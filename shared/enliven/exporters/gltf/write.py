@@ -2,12 +2,12 @@
 
 A bone rotates about its upper end, and a glTF joint rotates about its own position. So bone j becomes a joint
 at the bone's upper end, with the rotation of bone j. This joint is a child of the parent bone's joint, at the
-constant offset along the parent bone. If no bone is stretched, only rotations are animated (and the root's
-position). Then links keep their lengths in every program, also between the frames. Bones that are moved or
+constant offset along the parent bone. If no bone is stretched, only rotations and the root's position are
+animated. Then bones keep their lengths in every program, also between the frames. Bones that are moved or
 stretched have tracks of position and scale. Bones that start at the same joint become glTF joints at the same
-position. The first one that continues straight keeps the joint's name, and the names of the others contain
-their target ("Hips to LeftUpLeg"). The end of a limb becomes a joint that moves nothing, so that an editor
-shows the last bone with its length. Reading the file gives the same skeleton again.
+position. The joint with the bone that is the straightest continuation keeps the joint's name, and the names
+of the others contain their target ("Hips to LeftUpLeg"). The end of a limb becomes a joint without vertices,
+so that an editor shows the last bone with its length. Reading the file gives the same skeleton again.
 
 Transforms without a skeleton become sibling joints below a node that moves through the world. Such a joint
 rotates, and stretches along three orthogonal axes, which are constant over time. The joint's rest orientation
@@ -36,8 +36,8 @@ from enliven.meshes import Mesh
 from enliven.rotation import from_matrix, remove_sign_jumps
 
 _MAX_UPRIGHT_DIFFERENCE = 1e-9
-"""Maximum difference between the entries of a node's axes and of the world axes. Cubic curves are in world
-axes, so they are kept only within this difference."""
+"""Maximum difference between the entries of a node's axes and of the world axes at which cubic curves are
+kept. The curves are in world axes."""
 
 
 def write_gltf(
@@ -46,10 +46,11 @@ def write_gltf(
     """Writes characters with their motion into one GLB with one animation.
 
     Args:
-        morphs: set if puppets were baked to morph targets, which no other kind of file supports.
+        morphs: True if puppets were baked to morph targets, which only this file format supports. It is
+            ignored.
 
     Raises:
-        InputError: if there is no character, or one has no mesh.
+        InputError: if there is no character, or a character has no mesh.
         ResourceError: if the file cannot be written.
     """
     write_file(Path(path), build_glb(performances, name), "Choose another place.")
@@ -106,7 +107,7 @@ def _add_skeleton(scene: GltfScene, performance: Performance, skeleton: Skeleton
 
 
 def _add_joints(scene: GltfScene, performance: Performance) -> None:
-    """Adds the mesh, and an animated joint for each transform, with the required keys only."""
+    """Adds the mesh, and an animated joint for each transform. Keys are reduced."""
     mesh, skin = performance.surface
     holder, pivots = _add_holder_node(scene, performance), performance.pivots
     axes = np.tile(np.eye(3), (len(pivots), 1, 1)) if performance.axes is None else performance.axes
@@ -131,7 +132,7 @@ def _add_joints(scene: GltfScene, performance: Performance) -> None:
 
 
 def _add_holder_node(scene: GltfScene, performance: Performance) -> int:
-    """Adds the node that moves through the world like the performance's frame."""
+    """Adds a node with the motion of the performance's coordinate frame in the world. Returns its number."""
     holder = scene.node(name=f"{performance.name} frame", children=[])
     if performance.turns is not None and performance.places is not None:
         rotations = remove_sign_jumps(performance.turns[:, None])[:, 0]

@@ -13,13 +13,14 @@ from enliven.exporters.plain_materials import PlainMaterial, TextureUse, image_s
 from enliven.meshes import MeshMaterials
 
 _PLAIN_ROUGHNESS = 0.9
-"""Roughness of the material for faces without a material of their own. Such faces must not look shiny."""
+"""Roughness of the default material, for faces without a material. It is high, so that these faces do not
+look shiny."""
 _WRAPS = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
-"""Wrap modes of glTF samplers."""
+"""USD wrap modes by the wrap mode of glTF samplers."""
 
 
 class BoundMaterial(NamedTuple):
-    """A material of the stage, and whether both sides of its faces are visible."""
+    """A material of the USD stage, with a flag that is True if both sides of its faces are visible."""
 
     material: UsdShade.Material
     double_sided: bool
@@ -30,11 +31,11 @@ class StageMaterials:
 
     Args:
         stage: the stage under construction.
-        path: path of the prim above the materials.
+        path: path of the parent prim of the materials.
         folder: name of the folder of images.
 
     Attributes:
-        images: bytes by file name.
+        images: the bytes of the image files by file name.
     """
 
     def __init__(self, stage: Usd.Stage, path: Sdf.Path, folder: str) -> None:
@@ -60,7 +61,7 @@ class StageMaterials:
         return self._plain
 
     def add(self, materials: MeshMaterials) -> list[BoundMaterial]:
-        """Adds the materials of a mesh with their images. Returns them in their order."""
+        """Adds the materials of a mesh with their images. Returns the USD materials in the same order."""
         images = [self._image_name(texture.image.tobytes(), texture.kind) for texture in materials.textures]
         samplers = tuple(zip(images, (texture.sampler for texture in materials.textures), strict=True))
         bound_materials = list[BoundMaterial]()
@@ -156,7 +157,7 @@ class StageMaterials:
         """Adds a texture with its coordinates. Returns its shader.
 
         Args:
-            is_colour: True for an image of sRGB colours, False for one of numbers.
+            is_colour: True if the image contains sRGB colours, False if it contains other values.
         """
         coordinates = self._add_shader(material, f"{name}_coordinates", "UsdPrimvarReader_float2")
         set_name = f"st{use.uv_set}" if use.uv_set else "st"
@@ -165,7 +166,7 @@ class StageMaterials:
         if not use.is_plain:
             moved = self._add_shader(material, f"{name}_transform", "UsdTransform2d")
             moved.CreateInput("in", Sdf.ValueTypeNames.Float2).ConnectToSource(output)
-            # The formulas of glTF count rows from the top of an image, those of USD from its bottom.
+            # In glTF, rows of an image are counted from its top. In USD, they are counted from its bottom.
             cos, sin, scale_v = math.cos(use.rotation), math.sin(use.rotation), use.scale[1]
             shift = Gf.Vec2f(use.offset[0] + sin * scale_v, 1.0 - use.offset[1] - cos * scale_v)
             moved.CreateInput("rotation", Sdf.ValueTypeNames.Float).Set(math.degrees(use.rotation))

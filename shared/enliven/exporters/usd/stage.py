@@ -19,9 +19,9 @@ from enliven.meshes import Mesh
 from enliven.meshes.gltf.srgb import linear_from_srgb
 
 _MAX_STILL_CHANGE = 1e-7
-"""Maximum change of a value over all frames that counts as no motion: below float32's resolution."""
+"""Maximum change of a static value over all frames. It is below the resolution of float32."""
 _DEFAULT_RATE = 30.0
-"""Frames per second of a stage in which nothing moves."""
+"""Frame rate of a stage without motion, in frames per second."""
 
 
 class UsdStage:
@@ -60,7 +60,7 @@ class UsdStage:
             progress: called with the finished fraction of the character.
 
         Raises:
-            InputError: if it has no mesh.
+            InputError: if the character has no mesh.
         """
         name = unused(valid_prim_name(performance.name), self._names, "_")
         self._names.add(name)
@@ -79,7 +79,7 @@ class UsdStage:
             kind: "usda", "usdc" or "usdz".
 
         Returns:
-            The file.
+            The path of the file.
         """
         stage, rate = self._stage, self._rate or _DEFAULT_RATE
         stage.SetStartTimeCode(0.0)
@@ -90,7 +90,7 @@ class UsdStage:
         stage.GetRootLayer().Export(str(stage_path))
         if kind != "usdz":
             return stage_path
-        # The package contains the images that the stage refers to, which are next to it.
+        # Packaging includes the images next to the stage file.
         for name, data in self.images.items():
             target = folder / self._materials.folder / name
             target.parent.mkdir(exist_ok=True)
@@ -100,7 +100,8 @@ class UsdStage:
         return package
 
     def _time_codes(self, times: Float) -> Float:
-        """Returns (T,) time codes: frames at the rate of the first moving character."""
+        """Converts times (T,) in seconds to USD time codes: frame numbers at the rate of the first moving
+        character."""
         if not self._rate and len(times) > 1:
             self._rate = round((len(times) - 1) / float(times[-1] - times[0]), 6)
         codes = np.round(times * (self._rate or _DEFAULT_RATE), 4)
@@ -166,7 +167,8 @@ class UsdStage:
         count: int,
         progress: Callable[[float], object],
     ) -> None:
-        """Stores points, normals and the bounding box at each time. A single frame is a default value."""
+        """Stores points, normals and the bounding box at each time. A single frame is stored as default
+        values without time samples."""
         points, normals, extent = surface.GetPointsAttr(), surface.GetNormalsAttr(), surface.GetExtentAttr()
         surface.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
         for number, (code, frame) in enumerate(zip(codes, frames, strict=True)):
@@ -214,7 +216,8 @@ class UsdStage:
         return surface
 
     def _bind(self, surface: UsdGeom.Mesh, mesh: Mesh) -> None:
-        """Binds the materials of a mesh: one to the whole mesh, or each to a subset of the faces."""
+        """Binds the materials of a mesh. A single material is bound to the whole mesh, and several materials
+        to subsets of the faces."""
         own = mesh.materials
         assert own is not None
         bound_materials = self._materials.add(own)
@@ -250,7 +253,7 @@ def _uv_name(number: int) -> str:
 
 
 def _joint_tokens(tracks: JointTracks) -> list[str]:
-    """Returns the path of each joint in the skeleton, as USD names joints."""
+    """Returns the path of each joint in the skeleton, which is its name in USD."""
     tokens, used_names = list[str](), set[str]()
     for name, parent in zip(tracks.names, tracks.parents, strict=True):
         unique_name = unused(valid_prim_name(name), used_names, "_")
@@ -275,7 +278,7 @@ def _row_vector_matrices(turns: Float, places: Float) -> Vt.Matrix4dArray:
 
 
 def _write_samples(attribute: Usd.Attribute, codes: Float, values: Any, kind: Any) -> None:
-    """Stores values (T, J, C): time samples, or a default value if nothing changes."""
+    """Stores values (T, J, C) as time samples, or as a default value if they are constant."""
     if np.abs(values - values[0]).max() <= _MAX_STILL_CHANGE:
         attribute.Set(kind.FromNumpy(np.ascontiguousarray(values[0])))
         return

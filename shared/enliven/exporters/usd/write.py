@@ -1,10 +1,10 @@
 """Writes characters and their motion as Universal Scene Description: .usda (text), .usdc or .usdz (package).
 
 A character with a skeleton becomes a SkelRoot with a Skeleton, a SkelAnimation and a skinned mesh. All other
-characters become meshes with time-sampled points. So possessed meshes and puppets are exact. Images are
-stored in a folder next to a .usda or .usdc, and inside the package of a .usdz.
+characters become meshes with time-sampled points. So the surfaces of possessed meshes and puppets are exact.
+Images are stored in a folder next to a .usda or .usdc, and inside the package of a .usdz.
 
-The library, usd-core, is an optional extra. It is imported only if a file of this kind is written.
+The required library, usd-core, is an optional dependency. It is imported only if a USD file is written.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from enliven.exporters.registry import Exporter
 from enliven.files import TemporaryFolder, explain_write_errors, replace_file, replace_folder
 
 _OWN_IMAGE = re.compile(r"texture_\d+\.(png|jpg)")
-"""Names of the files in a folder of images. A folder with other files is not replaced."""
+"""Pattern of the file names in a folder of images. A folder that contains other files is not replaced."""
 _REMEDY = "Choose another place."
 
 
@@ -38,14 +38,14 @@ def write_usd(
     """Writes characters with their motion into one stage.
 
     Args:
-        path: its suffix is .usda, .usdc or .usdz.
+        path: path of the file, with the suffix .usda, .usdc or .usdz.
         name: the title.
-        unit: unit of lengths, "m" or "cm", which the file states.
-        up: vertical axis of the performances, "y" or "z", which the file states.
+        unit: unit of lengths, "m" or "cm". It is stored in the file.
+        up: vertical axis of the performances, "y" or "z". It is stored in the file.
         progress: called with the finished fraction. An exception that it raises ends the export.
 
     Raises:
-        InputError: if no character is given, one has no mesh, or the unit is unknown.
+        InputError: if no character is given, a character has no mesh, or the unit is unknown.
         ResourceError: if the library is missing, or the file cannot be written.
     """
     path = Path(path)
@@ -80,7 +80,7 @@ def write_usd(
 
 
 def _check_options(unit: str = "m", **_: object) -> None:
-    """Raises an error for an unknown unit, or if the library is missing."""
+    """Raises InputError if the unit is unknown, and ResourceError if the library is missing."""
     units_per_metre(unit)
     if find_spec("pxr") is None:
         problem = "USD files need the package usd-core, which is not installed"
@@ -95,7 +95,8 @@ def _is_own_image(name: str) -> bool:
 def _part_of_progress(
     progress: Callable[[float], object] | None, number: int, count: int
 ) -> Callable[[float], object]:
-    """Returns a progress callback for one of several characters."""
+    """Returns a progress callback for character ``number`` of ``count``. It converts the character's progress
+    to the total progress."""
 
     def report(fraction: float) -> None:
         if progress is not None:

@@ -1,1 +1,2 @@
-"""The VRM exporters: a humanoid model as avatar (.vrm), and the motion of a humanoid alone (.vrma)."""
+"""The VRM exporters. They write a humanoid model as an avatar (.vrm), and the motion of a humanoid without
+its mesh (.vrma)."""

@@ -1,8 +1,8 @@
-"""Writes the motion of a humanoid alone as a VRM animation (.vrma, VRMC_vrm_animation 1.0).
+"""Writes the motion of a humanoid, without its mesh, as a VRM animation (.vrma, VRMC_vrm_animation 1.0).
 
 The nodes of the file are the VRM bones in the T-pose, without rotations at rest. So the rotation of a node is
 its bone's rotation relative to the T-pose. Programs can apply it to any VRM avatar. Only the hips have a
-position.
+position track.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ EXTENSION = "VRMC_vrm_animation"
 _STILL_S = 1.0 / 30.0
 """Duration of a still pose in seconds. A channel needs two keys."""
 _MAX_FLOOR_OFFSET = 0.1
-"""Maximum height of the lowest joint above or below zero, as a fraction of the skeleton's height. Beyond it,
-the floor of the rest pose is at the lowest joint instead of zero."""
+"""Maximum distance of the lowest joint from y = 0, as a fraction of the skeleton's height. Beyond it, the
+floor of the rest pose is assumed at the lowest joint instead of y = 0."""
 
 
 def write_vrma(path: Path | str, performances: Sequence[Performance], name: str = "enliven") -> None:

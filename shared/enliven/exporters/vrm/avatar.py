@@ -1,8 +1,8 @@
 """Writes a humanoid model as a VRM 1.0 avatar (.vrm): mesh, materials, skeleton and the map of human bones.
 
-An avatar has no motion: write that as a .vrma. The avatar stands in the T-pose, as VRM requires. The mesh and
-its binding are taken from the model unchanged, so the skinning does not change. Each joint of the skeleton is
-a node. The rest rotations of the nodes put the skeleton into the T-pose.
+An avatar has no motion, which is written as a separate .vrma file. The avatar stands in the T-pose, as VRM
+requires. The mesh and its inverse bind matrices are unchanged, so the skinning does not change. Each joint of
+the skeleton is a node. The rest rotations of the nodes put the skeleton into the T-pose.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from enliven.rotation import conjugate, multiply, rotate
 
 EXTENSION = "VRMC_vrm"
 _LICENCE = "https://vrm.dev/licenses/1.0/"
-"""The licence document that the format requires. Its permissions have their strictest values by default."""
+"""URL of the licence, which the format requires. All permissions have their strictest values by default."""
 
 
 def write_vrm(
@@ -69,8 +69,8 @@ def vrm_bytes(performance: Performance, name: str = "enliven", author: str = "un
         rest_pose = {"translation": json_numbers(offset), "rotation": json_numbers(np.roll(local, -1))}
         parent_node = nodes[parent] if joint else None
         nodes.append(scene.node(parent_node, name=skeleton.names[joint], children=[], **rest_pose))
-    # A bone rotates about its upper joint. In an avatar all bones of a joint rotate together, so one rotation
-    # per joint is enough.
+    # A bone rotates about its upper joint. In an avatar, all bones that begin at a joint rotate together, so
+    # one rotation per joint is enough.
     upper = np.maximum(skeleton.parents, 0).astype(np.uint16)
     skin_of_nodes = SkinWeights(upper[skin.indices], skin.weights)
     scene.add_skinned(performance.name, mesh, skin_of_nodes, nodes[0], nodes, skeleton.positions)

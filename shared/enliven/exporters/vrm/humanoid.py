@@ -1,4 +1,4 @@
-"""The humanoid bones of VRM 1.0 in a skeleton, found by the names of its joints, and the T-pose.
+"""Finds the humanoid bones of VRM 1.0 in a skeleton by the names of its joints, and computes the T-pose.
 
 A VRM bone begins at a joint. It has the rotation of the skeleton's bone that begins there. In the T-pose of
 VRM 1.0 the avatar faces +Z, its left arm points to +X, and its legs point down.
@@ -20,9 +20,9 @@ from enliven.skeletons.human_names import HumanJoints, HumanLimb, finger_joints,
 _LEFT_DIRECTION = np.array([1.0, 0.0, 0.0])
 _DOWN_DIRECTION = np.array([0.0, -1.0, 0.0])
 _SPINE_NAMES = ("spine", "chest", "upperChest")
-"""Names of the bones between hips and neck."""
+"""VRM names of the bones between hips and neck."""
 _LIMB_ENDS = {"UpperArm": "LowerArm", "LowerArm": "Hand", "UpperLeg": "LowerLeg", "LowerLeg": "Foot"}
-"""The bones that a T-pose straightens, and the bone at each one's end."""
+"""For each bone that the T-pose straightens, the bone at its end."""
 _FINGER_SEGMENTS = ("Proximal", "Intermediate", "Distal")
 _THUMB_SEGMENTS = ("Metacarpal", "Proximal", "Distal")
 _FINGER_NAMES = {"thumb": "Thumb", "index": "Index", "middle": "Middle", "ring": "Ring", "pinky": "Little"}
@@ -35,7 +35,7 @@ class HumanoidBone:
     Attributes:
         joint: the joint of the skeleton at which the VRM bone begins.
         turned_by: the bone of the skeleton that defines the VRM bone's rotation.
-        parent: name of the VRM bone above. Empty for the hips.
+        parent: name of the parent VRM bone. Empty for the hips.
     """
 
     joint: int
@@ -62,7 +62,7 @@ def humanoid_from_skeleton(skeleton: Skeleton | None, where: str) -> Humanoid:
     """Returns the VRM bones of a skeleton.
 
     Args:
-        where: the character, for errors.
+        where: name of the character, for error messages.
 
     Raises:
         InputError: if the names of the joints do not identify all bones that VRM requires.
@@ -131,7 +131,7 @@ def _humanoid_bones(skeleton: Skeleton, human: HumanJoints) -> dict[str, Humanoi
 def _add_limb(
     bones: dict[str, HumanoidBone], skeleton: Skeleton, limb: HumanLimb, names: tuple[str, str, str]
 ) -> None:
-    """Adds the three bones of an arm or a leg, the first below the hips."""
+    """Adds the three bones of an arm or a leg. The hips become the parent of the first bone."""
     _, middle, end = limb.knots
     parent = "hips"
     for name, joint, toward in zip(names, limb.knots, (middle, end, limb.tip), strict=True):

@@ -1,5 +1,5 @@
-"""The joints of a glTF file as rigid bodies. A body has a rest position, a motion over time and the surface
-that it moves.
+"""Converts the joints of a glTF file to rigid bodies. A body has a rest position, a motion over time, and a
+part of the surface that it moves.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def measure_bodies(surface: GltfSurface, chosen: list[int], world: Float) -> lis
     Args:
         surface: the surface of the file, with its bind pose.
         chosen: the nodes that are joints.
-        world: (F, n, 4, 4) world_from_node over all animations.
+        world: (F, n, 4, 4) transforms from node to world in the frames of all animations.
     """
     file, bind = surface.file, surface.bind
     number = {node: k for k, node in enumerate(chosen)}
@@ -54,7 +54,7 @@ def measure_bodies(surface: GltfSurface, chosen: list[int], world: Float) -> lis
 
 
 def _largest_stretch(linear: Float) -> float:
-    """Returns the largest stretch of linear maps (F, 3, 3), minus 1: 0 for rotations."""
+    """Returns the largest stretch of linear maps (F, 3, 3) minus 1, which is 0 for rotations."""
     if not len(linear):
         return 0.0
     return float(np.abs(np.linalg.svd(linear, compute_uv=False) - 1.0).max())
@@ -63,7 +63,8 @@ def _largest_stretch(linear: Float) -> float:
 def _measure_bodies(
     bodies: list[LinkBody], number: dict[int, int], parts: list[GltfPart], rest: list[Float]
 ) -> None:
-    """Measures the area of the surface that each body moves, and the far end of this surface."""
+    """Computes the area of the surface that each body moves, and the far end of this surface. Stores both in
+    the bodies."""
     vertices = np.concatenate(rest)
     nodes = np.concatenate([part.nodes for part in parts])
     weights = np.concatenate([part.weights for part in parts])
@@ -79,7 +80,7 @@ def _measure_bodies(
 
 
 def _vertex_areas(part: GltfPart, vertices: Float) -> Float:
-    """Returns the area (V,) of each vertex in m^2: a third of the area of its faces, and always above
+    """Returns the area (V,) of each vertex in m^2, which is a third of the area of its faces and always above
     zero.
     """
     a, b, c = (vertices[part.faces[:, k]] for k in range(3))

@@ -1,11 +1,11 @@
 """Converts the cubic keys of a glTF animation from the file's nodes to the bones of the model.
 
-A bone rotates relative to its parent by D_parent^-1 D = B_m W_m^-1 W_n B_n^-1. Here W are the world rotations
-of the nodes n and m that the bone and its parent follow, and B those of the bind pose. If exactly one node q
-between m and n is animated, D_parent^-1 D = a q c with constant unit quaternions a and c. Hermite
-interpolation of q is linear in its keys and slopes, so a q c is also a Hermite curve. Its keys and slopes are
-those of q, multiplied by a from the left and by c from the right. The factors a and c do not change the
-length that is normalised.
+A bone rotates relative to its parent by D_parent^-1 D = B_m W_m^-1 W_n B_n^-1. Here n and m are the nodes
+that the bone and its parent follow, W are their world rotations, and B their world rotations in the bind
+pose. If exactly one node q between m and n is animated, D_parent^-1 D = a q c with constant unit quaternions
+a and c. Hermite interpolation of q is linear in its keys and slopes, so a q c is also a Hermite curve. Its
+keys and slopes are those of q, multiplied by a from the left and by c from the right. The factors a and c are
+unit quaternions, so they do not affect the normalisation.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from enliven.meshes.gltf.surface import GltfSurface
 from enliven.rotation import conjugate, from_matrix, multiply
 
 _MAX_SCALE_DIFFERENCE = 1e-5
-"""Maximum relative difference of the scales along three axes of a node that is scaled uniformly."""
+"""Maximum relative difference between the scales along the three axes of a uniformly scaled node."""
 _MAX_CONSTANT_CHANGE = 1e-9
-"""Maximum change of a value in a constant channel: below float32's resolution."""
+"""Maximum change of a value in a constant channel. It is below the resolution of float32."""
 _MAX_QUATERNION_LENGTH_ERROR = 1e-3
 """Maximum deviation of a quaternion's length from 1 in the file. It allows for the rounding of small
 integers."""
@@ -46,7 +46,7 @@ def add_cubic_keys(
         animation: its number in the file.
         start: time in the file at which the clip begins, in seconds.
         surface: the surface of the file, with its bind pose.
-        tree: the bones, with the body that drives each.
+        tree: the bones, and the body that drives each bone.
         chosen: the node of each body.
     """
     file, bind = surface.file, surface.bind
@@ -110,9 +110,10 @@ def _relative_rotation(
     bind: Bind,
     ends: tuple[int, int],
 ) -> tuple[Float, Float, Float] | None:
-    """Returns times, values and slopes of a node's rotation relative to an ancestor (-1: the world).
+    """Returns times (K,), values (K, 4) and slopes (K, 2, 4) of a node's rotation relative to an ancestor. -1
+    as ancestor means the world.
 
-    Returns None unless exactly one node between them rotates, with cubic keys, and no node changes its scale.
+    Returns None unless exactly one node between them rotates with cubic keys, and no node changes its scale.
     """
     above, node = ends
     node_path = _node_path(file, above, node)
@@ -149,9 +150,9 @@ def _relative_rotation(
 def _world_translation(
     file: GltfFile, channels: Mapping[int, Mapping[str, Any]], local: Float, node: int
 ) -> tuple[Float, Float, Float] | None:
-    """Returns times, values and slopes of a node's world position, or None if one of its ancestors moves.
+    """Returns times (K,), values (K, 3) and slopes (K, 2, 3) of a node's world position.
 
-    It is also None if the position has no cubic keys.
+    Returns None if one of its ancestors moves, or if the position has no cubic keys.
     """
     node_path = _node_path(file, -1, node)
     sampler = channels.get(node, {}).get("translation")
@@ -170,7 +171,8 @@ def _sampler_keys(file: GltfFile, sampler: Any, path: str) -> tuple[Float, Float
 
 
 def _node_path(file: GltfFile, above: int, node: int) -> list[int]:
-    """Returns the path to ``node`` from the child of its ancestor ``above``, or else from the root."""
+    """Returns the nodes on the path down to ``node``. It starts below the ancestor ``above``, or at the root
+    if ``above`` is not an ancestor."""
     nodes_up = list[int]()
     while node >= 0 and node != above:
         nodes_up.append(node)

@@ -1,8 +1,8 @@
-"""Reads rigged models from glTF 2.0 (.gltf, .glb) as shapes, with the clips in the file.
+"""Reads rigged models from glTF 2.0 files (.gltf, .glb) as shapes, including the animation clips.
 
-The rest pose is the bind pose, in the world of the file (metres, +Y up). See ``rig_tree`` for how joints
-become bones. Translations and scales of joints in an animation become the offsets and strains of its clip.
-Motion that no bone can follow is reported in a note with its size.
+The rest pose is the bind pose, in the world of the file (metres, +Y up). Module ``rig_tree`` describes the
+conversion of joints to bones. Translations and scales of joints in an animation become the offsets and
+strains of its clip. If bones cannot reproduce a motion, a note reports its size.
 """
 
 from __future__ import annotations
@@ -35,20 +35,20 @@ from enliven.meshes.gltf.surface import GltfSurface, gltf_surface
 from enliven.rotation import remove_sign_jumps
 
 _MIN_NOTED_MOTION_FRACTION = 1e-3
-"""Motion that is omitted gets a note if it is at least this fraction of the model's size. Smaller motion is
-not visible."""
+"""Minimum size of omitted motion that is reported in a note, as a fraction of the model's size. Smaller
+motion is not visible."""
 
 _MAX_JOINTS = 4096
 """Maximum number of joints: the limit of a pose in the network protocol
 (:data:`enliven.wire.posecode.MAX_TRANSFORMS`)."""
 _MIN_NOTED_PAUSE_S = 0.1
-"""A pause before the first key gets a note if it is at least this long, in seconds. Programs that count
-frames from 1 leave a shorter pause."""
+"""Minimum duration, in seconds, of a pause before the first key that is reported in a note. Programs that
+count frames from 1 cause a shorter pause."""
 
 
 @dataclass
 class _Animation:
-    """One animation, with the times of its samples among the samples of all animations.
+    """One animation. Its samples are a part of the samples of all animations.
 
     Attributes:
         name: the animation's name in the file, or a name with its number.
@@ -71,7 +71,7 @@ class _Animation:
 
 @np.errstate(
     all="ignore"
-)  # Ignore overflow warnings: numbers of a damaged file may overflow before they are checked.
+)  # Ignore overflow warnings, because numbers of a damaged file may overflow before they are checked.
 def read_gltf(
     path: Path | str, *, name: str = "", height: float | None = None, floor: bool = False, weld: bool = False
 ) -> Rig:
@@ -84,7 +84,7 @@ def read_gltf(
         name: name of the shape. If empty, the file's name is used.
         height: height in metres to which the model is scaled. If None, it is not scaled.
         floor: True to put its lowest vertex on the floor.
-        weld: True to merge vertices at the same position that follow the same bones; see ``weld_shape``.
+        weld: True to merge vertices with the same position and skin weights, see ``weld_shape``.
 
     Raises:
         InputError: if the file cannot be read, or has no visible surface.
@@ -143,7 +143,8 @@ def _rigged_model(surface: GltfSurface) -> Rig:
 
 
 def _sampled_animations(file: GltfFile, notes: list[str]) -> tuple[list[_Animation], Float]:
-    """Samples all animations. Returns them, and world_from_node (F, n, 4, 4) over all samples."""
+    """Samples all animations. Returns the animations, and the transforms (F, n, 4, 4) from node to world in
+    all samples."""
     animations, worlds, start = list[_Animation](), list[Float](), 0
     for number, animation in enumerate(file.document.animations or []):
         even = frame_times(file, number)
@@ -222,7 +223,8 @@ def _animation_clip(
 
 
 def _mirrored_signs(animation: _Animation, tree: Tree, bodies: list[LinkBody]) -> Float | None:
-    """Returns (K, N) -1 for mirrored bones and 1 for all others, or None if no bone is mirrored."""
+    """Returns an array (K, N) that is -1 for mirrored bones and 1 for all others, or None if no bone is
+    mirrored."""
     signs = np.ones((len(animation.seconds), len(tree.driver)))
     for j, driver in enumerate(tree.driver):
         mirrors = bodies[driver].mirrors

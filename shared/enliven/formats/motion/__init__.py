@@ -1,1 +1,1 @@
-"""Motion captures: BVH files and CMU's exponential maps."""
+"""Readers of motion captures: BVH files and CMU's exponential maps."""

@@ -2,8 +2,8 @@
 pose.
 
 Many conversions of CMU's captures begin with such a pose: frame 0 is a T-pose, and the motion starts at frame
-1. During playback, the body jumps. The jump is detected by its speed: it is faster than any person moves, and
-the rest of the motion is smooth.
+1. During playback, the body jumps from this pose to the motion. The jump is detected by its speed, which is
+higher than a person can reach, while the rest of the motion is smooth.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from enliven.arrays import Float
 from enliven.formats.motion.capture import Capture
 
 _MIN_IMPOSSIBLE_SPEED = 8.0
-"""Speed of a joint that no person reaches, in body sizes per second: 14 m/s for an adult. Kicks reach 10
-m/s."""
+"""Minimum speed of a joint that a person cannot reach, in body sizes per second: 14 m/s for an adult. Kicks
+reach 10 m/s."""
 _MIN_JUMP_SPEED_RATIO = 4.0
 """Minimum speed of the jump after an added pose, relative to the fastest motion in the rest of the take.
 Captures may also contain smaller glitches."""
@@ -35,8 +35,8 @@ _SAME_POSE_BODY_SIZES = 1e-5
 """Maximum motion of a joint between two frames of a static pose, as a fraction of body size. Real people
 always move more."""
 _MIN_OTHER_INTERVALS = 5
-"""Minimum number of frame intervals in the rest of a take. With fewer intervals, it is unknown whether the
-motion is smooth."""
+"""Minimum number of frame intervals in the rest of a take. With fewer intervals, its smoothness cannot be
+judged."""
 _MAX_REST_POSE_DISTANCE = 0.05
 """Maximum mean distance of the joints from the rest pose in a frame that shows the rest pose, as a fraction
 of body size."""
@@ -48,11 +48,11 @@ def count_added_frames(
     """Returns the numbers of frames at the start and at the end of a motion that show an added pose.
 
     Args:
-        places: (F, N, 3) the joints over time, in any unit.
+        places: (F, N, 3) positions of the joints over time, in any unit.
         seconds: time from one frame to the next.
         rest: (N, 3) the joints in the file's rest pose. If an added pose is the rest pose, it may fade into
             the motion.
-        only_rest: True if only frames in the rest pose count as added, and False if any pose counts.
+        only_rest: True if only frames that show the rest pose count as added poses. False if any pose counts.
     """
     return (
         _added_frame_count(places, seconds, rest, only_rest),
@@ -90,7 +90,7 @@ def _added_frame_count(places: Float, seconds: float, rest: Float | None, only_r
     moving = np.flatnonzero(steps > _SAME_POSE_BODY_SIZES)
     static_count = int(moving[0]) if len(moving) else 0
     fade = max(round(_MAX_FADE_S / seconds), 1)
-    # Leave out the other end too, because it may also have an added pose.
+    # Leave out the frames at the other end, because it may also have an added pose.
     other_steps = steps[static_count + fade : len(steps) - fade]
     if static_count * seconds > _MAX_HOLD_S or len(other_steps) < _MIN_OTHER_INTERVALS:
         return 0

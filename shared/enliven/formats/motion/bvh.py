@@ -26,14 +26,14 @@ _MAX_DEPTH_JOINTS = 256
 _MAX_JOINTS = 4096
 """Maximum number of joints: the limit of a pose in the network protocol."""
 _MAX_JOINT_SAMPLES = 1 << 24
-"""Maximum product of frames and joints: 93 min of 25 joints at 120 frames per second. Rotations and positions
-then need 3 GB."""
+"""Maximum product of frames and joints, for example 93 minutes of 25 joints at 120 frames per second.
+Rotations and positions of this size need 3 GB."""
 _MAX_HEAD_BYTES = 1 << 24
 """Maximum size of a hierarchy in bytes. 4096 joints, nested 256 deep and indented by tabs, take 8 MB."""
 _BLANK_PATTERN = r"(?:\s|(?:#|//)[^\n]*)*"
 _WORD_PATTERN = re.compile(_BLANK_PATTERN + r"([{}:]|(?:[^\s{}:]|:(?=[^\s:]))+)")
-"""Pattern of a word after blanks and comments. A colon inside a word belongs to a name such as
-"mixamorig:Hips"."""
+"""Pattern of a word, including the blanks and comments before it. A colon inside a word is part of a name
+such as "mixamorig:Hips"."""
 _NAME_PATTERN = re.compile(r"(?:(?!\s(?:#|//))[^\n{}])*")
 _COMMENT_PATTERN = re.compile(r"(?:#|//)[^\n]*")
 _KEYWORDS = {
@@ -53,7 +53,7 @@ _KEYWORDS = {
 
 @dataclass
 class _Hierarchy:
-    """The joints in the order of the file.
+    """The joints of the file, in its order.
 
     Attributes:
         channels: for each joint, a pair (kind, axis) per channel. The kind is "p" (position) or "r"
@@ -79,12 +79,13 @@ class _Words:
         self._at, self._counted, self._line = 0, 0, 1
 
     def peek(self) -> str:
-        """Returns the next word without advancing; empty at the end."""
+        """Returns the next word without advancing, or an empty string at the end."""
         match = _WORD_PATTERN.match(self._text, self._at)
         return match[1] if match else ""
 
     def next(self, expected: str) -> str:
-        """Returns the next word and advances. If the file ends here, the error names ``expected``."""
+        """Returns the next word and advances. At the end of the file, raises InputError with the description
+        ``expected``."""
         match = _WORD_PATTERN.match(self._text, self._at)
         if match is None:
             raise InputError(f"the file ends where {expected} should be", where=str(self._path))
@@ -154,7 +155,7 @@ def read_bvh(path: Path | str) -> Capture:
 
 
 def parse_bvh(text: str, path: Path = Path("bvh")) -> Capture:
-    """Reads the motion in the text of a BVH file; ``path`` is named in errors."""
+    """Parses the text of a BVH file. ``path`` is used in error messages."""
     text = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
     words = _Words(path, text)
     _begin_file(words)
@@ -287,7 +288,7 @@ def _read_rows(words: _Words, tree: _Hierarchy, promised: int) -> tuple[Float, t
     """Reads the frames. Returns the value (F, C) of each channel in each frame, and notes about unusual
     content.
 
-    A frame may span several lines, and a line may contain several frames.
+    A frame may extend over several lines, and a line may contain several frames.
     """
     width, joints = sum(map(len, tree.channels)), len(tree.names)
     first_line, text = words.rest()
@@ -324,8 +325,8 @@ def _read_rows(words: _Words, tree: _Hierarchy, promised: int) -> tuple[Float, t
 
 
 def _check_rows(words: _Words, counts: Int, lines: Int, width: int, promised: int) -> None:
-    """Raises an error for rows of wrong lengths. A frame that spans several lines must begin at the start of
-    a line.
+    """Raises InputError if a frame has a wrong number of values. A frame that extends over several lines must
+    begin at the start of a line.
 
     Args:
         counts: (L,) number of values in each non-empty line.
@@ -364,7 +365,7 @@ def _local_motion(tree: _Hierarchy, rows: Float) -> tuple[Float, Float]:
 
 
 def axis_rotations(axis: int, angles: Float) -> Float:
-    """Returns (F, 3, 3) rotations by (F,) radians about the X (0), Y (1) or Z (2) axis."""
+    """Returns the rotations (F, 3, 3) by ``angles`` (F,), radians, about the X (0), Y (1) or Z (2) axis."""
     second_axis, third_axis = (axis + 1) % 3, (axis + 2) % 3
     turned = np.zeros((len(angles), 3, 3))
     turned[:, axis, axis] = 1.0

@@ -1,4 +1,5 @@
-"""A motion capture from a file: a named tree of joints, posed frame by frame."""
+"""A motion capture from a file: a tree of joints with names, and their positions and rotations in each
+frame."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ from enliven.arrays import Float
 UNITS: dict[str, float] = {"m": 1.0, "in": 0.0254, "cmu": 0.0254 / 0.45, "cm": 0.01, "mm": 0.001}
 """Metres per unit, by unit name. The unit of CMU's files is 1 / 0.45 inch."""
 _ADULT_LEG_LENGTH_M = 0.82
-"""Distance from hip to ankle of an average adult, in metres. The unit of a file is guessed from it."""
+"""Distance from hip to ankle of an average adult, in metres. It is used to guess the unit of a file."""
 
 
 @dataclass(frozen=True)
@@ -21,9 +22,9 @@ class Capture:
     Attributes:
         names: (N,) names of the joints, parents before children. The end of a chain is called "<parent> end".
         parents: (N,) the parent of each joint, -1 at a root.
-        positions: (F, N, 3) the joints in the file's space and unit.
-        rotations: (F, N, 3, 3) world_from_joint. The end of a chain has its parent's rotation.
-        seconds: time from one frame to the next.
+        positions: (F, N, 3) positions of the joints in the file's coordinates and unit.
+        rotations: (F, N, 3, 3) rotations from joint to world. The end of a chain has its parent's rotation.
+        seconds: frame time in seconds.
         notes: a sentence for each unusual property of the file.
     """
 
@@ -50,11 +51,11 @@ def forward_kinematics(parents: tuple[int, ...], offsets: Float, rotations: Floa
 
     Args:
         offsets: (F or 1, N, 3) each joint's position in its parent's frame, or a root's position in the
-            file's space.
-        rotations: (F, N, 3, 3) parent_from_joint.
+            file's coordinates.
+        rotations: (F, N, 3, 3) rotations from joint to parent.
 
     Returns:
-        (F, N, 3) positions, (F, N, 3, 3) world_from_joint.
+        (F, N, 3) positions, and (F, N, 3, 3) rotations from joint to world.
     """
     world, positions = np.empty_like(rotations), np.empty((len(rotations), len(parents), 3))
     for j, parent in enumerate(parents):
@@ -69,7 +70,7 @@ def forward_kinematics(parents: tuple[int, ...], offsets: Float, rotations: Floa
 
 
 def guess_unit(leg: float) -> str:
-    """Guesses the unit of a file: the unit in which the length of a leg (hip to ankle, in the file's unit) is
-    most similar to that of a person.
+    """Guesses the unit of a file. In this unit, the leg's length (hip to ankle, ``leg`` units) is most
+    similar to that of an average adult.
     """
     return min(UNITS, key=lambda name: abs(np.log(max(leg, 1e-9) * UNITS[name] / _ADULT_LEG_LENGTH_M)))

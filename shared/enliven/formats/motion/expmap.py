@@ -2,8 +2,9 @@
 second.
 
 The first three numbers are the root's position. The others are 38 rotation vectors. The files use the row
-vector convention, so a joint's rotation is the inverse of its map. The root's Euler angles Z, Y, X were
-composed in the wrong order Z, X, Y. The reader decomposes them and composes them in the correct order.
+vector convention, so a joint's rotation is the inverse of the rotation by its vector. In the files, the
+root's Euler angles Z, Y, X were composed in the wrong order Z, X, Y. The reader decomposes the rotation and
+composes the angles in the correct order.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from enliven.rotation import from_rotation_vector, to_matrix
 COLUMNS = 117
 """Number of values in a frame: 3 for the root's position, and 3 for each of 38 joints."""
 SECONDS = 1.0 / 120.0
-"""Frame time, in seconds. The files do not contain the frame rate; CMU captures at 120 Hz."""
+"""Frame time, in seconds. The files do not contain the frame rate, but CMU's captures have 120 Hz."""
 
 _JOINTS: tuple[tuple[str, int, tuple[float, float, float]], ...] = (
     ("Hips", -1, (0.0, 0.0, 0.0)),
@@ -71,7 +72,7 @@ def read_expmap(path: Path | str, *, mend_root: bool = True) -> Capture:
     """Reads a table of exponential maps.
 
     Args:
-        mend_root: True to correct the order of the root's Euler angles, False to use the file's rotation
+        mend_root: True corrects the order of the root's Euler angles. False uses the file's rotation
             unchanged.
 
     Raises:

@@ -1,5 +1,5 @@
-"""Reads and writes project files (.enliven): an artist's complete work in one file that every later version
-reads.
+"""Reads and writes project files (.enliven). A file contains an artist's complete work, and all later
+versions of enliven can read it.
 
 The file is a zip archive of project.json (the document with its version) and arrays/<name>.npy, so other
 tools can read it. The name of an array is a checksum of its content, so that damage is detected. Writing is
@@ -35,20 +35,20 @@ VERSION = 2
 """The version of the format. An added field needs no new version, but a changed meaning of an existing field
 does."""
 _UPGRADE_BY_VERSION: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: combine_characters}
-"""For each older version: the function that converts its project object to that of the next version."""
+"""For each older version, the function that converts a project object to the next version."""
 _FORMAT = "enliven project"
 _HEADER, _ARRAYS = "project.json", "arrays/"
 _READABLE_ZIP_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """Accepted zip methods: stored and deflated. Other methods can allocate gigabytes before the first byte."""
 _BASE_UNPACKED_BYTES = 1 << 28
-"""Unpacked size, in bytes, that is allowed for every file: 256 MB. Constant arrays of this size are
-compressed to 300 kB."""
+"""Unpacked size, in bytes, that is always allowed: 256 MB. Constant arrays of this size are compressed to 300
+kB."""
 _MAX_UNPACKED_RATIO = 20
-"""Maximum number of additional unpacked bytes per byte of the file. Motion is compressed only to a third of
-its size, so the limit is far above usual files."""
+"""Maximum number of additional unpacked bytes per byte of the file. Motion is only compressed to a third of
+its size, so the ratio of usual files is far below this limit."""
 _COMPRESSION_LEVEL = 1
-"""Compression level of zip. The file is 3 % larger than with the default 6, but takes a quarter of the time.
-The lower level is used because an edit on a stage waits for the compression."""
+"""Compression level of zip. Compared with the default 6, the file is 3 % larger, but compression takes a
+quarter of the time. Speed matters, because an edit on a stage waits for the compression."""
 _ZIP_ENTRY_DATE = (1980, 1, 1, 0, 0, 0)
 """Date of every zip entry: the earliest date that zip can store. With a fixed date, equal projects give equal
 files."""
@@ -58,7 +58,7 @@ def write_project(path: Path | str, project: Project) -> None:
     """Writes a project. Equal projects give identical files.
 
     Raises:
-        InputError: if the existing file is a project of a later version, which is not replaced.
+        InputError: if the existing file is a project of a later version. It is then not replaced.
         ResourceError: if the file cannot be written. An existing file stays unchanged.
     """
     refuse_later_project(Path(path))
@@ -66,8 +66,9 @@ def write_project(path: Path | str, project: Project) -> None:
 
 
 def refuse_later_project(path: Path) -> None:
-    """Raises LaterVersionError if a file is a project of a later version, so that it is not replaced."""
-    if not path.is_file():  # Skip pipes, because opening one would block until its other end is opened.
+    """Raises LaterVersionError if a file is a project of a later version. Call it before replacing the
+    file."""
+    if not path.is_file():  # Skip pipes, because opening a pipe blocks until its other end is opened.
         return
     try:
         with zipfile.ZipFile(path) as archive:
@@ -75,8 +76,8 @@ def refuse_later_project(path: Path) -> None:
                 return
             header = json.loads(_unpacked_entry(archive, _HEADER))
     except (OSError, zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, *DAMAGE):
-        # The file does not exist, or it is not a project. The writer reports an error if it cannot be
-        # replaced.
+        # The file does not exist, or it is not a project. If it cannot be replaced, the writer reports the
+        # error.
         return
     if isinstance(header, dict) and header.get("format") == _FORMAT:
         _refuse_later(header, str(path))
@@ -86,9 +87,9 @@ def read_project(path: Path | str) -> Project:
     """Reads a project of this or any earlier version.
 
     Raises:
-        InputError: if the file is missing, not a project, truncated, damaged, or of a later version. Damaged
-            or missing motion of a possessed mesh raises no error if it can be solved again. The mesh is then
-            at rest.
+        InputError: if the file is missing, not a project, truncated, damaged, or of a later version. There is
+            no error for missing or damaged motion of a possessed mesh that can be solved again. The mesh is
+            then at rest.
     """
     path = Path(path)
     return parse_project(read_file(path), str(path))
@@ -141,7 +142,7 @@ def parse_project(data: bytes, where: str = "project", most: int | None = None) 
         raise InputError(error.what, where=f"{where}, {error.where}", remedy=advice) from None
     except DAMAGE as error:
         logging.getLogger(__name__).debug("project", exc_info=error)
-        problem = "it is damaged: its parts do not fit together"
+        problem = "it is damaged: its parts are inconsistent"
         raise InputError(problem, where=where, remedy="Take an earlier copy.") from None
     assert isinstance(document, Project)
     return document
@@ -166,7 +167,7 @@ def _zip_entry(name: str) -> zipfile.ZipInfo:
 
 
 def _check_sizes(archive: zipfile.ZipFile, packed: int, where: str, max_bytes: int | None) -> None:
-    """Checks the declared unpacked size before unpacking. Raises an error if it is larger than that of any
+    """Checks the declared unpacked size before unpacking. Raises InputError if it is larger than for any
     plausible project.
     """
     entries = archive.infolist()
@@ -179,8 +180,8 @@ def _check_sizes(archive: zipfile.ZipFile, packed: int, where: str, max_bytes: i
 
 
 def _unpacked_entry(archive: zipfile.ZipFile, name: str) -> bytes:
-    """Unpacks an entry, but reads at most one byte more than its declared size, because the zip library
-    itself has no limit.
+    """Unpacks an entry. Reads at most one byte more than its declared size, because the zip library does not
+    enforce this size.
     """
     entry = archive.getinfo(name)
     with archive.open(entry) as file:
@@ -188,7 +189,7 @@ def _unpacked_entry(archive: zipfile.ZipFile, name: str) -> bytes:
 
 
 def _foreign_file_error(data: bytes, where: str) -> InputError:
-    """Returns the error about a file of another kind. The message names the kind."""
+    """Returns the error for a file that is not a project. The message contains the kind of the file."""
     kind, ending = describe_file_kind(data)
     advice = "Choose a project that was saved by enliven."
     if ending:
@@ -197,7 +198,7 @@ def _foreign_file_error(data: bytes, where: str) -> InputError:
 
 
 def _upgraded_header(archive: zipfile.ZipFile, where: str, data: bytes) -> dict[str, Any]:
-    """Returns the content of project.json, upgraded to the newest version."""
+    """Returns the content of project.json, upgraded to the current version."""
     try:
         header = json.loads(_unpacked_entry(archive, _HEADER))
     except (KeyError, ValueError, RecursionError):
@@ -216,7 +217,7 @@ def _upgraded_header(archive: zipfile.ZipFile, where: str, data: bytes) -> dict[
 
 
 def _refuse_later(header: dict[str, Any], where: str) -> None:
-    """Raises LaterVersionError if a header states a later version."""
+    """Raises LaterVersionError if the header contains a later version."""
     version, maker = header.get("version"), header.get("made_by")
     if _is_integer(version):
         refuse_later_version(version, VERSION, where, f"enliven {maker}" if maker else "")
@@ -227,8 +228,8 @@ def _is_integer(value: Any) -> TypeGuard[int]:
 
 
 def _read_arrays(archive: zipfile.ZipFile) -> tuple[dict[str, AnyArray], set[str]]:
-    """Reads the arrays. Returns them by name, and the names of damaged arrays. The content of a damaged array
-    does not match the checksum in its name.
+    """Reads the arrays. Returns the arrays by name, and the names of damaged arrays. The content of a damaged
+    array does not match the checksum in its name.
     """
     arrays, damaged = dict[str, AnyArray](), set[str]()
     for entry in archive.namelist():

@@ -14,11 +14,11 @@ from enliven.formats.project.values import ARRAY, KIND, array_checksum
 
 
 def replace_lost_motion(project: Any, arrays: dict[str, AnyArray]) -> tuple[Any, set[str]]:
-    """Replaces each lost stream that can be solved again by a stream at rest. The possession of such a part
-    is marked as not solved.
+    """Replaces each lost stream that can be solved again by a stream at rest. Its part is marked as not
+    solved.
 
     Args:
-        arrays: the readable arrays by name. The function adds those of the streams at rest.
+        arrays: the readable arrays by name. The function adds the arrays of the streams at rest.
 
     Returns:
         The project object, and the names of the arrays of the lost streams.

@@ -1,5 +1,5 @@
-"""Packs one character as the bytes of a project. A client sends these bytes to put the character on the stage
-of an edge.
+"""Serialises one character as the bytes of a project. A client sends these bytes to add the character to the
+stage of an edge.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ def character_bytes(project: Project, character: str, textures: int = 0) -> byte
     poses. Coordinates are rounded to float32.
 
     Args:
-        textures: maximum size of its textures in bytes. If they are larger, its materials are left out.
+        textures: maximum size of the character's textures in bytes. If they are larger, its materials are
+            left out.
 
     Raises:
         InputError: if the character does not exist.
@@ -30,14 +31,15 @@ def character_bytes(project: Project, character: str, textures: int = 0) -> byte
 
 
 def texture_bytes(character: RigBase) -> int:
-    """Returns the size of a character's textures in bytes: at least 1 if it has materials, else 0."""
+    """Returns the size of a character's textures in bytes. The result is at least 1 if the character has
+    materials, and otherwise 0."""
     materials = None if character.mesh is None else character.mesh.materials
     return 0 if materials is None else max(sum(len(texture.image) for texture in materials.textures), 1)
 
 
 def project_of_mesh(mesh: Mesh, name: str) -> Project:
-    """Returns a project with a mesh to which performers can attach. The mesh has one node until it is put on
-    a stage.
+    """Returns a project with a mesh that performers can attach to. The mesh has a single node until it is
+    added to a stage.
     """
     vertices = _rounded_coordinates(mesh.vertices)
     shape_and_stream = graph_shape_at_rest(

@@ -12,9 +12,10 @@ combined."""
 
 
 def combine_characters(project: dict[str, Any]) -> dict[str, Any]:
-    """Upgrades version 1 to 2: combines three maps of characters to one, and moves layers into their shapes.
+    """Upgrades version 1 to 2: combines three maps of characters to one map, and moves layers into their
+    shapes.
 
-    Ids were unique within a map only, so a repeated id gets a number.
+    Ids were unique only within each map, so a number is appended to a repeated id.
     """
     layers = project.get("layers", {})
     characters: dict[str, Any] = {}
@@ -34,6 +35,6 @@ def combine_characters(project: dict[str, Any]) -> dict[str, Any]:
 
 
 def _layer_ids(shape: dict[str, Any]) -> list[str]:
-    """Returns the ids of the layers in the spans of a shape, and of its travel layer, each once."""
+    """Returns the ids of the layers in the spans of a shape, and of its travel layer, without duplicates."""
     layer_ids = [ref["layer"] for spans in shape["spans"] for span in spans for ref in span.get("refs", [])]
     return list(dict.fromkeys([*layer_ids, *([shape["travel"]] if shape.get("travel") else [])]))

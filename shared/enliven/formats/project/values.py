@@ -1,9 +1,10 @@
 """Converts a document to JSON and arrays, and back, by the type hints of its dataclasses.
 
 A dataclass and a mapping become JSON objects, and a tuple becomes a JSON array. A NumPy array becomes
-``{"array": <name>}``, and its numbers are stored separately, each array once. Numbers are restored exactly,
-because JSON contains the shortest decimal that gives the same float64. A field that is missing in a file gets
-its default, so new fields can be added without a new version. The JSON object of a rig contains its kind.
+``{"array": <name>}``, and its numbers are stored separately. Equal arrays are stored once. Numbers are
+restored exactly, because JSON contains the shortest decimal that is parsed to the same float64. A field that
+is missing in a file gets its default, so new fields can be added without a new version. The JSON object of a
+rig contains its kind.
 """
 
 from __future__ import annotations
@@ -27,13 +28,13 @@ KIND = "kind"
 
 
 class UnknownFieldError(InputError):
-    """A field, a value or a kind of character that this version does not know. It may come from a later
-    version.
+    """Raised for a field, a value or a kind of character that this version does not know. The file may be
+    from a later version.
     """
 
 
 def pack(value: Any, arrays: dict[str, AnyArray]) -> Any:
-    """Returns ``value`` as JSON, and adds its arrays to ``arrays`` by a checksum of their content."""
+    """Converts ``value`` to JSON. Adds its arrays to ``arrays``, with a checksum of their content as key."""
     if isinstance(value, np.ndarray):
         name = array_checksum(value)
         arrays[name] = value
@@ -50,7 +51,7 @@ def pack(value: Any, arrays: dict[str, AnyArray]) -> Any:
         return value
     if isinstance(value, np.generic):
         return value.item()
-    raise TypeError(f"a document cannot hold a {type(value).__name__}")
+    raise TypeError(f"a document cannot contain a {type(value).__name__}")
 
 
 def array_checksum(array: AnyArray) -> str:
@@ -96,7 +97,7 @@ def unpack(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) ->
 
 
 def _read_rig(table: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
-    """Reads a character. The object names its kind of rig."""
+    """Reads a character. Its JSON object contains its kind of rig."""
     kind = table.get(KIND)
     if kind not in RigBase.kinds:
         raise UnknownFieldError(f"a character of the kind {kind!r} is unknown", where=where)
@@ -122,7 +123,8 @@ def _read_dataclass(kind: type[Any], value: Any, arrays: Mapping[str, AnyArray],
 
 @functools.cache
 def _type_hints(kind: type[Any]) -> dict[str, Any]:
-    """Returns the types of a dataclass's fields. Python evaluates the annotations again at each call."""
+    """Returns the types of a dataclass's fields. The result is cached, because Python evaluates the
+    annotations at each call."""
     return typing.get_type_hints(kind)
 
 

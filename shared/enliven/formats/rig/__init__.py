@@ -1,1 +1,1 @@
-"""Converts the rig of a file to a shape: finds the links between joints, and builds the tree of bones."""
+"""Converts the rig of a file to a shape: determines the parents of joints, and builds the tree of bones."""

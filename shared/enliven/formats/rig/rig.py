@@ -77,8 +77,8 @@ def _resized_clip(clip: Clip, skeleton: Skeleton, scale: float, by: Float) -> Cl
 def weld_shape(shape: Shape) -> Shape:
     """Merges vertices that have the same position and skin weights. Cuts and merges of shapes require this.
 
-    In files with flat shading, faces do not share vertices. A merged vertex gets the colour of the first of
-    its vertices.
+    In files with flat shading, faces do not share vertices. A merged vertex gets the colour of the first
+    original vertex.
     """
     if shape.mesh is None or shape.skin is None:
         return shape
@@ -100,7 +100,7 @@ def weld_shape(shape: Shape) -> Shape:
 
 
 def play_clip(project: Project, shape: Shape, clip: Clip) -> tuple[Project, Shape]:
-    """Adds a shape to a project. All its bones and its root play a clip of the shape's own skeleton.
+    """Adds a shape to a project. All of its bones and its root play a clip that has the shape's own skeleton.
 
     Each bone gets a separate layer, for the chain from its parent joint to its joint. So each bone rotates,
     moves and stretches exactly as in the clip.

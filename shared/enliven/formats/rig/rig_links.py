@@ -1,9 +1,10 @@
-"""Finds the parent of each joint of a rig: the file's parent, unless the animations contradict it.
+"""Determines the parent of each joint of a rig. It is the file's parent, unless the animations contradict it.
 
 Animators' files contain controllers. For example, a foot driven by inverse kinematics is a child of a
-controller on the ground, and its animation keeps it at the end of the shin. A skeleton with bones that only
-rotate needs the foot as a child of the shin. So a link that does not keep its length and direction in the
-animations is cut. The cut branch is attached to the joint that it follows best.
+controller on the ground, and its animation keeps it at the end of the shin. In a skeleton with bones that
+only rotate, the foot must be a child of the shin. So a link to a parent is cut if the joint does not keep its
+position relative to the parent in the animations. The cut branch is attached to the joint that it follows
+best.
 """
 
 from __future__ import annotations
@@ -17,24 +18,25 @@ from enliven.document import apply_stretch
 from enliven.rotation import rotate, stretch_from_strain
 
 _MIN_LOOSE_FRACTION = 0.01
-"""Minimum distance of a detached joint from its parent, as a fraction of the model's size."""
+"""Minimum deviation of a detached joint from its rest position relative to its parent, as a fraction of the
+model's size."""
 _MISFIT_PER_REST_DISTANCE = 0.5
-"""Misfit, in metres, that costs as much as a metre of distance at rest. So of two joints that fit equally
-well, the nearer one is chosen."""
+"""Misfit, in metres, that costs as much as a metre of distance at rest. Because of this cost, the nearer of
+two equally suitable parents is chosen."""
 _MIN_MISFIT_RATIO = 3.0
-"""Minimum ratio between the misfit of the file's parent and that of another joint that replaces it. The
-parents in a file are usually right."""
+"""Minimum ratio of the misfit of the file's parent to the misfit of a joint that replaces it. It is large,
+because the parents in a file are usually right."""
 _MIN_ROOT_SURFACE_FRACTION = 0.1
 """Minimum fraction of the surface that the branch of a root must carry. Branches with less surface are loose
 parts, not the body."""
 _COMPARED_FRAMES = 150
-"""Number of frames, over all animations, that are compared. It is enough to detect broken links. More frames
-would be slow, because the cost is quadratic in the number of joints."""
+"""Total number of compared frames of all animations. It is enough to detect broken links. More frames would
+be slow, because each frame costs quadratic time in the number of joints."""
 
 
 @dataclass
 class LinkBody:
-    """A joint of a rig, with the vertices and leaf nodes that move rigidly with it.
+    """A joint of a rig as a rigid body, with the vertices and leaf nodes that follow it.
 
     Attributes:
         name: name of the joint.
@@ -63,8 +65,8 @@ class LinkBody:
     mirrors: Float | None = None
 
     def moved(self, vectors: Float) -> Float:
-        """Transforms vectors (3,) or (F, 3) of the rest pose to each frame (F, 3): mirrors and stretches,
-        then rotates them.
+        """Transforms vectors (3,) or (F, 3) of the rest pose to each frame (F, 3). They are mirrored and
+        stretched, and then rotated.
         """
         if self.mirrors is not None:
             vectors = self.mirrors[:, None] * vectors
@@ -80,8 +82,8 @@ class Links:
     """The tree of the joints.
 
     Attributes:
-        parents: the parent of each body that is kept, -1 for the root.
-        merged: bodies that were above the root in the file. Their vertices follow the root.
+        parents: the parent of each remaining body, -1 for the root.
+        merged: bodies that are ancestors of the root in the file. Their vertices follow the root.
         notes: a sentence for each change.
     """
 
@@ -96,11 +98,11 @@ class Links:
 
 
 def find_links(bodies: list[LinkBody], size: float, as_is: bool = False) -> Links:
-    """Finds the tree of the joints. The root is chosen among the tops of all detached parts, so that the
-    total misfit is smallest.
+    """Determines the tree of the joints. The root is one of the topmost joints of the detached parts. The
+    choice minimises the total misfit.
 
-    Joints that move no vertices, directly or through descendants, are removed, and their parents get a leaf
-    at their positions. A root that moves no vertex and has a single child is removed too.
+    Joints are removed if neither they nor their descendants move vertices. Their parents get a leaf at their
+    positions. A root that moves no vertex and has a single child is removed too.
 
     Args:
         as_is: True to keep the file's parents, even if their links change in the animations.
@@ -117,8 +119,8 @@ def find_links(bodies: list[LinkBody], size: float, as_is: bool = False) -> Link
         j for j in range(len(bodies)) if loose_bodies[j] and weight[j] > _MIN_ROOT_SURFACE_FRACTION * total
     ]
     if not tops:
-        # If several sibling joints each move only a small part, as on a baked surface, use the joint that
-        # moves most of the mesh.
+        # If many sibling joints each move only a small part, as in a baked surface, use the joint that moves
+        # most of the mesh as the root.
         tops = [max((j for j in range(len(bodies)) if loose_bodies[j]), key=lambda j: (weight[j], -j))]
     trees = [
         _attach_to_root(bodies, file_parents, loose_bodies, misfits, top)
@@ -216,8 +218,8 @@ def _file_ancestors(file_parents: list[int], j: int) -> list[int]:
 
 
 def _new_parent(bodies: list[LinkBody], child: int, old_parent: int, inside: set[int], misfits: Float) -> int:
-    """Returns the body to which a cut branch is attached: its old parent, unless it follows another body much
-    better.
+    """Returns the body to which a cut branch is attached. It is the old parent, unless the branch follows
+    another body much better.
     """
     costs = {
         c: misfits[child, c] + _MISFIT_PER_REST_DISTANCE * _rest_distance(bodies, child, c) for c in inside

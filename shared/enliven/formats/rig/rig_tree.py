@@ -4,18 +4,17 @@ A joint of such a rig rotates the links to all of its children, and its vertices
 a *bone* is a single link, and rotates about the joint at which it begins. The rules of the conversion:
 
 - The links from joint j to its children are bones with the rotation of j.
-- Vertices of joint j follow a bone that begins at j and continues the bone to j in a straight line (for a
-  chest: the neck, not a shoulder). If several bones do, it is the one with the most descendants. If none
-  does, the vertices get a bone of their own, so that an ear does not move the head. For the same reason,
-  vertices of the root (a pelvis) follow the rotation of the whole skeleton.
+- Vertices of joint j follow a bone that begins at j and continues the bone that ends at j in a straight line.
+  For a chest, this is the neck and not a shoulder. If several bones do, the bone with the most descendants is
+  used. If none does, the vertices get a separate bone, so that an ear does not move the head. For the same
+  reason, vertices of the root (a pelvis) follow the rotation of the whole skeleton.
 - A joint without children gets a *tip*. If the rig has a leaf node below the joint, as Blender's exporter
 writes, the end is at this node. Otherwise, it is at the far end of the joint's vertices.
 - Joints at the same position become one joint. A rig needs one joint for each limb that rotates separately,
   but here each bone rotates separately.
-- Joints without vertices, also below them, are removed (pole targets, controllers). So is a root that moves
-  no vertex and has a single child.
-- A link that does not hold in the animations is cut, and the cut branch gets another parent: see
-  ``rig_links``.
+- Joints are removed if neither they nor their descendants have vertices, such as pole targets and
+  controllers. A root that moves no vertex and has a single child is also removed.
+- A link is cut if the animations contradict it, and the cut branch gets another parent, see ``rig_links``.
 """
 
 from __future__ import annotations
@@ -30,26 +29,26 @@ from enliven.formats.rig.rig_links import LinkBody, depth_first_order, find_link
 from enliven.rotation import conjugate, rotate, stretch_from_strain
 
 _MAX_REST_DISTANCE_FRACTION = 2e-5
-"""Maximum distance of two joints that count as one place, as a fraction of the size. It covers rounding
-errors of files."""
+"""Maximum distance between two joints at the same position, as a fraction of the size. It allows for rounding
+errors in files."""
 _MIN_TRACK_MOTION_FRACTION = 1e-4
-"""Minimum motion of a joint relative to its parent to keep the joint's track, as a fraction of the size. Less
-is a rounding error."""
+"""Minimum motion of a joint relative to its parent at which its track is kept, as a fraction of the size.
+Less motion is a rounding error."""
 _MAX_STRAY_SURFACE_FRACTION = 0.01
-"""Maximum fraction of the surface that follows a body only by stray weights. Such a body is drawn with the
-root."""
+"""Maximum fraction of the surface that follows a body because of stray skin weights. The vertices of such a
+body follow the root."""
 _MAX_MOVING_DISTANCE_FRACTION = 1e-3
-"""Maximum distance over time of joints of one place that still count as one, as a fraction of the size. Less
-is not visible."""
+"""Maximum distance over time between two joints that are merged, as a fraction of the size. A smaller
+distance is not visible."""
 _STRAIGHT_BONE_COSINE = np.cos(np.radians(25.0))
-"""Cosine of 25 degrees: bones within that angle of the incoming bone count as equally straight."""
+"""Cosine of 25 degrees. Bones within this angle of the incoming bone count as equally straight."""
 _MAX_PAIR_DIFFERENCE = 0.02
-"""Maximum difference between two bones of a fork that count as a pair. It bounds the relative difference of
-their lengths, and the difference of the cosines of their bends. Such a pair can be two shoulders, so
-neither of them is the neck."""
+"""Maximum difference between two bones of a pair at a branching joint. It limits the relative difference of
+their lengths, and the difference of the cosines of their bends. The bones of a pair may be shoulders, so
+neither of them counts as the neck."""
 _MAX_STUB_LENGTH_RATIO = 0.4
-"""Length of the bone that a forking joint gets for its own vertices, relative to the bone to that joint. A
-limb is longer."""
+"""Length of the separate bone for the vertices of a branching joint, relative to the bone that ends at the
+joint. It is shorter than a limb."""
 
 
 @dataclass
@@ -57,10 +56,10 @@ class Tree:
     """A skeleton that was converted from a rig.
 
     Attributes:
-        skeleton: its joints, including tips.
-        driver: for each bone the body that rotates it.
-        body: for each joint the body at its position, -1 for a tip.
-        bone: for each body with vertices, the bone that these vertices follow now.
+        skeleton: the joints, including tips.
+        driver: for each bone, the body that rotates it.
+        body: for each joint, the body at its position, or -1 for a tip.
+        bone: for each body with vertices, the bone that its vertices follow.
         root: the body at the position of the root joint.
         notes: a sentence for each change.
     """
@@ -79,7 +78,7 @@ def build_tree(bodies: list[LinkBody], size: float, as_is: bool = False) -> Tree
     Args:
         bodies: the joints, parents before children. At least one of them moves vertices.
         size: size of the whole model in metres.
-        as_is: True to keep the file's parents, for a file that enliven has written from such a skeleton.
+        as_is: True keeps the file's parents. It is used for files that enliven itself wrote.
     """
     links = find_links(bodies, size, as_is)
     joint_bodies = _bodies_by_position(bodies, links.parents, size)
@@ -90,8 +89,8 @@ def build_tree(bodies: list[LinkBody], size: float, as_is: bool = False) -> Tree
 
 
 def _moves_from_root(bodies: list[LinkBody], j: int, root: int, size: float) -> bool:
-    """Returns True if a body above the root moves relative to it, and carries more surface than stray weights
-    do."""
+    """Returns True if a body above the root moves relative to the root, and moves more surface than stray
+    weights would."""
     if bodies[j].mass <= _MAX_STRAY_SURFACE_FRACTION * sum(body.mass for body in bodies):
         return False
     expected = bodies[root].places + bodies[root].moved(bodies[j].rest - bodies[root].rest)
@@ -103,8 +102,8 @@ def _moves_from_root(bodies: list[LinkBody], j: int, root: int, size: float) -> 
 
 
 def joint_drift(bodies: list[LinkBody], tree: Tree) -> list[tuple[str, float]]:
-    """Returns the name of each joint with vertices, and its maximum distance, metres, from its position on
-    the bone.
+    """Returns the name of each joint with vertices, and its maximum distance, metres, from the end of its
+    bone.
     """
     skeleton, drifts, tracks = tree.skeleton, [], joint_tracks(bodies, tree)
     for number, bone in tree.bone.items():
@@ -151,8 +150,8 @@ def clip_tracks(bodies: list[LinkBody], tree: Tree, size: float) -> tuple[Float 
 
 
 def _bodies_by_position(bodies: list[LinkBody], parents: dict[int, int], size: float) -> dict[int, int]:
-    """Returns for each body the first body at the same position that is its parent or sibling, or else
-    itself."""
+    """Returns for each body the first body at the same position among its parent and siblings, or the body
+    itself if there is none."""
     first_body: dict[int, int] = {}
     for j in depth_first_order(parents):
         if parents[j] < 0:
@@ -187,7 +186,8 @@ def _build_skeleton(
 ) -> Tree:
     """Builds the skeleton: one joint for each position, one bone for each link, and the tips.
 
-    ``apart`` contains bodies above the root that move relative to it. Each gets a separate limb at the root.
+    ``apart`` contains bodies above the root that move relative to the root. Each gets a separate limb at the
+    root.
     """
     names: dict[int, str] = {}
     for j, joint_number in first.items():
@@ -254,7 +254,8 @@ class _Joints:
         return len(self.names) - 1
 
     def find_straightest_bone(self, joint_number: int, bones: list[int]) -> int:
-        """Returns the bone among ``bones`` that continues straight beyond a joint, or -1 if there is none."""
+        """Returns the bone among ``bones`` that continues the bone ending at a joint in a straight line, or
+        -1 if there is none."""
         if len(bones) == 1:
             return bones[0]
         incoming = self.rest[joint_number] - self.rest[max(self.parents[joint_number], 0)]
@@ -270,8 +271,8 @@ class _Joints:
         return max(straight, key=lambda k: (self._descendant_count(k), -k), default=-1)
 
     def point_beyond(self, joint_number: int, fraction: float) -> Float:
-        """Returns (3,) a point beyond a joint, metres. Its distance is ``fraction`` of the length of
-        the bone that ends there.
+        """Returns a point (3,) beyond a joint, metres. Its distance from the joint is ``fraction`` of the
+        length of the bone that ends at the joint.
         """
         incoming = self.rest[joint_number] - self.rest[max(self.parents[joint_number], 0)]
         length = float(np.linalg.norm(incoming))
@@ -288,8 +289,8 @@ class _Joints:
         return len(inside)
 
     def sorted(self, bone: dict[int, int]) -> tuple[Skeleton, list[int], list[int], dict[int, int]]:
-        """Returns the skeleton with joints in depth-first order, and the drivers, bodies and bones in this
-        order."""
+        """Returns the skeleton with joints in depth-first order, and the drivers, bodies and bones renumbered
+        accordingly."""
         order = depth_first_order(dict(enumerate(self.parents)))
         new = {old: k for k, old in enumerate(order)}
         above = [-1 if self.parents[old] < 0 else new[self.parents[old]] for old in order]

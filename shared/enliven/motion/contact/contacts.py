@@ -1,12 +1,12 @@
-"""Contact detection: finds when a foot stands, from its height and speed, and the position to which it is
-locked.
+"""Contact detection: computes the times at which a foot stands from its height and speed, and the positions
+to which it is locked.
 
     Pin(joint, start, settings)              # stored on a Shape, by joint name; not baked
     find_contacts(places (F, 3), step, size, settings) -> Contacts
 
 A foot touches the floor while it is low and slow. It is released when it is clearly higher or faster
-(hysteresis). During a contact, it is locked to the median of its positions. There it may rise, as a heel
-does, but not sink.
+(hysteresis). During a contact, it is locked to the median of its positions. While locked, it may rise, as a
+heel does, but not sink.
 """
 
 from __future__ import annotations
@@ -31,8 +31,9 @@ class Contacts:
     """The contacts of one joint.
 
     Attributes:
-        starts: (C,) start times, seconds since the first sample, ascending; -inf for a contact at the start.
-        ends: (C,) end times, seconds; inf for a contact at the end.
+        starts: (C,) start times, seconds since the first sample, ascending. -inf for a contact that includes
+            the first sample.
+        ends: (C,) end times, seconds. inf for a contact that includes the last sample.
         places: (C, 3) positions to which the joint is locked, metres.
     """
 
@@ -51,8 +52,8 @@ def find_contacts(
         step: seconds between two positions.
         size: length of the limb, metres.
         how: the contact thresholds.
-        modes: (F,) indices into :data:`enliven.document.FEET` of the foot mode in each frame; None: by height
-            and speed.
+        modes: (F,) indices into :data:`enliven.document.FEET` of the foot mode in each frame. None means
+            "auto" in all frames.
     """
     if len(places) == 1 and modes is None:
         return Contacts(np.array([-np.inf]), np.array([np.inf]), places.copy())
@@ -96,8 +97,8 @@ def find_runs(flags: Bool) -> list[tuple[int, int]]:
 
 @njit(cache=True, nogil=True)
 def touching(height, speed, low, slow, release, down):
-    """Fills ``down`` (F,) with True in the frames in which a foot of ``height`` (F,) and ``speed`` (F,)
-    touches the floor."""
+    """Marks the frames in which a foot with the given ``height`` (F,) and ``speed`` (F,) touches the floor.
+    Writes True to ``down`` (F,) in these frames."""
     now = False
     for f in range(len(height)):
         more = release if now else 1.0
@@ -110,9 +111,9 @@ def hold(times, starts, ends, places, blend, weights, goals):
     """Computes the weights (T,), in [0, 1], and the target positions ``goals`` (T, 3) of a locked joint at
     ``times`` (T,).
 
-    Within a contact, the weight is 1. Outside, it decreases to 0 by smoothstep over ``blend`` seconds.
-    Between two contacts, the position is the mean of both, weighted by w / (1 - w). So the position never
-    jumps, and a contact with full weight is not affected by the other contact.
+    Within a contact, the weight is 1. Outside a contact, it decreases to 0 by smoothstep over ``blend``
+    seconds. Between two contacts, the position is the mean of both, weighted by w / (1 - w). So the position
+    never jumps, and a contact with full weight is not affected by the other contact.
     """
     for t in range(len(times)):
         x, y, z, total = 0.0, 0.0, 0.0, 0.0

@@ -1,11 +1,10 @@
-"""Foot lock: finds the times at which the pinned feet of a shape stand, and keeps them in place at these
-times.
+"""Foot lock: detects when the pinned feet of a shape stand, and keeps the feet in place during these times.
 
     find_analysis_window(layers, takes) -> AnalysisWindow        # the time that is analysed
     compute_foot_lock(pins, window, free) -> FootLock            # contacts, and the lowering of the root
     foot_lock.pin_feet(times, travelled, tree, turns, joints)        # pins the feet of a pose, in place
 
-The whole motion is played once with free feet and analysed.
+The whole motion is evaluated once without pins, and the feet are analysed.
 """
 
 from __future__ import annotations
@@ -22,13 +21,13 @@ from enliven.motion.contact.contacts import ALWAYS, GROUND, Contacts, find_conta
 from enliven.motion.contact.pin import HeldPin, pin_limb
 
 _ANALYSIS_RATE_HZ = 60.0
-"""Samples per second at which feet are analysed."""
+"""Sampling rate of the analysis of feet, in hertz."""
 _MAX_LOOPED_ANALYSIS_S = 120.0
-"""Maximum duration, in seconds, that is analysed if layers of different lengths are looped. No foot is pinned
-after it."""
+"""Maximum analysed duration, in seconds, if layers of different lengths are looped. After this time, feet are
+not pinned."""
 _MAX_STRETCH_FRACTION = 0.998
-"""Maximum extension of a limb, as a fraction of its length. If the foot is farther away, the root is
-lowered."""
+"""Maximum extension of a limb, as a fraction of its length. If the foot's position is farther away, the root
+is lowered."""
 
 
 @dataclass(frozen=True)
@@ -75,11 +74,11 @@ class FootLock:
 
     Attributes:
         pins: every pinned foot with its contacts, in seconds of the project.
-        grounds: (P, ...) for each pin, the times at which its foot is only kept above the floor. Empty if no
+        grounds: for each of the P pins, the times at which its foot is only kept above the floor. Empty if no
             layer requests this.
         window: the time range that was analysed.
         times: (F,) times of ``drops``, seconds.
-        drops: (F,) lowering of the root at these times, metres.
+        drops: (F,) lowering of the root at ``times``, metres.
     """
 
     pins: tuple[tuple[HeldPin, Contacts], ...]
@@ -116,12 +115,13 @@ def compute_foot_lock(
     free: Callable[[Float], tuple[Float, Float]],
     modes: Callable[[Float], Int] | None = None,
 ) -> FootLock:
-    """Finds the contacts of the pinned feet by playing the whole window once.
+    """Computes the contacts of the pinned feet by evaluating the motion of the whole window once.
 
     Args:
-        free: returns rotations and joints (T, N, 3) at times (T,), with no foot pinned.
-        modes: returns the foot mode of each pin at times (T,): (P, T) indices into
-            :data:`enliven.document.FEET`.
+        free: a function that returns rotations (T, N, 4) and joints (T, N, 3) at times (T,), without pinned
+            feet.
+        modes: a function that returns the foot modes at times (T,) as indices (P, T) into
+            :data:`enliven.document.FEET`, one row per pin. None means "auto" for all feet.
     """
     count = int(np.ceil((window.end - window.start) * _ANALYSIS_RATE_HZ)) + 1
     step = (window.end - window.start) / max(count - 1, 1)
@@ -157,8 +157,8 @@ def compute_foot_lock(
 
 
 def _contacts_from_runs(flags: Bool, times: Float) -> Contacts:
-    """Returns the contacts, in seconds, for runs of True values. A run with the first or last frame extends
-    to infinity.
+    """Converts runs of True values in ``flags`` (F,) to contacts, in seconds. A run that includes the first
+    or last frame extends to infinity.
     """
     runs, last_frame = find_runs(flags), len(flags) - 1
     starts = np.array([-np.inf if a == 0 else times[a] for a, _ in runs])
@@ -169,7 +169,7 @@ def _contacts_from_runs(flags: Bool, times: Float) -> Contacts:
 def _lift_sole(
     pin: HeldPin, floor: float, weights: Float, tree: tuple[Int32, Float], turns: Float, joints: Float
 ) -> None:
-    """Raises a foot with its sole below a floor (metres), with the weight ``weights`` (T,).
+    """Raises a foot with its sole below the height ``floor`` (metres), by the fraction ``weights`` (T,).
 
     Changes turns (T, N, 4) and joints (T, N, 3) in place.
     """
@@ -192,9 +192,9 @@ def _contact_weights(pin: HeldPin, contacts: Contacts, times: Float) -> tuple[Fl
 def _compute_drops(pin: HeldPin, joints: Float, weights: Float, goals: Float, max_fraction: Float) -> Float:
     """Returns the lowering (F,) of the root, metres, that is needed for a limb to reach its contact.
 
-    The result is at most ``max_fraction`` (F,) lengths of the limb. A hip above the goal at height
-    sqrt(reach^2 - across^2) just reaches it. The reach is slightly less than the length of the limb, so that
-    a knee does not snap straight. A limb without contact needs no lowering.
+    The result is at most the limb's length times ``max_fraction`` (F,). A hip can be at most sqrt(reach^2 -
+    across^2) above the goal, with the horizontal distance ``across``. The reach is slightly less than the
+    length of the limb, so that a knee does not snap straight. A limb without contact needs no lowering.
     """
     start, middle, end = (joints[:, pin.chain[i]] for i in (0, pin.middle, -1))
     distance = np.linalg.norm(end - start, axis=1)
@@ -215,7 +215,7 @@ def _compute_drops(pin: HeldPin, joints: Float, weights: Float, goals: Float, ma
 def _smooth_drops(drops: Float, width: int, looped: bool) -> Float:
     """Returns (F,) a smooth curve that is at least as large as ``drops`` everywhere.
 
-    It is the moving maximum over a window, averaged with a smooth window of the same width.
+    The curve is the moving maximum over a window, smoothed by a filter of the same width.
     """
     if width < 1 or not drops.any():
         return drops

@@ -5,9 +5,9 @@
     resolve_pins(shape) -> list[HeldPin]                        # the player's input
 
 A limb of more than two bones is treated as two rigid halves. The foot and its descendants keep their world
-rotations, so a flat sole stays flat. If a stretched limb would not reach, the root is lowered as far as
-allowed, smoothly over time (Kovar, Schreiner & Gleicher, "Footskate cleanup for motion capture editing",
-2002). If the position is still out of reach, the foot comes as near to it as possible.
+rotations, so a flat sole stays flat. If a stretched limb does not reach its position, the root is lowered as
+far as allowed, smoothly over time. (Kovar, Schreiner & Gleicher, "Footskate cleanup for motion capture
+editing", 2002.) If the position is still out of reach, the foot moves as near to it as possible.
 """
 
 from __future__ import annotations
@@ -28,24 +28,25 @@ from enliven.motion.kinematics.vectors import row
 _MIN_BULGE_FRACTION = 1e-3
 """Minimum bulge of a limb at rest, as a fraction of its length, that defines a bend direction."""
 _DEFAULT_BEND_DIRECTION = np.array([0.0, 0.0, 1.0])
-"""(3,) bend direction of knees that are straight at rest, if the foot does not define a front."""
+"""(3,) bend direction of knees that are straight at rest, if the foot does not define a forward direction."""
 _MIN_TOE_EXTENT_FRACTION = 0.05
-"""Minimum forward extent of a foot, as a fraction of the limb's length, to define the front."""
+"""Minimum forward extent of a foot that defines the forward direction, as a fraction of the limb's length."""
 
 
 @dataclass(frozen=True, eq=False)
 class HeldPin:
-    """A pin with resolved joint numbers: joint chain[middle] bends, and chain[-1] is locked.
+    """A pin with joint numbers instead of names: the limb bends at joint chain[middle], and joint chain[-1]
+    is locked.
 
     Attributes:
         chain: (K,) int32 joints from the limb's start to the foot.
         middle: index in the chain of the joint that bends.
         side: (3,) the direction in which the limb bulges at rest.
         size: length of the limb, metres.
-        kept: (N,) True for the bones that keep their world rotation: those that begin at the foot.
+        kept: (N,) True for the bones that keep their world rotation, which are those that begin at the foot.
         settings: the contact thresholds.
         below: (B,) int32 the foot's joint and all its descendants.
-        sole: height of the lowest of these joints above the sole of the mesh at rest, metres.
+        sole: height of the lowest joint in ``below`` above the sole of the mesh at rest, metres.
         ground: height of the floor under the shape at rest, at its position in the project, metres.
         stance: height of the foot's joint above this floor at rest, metres.
     """
@@ -75,8 +76,8 @@ def pin_feet(
 
     Args:
         joints: the feet, by number or name. They are ankles, or toes if a ``start`` is given.
-        start: the joint at which the limb begins; None uses a limb of two bones.
-        settings: the contact thresholds; None for the defaults.
+        start: the joint at which the limb begins. None means that the limb has two bones.
+        settings: the contact thresholds. None means the defaults.
 
     Raises:
         InputError: if a joint does not exist, or no limb of two bones ends in it.
@@ -99,7 +100,8 @@ def pin_feet(
 
 
 def unpin(project: Project, shape_id: str, joints: Sequence[int | str] | None = None) -> Project:
-    """Removes the pins of joints of a shape (None: of all joints). Returns the edited project."""
+    """Removes the pins of joints of a shape, or all pins if ``joints`` is None. Returns the edited
+    project."""
     shape = project.shape(shape_id)
     names = (
         None if joints is None else {shape.skeleton.names[_joint_index(shape.skeleton, j)] for j in joints}
@@ -146,8 +148,8 @@ def find_bend(skeleton: Skeleton, chain: Sequence[int]) -> tuple[int, Float]:
 
 
 def _toe_direction(skeleton: Skeleton, foot: int, limb: Float) -> Float:
-    """Returns the direction (3,) of a foot's toes, perpendicular to its limb (3,); forward for a limb without
-    a foot.
+    """Returns the direction (3,) of a foot's toes, perpendicular to its limb (3,). For a limb without a foot,
+    the result is forward.
     """
     toe_vectors = [skeleton.vectors[toe] for toe in skeleton.children[foot]]
     length = max(float(np.linalg.norm(limb)), 1e-300)
@@ -169,14 +171,14 @@ def _joint_index(skeleton: Skeleton, joint: int | str) -> int:
 
 
 def _grandparent_joint(skeleton: Skeleton, joint: int) -> int:
-    """Returns the joint two bones above, or -1."""
+    """Returns the joint two bones above ``joint``, or -1 if there is none."""
     parent = int(skeleton.parents[joint])
     return int(skeleton.parents[parent]) if parent >= 0 else -1
 
 
 @njit(cache=True, nogil=True)
 def pin_limb(parents, vectors, chain, middle, side, kept, rise, sink, weights, goals, drops, turns, joints):
-    """Moves the end of a limb to its goal, with the weight ``weights`` (T,), and updates its descendants.
+    """Moves the end of a limb to its goal, by the fraction ``weights`` (T,), and updates its descendants.
 
     Args:
         vectors: (T or 1, N, 3) vector from each parent to its joint before the bone rotates, metres.

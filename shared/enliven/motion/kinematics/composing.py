@@ -1,4 +1,5 @@
-"""Compiled loops: the rotations of bones from samples of their layers, and the resulting joint positions."""
+"""Kernels that compute the rotations of bones from samples of their layers, and the resulting joint
+positions."""
 
 from __future__ import annotations
 
@@ -10,10 +11,12 @@ from enliven.motion.kinematics.quaternions import between, conj, load, mul, stor
 
 @njit(cache=True, nogil=True)
 def own_turns(knots, knot, part, fixed, first, terms, inverse, out):
-    """Fills ``out`` (T, N, 4) with the product of the terms ``first[j]`` to ``first[j + 1]`` of each bone j.
+    """Computes for each bone j the product of the terms ``first[j]`` to ``first[j + 1]``, and writes
+    it to ``out`` (T, N, 4).
 
-    Term m >= 0 is the slerp of ``knots`` (T, K, 4) at ``part[m]`` from ``knot[m]`` to the next; term m < 0 is
-    the rotation ``fixed[-1 - m]``. Terms with ``inverse`` are inverted.
+    A term m with ``knot[m]`` >= 0 is the slerp of ``knots`` (T, K, 4) from ``knot[m]`` to the next knot, at
+    the fraction ``part[m]``. If ``knot[m]`` = k < 0, the term is the rotation ``fixed[-1 - k]``. Terms with
+    ``inverse`` are inverted.
     """
     taken = np.empty((len(knot), 4))
     for t in range(len(knots)):
@@ -31,9 +34,10 @@ def own_turns(knots, knot, part, fixed, first, terms, inverse, out):
 
 @njit(cache=True, nogil=True)
 def compose(parents, vectors, modeling, own, root, turns, joints):
-    """Computes D_j = D_parent m_j a_j into ``turns`` (T, N, 4), and the joint positions (T, N, 3).
+    """Computes the world rotations D_j = D_parent m_j a_j (``turns``, (T, N, 4)) and the joint
+    positions (``joints``, (T, N, 3), metres).
 
-    ``vectors`` (T or 1, N, 3) lead from each parent to its joint before the bone rotates.
+    ``vectors`` (T or 1, N, 3) are the vectors from each parent to its joint before the bone rotates, metres.
     """
     for t in range(len(own)):
         way = vectors[min(t, len(vectors) - 1)]

@@ -1,7 +1,7 @@
 """Compiled inverse kinematics (IK) of a limb of two bones, in closed form.
 
-It changes the present rotations as little as possible, so that a smooth motion stays smooth. For a goal out
-of reach, the limb is stretched towards it, or folded.
+It changes the current rotations as little as possible, so that a smooth motion stays smooth. If the goal is
+too far away, the limb is extended towards it. If the goal is too near, the limb is folded.
 """
 
 from __future__ import annotations
@@ -13,23 +13,23 @@ from enliven.motion.kinematics.quaternions import mul, turn
 from enliven.motion.kinematics.vectors import about, at_right_angles, cross, dot, length, minus, swing_to
 
 _NEARLY_STRAIGHT_SINE = 0.15
-"""Sine of the bend below which a limb counts as nearly straight."""
+"""Maximum sine of the bend angle of a nearly straight limb."""
 
 
 @njit(cache=True, nogil=True)
 def two_bone(start, middle, end, goal, side):
-    """Returns rotations of the upper part (about ``start``) and the lower (about ``middle``) that bring the
-    end to ``goal``.
+    """Computes the rotations of the upper part (about ``start``) and of the lower part (about ``middle``)
+    that move the end to ``goal``.
 
     First the bend at the middle is set by the law of cosines, then the whole limb swings to the goal. A
-    clearly bent limb stays in its plane. A nearly straight limb has no well-defined plane (a knee may even
-    lean backwards slightly). Additional bending of such a limb goes towards ``side``.
+    clearly bent limb stays in its plane. A nearly straight limb has no well-defined plane (a knee may even be
+    bent backwards slightly), so its middle joint is moved towards ``side``.
 
     Args:
-        side: triple, the direction in which the middle bulges at rest.
+        side: triple, the direction in which the middle joint bulges at rest.
 
     Returns:
-        Two quaternions in the world, to be multiplied on the left of the parts' present rotations.
+        Two quaternions in world axes. Multiply them from the left with the current rotations of the parts.
     """
     u, v = minus(start, middle), minus(end, middle)
     a, b = length(u), length(v)
@@ -57,10 +57,10 @@ def bend_axis(u, plane, sine, more, side):
     """Returns the unit axis, perpendicular to ``u`` (middle to start), about which a limb is bent.
 
     Args:
-        plane: triple along the axis of its present bend.
-        sine: the sine of its present bend.
-        more: radians of additional bend.
-        side: triple, towards its bulge at rest.
+        plane: triple along the axis of the current bend.
+        sine: the sine of the current bend angle.
+        more: additional bend angle, radians.
+        side: triple, the direction in which the limb bulges at rest.
     """
     wish = cross(u, (-side[0], -side[1], -side[2]))
     size = length(wish)

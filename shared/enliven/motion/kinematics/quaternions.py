@@ -1,5 +1,5 @@
-"""Compiled quaternion operations for the loops of this package. They take and return tuples (w, x, y, z), and
-allocate no memory.
+"""Compiled quaternion operations for the kernels of this package. Quaternions are tuples (w, x, y, z), so no
+memory is allocated.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ def between(a, b, t):
         return a
     if t == 1.0:
         return b
-    # e is the part of b that is perpendicular to a. Its length is the sine, which is exact for small angles
-    # too.
+    # e is the part of b that is perpendicular to a. Its length is the sine of the angle, which is also exact
+    # for small angles.
     e = (b[0] - cosine * a[0], b[1] - cosine * a[1], b[2] - cosine * a[2], b[3] - cosine * a[3])
     sine = math.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3])
     if sine < 1e-300:

@@ -6,13 +6,13 @@
 A rotation is split into a swing, which changes the direction of the bone, and a twist about the bone. A swing
 is a vector perpendicular to the bone: its length is the angle, and its direction the axis. The range of the
 swing is the convex hull of the known swings and the rest pose. The range of the twist is an interval. Both
-are extended by free angles. Swing and twist share the extension: a bone that is twisted far beyond the known
-range may swing less far beyond it. Rotations within the range do not change.
+ranges are extended by free angles. Swing and twist share the extension: the farther a bone is twisted beyond
+the known range, the less it may swing beyond it. Rotations within the range do not change.
 
-A rotation beyond the range moves to the nearest known swing and twist, and then outwards by less than its
-former distance: at most by the free angle and a soft margin. At a swing of 180 degrees, its direction is
-undefined. Close to it, the result approaches a fixed swing. So the limited rotation is a continuous function
-of the input.
+A rotation beyond the range is replaced by the nearest known swing and twist plus a reduced distance. This
+distance is at most the free angle plus a soft margin. At a swing of 180 degrees, the direction of the swing
+is undefined. Close to it, the result approaches a fixed swing. So the limited rotation is a continuous
+function of the input.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ SOFT_MARGIN = np.radians(20.0)
 _FOLD_ANGLE = np.radians(135.0)
 """Angle, radians, above which a swing or a twist approaches its fixed value at 180 degrees."""
 _UNLIMITED_ANGLE = np.radians(165.0)
-"""Range, radians, above which no limit is applied, because too little space would be left for the
+"""Maximum range, radians, that is limited. A wider range would leave too little space for a smooth
 transition."""
 _SAME_ANGLE = 1e-9
-"""Tolerance, radians, within which two angles are equal."""
+"""Maximum difference, radians, between two equal angles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class JointRange:
     Attributes:
         bone: (3,) direction of the bone at rest, unit vector.
         axes: (2, 3) unit vectors perpendicular to the bone and to each other.
-        hull: (K, 2) corners of the convex hull of the known swings in order, radians along the axes.
+        hull: (K, 2) corners of the convex hull of the known swings, in order, radians along the axes.
         twists: the smallest and the largest known twist, radians.
         free_swing, free_twist: extension of the known range, radians.
         soft: maximum excess beyond this extension, radians.
@@ -82,7 +82,7 @@ def fit_joint_range(bone: Float, turns: Float | None = None, angle_factor: float
 
     Args:
         bone: (3,) direction of the bone at rest, of any non-zero length.
-        turns: (F, 4) rotations relative to the parent bone that are known to be plausible; None if none are
+        turns: (F, 4) rotations relative to the parent bone that are known to be plausible. None if none are
             known.
         angle_factor: factor, above 0, on the free angles and the soft margin. The bones of a spine share
             these angles.
@@ -108,8 +108,8 @@ def limit_turns(joint: JointRange, turns: Float) -> Float:
     """Limits rotations (T, 4) of a bone softly to its range. Rotations within the range do not change.
 
     Args:
-        turns: (T, 4) rotations relative to the parent bone. Those with a swing close to 180 degrees determine
-            the fixed swing there.
+        turns: (T, 4) rotations relative to the parent bone. Rotations with a swing close to 180 degrees
+            determine the fixed swing.
     """
     swings, twists = _decompose_swing_twist(joint.bone, joint.axes, turns)
     return limit_turns_towards(joint, turns, _fixed_swing(joint, swings), swings, twists)
@@ -169,7 +169,7 @@ def limit_turns_towards(
 def _fixed_swing(joint: JointRange, swings: Float) -> Float:
     """Returns the fixed swing (2,) of a bone for rotations close to 180 degrees, radians.
 
-    It is the limit in the mean direction of those swings (T, 2) that are close to 180 degrees.
+    It is the range's limit in the mean direction of those ``swings`` (T, 2) that are close to 180 degrees.
     """
     far_swings = swings[np.linalg.norm(swings, axis=1) > _FOLD_ANGLE]
     if not len(far_swings):
@@ -180,7 +180,8 @@ def _fixed_swing(joint: JointRange, swings: Float) -> Float:
 
 
 def _nearest_known_swings(joint: JointRange, swings: Float) -> tuple[Float, Float]:
-    """Returns the nearest known swings (T, 2), and the differences (T, 2) from them, radians."""
+    """Returns the nearest swings (T, 2) within the hull, and the differences (T, 2) of ``swings`` from them,
+    radians."""
     nearest = _project_onto_hull(joint.hull, swings)
     return nearest, np.asarray(swings - nearest)
 
@@ -190,8 +191,8 @@ def _kept_fraction(joint: JointRange, swing_off: Float, twist_off: Float) -> Flo
 
     Args:
         swing_off, twist_off: (T,) distances to the known swings and twists, radians. The free angle in their
-            combined direction is the radius of an ellipse, so that a bone that is twisted far swings less
-            far.
+            combined direction is the radius of an ellipse. So the larger the twist, the smaller the allowed
+            swing.
     """
     distance = np.hypot(swing_off, twist_off)
     free_angle = np.hypot(swing_off / joint.free_swing, twist_off / joint.free_twist)
@@ -204,10 +205,11 @@ def _kept_fraction(joint: JointRange, swing_off: Float, twist_off: Float) -> Flo
 
 
 def _distance_to_interval(twists: Float, lower: float, upper: float) -> Float:
-    """Returns the distances (T,), radians, from twists to the nearer end of an interval, in either direction;
-    0 within it.
+    """Returns the distances (T,), radians, from twists to the nearer end of an interval, or 0 within the
+    interval.
 
-    A twist of 180 degrees to one side equals one to the other side, so the result is continuous there.
+    Twists of 180 and -180 degrees are the same rotation, so distances are measured in both directions around
+    the circle.
     """
     above_interval = np.minimum(twists - upper, 2.0 * np.pi + lower - twists)
     below_interval = np.minimum(lower - twists, 2.0 * np.pi + twists - upper)
@@ -215,15 +217,15 @@ def _distance_to_interval(twists: Float, lower: float, upper: float) -> Float:
 
 
 def _soft_limit(distances: Float, free: Float, soft: float) -> Float:
-    """Limits distances (T,) softly: they are unchanged up to ``free``, and the excess is compressed to less
-    than ``soft``.
+    """Limits distances (T,) softly. Distances up to ``free`` do not change, and the excess is compressed to
+    less than ``soft``.
     """
     excess = np.maximum(distances - free, 0.0)
     return np.asarray(np.minimum(distances, free) - soft * np.expm1(-excess / soft))
 
 
 def _smooth_rise(angles: Float, start: float) -> Float:
-    """Returns (T,) a smooth step: 0 up to ``start`` radians, and 1 at 180 degrees."""
+    """Returns a smooth step (T,) of the angles: 0 up to ``start`` radians, and 1 at 180 degrees."""
     fraction = np.clip((angles - start) / (np.pi - start), 0.0, 1.0)
     return np.asarray(fraction**2 * (3.0 - 2.0 * fraction))
 
@@ -242,7 +244,7 @@ def _decompose_swing_twist(bone: Float, axes: Float, turns: Float) -> tuple[Floa
 def _convex_hull(points: Float) -> Float:
     """Returns the corners (K, 2) of the convex hull of points (P, 2), counter-clockwise (monotone chain)."""
     sorted_points = np.unique(points, axis=0)
-    # The loop runs on Python's floats: NumPy's scalars give the same results in eight times the time.
+    # Use Python's floats in the loop, because NumPy's scalars would take eight times as long.
     point_list: list[tuple[float, float]] = [(x, y) for x, y in sorted_points.tolist()]
     corners = list[tuple[float, float]]()
     for side_points in (point_list, point_list[::-1]):

@@ -1,9 +1,9 @@
 """Compiled inverse kinematics (IK) of a chain of any number of bones: FABRIK (Aristidou & Lasenby 2011), with
 an exact final step.
 
-FABRIK's iterations spread the bend over the chain. Then its two halves are treated as two rigid bones, and
-their end is moved exactly to the goal in closed form. If the goal is out of reach, the chain ends as near to
-it as possible.
+FABRIK's iterations spread the bend over the chain. Then the two halves of the chain are treated as rigid
+bones, and the end is moved exactly to the goal in closed form. If the goal is out of reach, the end is moved
+as near to it as possible.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ _FABRIK_ITERATIONS = 8
 """Number of FABRIK iterations. They only spread the bend over the chain. The closed form then reaches the
 goal exactly."""
 _MAX_REPETITIONS = 4
-"""Maximum number of repetitions if the closed form cannot reach the goal because one half cannot be folded
-enough."""
+"""Maximum number of repetitions. More than one is needed if the goal is so near that the closed form cannot
+reach it with the current halves."""
 
 
 @njit(cache=True, nogil=True)
 def reach(points, goal, side, turns):
-    """Moves the end of a chain of points (K, 3) to ``goal``. Bones keep their lengths, and the first point
-    stays in place.
+    """Moves the end of a chain of points (K, 3) to ``goal``. Bones keep their lengths, and the first
+    point stays in place.
 
     Args:
-        points: (K, 3) metres; moved in place.
+        points: (K, 3) metres, changed in place.
         goal: triple, metres.
         side: triple, the direction in which a straight chain bends.
         turns: (K - 1, 4) output: the shortest rotation of each bone from its old to its new direction.
@@ -88,9 +88,11 @@ def spread(points, goal, sizes):
 
 @njit(cache=True, nogil=True)
 def unbend(points, goal, far, sizes):
-    """Reduces every bend of a chain (K, 3) by the same fraction until its end is ``far`` from its start.
+    """Reduces every bend of a chain (K, 3) by the same fraction until the distance between its ends is
+    ``far``.
 
-    It then rotates the chain towards the goal. This is used if the halves are too bent to reach the goal.
+    Then rotates the chain towards the goal. The function is used if the halves are too bent to reach the
+    goal.
     """
     count = len(points)
     bends, unbent = np.empty((count - 1, 4)), points.copy()
@@ -105,8 +107,8 @@ def unbend(points, goal, far, sizes):
         link = (link[0] * scale, link[1] * scale, link[2] * scale)
         for i in range(count - 1):
             if i > 0:
-                # Apply a fraction of the bend. The bones before this one were already rotated, and they move
-                # this one along.
+                # Apply a fraction of the bend. The bones before this bone were already rotated, and they
+                # rotate this bone too.
                 q = between((1.0, 0.0, 0.0, 0.0), load(bends, i), part)
                 old = minus(row(points, i), row(points, i - 1))
                 q = mul(mul(swing_to(old, link), q), conj(swing_to(old, link)))
@@ -137,7 +139,8 @@ def pulled(points, fixed, moved, size):
 
 @njit(cache=True, nogil=True)
 def settle(points, goal, side):
-    """Moves the end of the points (K, 3) to the goal by rotating the two rigid halves like two bones."""
+    """Moves the end of the points (K, 3) to the goal in closed form, by rotating the two halves like two
+    rigid bones."""
     count = len(points)
     middle = count // 2
     upper, lower = two_bone(row(points, 0), row(points, middle), row(points, count - 1), goal, side)

@@ -1,5 +1,5 @@
-"""Compiled vector operations for the loops of this package. They take and return triples (x, y, z), and
-allocate no memory.
+"""Compiled vector operations for the kernels of this package. Vectors are triples (x, y, z), so no memory is
+allocated.
 """
 
 from __future__ import annotations
@@ -57,15 +57,15 @@ def at_right_angles(a):
 
 @njit(cache=True, nogil=True)
 def about(n, angle):
-    """Returns the quaternion of a rotation about the unit vector ``n`` by ``angle``."""
+    """Returns the quaternion of a rotation about the unit vector ``n`` by ``angle`` radians."""
     s = math.sin(angle / 2)
     return math.cos(angle / 2), n[0] * s, n[1] * s, n[2] * s
 
 
 @njit(cache=True, nogil=True)
 def swing_to(a, b):
-    """Returns the shortest rotation from the direction of ``a`` to that of ``b``; the identity if one has
-    no length.
+    """Returns the shortest rotation from the direction of ``a`` to the direction of ``b``, or the identity if
+    one of them is zero.
     """
     size, other = length(a), length(b)
     if size < 1e-12 or other < 1e-12:

@@ -3,12 +3,12 @@ in the target view.
 
     layer.basis = basis_from_views(source_first, target_first, view, up, flip=False)
 
-z points along the first bone at rest; y is perpendicular to z and to the viewing direction, on the side of
-the camera's up; x = y x z. The paper leaves two cases open:
+z points along the first bone at rest. y is perpendicular to z and to the viewing direction, on the side of
+the camera's up direction. x is y x z. The paper does not define two cases:
 
-- A bone along the viewing direction: every y perpendicular to the bone is perpendicular to both. The y
-  nearest to up is used. If the bone is also along up, the y nearest to the world's x axis is used, or else
-  that nearest to the z axis.
+- If a bone is along the viewing direction, every y that is perpendicular to the bone is perpendicular to
+  both. The y nearest to up is used. If the bone is also along up, the y nearest to the world's x axis is
+  used, or else the y nearest to the z axis.
 - A bone that is vertical on the screen: y is horizontal on the screen, and the slightest tilt would flip it
 and mirror the motion. If up does not determine the side of y at all, x points away from the viewer. If one of
 the two bones is nearly vertical, the target's y is chosen on the side with the smallest rotation from the
@@ -30,14 +30,14 @@ from enliven.rotation import canonical, conjugate, from_matrix, multiply
 VIEW = np.array([0.0, 0.0, -1.0])
 """(3,) the viewing direction of a camera in front of a person that faces +Z."""
 UP = np.array([0.0, 1.0, 0.0])
-"""(3,) the up direction of that camera."""
+"""(3,) the up direction of a camera in front of the person."""
 MAX_VERTICAL_SINE = math.sin(math.radians(15.0))
 """Sine of the maximum tilt on the screen (15 degrees) of a bone that counts as vertical."""
 HALF_TURN = np.array([0.0, 0.0, 0.0, 1.0])
 """(4,) a rotation by 180 degrees about z, which flips y."""
 _END_ON_SINE = 1e-4
-"""Minimum sine of the angle between a bone and the viewing direction. Below it, the bone is seen end-on and
-does not define the side of y."""
+"""Minimum sine of the angle between a bone and the viewing direction at which the bone defines the side of y.
+At smaller angles, the bone is seen end-on."""
 
 
 def basis_from_views(
@@ -50,8 +50,8 @@ def basis_from_views(
     source_view: AnyArray | None = None,
     source_up: AnyArray | None = None,
 ) -> Float:
-    """Returns (4,) target_from_source, w >= 0: a rotation Q of the source becomes basis Q basis^-1 in the
-    target.
+    """Returns the rotation (4,) from the source's axes to the target's axes, w >= 0. A rotation Q of the
+    source becomes basis Q basis^-1 in the target.
 
     Args:
         source: (3,) the first bone of the source polyline at rest.
@@ -78,9 +78,10 @@ def basis_from_views(
 
 
 def first_bone(skeleton: Skeleton, chain: tuple[int, ...]) -> Float:
-    """Returns the vector (3,) of a chain's first bone at rest that has a length; +Y if no bone has a length.
+    """Returns the vector (3,) at rest of the first bone in a chain with a non-zero length, or +Y if there is
+    no such bone.
 
-    For a chain of one joint, it is the bone that ends there.
+    For a chain of one joint, the bone that ends at the joint is used.
     """
     if len(chain) == 1 and skeleton.lengths[chain[0]] > 0.0:
         return np.asarray(skeleton.vectors[chain[0]])

@@ -1,4 +1,5 @@
-"""Copies motion from one chain of bones to another of any length: every layer and every span, by arc length.
+"""Copies motion from one chain of bones to another chain of any length. All layers and spans are mapped by
+arc length.
 
     copy_motion(project, from_shape, from_chain, to_shape, to_chain, *, view=VIEW, up=UP, basis=None,
                 flip=False, delay=0.0, replaced=False)
@@ -22,7 +23,7 @@ from enliven.motion.layers.retarget import check_downward_chain, clear_chain
 from enliven.rotation import canonical, multiply
 
 _EMPTY_PART_FRACTION = 1e-9
-"""A part that is shorter than this fraction of a bone counts as empty."""
+"""Maximum length of an empty piece, as a fraction of a bone."""
 
 
 def copy_motion(
@@ -46,15 +47,15 @@ def copy_motion(
     same arc length interval of the target. Modeling rotations stay unchanged.
 
     Args:
-        view: (3,) the viewing direction in which the two chains are alike (5.1).
-        up: (3,) the camera's up.
+        view: (3,) the viewing direction that makes the two chains look similar (AniMesh, section 5.1).
+        up: (3,) the camera's up direction.
         basis: (4,) rotation from the source to the target axes. It replaces the basis from the view.
         flip: flips the y axis. It cannot be combined with ``basis``.
-        delay: seconds of delay of the copy.
+        delay: delay of the copy in seconds.
         replaced: True removes the present motion of the target chain.
 
     Raises:
-        InputError: if a shape or a chain does not exist, or the chain runs up the tree.
+        InputError: if a shape or a chain does not exist, or a chain goes up the tree.
     """
     source, target = project.shape(from_shape), project.shape(to_shape)
     pieces = _chain_pieces(source, from_chain)
@@ -119,16 +120,16 @@ def _apply_along_chain(
 
 
 def _overlay_spans(spans: tuple[Span, ...], pieces: list[_Piece]) -> tuple[Span, ...]:
-    """Combines the spans of a bone with those parts of the pieces that lie within [0, 1]. Pieces may extend
-    beyond.
+    """Combines the spans of a bone with the parts of the pieces within [0, 1]. Pieces may extend beyond this
+    interval.
     """
     own_spans = _span_intervals(spans)
     bounds = [x for a, b, _ in own_spans for x in (a, b)] + [x for a, b, _ in pieces for x in (a, b)]
     cuts = _distinct_places([min(max(x, 0.0), 1.0) for x in bounds])
     overlaid: list[Span] = []
     for i, low in enumerate(cuts):
-        # Copy the pieces of zero length at this end. Such a piece lies at the joint itself. At the end of a
-        # bone, it belongs to the next bone.
+        # Copy the pieces of zero length at this position, which is a joint. At the end of a bone, such pieces
+        # belong to the next bone.
         overlaid += [
             replace(span, share=0.0)
             for a, b, span in own_spans

@@ -3,7 +3,7 @@
     bind_chain(..., mode="end")                              # or change the mode of a layer
     end_effector_chains(shape, layer, line) -> list[EndEffectorChain]    # input of the player
 
-First the bones rotate as in the mode "turns". Then the smallest additional rotations move the end of their
+First the bones rotate as in the mode "turns". Then the smallest additional rotations move the end of the
 chain to
 
     start + D (curve(b) - curve(a)) length / source length
@@ -30,8 +30,8 @@ from enliven.motion.layers.polyline import Polyline, locate_on_knots
 from enliven.rotation import rotate
 
 _ZERO_LENGTH = 1e-9
-"""Rounding tolerance. Lengths below it, in metres, count as zero, and arc fractions that differ by less count
-as equal."""
+"""Rounding tolerance for lengths in metres that count as zero, and for differences of arc fractions that
+count as equal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class EndEffectorChain:
         joints: (K,) int32 from the fixed joint to the end effector.
         side: (3,) the direction in which the chain bulges at rest.
         links: (S, 3) bones of the take's polyline at rest, in the target's axes, metres.
-        knots: (2,) int32 knots at which the chain begins and ends on that polyline.
+        knots: (2,) int32 knots of the take's polyline that correspond to the start and the end of the chain.
         parts: (2,) the fractions of the bones after these knots.
         scale: target length divided by source length.
         weight: weight of the layer.
@@ -58,8 +58,8 @@ class EndEffectorChain:
 
 
 def end_effector_chains(shape: Shape, layer: Layer, line: Polyline) -> list[EndEffectorChain]:
-    """Returns the chains of a shape that a layer in the mode "end" drives. There are none if the take's chain
-    has only one joint.
+    """Returns the chains of a shape that a layer in the mode "end" drives. The list is empty if the take's
+    chain has only one joint.
     """
     if layer.mode != "end" or len(layer.chain) < 2:
         return []
@@ -135,7 +135,8 @@ def move_chain_end(
     """Moves the end of one chain at T times, weighted by ``layer_weights`` (T,). ``knots`` (T, S + 1, 4) are
     the take's rotations.
 
-    Rotations and joints are changed in place; ``vectors`` (T or 1, N, 3) lead from joint to joint, unrotated.
+    Rotations and joints are changed in place. ``vectors`` (T or 1, N, 3) are the vectors from each parent to
+    its joint before the bone rotates, metres.
     """
     weights = chain.weight * layer_weights
     fixed = (chain.joints, chain.side, chain.links, chain.knots, chain.parts, chain.scale, weights)
@@ -155,7 +156,7 @@ def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weights, 
         ends: (2,) the knots at which the chain begins and ends on the take's polyline.
         parts: (2,) the fractions of the bones after these knots.
         knots: (T, S + 1, 4) the take's rotations at its joints.
-        weights: (T,) moves the end by this fraction of the way to the target. 0 changes nothing.
+        weights: (T,) fraction of the distance to the target that the end is moved.
         turns: (T, N, 4) world rotations, changed in place.
         joints: (T, N, 3) metres, changed in place.
     """
@@ -191,8 +192,8 @@ def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weights, 
 
 @njit(cache=True, nogil=True)
 def curve(links, knots, knot, part):
-    """Returns the position on the take's posed polyline, from its start, at fraction ``part`` of bone
-    ``knot``.
+    """Returns the position on the take's posed polyline at the fraction ``part`` of bone ``knot``, relative
+    to its start.
     """
     x, y, z = 0.0, 0.0, 0.0
     for i in range(knot + 1):

@@ -1,5 +1,5 @@
-"""Evaluates the pose of a shape at a time: samples its layers, multiplies them along the tree, and places the
-result.
+"""Evaluates the pose of a shape at a time: samples its layers, multiplies the rotations along the tree, and
+computes the joint positions.
 
     evaluate_pose(project, shape_id, seconds) -> ShapePose  # once
     player = Player(project, shape_id)                     # prepared: evaluate often
@@ -13,12 +13,12 @@ result.
     pose_from(shape, ShapePose, seconds) -> Pose
 
 D_0 = m_0 a_0, D_j = D_parent m_j a_j; x_root = rest + place + travel, x_j = x_parent + D_j (rest_j -
-rest_parent). a_j is a product over the bone's spans: each contributes the fixed rotation before it and the
-span's own rotation C(0)^-1 C(1), with C the product of its layers' q, the first outermost. Muted layers, and
-layers of weight 0, are left out.
+rest_parent). a_j is a product over the bone's spans. Each span contributes the fixed rotation before it, and
+its own rotation C(0)^-1 C(1). C is the product of the rotations q of the span's layers, and the first layer
+is the outermost. Muted layers, and layers of weight 0, are left out.
 
-If a layer also uses its take's stretches, x_j = x_parent + D_j U_j (rest_j - rest_parent + offset_j). The
-vertices rigid with bone j are then moved by D_j U_j; see :mod:`enliven.motion.layers.stretching`.
+If a layer also uses its take's stretches, x_j = x_parent + D_j U_j (rest_j - rest_parent + offset_j).
+Vertices that follow only bone j are then moved by D_j U_j; see :mod:`enliven.motion.layers.stretching`.
 """
 
 from __future__ import annotations
@@ -47,9 +47,9 @@ class ShapePose:
     """The pose of a shape at one time.
 
     Attributes:
-        turns: (N, 4) unit quaternions D_j, w >= 0: the rotation of bone j since rest, in world axes.
+        turns: (N, 4) unit quaternions D_j, w >= 0, the rotation of each bone j since rest, in world axes.
         joints: (N, 3) float64 joint positions, metres.
-        stretch: (N, 3, 3) U_j, the stretch of each bone before its rotation; None without stretches.
+        stretch: (N, 3, 3) U_j, the stretch of each bone before its rotation. None if no bone is stretched.
     """
 
     turns: Float
@@ -84,7 +84,7 @@ def pose_from(shape: Shape, at: ShapePose, seconds: float) -> Pose:
 class Player:
     """A player that evaluates a shape of a project at any time.
 
-    It keeps the given version of the project. After an edit, create a new player.
+    It evaluates the version of the project that it was created with. After an edit, create a new player.
     """
 
     def __init__(self, project: Project, shape_id: str) -> None:
@@ -112,7 +112,8 @@ class Player:
         return ShapePose(upright(turns[0]), joints[0], None if stretch is None else stretch[0])
 
     def pose(self, seconds: float) -> Pose:
-        """Returns the pose for the wire and the viewer, with the transforms of :func:`pose_from`."""
+        """Returns the pose in the form for network messages and the viewer, with the transforms of
+        :func:`pose_from`."""
         return pose_from(self.shape, self.at(seconds), seconds)
 
     def sample(self, times: AnyArray) -> tuple[Float, Float]:
@@ -135,7 +136,7 @@ class Player:
         return maps if stretch is None else np.asarray(maps @ stretch)
 
     def _bone_stretch(self, times: Float) -> Float | None:
-        """Returns the stretches U_j (T, N, 3, 3) at times (T,); None if no bone is stretched."""
+        """Returns the stretches U_j (T, N, 3, 3) at times (T,), or None if no bone is stretched."""
         if self._stretching is None:
             return None
         return self._stretching.stretch(times, self._stretching.at(times)[1])
@@ -155,7 +156,7 @@ class Player:
         return links
 
     def sample_unpinned(self, times: AnyArray) -> tuple[Float, Float]:
-        """Returns the same as :meth:`sample`, with no foot pinned."""
+        """Returns the same as :meth:`sample`, but without pinned feet."""
         return self._unpinned_pose(_checked_times(times))
 
     def _unpinned_pose(self, times: Float) -> tuple[Float, Float]:
@@ -172,8 +173,8 @@ class Player:
         return turns, joints
 
     def animation_rotations(self, times: AnyArray) -> Float:
-        """Returns the animation rotations a_j (T, N, 4) at times (T,): the rotations by the layers, without
-        modeling rotations.
+        """Returns the animation rotations a_j (T, N, 4) at times (T,), which are computed from the layers
+        without the modeling rotations.
         """
         return self._sampler.animation_rotations(self._sampler.knots(_checked_times(times)))
 
@@ -184,7 +185,8 @@ class Player:
     def feed(self, take: str, turns: Float, root: Float) -> None:
         """Replaces a take by a live frame at all times. The layers of the take stay unchanged.
 
-        While a live frame is played, no foot is pinned, because pinning needs the duration of each contact.
+        While a live frame is played, feet are not pinned, because pinning requires the duration of each
+        contact in advance.
 
         Args:
             take: the id of the take.
@@ -207,8 +209,8 @@ class Player:
         self._live = True
 
     def foot_lock(self) -> FootLock | None:
-        """Returns the foot lock of the shape. It is computed once by playing the whole motion. None without
-        pins, or while a live frame is played.
+        """Returns the foot lock of the shape. It is computed once by evaluating the whole motion. It is None
+        without pins, or while a live frame is played.
         """
         if not self._pins or self._live:
             return None

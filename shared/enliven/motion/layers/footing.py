@@ -1,11 +1,12 @@
-"""Foot modes: determines how the pinned feet of a shape are locked. Each layer may set the mode of its legs.
+"""Foot modes: determines the lock mode of the pinned feet of a shape. Each layer may set the mode of the legs
+that it moves.
 
     modes = foot_modes(project, shape, pins)        # None if all use detected contacts
     modes(times) -> (P, T)                          # indices into enliven.document.FEET
 
 "auto": a foot is locked while it is low and slow. "always": a foot is locked whenever it is low, and the root
-is lowered as far as necessary, so that the foot does not slide. "never": no foot is locked. "ground": no foot
-is locked, but all are kept above the floor. If several layers affect the same leg, the last one with a mode
+is lowered as far as necessary, so that the foot does not slide. "never": feet are not locked. "ground": feet
+are not locked, but kept above the floor. If several layers affect the same leg, the last one with a mode
 other than "auto" determines the mode. The layer that moves the root affects all legs, with lower priority.
 """
 
@@ -21,7 +22,7 @@ from enliven.motion.contact.pin import HeldPin
 from enliven.motion.layers.timing import Clocks
 
 _MIN_ACTIVE_WEIGHT = 0.5
-"""The foot mode of a fading layer applies while its weight is at least this value."""
+"""Minimum weight at which a fading layer determines the foot mode."""
 
 
 def foot_modes(project: Project, shape: Shape, pins: Sequence[HeldPin]) -> Callable[[Float], Int] | None:

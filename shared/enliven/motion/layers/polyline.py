@@ -24,10 +24,10 @@ from enliven.kernels import njit
 from enliven.motion.kinematics.quaternions import between, conj, load, mul, store
 
 MIN_LENGTH_FRACTION = 1e-6
-"""Minimum fraction of a polyline that a bone occupies. So even a bone of zero length has an interval for its
-rotation."""
+"""Minimum fraction of a polyline that a bone occupies. So even a bone of zero length gets an interval in
+which its rotation is applied."""
 _ZERO_LENGTH_FRACTION = 1e-9
-"""A bone that is shorter than this fraction of the polyline counts as having zero length."""
+"""Maximum length of a bone that counts as zero, as a fraction of the polyline."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class Polyline:
         knots: (K,) float64 arc length at the joints, from 0 to 1. A chain of one joint has knots 0 and 1.
         bones: (K - 1,) int32 the bone of the take that provides the rotation at knots 1, 2, ...
         base: the bone to which the other rotations are relative. It is the bone that ends at the first joint,
-            or the root (0) for a chain that goes up the tree; -1 for none.
+            or the root (0) for a chain that goes up the tree. -1 means that the rotations are in world axes.
     """
 
     clip: Clip
@@ -65,10 +65,10 @@ class Polyline:
 
 
 def bones_along(skeleton: Skeleton, chain: Sequence[int], where: str) -> list[int]:
-    """Returns the bone between each joint of a chain and the next.
+    """Returns the bone between each two successive joints of a chain.
 
     Raises:
-        InputError: if a joint does not exist, occurs twice, or is not a neighbour of the previous one.
+        InputError: if a joint does not exist, occurs twice, or is not a neighbour of the previous joint.
     """
     if not chain:
         raise InputError("the chain has no joint", where=where, remedy="Name one at least.")
@@ -119,14 +119,15 @@ def locate_on_knots(knots: Float, s: AnyArray) -> tuple[Int32, Float]:
 
 @njit(cache=True, nogil=True)
 def knot_turns(turns, bones, first, bases, at, weights, basis, mirrored, begin, out):
-    """Computes basis P basis^-1 at the knots of L polylines of one take, into ``out`` (T, K, 4) from knot
-    ``begin`` on.
+    """Computes the rotations basis P basis^-1 at the knots of L polylines of one take. Writes them to
+    ``out`` (T, K, 4), starting at knot ``begin``.
 
     Each polyline has the identity and then one rotation for each of its bones.
 
     Args:
         turns: (F, N, 4) world rotations of the take.
-        bones: (B,) bones of all polylines; those of polyline i are from ``first[i]`` to ``first[i + 1]``.
+        bones: (B,) bones of all polylines. The bones of polyline i are at indices ``first[i]`` to
+            ``first[i + 1]``.
         bases: (L,) the bone to which each polyline is relative, or -1.
         at: (T, L) frame numbers.
         weights: (T, L) weights of the layers.
@@ -154,7 +155,8 @@ def knot_turns(turns, bones, first, bases, at, weights, basis, mirrored, begin, 
 
 @njit(cache=True, nogil=True)
 def row_turns(turns, bones, base, frame, part, weight, basis, mirrored, out):
-    """Computes the knots (K, 4) of one polyline, at fraction ``part`` from ``frame`` to the next."""
+    """Computes the rotations ``out`` (K, 4) at the knots of one polyline, at the fraction ``part`` from
+    ``frame`` to the next frame."""
     identity = (1.0, 0.0, 0.0, 0.0)
     turned = (basis[0], basis[1], basis[2], basis[3])
     plain = turned[1] == 0.0 and turned[2] == 0.0 and turned[3] == 0.0
@@ -181,8 +183,8 @@ def row_turns(turns, bones, base, frame, part, weight, basis, mirrored, out):
 
 @njit(cache=True, nogil=True)
 def blend_knots(others, share, weight, first, begin, out):
-    """Blends the knots ``out`` (T, K, 4) of L polylines by ``share`` (T, L) towards ``others``, scaled by
-    ``weight`` (T, L).
+    """Blends the rotations ``out`` (T, K, 4) at the knots of L polylines by ``share`` (T, L) towards
+    ``others``, and applies ``weight`` (T, L).
 
     ``first`` and ``begin`` have the same meaning as in :func:`knot_turns`.
     """
@@ -198,8 +200,8 @@ def blend_knots(others, share, weight, first, begin, out):
 
 @njit(cache=True, nogil=True)
 def turn_at(turns, frame, part, entry):
-    """Returns the rotation of bone ``entry`` of ``turns`` (F, N, 4), at fraction ``part`` from ``frame`` to
-    the next.
+    """Returns the rotation of bone ``entry`` of ``turns`` (F, N, 4), at the fraction ``part`` from ``frame``
+    to the next frame.
     """
     if part == 0.0:
         return load(turns[frame], entry)

@@ -10,8 +10,8 @@ section 5.2).
     extend_to_leaf(skeleton, joint)                             # the longest way down from a joint (Figure 5)
     branch(skeleton, start, end, extend=True)                  # from one joint through another, on to a leaf
 
-Chains list joints from the fixed end to the moving end. A chain of one joint is the rotation of that entry
-itself: ((0,), (0,)) gives a root the rotation of the take's root.
+A chain lists joints from the fixed end to the moving end. A chain with a single joint means the rotation of
+this joint's bone: the chains (0,) and (0,) apply the rotation of the take's root to the shape's root.
 """
 
 from __future__ import annotations
@@ -46,20 +46,20 @@ def bind_chain(
     layer_id: str | None = None,
     **played: Any,
 ) -> Project:
-    """Binds a chain of a shape to a chain of a take, on top of the present motion. Returns the edited
+    """Binds a chain of a shape to a chain of a take, in addition to the existing motion. Returns the edited
     project.
 
     Args:
-        target: joints of the shape, each the child of the previous one.
+        target: joints of the shape. Each is a child of the previous joint.
         source: consecutive joints of the take's skeleton.
         view: (3,) the viewing direction onto the target (and the source, unless ``source_view`` is given).
-        up: (3,) the camera's up.
-        basis: (4,) rotation target_from_source. It replaces the basis from the view. The identity uses world
-            axes.
+        up: (3,) the camera's up direction.
+        basis: (4,) rotation from the source's axes to the target's axes. It replaces the basis from the view.
+            The identity means that both have the same axes.
         flip: flips the y axis. It cannot be combined with ``basis``.
         layer_id: the new layer's name. None chooses an unused name.
         played: further fields of the :class:`Layer`: offset, speed, loop, weight, muted, mirrored, stretch.
-            By default, bones use the stretches of a clip if its skeleton equals the shape's.
+            By default, ``stretch`` is True if the take's skeleton equals the shape's.
 
     Raises:
         InputError: if a shape, take or joint does not exist, or a chain is invalid.
@@ -111,7 +111,8 @@ def _is_own_clip(skeleton: Skeleton, take: Clip) -> bool:
 def clear_chain(
     project: Project, shape_id: str, chain: Sequence[int], layer_id: str | None = None
 ) -> Project:
-    """Removes a layer (None: all layers) from the bones of a chain of a shape. Returns the edited project.
+    """Removes a layer, or all layers if ``layer_id`` is None, from the bones of a chain of a shape. Returns
+    the edited project.
 
     Layers without any remaining reference are deleted. Takes stay in the project.
     """
@@ -126,8 +127,7 @@ def clear_chain(
 
 
 def set_travel(project: Project, shape_id: str, layer_id: str | None, scale: float | None = None) -> Project:
-    """Makes the root of a shape follow the root of a layer's take. If the layer is None, the root stays in
-    place.
+    """Makes the root of a shape follow the root of a layer's take, or stay in place if ``layer_id`` is None.
     Returns the edited project.
 
     Args:
@@ -166,11 +166,11 @@ def chain_between(skeleton: Skeleton, start: int, end: int, *, extend: bool = Tr
 
 
 def check_downward_chain(shape: Shape, chain: Sequence[int]) -> list[int]:
-    """Checks that a chain runs down the tree of a shape, and returns its bones. For a chain of one joint,
-    returns this entry.
+    """Checks that a chain goes down the tree of a shape, and returns its bones. For a chain with a single
+    joint, returns this joint's bone.
 
     Raises:
-        InputError: if the chain goes up the tree, or is not a chain.
+        InputError: if the chain goes up the tree, or its joints are not neighbours.
     """
     where, skeleton = f"shape {shape.id!r}", shape.skeleton
     bones = bones_along(skeleton, chain, where=where)

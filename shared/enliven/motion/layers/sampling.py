@@ -1,12 +1,11 @@
-"""Samples all layers of a shape at once, for :class:`enliven.motion.layers.evaluate.Player`.
+"""Samples all layers of a shape together, for :class:`enliven.motion.layers.evaluate.Player`.
 
     sampler = Sampler(project, shape)
     sampler.knots(times) -> (T, K, 4)        # rotations at the joints of every layer's chain, target's basis
     sampler.animation_rotations(knots) -> (T, N, 4)     # a_j of every bone
     sampler.feed(take, turns)                # a live frame instead of a take
 
-Values that do not change with time are computed once, such as the knots around a position on a bone and the
-fraction between them.
+Values that are constant over time are computed only once, for example the knots next to a position on a bone.
 """
 
 from __future__ import annotations
@@ -23,10 +22,11 @@ from enliven.motion.layers.timing import Clocks
 
 
 class Sampler:
-    """The active layers of a shape, arranged for compiled loops.
+    """The active layers of a shape, arranged in arrays for the kernels.
 
     Attributes:
-        layers: the layers that rotate a bone, without muted layers and zero weights, grouped by take.
+        layers: the layers that rotate bones, grouped by take. Muted layers and layers of weight 0 are left
+            out.
         lines: the polyline of each layer.
         parts: the slice of each layer in the K knots of all layers.
     """
@@ -76,10 +76,10 @@ class Sampler:
                 take_layers.fed = turns
 
     def _lay_out(self, shape: Shape) -> None:
-        """Arranges every bone's spans as a row of terms: samples of q, or their inverses, to be multiplied.
+        """Converts the spans of each bone to a sequence of factors: samples of q, or their inverses.
 
         A span with layers 1 and 2 is C(0)^-1 C(1) = q2(a2)^-1 q1(a1)^-1 q1(b1) q2(b2). A sample that is used
-        twice, at the end of a bone and at the start of the next one, is computed only once. Fixed rotations
+        both at the end of a bone and at the start of the next bone is computed only once. Fixed rotations
         before spans get the numbers -1, -2, ...
         """
         number = {layer.id: i for i, layer in enumerate(self.layers)}
@@ -164,8 +164,8 @@ class _TakeLayers:
 
 
 def active_layers(shape: Shape) -> list[Layer]:
-    """Returns the layers that rotate a bone of the shape, without duplicates, muted layers and zero
-    weights.
+    """Returns the layers that rotate bones of the shape, without duplicates, muted layers and layers of
+    weight 0.
     """
     layers = {layer.id: layer for layer in shape.layers if not layer.muted and layer.weight > 0.0}
     referenced = dict.fromkeys(ref.layer for spans in shape.spans for span in spans for ref in span.refs)

@@ -1,12 +1,12 @@
-"""Bone lengths and stretches from the layers of a shape, in addition to the rotations.
+"""Computes bone lengths and stretches from the layers of a shape, in addition to the rotations.
 
     stretching = StretchLayers.of(sampler, shape)           # None if no layer's take stretches anything
     offsets, strains = stretching.at(times)                 # (T, N, 3) metres, (T, N, 6)
 
-The strain of a take bone applies to all bones of the shape on its interval. Its offset is distributed to
-these bones in proportion to their arc length on the interval, scaled to their size. So if a node divides a
-bone, both halves keep its stretch, and their offsets sum to that of the whole bone. The strains of several
-layers on a bone are summed, because strains are logarithms.
+A bone of the take corresponds to an interval of arc length. Its strain applies to all bones of the shape on
+this interval. Its offset is scaled to the shape, and distributed to these bones in proportion to their arc
+length. So if a node divides a bone, both halves keep its stretch, and their offsets sum to the offset of the
+whole bone. The strains of several layers on a bone are summed, because strains are logarithms.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from enliven.motion.layers.timing import Clocks
 from enliven.rotation import rotate, rotate_strain, stretch_from_strain
 
 _MIN_BONE_FRACTION = 1e-9
-"""A bone that is shorter than this fraction of the shape's longest bone has no usable length."""
+"""Minimum usable length of a bone, as a fraction of the shape's longest bone."""
 _FRAME_ROUNDING = 1e-6
-"""Tolerance, as a fraction of a frame, within which a time counts as exactly at a frame."""
+"""Maximum distance of a time from a frame that counts as exactly at the frame, as a fraction of a frame."""
 _STRAIN_REFLECTION_SIGNS = np.array([1.0, 1.0, 1.0, -1.0, -1.0, 1.0])
-"""(6,) sign changes of the components of a strain under reflection in the plane x = 0."""
+"""(6,) factors of 1 or -1 that reflect the components of a strain in the plane x = 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +72,8 @@ class _StretchLayer:
         )
 
     def mirrors(self, times: Float) -> Float | None:
-        """Returns (T, N) -1 for bones that are mirrored at a time and 1 for all others; None if no bone is
-        ever mirrored.
+        """Returns an array (T, N) that is -1 for bones that are mirrored at a time, and otherwise 1. Returns
+        None if no bone is ever mirrored.
         """
         track = self.clip.finest.mirrors
         if track is None:
@@ -143,8 +143,8 @@ def _prepare_layer(layer: Layer, line: Polyline, shape: Shape, ratios: Float) ->
         for fraction, ref in _layer_parts(spans, layer):
             low, high = min(ref.start, ref.end), max(ref.start, ref.end)
             if low == high:
-                # If a reference has no length, the bone follows the bone before it, in proportion to the
-                # lengths of both bones.
+                # If a reference has zero length, the bone continues the bone before it, and gets its offset
+                # in proportion to the lengths of both bones.
                 knot = int(locate_on_knots(line.knots, np.array([low]))[0][0])
                 take_length = float(skeleton.lengths[line.bones[knot]])
                 factors[0, j, knot] += (
@@ -164,7 +164,7 @@ def _prepare_layer(layer: Layer, line: Polyline, shape: Shape, ratios: Float) ->
 def _length_ratios(layer: Layer, line: Polyline, shape: Shape) -> Float:
     """Returns the scale (N,) of each bone of a shape relative to a layer's take.
 
-    NaN for a bone of zero length, and for all bones if the chain has zero length.
+    The scale is NaN for a bone of zero length, and for all bones if the chain has zero length.
     """
     lengths, ratios = shape.skeleton.lengths, np.full(len(shape.skeleton), np.nan)
     take_positions = line.clip.skeleton.positions[list(line.chain)]
@@ -178,7 +178,8 @@ def _length_ratios(layer: Layer, line: Polyline, shape: Shape) -> Float:
 
 
 def _layer_parts(spans: tuple[Span, ...], layer: Layer) -> list[tuple[float, Ref]]:
-    """Returns a bone's references to a layer, each with the fraction of its span."""
+    """Returns a bone's references to a layer. Each is paired with its span's fraction of the bone's
+    length."""
     return [(span.share, ref) for span in spans for ref in span.refs if ref.layer == layer.id]
 
 

@@ -1,8 +1,8 @@
-"""Compiled time maps of many layers: one call maps many times to the frames of all layers' takes.
+"""Compiled time maps of several layers. One call maps many times to the frames of all layers' takes.
 
     Clocks.of(layers, clips).frames_at(seconds) -> Times
 
-Frame numbers may be fractional. They are limited to the first and last frame.
+Frame numbers may be fractional. They are clamped to the range from the first to the last frame.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from enliven.kernels import njit
 
 
 class Times(NamedTuple):
-    """The frames that L layers play at T times: arrays (T, L) like :class:`enliven.document.Moment`, in
-    frames.
+    """The frames that L layers play at T times. Like :class:`enliven.document.Moment`, but with arrays
+    (T, L), and frames instead of seconds.
 
-    The pose at ``frame`` has the weight 1 - ``share``, and that at ``other`` has the weight ``share``.
+    The pose at ``frame`` has the weight 1 - ``share``, and the pose at ``other`` has the weight ``share``.
     ``rounds`` is the number of completed loops, and ``weight`` the weight of the layer.
     """
 
@@ -109,8 +109,8 @@ def _lane_row(lane: Sequence[Segment], number: int) -> tuple[float, ...]:
 
 @njit(cache=True, nogil=True)
 def _play_layers(seconds, rows, lanes, first, out):
-    """Computes ``TimeMap.moment`` at even ``seconds`` (T, L), into (5, T, L) in the order of
-    :class:`Times`.
+    """Computes ``TimeMap.moment`` at ``seconds`` (T, L), which do not contain speed keys. Writes to
+    ``out`` (5, T, L), in the order of :class:`Times`.
     """
     for t in range(len(seconds)):
         for i in range(len(rows)):
@@ -140,7 +140,8 @@ def _play_layers(seconds, rows, lanes, first, out):
 
 @njit(cache=True, nogil=True)
 def _fade_weight(at, rounds, row, now, end_of_lane):
-    """Returns the fade weight of a layer without hold. It equals that of ``TimeMap``."""
+    """Returns the fade weight of a layer without ``hold``. It is equal to the weight that ``TimeMap``
+    computes."""
     speed, looped, ease = row[1], row[2], row[7]
     begin, end = now[4], now[5]
     if looped > 0.0:

@@ -4,8 +4,8 @@
     travel_scale(shape, clip)            # the shape's own, or the ratio of the heights
     Travel(project, shape).at(times)     # (T, 3) the position of the root joint
 
-Each loop of a take continues from the position at which the previous one ended. So a looped walk of two steps
-moves on over the ground, at constant height.
+Each loop of a take continues at the position at which the previous loop ended. So a looped walk of two steps
+keeps moving over the ground, at constant height.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from enliven.motion.kinematics.quaternions import turn
 from enliven.motion.layers.timing import Clocks
 
 _MIN_ROOT_HEIGHT_FRACTION = 0.15
-"""Minimum height of the root above the lowest joint, as a fraction of the whole extent, of a skeleton that
-stands on legs."""
+"""Minimum height of the root above the lowest joint of a skeleton that stands on legs, as a fraction of the
+whole extent."""
 
 
 def skeleton_heights(skeleton: Skeleton) -> tuple[float, float]:
@@ -30,8 +30,8 @@ def skeleton_heights(skeleton: Skeleton) -> tuple[float, float]:
     The extent does not depend on the rotation about the vertical.
     """
     positions, height = skeleton.positions, skeleton.positions[:, 1]
-    # Use the two joints that are farthest apart horizontally. Neither a rotation about the vertical nor a new
-    # node within a bone changes their distance.
+    # Use the two joints that are farthest apart horizontally. Their distance is invariant to rotations about
+    # the vertical, and to new nodes within bones.
     horizontal = positions[:, None, [0, 2]] - positions[None, :, [0, 2]]
     extent = float(np.linalg.norm(horizontal, axis=2).max())
     return float(height[0] - height.min()), float(np.hypot(np.ptp(height), extent))
@@ -40,9 +40,9 @@ def skeleton_heights(skeleton: Skeleton) -> tuple[float, float]:
 def travel_scale(shape: Shape, clip: Clip) -> float:
     """Returns the ratio of the distances that the shape's root and the take's root travel.
 
-    It is the shape's own ``travel_scale`` if it is set. Otherwise it is the ratio of the leg lengths, so that
-    legs that swing by the same angle make correspondingly long steps. If one of the two skeletons does not
-    stand on legs, it is the ratio of the whole extents.
+    It is the shape's own ``travel_scale`` if it is set. Otherwise it is the ratio of the leg lengths, because
+    the step length is proportional to the leg length at equal joint angles. If one of the two skeletons does
+    not stand on legs, it is the ratio of the whole extents.
     """
     if shape.travel_scale is not None:
         return shape.travel_scale
@@ -137,7 +137,8 @@ def _root_position(clip: Clip, second: float) -> Float:
 
 @njit(cache=True, nogil=True)
 def travelled(root, rest, each, frames, rounds, basis, mirrored, factor, still, out):
-    """Computes ``out`` (T, 3): ``still`` plus the path from ``rest`` to ``root`` (F, 3) at frames (T, 1).
+    """Computes the positions ``out`` (T, 3): ``still`` plus the path, which is the displacement of
+    ``root`` (F, 3) from ``rest`` at frames (T, 1).
 
     ``rounds`` (T, 1) is the number of earlier loops. Each loop adds the displacement ``each`` (3,) over the
     ground.

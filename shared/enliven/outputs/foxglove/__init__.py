@@ -1,1 +1,1 @@
-"""Foxglove: a WebSocket server, and the stage as messages of its app."""
+"""Foxglove: a WebSocket server that sends the stage to the Foxglove app."""

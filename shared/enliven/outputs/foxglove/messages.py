@@ -1,6 +1,6 @@
-"""Messages of Foxglove without many numbers: depth images, their camera, health states and events.
+"""Encodes simple Foxglove messages: depth images, camera calibration, health states and events.
 
-:mod:`enliven.outputs.foxglove.stage_encoders` has the others.
+:mod:`enliven.outputs.foxglove.stage_encoders` encodes messages with many numbers.
 
 Source of the messages: https://docs.foxglove.dev/docs/sdk/schemas
 """
@@ -16,7 +16,7 @@ from enliven.health import HealthState, Severity
 from enliven.outputs.live_frame import PERFORMER, LiveEvent
 
 CAMERA = "camera"
-"""The depth camera: OpenCV's axes, +X right, +Y down, +Z forward."""
+"""Name of the depth camera's frame. It has OpenCV's axes: +X right, +Y down, +Z forward."""
 _LEVELS = {
     Severity.NOTE: LogLevel.Info,
     Severity.WARNING: LogLevel.Warning,
@@ -25,12 +25,12 @@ _LEVELS = {
 
 
 def timestamp(time_ns: int) -> Timestamp:
-    """Returns a time as a message."""
+    """Returns a time in nanoseconds as a Foxglove timestamp."""
     return Timestamp(*divmod(max(time_ns, 0), 1_000_000_000))
 
 
 def depth_image(depth: DepthFrame, mirrored: bool, time: Timestamp) -> RawImage:
-    """Returns the whole depth image in millimetres, mirrored as the performers are."""
+    """Returns the depth image as a message, in millimetres. It is mirrored if the performers are mirrored."""
     image = np.ascontiguousarray(depth.depth[:, ::-1] if mirrored else depth.depth, "<u2")
     height, width = image.shape
     return RawImage(
@@ -45,7 +45,7 @@ def depth_image(depth: DepthFrame, mirrored: bool, time: Timestamp) -> RawImage:
 
 
 def calibration(camera: Intrinsics, mirrored: bool, time: Timestamp) -> CameraCalibration:
-    """Returns the camera of the depth image."""
+    """Returns the calibration of the depth camera as a message."""
     k1, k2, p1, p2, k3 = camera.distortion
     centre, p2 = (camera.width - 1 - camera.cx, -p2) if mirrored else (camera.cx, p2)
     matrix = [camera.fx, 0.0, centre, 0.0, camera.fy, camera.cy, 0.0, 0.0, 1.0]
@@ -63,7 +63,7 @@ def calibration(camera: Intrinsics, mirrored: bool, time: Timestamp) -> CameraCa
 
 
 def health_log(state: HealthState, time: Timestamp, *, ended: bool = False) -> Log:
-    """Returns a health state as a line of a log."""
+    """Returns a health state as a log message."""
     if ended:
         text = f"Over: {state.what}"
         return Log(timestamp=time, level=LogLevel.Info, name=str(state.kind), message=text)
@@ -71,7 +71,7 @@ def health_log(state: HealthState, time: Timestamp, *, ended: bool = False) -> L
 
 
 def event_log(event: LiveEvent, time: Timestamp) -> Log:
-    """Returns an event of the stage as a line of a log."""
+    """Returns an event of the stage as a log message."""
     performer = f"{PERFORMER}{event.performer}" if event.performer else "all performers"
     text = " ".join(filter(None, (performer, event.kind, event.character)))
     return Log(timestamp=time, level=LogLevel.Info, name=event.kind, message=text)

@@ -1,8 +1,8 @@
-"""Encoded Protobuf messages with numbers that are overwritten for every frame.
+"""Protobuf messages that are encoded once. In each frame, only their numbers are overwritten.
 
 The SDK of Foxglove builds one Python object for each point, colour and rotation: over a thousand in a frame.
-Here it encodes the messages of a set of names once, with marks instead of numbers. A frame then overwrites
-the bytes at the places of the marks.
+Here the SDK encodes the messages for a set of names once, with placeholders (marks) instead of numbers. In
+each frame, the bytes of the marks are overwritten.
 """
 
 from __future__ import annotations
@@ -15,22 +15,21 @@ from foxglove.messages import Timestamp
 from enliven.arrays import AnyArray, Float, Int, UInt8
 
 _MARK = 0x7A5E_C35A_0000_0000
-"""Bits of the mark of number 0, a double of about 1e282. Number n adds n."""
+"""Bits of the mark of number 0, as a double (about 1e282). The mark of number n is this value plus n."""
 _MARK_TIME = (1_234_567_891, 987_654_321)
-"""Seconds and nanoseconds of the mark of a time. Both are encoded in five bytes, like the times of this
-century."""
+"""Seconds and nanoseconds of the mark of a time. Both are encoded in five bytes, like current times."""
 _VARINT_BYTES = 5
-"""Bytes of each of the two numbers of a time."""
+"""Size in bytes of the encoded seconds, and of the encoded nanoseconds."""
 _FINITE_LIMIT = 1e300
-"""Larger numbers are sent as 0, as are those that are not finite."""
+"""Limit of the absolute values that are sent. Larger values and values that are not finite are sent as 0."""
 
 
 class ProtobufTemplate:
-    """One encoded message with places for its numbers and times.
+    """An encoded message with placeholders for its numbers and times.
 
     Args:
-        encode: returns the encoded message with these numbers (``count``,) and this time.
-        count: number of the numbers.
+        encode: a function that returns the encoded message for given numbers (``count``,) and a time.
+        count: how many numbers the message contains.
     """
 
     def __init__(self, encode: Callable[[Float, Timestamp], bytes], count: int) -> None:
@@ -44,7 +43,8 @@ class ProtobufTemplate:
         self._nanoseconds = begins + 2 + _VARINT_BYTES + np.arange(_VARINT_BYTES)
 
     def filled(self, numbers: Float, time_ns: int) -> bytes:
-        """Returns the message with these numbers and this time. Values that are not finite become 0."""
+        """Returns the message with ``numbers`` (``count``,) and the time. Values that are not finite become
+        0."""
         if len(numbers) and not (numbers.max() < _FINITE_LIMIT and numbers.min() > -_FINITE_LIMIT):
             numbers = np.where(np.abs(numbers) < _FINITE_LIMIT, numbers, 0.0)
         self._data[self._numbers] = np.ascontiguousarray(numbers, "<f8").view(np.uint8).reshape(-1, 8)
@@ -55,13 +55,14 @@ class ProtobufTemplate:
 
 
 def _varint(number: int) -> bytes:
-    """Returns a number as a varint of always five bytes. Readers accept leading zeros."""
+    """Returns a number as a varint that is padded to five bytes. Protobuf readers accept the padding."""
     parts = [(number >> (7 * place)) & 0x7F for place in range(_VARINT_BYTES)]
     return bytes([*(part | 0x80 for part in parts[:-1]), parts[-1]])
 
 
 def _places(data: bytes, marks: list[bytes]) -> Int:
-    """Returns (N, 8) where the bytes of each mark are. The marks are mostly in their order."""
+    """Returns the indices (N, 8) of the bytes of each mark in ``data``. The search is fast if the marks occur
+    in their order."""
     begins, after = [], 0
     for mark in marks:
         begin = data.find(mark, after)
@@ -73,7 +74,7 @@ def _places(data: bytes, marks: list[bytes]) -> Int:
 
 
 def _occurrences(data: bytes, part: bytes) -> list[int]:
-    """Returns where a part occurs."""
+    """Returns the indices at which ``part`` occurs in ``data``."""
     places, begin = list[int](), data.find(part)
     while begin >= 0:
         places.append(begin)

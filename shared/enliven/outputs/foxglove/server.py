@@ -1,7 +1,7 @@
-"""Foxglove: a WebSocket server that the Foxglove app connects to, to watch an edge and to plot its numbers.
+"""A WebSocket server for the Foxglove app, which displays the stage of an edge and plots its numbers.
 
-Other outputs send to an address. This one listens, so that Foxglove can come, leave and come back. Foxglove's
-protocol has no authentication, so registry.py refuses an address that other computers reach.
+Other outputs send to an address. This output listens, so that the app can connect and disconnect at any time.
+Foxglove's protocol has no authentication, so addresses that other computers can reach are refused by default.
 """
 
 from __future__ import annotations
@@ -38,42 +38,44 @@ from enliven.outputs.sender import Sender
 from enliven.outputs.warmup import sample_frame
 
 _BACKLOG = 32
-"""Maximum number of messages that wait for a slow client, about 0.3 s. The oldest are dropped."""
+"""Maximum number of queued messages for a slow client, about 0.3 s. The oldest messages are dropped."""
 _MAX_STOP_S = 1.0
-"""Maximum seconds to wait at the end until the port is free. It takes about 10 ms."""
+"""Maximum time in seconds to wait for the port to become free when the server stops. It usually takes about
+10 ms."""
 _STOP_STEP_S = 0.005
-"""Seconds between two looks at the port."""
+"""Interval in seconds between two checks of the port."""
 _ERROR = re.compile(r"(?:FoxgloveError: )?(?:Failed to bind port: )?(.*?)(?: \(os error \d+\))?")
-"""The text of a failure of the library, without what the message of enliven says already."""
+"""Matches an error message of the library. Group 1 is the reason, without the parts that enliven's own
+message repeats."""
 
 
 class FoxgloveServer(Sender):
     """Serves everything on the stage to any number of Foxglove clients.
 
-    Messages are only made for topics that a client has subscribed to. The library sends them from threads of
-    its own, and drops the oldest ones of a slow client.
+    Messages are only encoded for topics with at least one subscriber. The library sends them from its own
+    threads, and drops the oldest messages of a slow client.
 
     Args:
-        name: of the output, for messages.
+        name: name of the output, for error messages and the log.
         host: IP address to listen on.
-        port: TCP port to listen on. 0 picks a free one.
+        port: TCP port to listen on. 0 selects a free port.
 
     Attributes:
-        port: the TCP port.
+        port: the TCP port that the server listens on.
 
     Raises:
-        ResourceError: for a port in use, or an address that does not belong to this machine.
+        ResourceError: if the port is in use, or the address does not belong to this machine.
     """
 
     def __init__(self, name: str, host: str, port: int) -> None:
         super().__init__(name)
-        # The library logs while it holds locks that channel.log needs. A log line of one of its threads waits
-        # for the interpreter, which the caller of channel.log holds: a deadlock. So its log must not reach
-        # Python. FOXGLOVE_LOG_LEVEL overrides the first line. The second one then stops its log, except for
-        # the first line of each of its modules.
+        # The library logs while it holds locks that channel.log needs. Its log messages wait for Python's
+        # global lock, which the caller of channel.log holds. This would be a deadlock, so its log must not
+        # reach Python. FOXGLOVE_LOG_LEVEL overrides the first line below. The second line then disables the
+        # library's log, except for the first message of each module.
         foxglove.set_log_level(logging.CRITICAL)
         logging.getLogger("foxglove").setLevel(logging.CRITICAL)
-        context = self._context = foxglove.Context()  # The server does not keep it alive.
+        context = self._context = foxglove.Context()  # Keep a reference, because the server does not.
         self._transforms = foxglove.Channel(
             "/tf", message_encoding="protobuf", schema=FrameTransforms.get_schema(), context=context
         )
@@ -84,7 +86,7 @@ class FoxgloveServer(Sender):
             "/stage", message_encoding="json", schema=STAGE_SCHEMA, context=context
         )
         self._encoders = TransformsEncoder(), SceneEncoder(), StageEncoder()
-        StageEncoder().encode(sample_frame())  # Compiles the kernels, which those of the others are part of.
+        StageEncoder().encode(sample_frame())  # Compiles all kernels of this module before the first frame.
         self._depth = RawImageChannel("/depth", context=context)
         self._calibration = CameraCalibrationChannel("/depth/calibration", context=context)
         self._health = LogChannel("/health", context=context)
@@ -125,7 +127,7 @@ class FoxgloveServer(Sender):
             self._health.log(messages.health_log(old[key], now, ended=True))
 
     def repeat_health(self) -> None:
-        """Sends the current health states again, for a client that has just subscribed to them."""
+        """Sends the current health states again when a client subscribes to them."""
         now = messages.timestamp(time.time_ns())
         with self._lock:
             states = list(self._states.values())
@@ -146,7 +148,7 @@ class FoxgloveServer(Sender):
         self._send_depth(frame, time_ns)
 
     def _send_depth(self, frame: LiveFrame, time_ns: int) -> None:
-        """Sends the depth image and its camera with a limited rate."""
+        """Sends the depth image and the camera's calibration at a limited rate."""
         if frame.depth is None or 0 <= frame.time_ns - self._last_depth_ns < DEPTH_INTERVAL_NS:
             return
         self._last_depth_ns = frame.time_ns
@@ -162,10 +164,10 @@ class FoxgloveServer(Sender):
         self.sent += 1
 
     def _wall_time_ns(self, time_ns: int) -> int:
-        """Returns the sensor's time as time since 1970: the first frame is now.
+        """Converts the sensor's time to nanoseconds since 1970. The first frame gets the current time.
 
-        If the sensor's clock was set back, such as by a replay that begins again, clients are told to forget
-        the later times.
+        If the sensor's clock jumps back, for example because a replay restarts, clients are told to discard
+        their data with later times.
         """
         if self._offset_ns is None or time_ns < self._last_ns:
             if self._offset_ns is not None:
@@ -176,14 +178,15 @@ class FoxgloveServer(Sender):
 
     def close(self) -> None:
         self._server.stop()
-        # The library closes its port in the background. A restart of the edge needs it at once.
+        # The library closes its port in the background. Wait for it, because a restarted edge needs the port
+        # immediately.
         deadline = time.monotonic() + _MAX_STOP_S
         while time.monotonic() < deadline and not _is_free(self._host, self.port):
             time.sleep(_STOP_STEP_S)
 
 
 def _is_free(host: str, port: int) -> bool:
-    """Returns True if a server could listen on a port."""
+    """Returns True if the port is free for a server."""
     with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as attempt:
         attempt.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -194,7 +197,7 @@ def _is_free(host: str, port: int) -> bool:
 
 
 class _Listener(ServerListener):
-    """Sends the health states to a client that subscribes to them."""
+    """A listener for new subscriptions. It sends the health states to a client that subscribes to them."""
 
     def __init__(self, server: FoxgloveServer) -> None:
         self._server = server

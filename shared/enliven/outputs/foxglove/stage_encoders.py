@@ -1,9 +1,9 @@
-"""The stage as messages of Foxglove: transforms, a drawing, and numbers for plots.
+"""Encodes the stage as Foxglove messages: transforms, a 3D scene, and numbers for plots.
 
-Positions are metres in the frame ``world``: enliven's, right-handed with +Y up. Foxglove's 3D panel has +Z
-up. So the root of all frames is ``map``, with +Z up, and ``world`` stands upright in it.
+Positions are metres in the frame ``world``, which is right-handed with +Y up. Foxglove's 3D panel expects +Z
+up. So the root of all frames is ``map``, with +Z up, and ``world`` is rotated relative to it.
 
-Each message is encoded once for a set of names. A frame then only writes its numbers
+Each message is encoded once for a set of names. In each frame, only its numbers are written
 (:mod:`enliven.outputs.foxglove.protobuf_template`).
 
 Source of the messages: https://docs.foxglove.dev/docs/sdk/schemas
@@ -45,45 +45,47 @@ from enliven.person import BONES, Joint
 from enliven.rotation import from_matrix
 
 ROOT = "map"
-"""The frame with +Z up, in which Foxglove shows the world upright."""
+"""Name of the root frame, with +Z up, as Foxglove's 3D panel expects."""
 WORLD = "world"
-"""enliven's world."""
+"""Name of enliven's world frame, with +Y up."""
 _HALF = float(np.sqrt(0.5))
 _UPRIGHT = Quaternion(x=_HALF, y=0.0, z=0.0, w=_HALF)
-"""map_from_world: a quarter turn about X, from +Y up to +Z up."""
+"""Rotation from ``world`` to ``map``: a quarter turn about X, which maps +Y to +Z."""
 _STILL = Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
 _LIFETIME = Duration(1, 0)
-"""Time after which a figure that is no longer sent disappears from the drawing."""
+"""Time (1 s) after which a figure disappears from the scene if it is no longer sent."""
 _LINE_M = 0.02
-"""Thickness of the drawn bones, in metres."""
+"""Thickness of bones in the scene, in metres."""
 _HEAD_M = 0.2
-"""Diameter of the drawn head of a performer, in metres."""
+"""Diameter of a performer's head in the scene, in metres."""
 _DOT_M = 0.04
 """Diameter of the dots of a character without bones and edges, in metres."""
 _MAX_DOTS = 256
 """Maximum number of dots of a character."""
 _LABEL_M = 0.12
-"""Height of the drawn letters, in metres."""
+"""Height of letters in the scene, in metres."""
 _LABEL_ABOVE_M = 0.3
-"""Metres from the head of a performer, or the middle of a character, to its name."""
+"""Distance from a performer's head, or a character's middle, up to its name, in metres."""
 _PERFORMER_COLOUR = (1.0, 0.55, 0.2)
-"""Orange, sRGB from 0 to 1."""
+"""Colour of performers: orange, sRGB from 0 to 1."""
 _CHARACTER_COLOUR = (0.35, 0.75, 1.0)
-"""Blue, sRGB from 0 to 1."""
+"""Colour of characters: blue, sRGB from 0 to 1."""
 _HELD_COLOUR = (0.3, 1.0, 0.5)
-"""Green, sRGB from 0 to 1: a character that a performer possesses."""
+"""Colour of characters that a performer possesses: green, sRGB from 0 to 1."""
 _MIN_OPACITY = 0.25
 """Opacity of a joint with confidence 0."""
 _ENDS = np.array([int(joint) for bone in BONES for joint in bone])
-"""(2 B,) joints at the ends of a performer's lines."""
+"""(2 B,) numbers of the joints at the ends of a performer's B bones, which are drawn as lines."""
 _PROP_NUMBERS = 13
-"""Count of the numbers of a loose object: position, rotation, size and colour."""
+"""How many numbers describe a loose object: 3 for position, 4 for rotation, 3 for size and 3 for colour."""
 _MAX_TEMPLATES = 64
-"""Maximum number of kept templates. The sets of performers and characters on a stage are few."""
+"""Maximum number of cached templates. It is enough, because few sets of performers and characters occur on a
+stage."""
 _DECIMALS = 6
-"""Digits after the point of the numbers for plots: micrometres."""
+"""Number of decimals of the values for plots. Six decimals resolve micrometres."""
 _XYZ_XYZW = [0, 1, 2, 4, 5, 6, 3]
-"""Where a row of the stage has the numbers of a transform, in their order."""
+"""For each number of a Foxglove transform (x, y, z, then quaternion x, y, z, w), its index in a row of the
+stage."""
 STAGE_SCHEMA = Schema(
     name="enliven.Stage",
     encoding="jsonschema",
@@ -98,18 +100,18 @@ STAGE_SCHEMA = Schema(
     "characters": {"type": "array", "items": {"type": "object", "properties": {
         "name": {"type": "string"}, "held": {"type": "boolean"}}}}}}""",
 )
-"""The numbers of :class:`StageEncoder`."""
+"""JSON schema of the messages of :class:`StageEncoder`."""
 _Template = TypeVar("_Template", ProtobufTemplate, JsonTemplate)
 
 
 class _Templates(Generic[_Template]):
-    """The templates of one topic, by the set of names of a frame."""
+    """A cache of the templates of one topic. The key describes the set of names in a frame."""
 
     def __init__(self) -> None:
         self._templates: dict[Hashable, _Template] = {}
 
     def of(self, key: Hashable, make: Callable[[], _Template]) -> _Template:
-        """Returns the template of a key. A new one is made."""
+        """Returns the template of a key. If the key is new, ``make`` creates the template."""
         template = self._templates.get(key)
         if template is None:
             if len(self._templates) >= _MAX_TEMPLATES:
@@ -143,7 +145,7 @@ def transforms(names: Sequence[str], numbers: Float, time: Timestamp) -> FrameTr
     """Returns frames in ``world`` as a message.
 
     Args:
-        numbers: (7 N,) position and rotation (x, y, z, w) of each name.
+        numbers: (7 N,) position in metres and rotation (x, y, z, w) of each name.
     """
     origin = Vector3(x=0.0, y=0.0, z=0.0)
     first = FrameTransform(
@@ -167,7 +169,7 @@ def transforms(names: Sequence[str], numbers: Float, time: Timestamp) -> FrameTr
 
 
 class SceneEncoder:
-    """Encodes the drawing: figures of performers, bones or graphs of characters, and loose objects."""
+    """Encodes the 3D scene: figures of performers, bones or graphs of characters, and loose objects."""
 
     def __init__(self) -> None:
         self._templates = _Templates[ProtobufTemplate]()
@@ -184,7 +186,7 @@ class SceneEncoder:
 
 
 def scene_numbers(frame: LiveFrame) -> Float:
-    """Returns the numbers of a drawing, in the order in which :func:`scene` takes them."""
+    """Returns the numbers of a 3D scene, in the order in which :func:`scene` reads them."""
     parts = list[AnyArray]()
     if frame.performers:
         bodies = frame.performers.values()
@@ -215,21 +217,21 @@ def scene_numbers(frame: LiveFrame) -> Float:
 
 
 class _Numbers:
-    """Takes numbers in their order, as parts of messages.
+    """A reader that returns successive numbers of an array as parts of messages.
 
     Args:
-        numbers: (N,) all of them.
+        numbers: (N,) all numbers.
     """
 
     def __init__(self, numbers: Float) -> None:
         self._numbers: Iterator[float] = iter(numbers.tolist())
 
     def take(self, count: int) -> list[float]:
-        """Returns the next numbers."""
+        """Returns the next ``count`` numbers."""
         return [next(self._numbers) for _ in range(count)]
 
     def points(self, count: int) -> list[Point3]:
-        """Returns the next points."""
+        """Returns the next ``count`` points."""
         return [Point3(x=x, y=y, z=z) for x, y, z in (self.take(3) for _ in range(count))]
 
     def vector(self) -> Vector3:
@@ -244,11 +246,11 @@ class _Numbers:
 
 
 def scene(frame: LiveFrame, numbers: Float, time: Timestamp) -> SceneUpdate:
-    """Returns the drawing as a message.
+    """Returns the 3D scene as a message.
 
     Args:
-        frame: with the names and colours.
-        numbers: those of :func:`scene_numbers`, or marks.
+        frame: the frame that defines names and colours.
+        numbers: the result of :func:`scene_numbers`, or marks.
     """
     source = _Numbers(numbers)
     entities = [_performer(f"{PERFORMER}{number}", source, time) for number in frame.performers]
@@ -267,7 +269,8 @@ def scene(frame: LiveFrame, numbers: Float, time: Timestamp) -> SceneUpdate:
 
 
 def _performer(name: str, source: _Numbers, time: Timestamp) -> SceneEntity:
-    """Returns a performer as lines between the joints. Joints with little confidence are transparent."""
+    """Returns a performer as lines between the joints. The lower a joint's confidence, the more transparent
+    it is."""
     points, opacity = source.points(len(_ENDS)), source.take(len(_ENDS))
     label, head, (seen,) = source.vector(), source.vector(), source.take(1)
     size = Vector3(x=_HEAD_M, y=_HEAD_M, z=_HEAD_M)
@@ -288,8 +291,8 @@ def _figure(
 
     Args:
         points: the ends of the lines.
-        opacity: of each end. None: they are opaque.
-        label: position of the name.
+        opacity: the opacity of each point. If None, all points are opaque.
+        label: position of the name, metres.
     """
     lines = LinePrimitive(
         type=LinePrimitiveLineType.LineList,
@@ -331,7 +334,8 @@ def _entity(name: str, time: Timestamp, **primitives: Any) -> SceneEntity:
 
 
 class StageEncoder:
-    """Encodes joints, heights and contacts of performers, and which characters are held, for plots."""
+    """Encodes the values for plots: joints, heights and contacts of performers, and whether each character is
+    possessed."""
 
     def __init__(self) -> None:
         self._templates = _Templates[JsonTemplate]()
@@ -350,7 +354,7 @@ class StageEncoder:
 
 
 def stage_value(frame: LiveFrame) -> dict[str, Any]:
-    """Returns the numbers of performers and characters as objects, with marks instead of numbers."""
+    """Returns the message for a frame as nested objects, with marks instead of numbers."""
     performers = [
         {
             "number": number,

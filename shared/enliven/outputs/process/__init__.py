@@ -1,1 +1,1 @@
-"""The process that sends live outputs, and how its program hands over the frames."""
+"""The process that sends live outputs, and the transfer of frames to it."""

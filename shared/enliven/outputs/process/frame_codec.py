@@ -1,7 +1,7 @@
-"""Frames as rows of plain values, which are pickled quickly for the process that sends them.
+"""Converts frames to rows of plain values, which can be pickled quickly for the sending process.
 
 Arrays become bytes, because pickling an array takes ten times as long. The constant parts of a character are
-sent once, and without its surface, which no output uses.
+sent only once. Its surface is left out, because no output uses it.
 """
 
 from __future__ import annotations
@@ -20,13 +20,15 @@ from enliven.person import Body
 
 
 class FrameEncoder:
-    """Turns frames into rows of plain values for one :class:`FrameDecoder`, which must get all of them."""
+    """An encoder that converts frames to rows of plain values. One :class:`FrameDecoder` must receive all
+    rows."""
 
     def __init__(self) -> None:
         self._sent: dict[str, CharacterInfo] = {}
 
     def encode(self, frame: LiveFrame, depth: DepthReference | None) -> tuple[Any, ...]:
-        """Returns a frame as a row that can be pickled. Its depth image is in shared memory, or left out."""
+        """Returns a frame as a row that can be pickled. Its depth image is in shared memory at ``depth``, or
+        left out if ``depth`` is None."""
         characters = None if self._sent == frame.characters else self._characters_row(frame.characters)
         return (
             frame.time_ns,
@@ -57,10 +59,10 @@ class FrameEncoder:
 
 
 class FrameDecoder:
-    """Turns the rows of one :class:`FrameEncoder` into frames again.
+    """A decoder that converts the rows of one :class:`FrameEncoder` back to frames.
 
     Args:
-        read_depth: returns the depth image of a reference, or None if it was overwritten.
+        read_depth: a function that returns the depth image of a reference, or None if it was overwritten.
     """
 
     def __init__(self, read_depth: Callable[[DepthReference], DepthFrame | None]) -> None:
@@ -107,7 +109,8 @@ def _body_row(number: int, body: Body) -> tuple[Any, ...]:
 
 
 def _array(data: bytes | None, kind: type[np.generic], width: int = 0) -> Any:
-    """Returns an array that may be changed, because kernels are compiled for such arrays."""
+    """Returns the data as a writable array (N, ``width``), because kernels are compiled for writable
+    arrays."""
     if data is None:
         return None
     array = np.frombuffer(data, kind).copy()
@@ -159,7 +162,8 @@ def _without_surface(character: Character) -> Character:
     """Returns a character with the same pivots, lines and names, and one triangle as its surface."""
     corners, faces = np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.int32)
     skin = SkinWeights(np.zeros((3, 4), np.uint16), np.tile(np.array([1, 0, 0, 0], np.float32), (3, 1)))
-    # Handles on vertices ("points") need the vertices. Outputs treat them like bones.
+    # Handles of kind "points" refer to vertices. Outputs treat them like bones, so the surface can be left
+    # out.
     kind = "bones" if character.kind == "points" else character.kind
     pivots, edges = np.asarray(character.pivots), np.asarray(character.edges)
     return Character(character.id, corners, faces, skin, pivots, edges, kind, names=character.names)

@@ -1,4 +1,5 @@
-"""Messages between a program and the process of its live outputs, over a pair of connected sockets."""
+"""Exchanges messages between a program and the process of its live outputs, over a pair of connected
+sockets."""
 
 from __future__ import annotations
 
@@ -11,16 +12,17 @@ from typing import Any
 
 _LENGTH = struct.Struct("<I")
 _BUFFER_BYTES = 1 << 20
-"""Wanted size of the system's buffer for messages that were not read yet. The system may give less."""
+"""Requested size in bytes of the socket buffer for messages that were not read yet. The system may provide
+less."""
 _READ_BYTES = 1 << 16
-"""Maximum bytes of one read."""
+"""Maximum number of bytes per read."""
 
 
 class MessageStream:
-    """One end of the connection. Reading and writing may happen in two threads.
+    """One end of the connection. One thread may read while another thread writes.
 
     Args:
-        end: the socket. Its methods :meth:`offer` and :meth:`flush` need a socket that does not block.
+        end: the socket. :meth:`offer` and :meth:`flush` require a non-blocking socket.
     """
 
     def __init__(self, end: socket.socket) -> None:
@@ -28,9 +30,10 @@ class MessageStream:
         self._unsent, self._received = memoryview(b""), bytearray()
 
     def offer(self, kind: str, content: object) -> bool:
-        """Sends a message without waiting. Bytes that the system does not take now are sent by :meth:`flush`.
+        """Sends a message without blocking. If the socket buffer is full, :meth:`flush` must send the
+        remaining bytes.
 
-        Call it only after :meth:`flush` has returned True. Returns True if nothing is left.
+        Call it only after :meth:`flush` has returned True. Returns True if the whole message was sent.
 
         Raises:
             OSError: if the other end is closed.
@@ -39,7 +42,7 @@ class MessageStream:
         return self.flush()
 
     def flush(self) -> bool:
-        """Sends the rest of the last message without waiting. Returns True if nothing is left.
+        """Sends the remaining bytes of the last message without blocking. Returns True if no byte remains.
 
         Raises:
             OSError: if the other end is closed.
@@ -52,7 +55,7 @@ class MessageStream:
         return True
 
     def send(self, kind: str, content: object) -> None:
-        """Sends a message, and waits until the system has taken it.
+        """Sends a message, and blocks until it is in the socket buffer.
 
         Raises:
             OSError: if the other end is closed.
@@ -60,7 +63,8 @@ class MessageStream:
         self.socket.sendall(_as_bytes(kind, content))
 
     def receive(self) -> list[tuple[str, Any]] | None:
-        """Returns the messages that have arrived, after one read. None: the other end is closed."""
+        """Reads once from the socket, and returns the messages that are complete. Returns None if the other
+        end is closed."""
         try:
             data = self.socket.recv(_READ_BYTES)
         except BlockingIOError:
@@ -90,7 +94,7 @@ def connected_ends() -> tuple[socket.socket, socket.socket]:
     """Returns two connected sockets with large buffers.
 
     Raises:
-        OSError: if the system has no more sockets.
+        OSError: if the system cannot create the sockets.
     """
     near, far = socket.socketpair()
     near.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
@@ -98,7 +102,8 @@ def connected_ends() -> tuple[socket.socket, socket.socket]:
 
 
 def inherited_end(arguments: Sequence[str]) -> socket.socket:
-    """Returns the end of this process: its descriptor is an argument, or on Windows data in the input."""
+    """Returns this process's end of the connection. Its descriptor is a command line argument, or on Windows
+    data on the standard input."""
     if sys.platform == "win32":
         return socket.fromshare(sys.stdin.buffer.read())
     return socket.socket(fileno=int(arguments[0]))

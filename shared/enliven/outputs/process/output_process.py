@@ -1,7 +1,7 @@
-"""The process that sends live outputs, as its program sees it: gets frames, and starts again after its end.
+"""Controls the process that sends live outputs: starts it, passes frames to it, and restarts it if it ends.
 
-Encoding and sending a frame need Python's global lock for most of a millisecond. In a process of its own,
-this work does not delay the program. The program only copies the numbers of a frame into a socket.
+Encoding and sending a frame holds Python's global lock for most of a millisecond. In a separate process, this
+work does not delay the program. The program only copies the numbers of a frame into a socket.
 """
 
 from __future__ import annotations
@@ -36,25 +36,26 @@ from enliven.supervision.schedule import RestartBackoff
 log = logging.getLogger(__name__)
 
 _MODULE = "enliven.outputs.process.sending_process"
-"""The program of the process."""
+"""The module that the process runs."""
 _FLUSH_INTERVAL_S = 0.25
-"""Seconds after which a frame is offered again that the process did not take."""
+"""Interval in seconds between attempts to send a frame that did not fit into the socket buffer."""
 _MAX_END_S = 5.0
-"""Maximum seconds that a process gets to send the last frame and close its outputs."""
+"""Maximum time in seconds for a process to send the last frame and close its outputs."""
 _MAX_START_S = 30.0
-"""Maximum seconds to wait at the end for a process that still starts, if a frame waits for it."""
+"""Maximum time in seconds that :meth:`OutputProcess.close` waits for a process that is still starting, if a
+frame has not been sent."""
 _MAX_EXIT_S = 2.0
-"""Seconds from the end of the connection to the kill signal."""
+"""Time in seconds from the end of the connection until the process is killed."""
 
 
 class OutputProcess(Closeable):
-    """Starts the process, and hands it the newest frame.
+    """The sending process, as a handle for the program. It receives the newest frame.
 
-    :meth:`put` never waits. If the process does not read, only the newest frame is kept. A thread starts the
-    process and receives its reports. If the process ends, the thread starts it again after a wait.
+    :meth:`put` never blocks. If the process does not read, only the newest frame is kept. A thread starts the
+    process and receives its reports. If the process ends, the thread restarts it after a delay.
 
     Args:
-        plans: the outputs.
+        plans: the checked settings of the outputs.
 
     Attributes:
         statuses: the state of each output.
@@ -65,7 +66,7 @@ class OutputProcess(Closeable):
         self._plans = tuple(plans)
         self._has_server = any(plan.protocol.listen is not None for plan in plans)
         self._replaced = self._skipped = self._skipped_before = 0
-        self._lock = threading.Lock()  # Guards the attributes below. Nothing waits while holding it.
+        self._lock = threading.Lock()  # Guards the attributes below. No code blocks while it holds the lock.
         self._running: _Running | None = None
         self._newest: LiveFrame | None = None
         self._events: deque[LiveEvent] = deque(maxlen=MAX_EVENTS)
@@ -82,7 +83,7 @@ class OutputProcess(Closeable):
 
     @property
     def process_id(self) -> int | None:
-        """The id of the process, or None while there is none."""
+        """The id of the process, or None while no process runs."""
         running = self._running
         return None if running is None else running.process.pid
 
@@ -92,7 +93,7 @@ class OutputProcess(Closeable):
         return self._replaced + self._skipped_before + self._skipped
 
     def put(self, frame: LiveFrame) -> None:
-        """Hands over a frame. It returns at once."""
+        """Passes a frame to the process. Returns immediately."""
         with self._lock:
             if self._newest is not None:
                 self._replaced += 1
@@ -101,7 +102,7 @@ class OutputProcess(Closeable):
             self._offer()
 
     def put_health(self, states: Sequence[HealthState]) -> None:
-        """Hands over the edge's health states. It returns at once."""
+        """Passes the edge's health states to the process. Returns immediately."""
         if not self._has_server:
             return
         with self._lock:
@@ -109,7 +110,7 @@ class OutputProcess(Closeable):
             self._offer()
 
     def close(self) -> None:
-        """Sends the frame that waits, and ends the process. A second call does nothing."""
+        """Sends the last queued frame, and ends the process. A second call does nothing."""
         self._ended.set()
         with self._lock:
             self._offer()
@@ -120,14 +121,14 @@ class OutputProcess(Closeable):
         self._thread.join(_MAX_EXIT_S)
 
     def _offer(self) -> None:
-        """Sends everything that waits, without waiting. Call it with the lock.
+        """Sends all queued messages without blocking. The caller must hold the lock.
 
-        At the end, it then closes its half of the connection. This ends the process.
+        If the output is closing, then closes the write end of the connection, which ends the process.
         """
         running = self._running
         if running is None or not running.is_ready:
             if running is not None and self._ended.is_set() and self._newest is None:
-                running.process.kill()  # Nothing was sent, so nothing is lost.
+                running.process.kill()  # No frame was sent, so nothing is lost.
             return
         try:
             is_free = running.stream.flush()
@@ -143,10 +144,10 @@ class OutputProcess(Closeable):
             if is_free and self._ended.is_set():
                 running.stream.socket.shutdown(socket.SHUT_WR)
         except OSError:
-            pass  # The process has ended. The thread sees it, too.
+            pass  # The process has ended. The thread detects this, too.
 
     def _run(self) -> None:
-        """Runs the process, again and again."""
+        """Runs the process, and restarts it whenever it ends."""
         backoff = RestartBackoff()
         while not self._ended.is_set() or self._waits_for_first_process():
             start = time.monotonic()
@@ -167,11 +168,12 @@ class OutputProcess(Closeable):
             self._ended.wait(wait_s)
 
     def _waits_for_first_process(self) -> bool:
-        """Returns True if a frame waits for the first process: the program ended very early."""
+        """Returns True if a frame is queued for the first process, which is not ready yet. This happens if
+        the program ends very early."""
         return self._newest is not None and not self._has_run
 
     def _run_once(self) -> str:
-        """Runs the process until it ends. Returns why it has ended."""
+        """Runs the process until it ends. Returns the reason as text."""
         try:
             running = _Running(self._plans, self._has_server)
         except OSError as error:
@@ -201,7 +203,7 @@ class OutputProcess(Closeable):
                         self._take(running, kind, content)
 
     def _take(self, running: _Running, kind: str, content: Any) -> None:
-        """Takes one report of the process."""
+        """Handles one report of the process."""
         match kind:
             case "ready":
                 log.debug("the process of the live outputs is ready")

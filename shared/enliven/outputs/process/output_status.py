@@ -1,16 +1,16 @@
-"""The state of one output, as its process has reported it."""
+"""The state of one output, as reported by the sending process."""
 
 from __future__ import annotations
 
 
 class OutputStatus:
-    """Counts the packets of one output, over all processes that have sent it.
+    """Packet counts of one output, summed over all restarts of the sending process.
 
     Args:
-        name: of the output, for messages.
+        name: name of the output, for messages.
 
     Attributes:
-        trouble: why frames are lost now. Empty if the output works.
+        trouble: the reason why frames are being lost. Empty if the output works.
     """
 
     def __init__(self, name: str) -> None:
@@ -28,9 +28,9 @@ class OutputStatus:
         return self._before[1] + self._now[1]
 
     def update(self, sent: int, errors: int, trouble: str) -> None:
-        """Takes the numbers of the running process."""
+        """Stores the counts that the running process reports."""
         self._now, self.trouble = (sent, errors), trouble
 
     def end_process(self, trouble: str) -> None:
-        """Keeps the numbers of a process that has ended."""
+        """Adds the counts of a process that has ended to the totals."""
         self._before, self._now, self.trouble = (self.sent, self.errors), (0, 0), trouble

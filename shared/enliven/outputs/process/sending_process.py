@@ -1,6 +1,6 @@
-"""The program of the process that sends live outputs: receives frames, encodes them and sends them.
+"""Main program of the sending process: receives frames, encodes them and sends them.
 
-It ends when the connection ends, so that it never outlives the program that has started it.
+It ends when the connection is closed, so it never outlives the program that started it.
 """
 
 from __future__ import annotations
@@ -23,16 +23,17 @@ from enliven.outputs.process.message_stream import MessageStream, inherited_end
 from enliven.outputs.sender import Sender
 
 _STATE_INTERVAL_S = 0.25
-"""Seconds between two reports of the state. Only a changed state is reported."""
+"""Interval in seconds between two reports of the state. Only a changed state is reported."""
 _MAX_END_S = 4.0
-"""Maximum seconds for the end. Then the process ends without closing its outputs."""
+"""Maximum time in seconds for closing the outputs. After it, the process exits without closing them."""
 _FAILURE = 1
 """Exit code of a process that could not open its outputs."""
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Sends frames until the connection ends. Returns the exit code."""
-    # Ctrl-C and the end of a service reach all processes. This one sends the last frame before its end.
+    """Sends frames until the connection is closed. Returns the exit code."""
+    # Ctrl-C and the stop of a service send signals to all processes. Ignore them, so that the last frame is
+    # sent before this process ends.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     if sys.stderr is not None:
@@ -66,7 +67,7 @@ def main(arguments: Sequence[str]) -> int:
 def _receive(
     stream: MessageStream, decoder: FrameDecoder, thread: FrameThread, senders: Sequence[Sender]
 ) -> None:
-    """Hands frames and health states to the outputs until the connection ends."""
+    """Passes received frames and health states to the outputs until the connection is closed."""
     while (messages := stream.receive()) is not None:
         for kind, content in messages:
             if kind == "frame":
@@ -77,20 +78,21 @@ def _receive(
 
 
 def _end_within(seconds: float) -> None:
-    """Ends the process after some time, even if a library never returns."""
+    """Ends the process after ``seconds``, even if a library call never returns."""
     timer = threading.Timer(seconds, os._exit, (0,))
     timer.daemon = True
     timer.start()
 
 
 def _log_to(reports: _Reports) -> None:
-    """Sends all log messages to the program, which has the log."""
+    """Redirects all log messages to the program that started this process."""
     logging.getLogger().addHandler(reports)
     logging.getLogger().setLevel(logging.INFO)
 
 
 class _Reports(logging.Handler):
-    """Sends reports and log messages to the program. After its end, they are dropped."""
+    """A log handler that sends reports and log messages to the program. If the program has ended, they are
+    dropped."""
 
     def __init__(self, stream: MessageStream) -> None:
         super().__init__()
@@ -120,7 +122,7 @@ class _StateReports:
         self._thread.start()
 
     def close(self) -> None:
-        """Reports the last state, and ends the thread."""
+        """Reports the final state, and ends the thread."""
         self._ended.set()
         self._thread.join()
         self._report()

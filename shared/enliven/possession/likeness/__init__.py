@@ -1,4 +1,4 @@
-"""Likeness: finds a person's joints in a mesh, human-like or not.
+"""Likeness: finds the joints of a person's skeleton in any mesh, human-like or not.
 
 :func:`find_body_in_mesh` handles both cases. If the mesh is human-like (in any pose, of any proportions), its
 five limb ends are identified as head, hands and feet. Otherwise each extremity of the mesh becomes the limb

@@ -1,9 +1,10 @@
-"""A person's joints in an arbitrary mesh: its extremities are interpreted as head, hands and feet.
+"""Finds a person's joints in an arbitrary mesh. The extremities of the mesh are interpreted as head, hands
+and feet.
 
-An extremity (tip) is a local maximum of the geodesic distance from the middle (AniMesh's skeletons end in
-such points too). A limb is the part of the mesh around a tip. A limb's joints lie in the middle of its rings
-of equal geodesic distance from the tip. A horse's hind legs become legs, its forelegs arms and its neck the
-head, and the same holds for a chair. A lamp gets only a spine and an arm.
+An extremity (tip) is a local maximum of the geodesic distance from the middle, as in AniMesh. A limb is the
+part of the mesh around a tip. A limb's joints lie in the middle of its rings of equal geodesic distance from
+the tip. For example, a horse's hind legs become legs, its forelegs arms and its neck the head. The legs and
+the back of a chair are interpreted in the same way. A lamp gets only a spine and an arm.
 """
 
 from __future__ import annotations
@@ -23,18 +24,18 @@ _MIN_LIMB_LENGTH = 0.08
 _MAX_FOOT_HEIGHT = 0.15
 """Maximum height of a tip that counts as a foot, as a fraction of the mesh's height."""
 _MIN_LONG_RATIO = 1.5
-"""If length divided by width is above this ratio, the front of a mesh is where its head is."""
+"""Minimum ratio of length to width of a long mesh. The front of a long mesh is the end with its head."""
 _MIN_HEAD_LEAD = 0.15
-"""The head determines the front only if its horizontal distance from the middle is more than this fraction of
-the height. This is so in a body that is not upright."""
+"""Minimum horizontal distance of the head from the middle at which the head determines the front, as a
+fraction of the height. Only in a body that is not upright is the distance larger."""
 _LEG_JOINTS = (
     (Joint.HIP_LEFT, 0.95),
     (Joint.KNEE_LEFT, 0.5),
     (Joint.ANKLE_LEFT, 0.12),
     (Joint.FOOT_LEFT, 0.0),
 )
-"""Joints of a leg, and their distance from the tip as a fraction of the limb's length, approximately those of
-a person."""
+"""Joints of a leg, and their distance from the tip as a fraction of the limb's length, approximately as in a
+person."""
 _ARM_JOINTS = (
     (Joint.SHOULDER_LEFT, 0.95),
     (Joint.ELBOW_LEFT, 0.5),
@@ -94,8 +95,8 @@ def find_extremities(graph: DeformationGraph) -> tuple[Int, Float, Float]:
 def _prominent_peaks(height: Float, edges: Int32) -> tuple[Int, Float]:
     """Returns the prominent peaks (T,), highest first, and the prominence (T,) of each.
 
-    The prominence is the height of a peak above the saddle at which its group merges with that of a higher
-    peak.
+    The prominence is the height of a peak above the saddle at which its group of nodes merges with the group
+    of a higher peak.
     """
     min_prominence = _MIN_LIMB_LENGTH * float(height.max())
     neighbours: list[list[int]] = [[] for _ in height]
@@ -122,7 +123,7 @@ def _prominent_peaks(height: Float, edges: Int32) -> tuple[Int, Float]:
 
 
 def _highest_node(peak: dict[int, int], node: int) -> int:
-    """Returns the highest node of a node's group."""
+    """Returns the highest node of the group that contains ``node``: the root of its union-find tree."""
     while peak[node] != node:
         peak[node] = peak[peak[node]]
         node = peak[node]
@@ -152,8 +153,8 @@ class _Limbs:
     Attributes:
         at: (T, 3) positions of the tips, metres.
         out: (T,) prominence of each tip, metres.
-        length: (T,) length of each limb, metres: from its tip half-way to the nearest other tip, or to the
-            saddle to another limb if that is farther.
+        length: (T,) length of each limb, metres. It is half the distance to the nearest other tip, or the
+            distance to the saddle between the limb and another limb if that is larger.
     """
 
     def __init__(self, positions: Float, tips: Int, lengths: Float, ways: Float) -> None:
@@ -194,9 +195,9 @@ class _Limbs:
 def _front_yaw(limbs: _Limbs, heads: Int, feet: Int) -> float:
     """Returns the heading of the front: radians about +Y from +Z.
 
-    A long mesh on four or more feet faces along its length, towards the head. A mesh on two feet faces across
-    the line between the legs, towards the head or else the toes. All other meshes face +Z. If the two
-    opposite directions cannot be distinguished, the direction nearer to +Z is used.
+    A long mesh on four or more feet faces along its length, towards the head. A mesh on two feet faces
+    perpendicular to the line between the legs, towards the head or else the toes. All other meshes face +Z.
+    If neither head nor toes distinguish the two opposite directions, the direction nearer to +Z is used.
     """
     middle = limbs.positions.mean(0)
     head = limbs.at[heads].mean(0) - middle if len(heads) else np.zeros(3)

@@ -1,4 +1,5 @@
-"""Finds a person's skeleton in a mesh. In a mesh that is not human-like, finds the nearest equivalent."""
+"""Finds a person's skeleton in a mesh. If the mesh is not human-like, finds the parts that resemble a
+person's limbs most."""
 
 from __future__ import annotations
 
@@ -15,13 +16,13 @@ from enliven.possession.likeness.human import human_from_ends
 from enliven.possession.likeness.skeleton import BodyInMesh
 
 _NODE_COUNT = 500
-"""Number of nodes of the geodesic net. On a person, their spacing is 6 cm. Mesh parts within half of the
-spacing are merged."""
+"""Number of nodes of the graph for geodesic distances. On a person, their spacing is 6 cm. Mesh parts that
+are nearer than half of the spacing are merged."""
 _MAX_PERSON_COST = 70.0
 """Maximum cost of the five ends of a person-like mesh. It is twice the cost of a man with a large belly."""
 _MAX_FLOOR_HEIGHT = 0.15
-"""Maximum height of a hand that counts as on the floor, as a fraction of body height. An animal on four feet
-is not a person."""
+"""Maximum height of a hand that counts as on the floor, as a fraction of body height. A mesh with both hands
+on the floor is an animal on four feet."""
 
 
 def find_person_in_mesh(mesh: Mesh, ends: Float | None = None) -> BodyInMesh | None:

@@ -1,4 +1,4 @@
-"""The five ends of a human-like mesh: decides which of its limb ends are the head, the hands and the feet.
+"""Identifies the head, the hands and the feet among the limb ends of a human-like mesh.
 
 Geodesic distances along the surface hardly change with the pose. In a body they approximate distances in a
 tree: arms and head branch at the chest, legs branch at the pelvis, and both limbs of a pair have equal
@@ -19,11 +19,11 @@ from enliven.possession.likeness.tree_of_limbs import HEAD, LimbTree, point_at_d
 from enliven.rotation import unit
 
 _SAME_LIMB_DISTANCE = 0.12
-"""Two ends nearer than this fraction of the longest geodesic distance belong to the same limb, like fingers,
-toes or horns."""
+"""Maximum distance between two ends of the same limb, such as fingers, toes or horns, as a fraction of the
+longest geodesic distance."""
 _EAR_DISTANCE = 0.8
-"""Two ends nearer than this fraction of the longest geodesic distance may be ears or horns. The head is then
-between them."""
+"""Maximum distance between two ends that may be ears or horns, as a fraction of the longest geodesic
+distance. The head is then between them."""
 _OMITTED_LIMB_COST = 60.0
 """Cost of a limb that belongs to no chosen end. It is multiplied by the limb's length divided by the longest
 geodesic distance."""
@@ -31,7 +31,8 @@ _OWN_END_DISTANCE = 0.15
 """Other ends within this distance of a chosen end, as a fraction of the longest geodesic distance, belong to
 the same limb."""
 _OMITTED_LEG_COST = 25.0
-"""Cost of a limb that is left out although it stands on the floor: other legs of a chair or a horse."""
+"""Cost of a limb that is left out although it stands on the floor, such as the additional legs of a chair or
+a horse."""
 _MIN_LEG_LENGTH = 0.08
 """Minimum length of a limb that counts as a leg, as a fraction of the longest geodesic distance."""
 _MAX_COSTED_LENGTH = 0.3
@@ -42,20 +43,20 @@ _MIN_UPPER_HEIGHT = 0.4
 _LOW_COST = 60.0
 """Cost of head or hands below the minimum height, per body height of the difference."""
 _RAISED_HANDS_COST = 8.0
-"""Cost of both hands above the head. Such ends are more likely ears or horns."""
+"""Cost if both hands are above the head. Ends above the head are more likely ears or horns."""
 _MAX_FOOT_HEIGHT = 0.15
-"""Maximum height of feet, as a fraction of body height, that has no cost."""
+"""Maximum height of feet without a cost, as a fraction of body height."""
 _HIGH_FOOT_COST = 60.0
-"""Cost of a foot above that height, per body height of the difference."""
+"""Cost of a foot above :data:`_MAX_FOOT_HEIGHT`, per body height of the difference."""
 _TILTED_HEAD_COST = 4.0
 """Cost of a head at a right angle to the trunk."""
 _TILTED_TRUNK_COST = 6.0
 """Cost of a trunk at a right angle to the vertical."""
 _EVALUATED_CHOICES = 60
-"""Number of choices, those with the lowest cost from geodesic distances, for which trunk and head are
-evaluated too."""
+"""Number of choices for which trunk and head are evaluated too. They are the choices with the lowest costs
+from geodesic distances."""
 _OTHER_END_DISTANCE = 0.2
-"""Minimum distance between two ends that count as different places, as a fraction of the longest geodesic
+"""Minimum distance between two ends that count as different ends, as a fraction of the longest geodesic
 distance."""
 
 
@@ -64,13 +65,13 @@ class FiveEnds:
     """A choice of the five ends.
 
     Attributes:
-        points: (5, 3) metres: head, two hands, two feet; the order within a pair has no meaning.
-        distances: (5, C) geodesic distances from each end to all points of the net, metres. If the head has
-            two ends (such as ears), its distances start where the two ends separate.
+        points: (5, 3) metres: head, two hands, two feet. The order within a pair has no meaning.
+        distances: (5, C) geodesic distances from each end to all points of the surface, metres. If the head
+            has two ends (such as ears), its distances start where the two ends separate.
         tree: the lengths of the limbs.
         chest, pelvis: (3,) points at which the limbs branch, metres.
         cost: 0 for a person of usual proportions that stands upright.
-        margin: cost of the next best choice with other limbs, minus this cost.
+        margin: cost of the next best choice with other limbs, minus ``cost``.
     """
 
     points: Float
@@ -117,7 +118,7 @@ def find_five_ends(limb_ends: LimbEnds, max_cost: float = np.inf) -> FiveEnds | 
 
 
 def five_ends_from_points(limb_ends: LimbEnds, points: Float) -> FiveEnds:
-    """Returns the choice with given ends (5, 3), metres: head, two hands, two feet."""
+    """Returns the choice with ends at the given points (5, 3), metres: head, two hands, two feet."""
     nearest = np.array([np.linalg.norm(limb_ends.points - point, axis=1).argmin() for point in points])
     geodesics = limb_ends.distances_from(nearest)
     end_distances = geodesics[:, nearest]
@@ -135,8 +136,8 @@ def _enumerate_choices(between: Float, longest: float) -> tuple[Int, Int]:
     """Returns all candidate heads and all choices.
 
     Returns:
-        (H, 2) the ends of each candidate head: one end twice, or two ends with the head between them; and (K,
-        5) choices: the index of a head, and four ends.
+        (H, 2) the ends of each candidate head: the same end twice, or two ends with the head between them.
+        (K, 5) choices: the index of a candidate head, and four ends.
     """
     count, limbs = len(between), list[int]()
     for end in range(count):
@@ -182,7 +183,8 @@ def _omitted_limb_cost(extremities: LimbEnds, between: Float, chosen: Int) -> Fl
 
 
 def _stance_cost(extremities: LimbEnds, heads: Int, chosen: Int) -> Float:
-    """Returns the cost (K,) of standing on the head, of feet in the air, and of both hands above the head."""
+    """Returns the cost (K,) of an unlikely stance: on the head, with feet in the air, or with both hands
+    above the head."""
     level = extremities.points[:, 1] - extremities.points[:, 1].min()
     relative_height = level[extremities.ends] / max(float(level.max()), 1e-12)
     head = relative_height[heads].mean(1)[chosen[:, 0]]
@@ -195,8 +197,8 @@ def _stance_cost(extremities: LimbEnds, heads: Int, chosen: Int) -> Float:
 def _evaluate_posture(
     extremities: LimbEnds, ways: Float, head: Int, others: Int, tree: LimbTree
 ) -> tuple[FiveEnds, float]:
-    """Evaluates the posture of a choice. Returns the choice with chest and pelvis, and the cost of its trunk
-    and head.
+    """Evaluates the posture of a choice. Returns the choice with its chest and pelvis, and the cost of a
+    tilted trunk or head.
     """
     first, second = head
     of_head = (ways[first] + ways[second] - ways[first, extremities.ends[second]]) / 2

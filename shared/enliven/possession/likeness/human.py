@@ -1,8 +1,8 @@
-"""A person's joints in a human-like mesh, from its five ends.
+"""Computes a person's joints in a human-like mesh from its five ends.
 
 A limb's joints lie in the middle of its rings of equal geodesic distance from its end, at typical human
-fractions of its length. Left and right follow from the front, which feet, bent knees and bent elbows
-indicate.
+fractions of its length. Left and right follow from the front. Feet, bent knees and bent elbows indicate the
+front.
 """
 
 from __future__ import annotations
@@ -31,18 +31,22 @@ _WAIST_POSITION = 0.44
 _HIP_CENTRE_HEIGHT = 0.12
 """Height of the hip centre above the hip joints, as a fraction of the trunk."""
 _MAX_LIFTED_COSINE = 0.6
-"""If the cosine between thigh and trunk is below this value, the leg counts as lifted. The rings around it
-then end in the lap."""
+"""Maximum cosine of the angle between thigh and trunk of a lifted leg. The rings around a lifted leg end in
+the lap."""
 _MIN_FRONT_EVIDENCE = 0.015
-"""Front/back evidence smaller than this fraction of body height is reported as uncertain."""
+"""Minimum front/back evidence, as a fraction of body height. If there is less, the front is reported as
+uncertain."""
 _ELBOW_WEIGHT = 0.5
-"""Weight of the distance of the elbows behind the arms. Toes and knees ahead have a weight of 1."""
+"""Weight of the elbows' distance behind the arms as evidence of the front. The distances of toes and knees
+ahead of the legs have weight 1."""
 _HAND_WEIGHT = 0.1
-"""Weight of the distance of the hands ahead of the shoulders. It is low, because hands may be anywhere."""
+"""Weight of the hands' distance ahead of the shoulders as evidence of the front. It is low, because hands may
+be anywhere."""
 _MODELLED_FRONT_BIAS = 0.03
 """Bias, as a fraction of the height, towards +Z as the front. Most meshes are modelled facing +Z."""
 _MIN_COST_MARGIN = 2.0
-"""If the cost margin to the next choice of ends is smaller than this, the choice is reported as uncertain."""
+"""Minimum cost difference to the next best choice of ends. If it is smaller, the choice is reported as
+uncertain."""
 
 
 def human_from_ends(limb_ends: LimbEnds, ends: FiveEnds) -> BodyInMesh:
@@ -74,8 +78,8 @@ def human_from_ends(limb_ends: LimbEnds, ends: FiveEnds) -> BodyInMesh:
 
 
 class _Limbs:
-    """The limbs that end in the five ends. Each point of the net belongs to at most one limb, the one in
-    which it lies deepest.
+    """The limbs that end in the five ends. Each point of the surface belongs to at most one limb. If limbs
+    overlap, it belongs to the limb in which it is deepest.
     """
 
     def __init__(self, limb_ends: LimbEnds, ends: FiveEnds) -> None:

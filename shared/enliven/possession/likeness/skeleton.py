@@ -19,14 +19,14 @@ class BodyInMesh:
     """A person's skeleton within a mesh.
 
     Attributes:
-        joints: (20, 3) metres, rest space; NaN for joints that the mesh does not have.
+        joints: (20, 3) metres, rest space. NaN for joints that the mesh does not have.
         yaw: radians about +Y from +Z to the mesh's front.
         human: True if the mesh is built like a person: a head, two arms, two legs and an upright trunk.
-        ends: (5, 3) the ends of head, left and right hand, left and right foot, metres; empty if the mesh is
+        ends: (5, 3) the ends of head, left and right hand, left and right foot, metres. Empty if the mesh is
             not human-like or the ends were not searched.
         doubts: a sentence about each property that is uncertain.
-        strangeness: 0 for a person of usual proportions that stands upright; higher for less human-like
-            meshes.
+        strangeness: 0 for a person of usual proportions that stands upright. Less human-like meshes have
+            higher values.
     """
 
     joints: Float
@@ -38,7 +38,7 @@ class BodyInMesh:
 
     @classmethod
     def known(cls, joints: Float) -> BodyInMesh:
-        """Returns the skeleton of a person with known joints (20, 3); metres, rest space."""
+        """Returns the skeleton of a person with known joints (20, 3), metres in the rest space."""
         lefts = (
             joints[[Joint.HIP_LEFT, Joint.SHOULDER_LEFT]] - joints[[Joint.HIP_RIGHT, Joint.SHOULDER_RIGHT]]
         )

@@ -1,4 +1,4 @@
-"""The tree of a person's limbs: the geodesic distances along a body between head, hands and feet."""
+"""The tree of a person's limbs. It gives the geodesic distances along a body between head, hands and feet."""
 
 from __future__ import annotations
 
@@ -13,27 +13,26 @@ HEAD = 0
 _LIMBS_ON_PATH = np.array(
     [(1, 1, 0, 0)] * 2 + [(1, 0, 1, 1)] * 2 + [(0, 2, 0, 0)] + [(0, 1, 1, 1)] * 4 + [(0, 0, 0, 2)], float
 )
-"""(10, 4) for each pair of the five ends, the number of heads, arms, trunks and legs on the path between
-them."""
+"""(10, 4) the number of heads, arms, trunks and legs on the path between each pair of the five ends."""
 _LIMB_SOLVER = np.linalg.pinv(_LIMBS_ON_PATH)
 """(4, 10) matrix that computes the four limb lengths from the ten distances, by least squares."""
 _USUAL_DEVIATION = 0.035
-"""Usual deviation of a geodesic distance from the tree distance, as a fraction of arm plus trunk plus leg.
-The two differ because geodesic paths go around a thick body."""
+"""Usual deviation of a geodesic distance from the distance in the tree, as a fraction of the length of arm,
+trunk and leg together. They differ because geodesic paths go around a thick body."""
 _HALF_WEIGHT_DEVIATION = 12.0
-"""Squared deviation, in units of ``_USUAL_DEVIATION``, at which a distance has half its weight. A hand
-that touches a thigh shortens many distances."""
+"""Squared deviation, relative to the square of ``_USUAL_DEVIATION``, at which a distance has half its weight.
+The weight falls, because a hand that touches a thigh shortens many distances."""
 _PROPORTIONS = ((0, 1, 0.5, 0.5), (3, 1, 1.15, 0.4), (2, 1, 0.55, 0.5))
 """For head, leg and trunk (by index): the reference limb, the usual ratio to it, and the spread of the
 ratio's logarithm. The spread covers a child, a bear and a man made of boxes."""
 _DISTANCE_TOLERANCE = 0.06
-"""Tolerance, as a fraction of arm plus trunk plus leg, when a point's distances are compared with those of
-the chest or the pelvis."""
+"""Tolerance of the comparison of a point's distances with those of the chest or the pelvis, as a fraction of
+the length of arm, trunk and leg together."""
 
 
 class LimbTree(NamedTuple):
-    """Limb lengths in metres along the surface: head and arms from end to chest, legs from end to pelvis,
-    and the trunk.
+    """Limb lengths in metres along the surface. Head and arms are measured from end to chest, legs from end
+    to pelvis, and the trunk from chest to pelvis.
     """
 
     head: float
@@ -43,7 +42,7 @@ class LimbTree(NamedTuple):
 
     @property
     def size(self) -> float:
-        """Arm, trunk and leg together, metres."""
+        """The sum of the lengths of arm, trunk and leg, metres."""
         return self.arm + self.trunk + self.leg
 
     @property
