@@ -33,7 +33,7 @@ JOINTS: dict[str, tuple[str, ...]] = {
     "quaternius": (
         "UpperArm.{L}",
         "LowerArm.{L}",
-        "Hand.{L}|Palm.{L}",
+        "Hand.{L}|Palm.{L}|Fist.{L}",
         "UpperLeg.{L}",
         "LowerLeg.{L}",
         "Foot.{L}|LowerLeg.{L}_end",
