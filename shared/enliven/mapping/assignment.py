@@ -211,9 +211,9 @@ def matching_joints_of_poses(
 ) -> list[tuple[int, int]]:
     """Returns indices (in the source, in the target) of corresponding inner joints of two limbs, ascending.
 
-    This function is for limbs that get the performer's pose. Wrist corresponds to wrist and ankle to ankle, so
-    the proportions of hands and feet do not matter. Above them any difference in arc length is allowed: an arm
-    without an elbow could not bend.
+    This function is for limbs that get the performer's pose. Wrist corresponds to wrist and ankle to ankle,
+    so the proportions of hands and feet do not matter. Above them any difference in arc length is allowed:
+    an arm without an elbow could not bend.
 
     Args:
         source_arc, target_arc: arc length 0..1 at the joints of the chains.
@@ -240,7 +240,7 @@ def _relative_arc(arc: list[float]) -> list[float]:
 def _inner_matches(
     source_arc: list[float], target_arc: list[float], max_difference: float
 ) -> list[tuple[int, int]]:
-    """Returns the matches of inner joints: joint by joint if the numbers are equal, otherwise by arc length."""
+    """Returns matches of inner joints: joint by joint if the numbers are equal, otherwise by arc length."""
     if len(source_arc) == len(target_arc):
         return [(k, k) for k in range(1, len(source_arc) - 1)]
     return joints_at_one_arc(source_arc, target_arc, max_difference)

@@ -111,7 +111,7 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
         for piece in _limb_pieces(drive, drives, clip.skeleton, shape.skeleton, tips):
             is_end = not twins and _is_end(piece, drive, target, shape.skeleton)
             if is_end and has_parallel_fingers(shape.skeleton, piece.target[0]):
-                continue  # The rig has no wrist. The fingers move with the forearm, so that none leaves the others.
+                continue  # The rig has no wrist. All of its fingers move with the forearm.
             moved = keeps_directions or is_end
             chains.append(
                 ChainPlan(
@@ -350,7 +350,8 @@ def _limb_pieces(
 
 
 def _tip_numbers(skeleton: Skeleton, body: Anatomy) -> dict[int, int]:
-    """Returns the index in each limb at which its hand or foot begins, by the first joint of the limb proper."""
+    """Returns the index at which the hand or foot begins, for each limb by its first joint after the
+    girdle."""
     return {limb.proper[0]: tip_number(skeleton, limb) for pair in body.pairs for limb in pair}
 
 

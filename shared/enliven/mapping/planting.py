@@ -64,7 +64,8 @@ adult."""
 _CONTACT_DECAY = 0.02
 """Decay length of contact weights above a foot's lowest point, in foot lengths: 5 mm on an adult."""
 _MEDIAN_POINTS = 32
-"""Maximum number of points of a foot whose median motion is computed: those with the largest contact weights."""
+"""Maximum number of points of a foot whose median motion is computed: those with the largest contact
+weights."""
 _MEDIAN_ITERATIONS = 8
 """Number of iterations for the median motion."""
 _MIN_MEDIAN_DISTANCE = 0.01
@@ -139,7 +140,8 @@ def rolling_motion(points: Float, contact_height: float) -> tuple[Float, Float]:
 def _median_motion(moves: Float, weights: Float, contact_height: float) -> Float:
     """Returns the weighted geometric median (T - 1, 2) in metres of the motion of points in each step.
 
-    Weiszfeld's method begins at the weighted mean. In each iteration, points get less weight the more they differ.
+    Weiszfeld's method begins at the weighted mean. In each iteration, points get less weight the more they
+    differ.
 
     Args:
         moves: (T - 1, P, 2) metres, the motion of the points along the floor.

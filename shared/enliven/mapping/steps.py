@@ -81,8 +81,8 @@ _MAX_LOWERING = 0.15
 _EASING_S = 0.05
 """Time in seconds over which the body is lowered before a foot would no longer reach the floor."""
 _TOE_SMOOTH_S = 0.1
-"""Time in seconds over which the bend of toes is averaged. Toes are short, so in captures their angle jumps by
-several degrees from frame to frame. A real push-off takes longer."""
+"""Time in seconds over which the bend of toes is averaged. Toes are short, so in captures their angle jumps
+by several degrees from frame to frame. A real push-off takes longer."""
 _SOLE_PASSES = 3
 """Number of passes that correct the soles after the legs bent. Each pass leaves 40 % of the error if the shin
 moves the sole by 40 %."""
@@ -338,7 +338,8 @@ def _performed_contacts(step: LegStep, performer: PerformerGait, root: Float) ->
 
 
 def _smooth_toes(skeleton: Skeleton, step: LegStep, step_s: float, turns: Float, joints: Float) -> None:
-    """Smooths the rotation of toes relative to their foot over time. Changes ``turns`` and ``joints`` in place.
+    """Smooths the rotation of toes relative to their foot over time. Changes ``turns`` and ``joints`` in
+    place.
 
     A sole with toes that tremble cannot stand still.
 
