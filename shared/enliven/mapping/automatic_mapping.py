@@ -350,9 +350,17 @@ def _limb_pieces(
 
 
 def _tip_numbers(skeleton: Skeleton, body: Anatomy) -> dict[int, int]:
-    """Returns the index at which the hand or foot begins, for each limb by its first joint after the
-    girdle."""
-    return {limb.proper[0]: tip_number(skeleton, limb) for pair in body.pairs for limb in pair}
+    """Returns the index at which the hand or foot begins, for each limb by its first joint after the girdle.
+
+    The two limbs of a pair have the same index, also if the model is a little crooked.
+    """
+    tips = dict[int, int]()
+    for pair in body.pairs:
+        numbers = [tip_number(skeleton, limb) for limb in pair]
+        if len(pair[0].main) == len(pair[1].main):
+            numbers = [min(numbers)] * 2
+        tips |= {limb.proper[0]: number for limb, number in zip(pair, numbers, strict=True)}
+    return tips
 
 
 def _is_end(piece: Drive, drive: Drive, body: Anatomy, target: Skeleton) -> bool:
