@@ -2,7 +2,8 @@
 
 People onto people: the pose of the written GLB is compared with the performer's, limb by limb, by
 :mod:`limb_directions`, which shares no code with the mapping. A table is written to out/retarget_people.txt.
-The sliding of standing feet in the written GLB is measured by :mod:`standing_feet`, in a walk and two runs.
+The slide of standing feet in the written GLB is measured by :mod:`standing_feet`, in a walk and two runs. A
+table of all models is written to out/retarget_slide.txt.
 
 Every other pair is made by the command with ``--travel --pin`` from the first seconds of the clip. A table of
 all pairs is written to out/retarget.txt. Sealed pairs are a held-out set: they were not examined while the
@@ -59,6 +60,16 @@ CONVENTIONS = {"mixamo": "mixamo", "cryptovoxels": "cryptovoxels"}
 Quaternius'."""
 
 
+OTHER_BODIES = {
+    "BrainStem": "brainstem",
+    "CesiumMan": "khronos",
+    "RiggedFigure": "khronos",
+    "platformer_game_pack_Character": "quaternius",
+    "platformer_game_pack_Character_HumanoidRig": "quaternius",
+}
+"""Naming conventions of upright models with short legs, or without meaningful joint names, by file name."""
+
+
 SLIDING = {
     "walk": "bvh/*/dataset-1_walk_normal_001.bvh",
     "run": "bvh/*/dataset-1_run_normal_001.bvh",
@@ -75,25 +86,46 @@ def figures() -> Iterator[Figure]:
 
 
 def _slide_figures() -> Iterator[Figure]:
-    """Yields the sliding speed of human models' standing feet with ``--travel --pin``, scaled to a person's
-    size.
-    """
-    medians, p90s = list[float](), list[float]()
-    for name, pattern in SLIDING.items():
-        speeds = [
-            standing_slides(path, _pinned_glb(model, _take(path)), _convention(model))
-            for path in sorted(DATA.glob(pattern))
-            for model in _humans()
-        ]
-        if not speeds:
-            continue
-        medians.append(max(float(np.median(some)) for some in speeds))
-        p90s.append(max(float(np.percentile(some, 90)) for some in speeds))
-        yield Figure(f"retarget.slide_cm_s_median_{name}", medians[-1], "cm/s (worst model, pinned)")
-        yield Figure(f"retarget.slide_cm_s_p90_{name}", p90s[-1], "cm/s (worst model, pinned)")
-    if medians:
-        yield Figure("retarget.slide_cm_s_median", max(medians), "cm/s (worst model and take, pinned)")
-        yield Figure("retarget.slide_cm_s_p90", max(p90s), "cm/s (worst model and take, pinned)")
+    """How fast standing feet slide with ``--travel --pin``, in the size of a person."""
+    lines = list[str]()
+    humans = [(model, _convention(model)) for model in _humans()]
+    others = [
+        (model, convention)
+        for name, convention in OTHER_BODIES.items()
+        for model in sorted(DATA.glob(f"gltf/*/{name}.glb"))
+    ]
+    for group, prefix, models in (("model", "", humans), ("other body", "other_", others)):
+        medians, p90s = list[float](), list[float]()
+        for name, pattern in SLIDING.items():
+            speeds = [
+                standing_slides(path, _pinned_glb(model, _take(path)), convention)
+                for path in sorted(DATA.glob(pattern))
+                for model, convention in models
+            ]
+            if not speeds:
+                continue
+            rows = [(float(np.median(some)), float(np.percentile(some, 90))) for some in speeds]
+            for (model, _), (median, p90) in zip(models, rows, strict=True):
+                lines.append(f"{model.stem:42s} {name:8s} {median:5.2f} cm/s (median) {p90:5.2f} cm/s (p90)")
+            medians.append(max(median for median, _ in rows))
+            p90s.append(max(p90 for _, p90 in rows))
+            yield Figure(
+                f"retarget.{prefix}slide_cm_s_median_{name}", medians[-1], f"cm/s (worst {group}, pinned)"
+            )
+            yield Figure(f"retarget.{prefix}slide_cm_s_p90_{name}", p90s[-1], f"cm/s (worst {group}, pinned)")
+        if medians:
+            unit = f"cm/s (worst {group} and take, pinned)"
+            yield Figure(f"retarget.{prefix}slide_cm_s_median", max(medians), unit)
+            yield Figure(f"retarget.{prefix}slide_cm_s_p90", max(p90s), unit)
+    if lines:
+        _write_lines("retarget_slide.txt", lines)
+
+
+def _write_lines(name: str, lines: list[str]) -> None:
+    """Writes a table to a file in the folder ``out``."""
+    out = HERE / "out" / name
+    out.parent.mkdir(exist_ok=True)
+    out.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def _humans() -> list[Path]:
@@ -135,9 +167,7 @@ def _people_figures() -> Iterator[Figure]:
             lines.append(f"{model.stem:26s} {path.stem:38s} {limb_text}; with --travel --pin: {quality}")
     if not medians:
         return
-    out = HERE / "out" / "retarget_people.txt"
-    out.parent.mkdir(exist_ok=True)
-    out.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    _write_lines("retarget_people.txt", lines)
     yield Figure("retarget.pose_deg_median", max(medians), "deg (worst limb of the worst pair)")
     yield Figure("retarget.pose_deg_p90", max(p90s), "deg (worst limb of the worst pair)")
     yield Figure("retarget.people_slide_cm_s", float(np.median(slides)), "cm/s (median pair, pinned)")
@@ -149,9 +179,7 @@ def _model_figures() -> Iterator[Figure]:
     rows = [(model, clip, *_measured(shape, take)) for model, shape, clip, take in _pairs()]
     if not rows:
         return
-    out = HERE / "out" / "retarget.txt"
-    out.parent.mkdir(exist_ok=True)
-    out.write_text("\n".join(_line(*row) for row in rows) + "\n", encoding="utf-8")
+    _write_lines("retarget.txt", [_line(*row) for row in rows])
     for name, chosen in (("", rows), ("_sealed", [row for row in rows if _sealed(row[0], row[1])])):
         quality = [row[2] for row in chosen]
         stretch = np.array([motion.stretch for motion in quality])

@@ -129,6 +129,7 @@ NEEDS: dict[str, tuple[Need, ...]] = {
         Need(
             "retarget.slide_cm_s_median*, *_p90*, retarget.pose_*, retarget.people_*", (HUMANOIDS, BVH, CMU)
         ),
+        Need("retarget.other_slide_*", (RIGS, BVH, CMU)),
         Need("retarget.stretch_*, floor_*, slide_cm_s, slide_cm_s_mean, symmetric_maps", (RIGS, BVH)),
     ),
     "scanning": (Need("scanning.*_kitchen*, scanning.kitchen_*", (KITCHEN,)),),

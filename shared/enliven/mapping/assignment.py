@@ -205,9 +205,47 @@ def matching_joints(drive: Drive, source_arc: list[float], target_arc: list[floa
     if drive.knots:
         cuts = [(drive.source.index(a), drive.target.index(b)) for a, b in drive.knots]
         return [(a, b) for a, b in cuts if 0 < a < len(drive.source) - 1 and 0 < b < len(drive.target) - 1]
-    if len(drive.source) == len(drive.target):
-        return [(k, k) for k in range(1, len(drive.source) - 1)]
-    return joints_at_one_arc(source_arc, target_arc, _MAX_ARC_DIFFERENCE)
+    return _inner_matches(source_arc, target_arc, _MAX_ARC_DIFFERENCE)
+
+
+def matching_joints_of_poses(
+    source_arc: list[float], target_arc: list[float], source_tip: int, target_tip: int
+) -> list[tuple[int, int]]:
+    """Returns indices (in the source, in the target) of corresponding inner joints of two limbs, ascending.
+
+    This function is for limbs that get the performer's pose. Wrist corresponds to wrist and ankle to ankle,
+    so the proportions of hands and feet do not matter. Above them any difference in arc length is allowed:
+    an arm without an elbow could not bend.
+
+    Args:
+        source_arc, target_arc: arc length 0..1 at the joints of the chains.
+        source_tip, target_tip: indices of the joints at which the hands or feet begin. The last joint if the
+            chain contains no hand or foot.
+    """
+    if source_tip == len(source_arc) - 1 or target_tip == len(target_arc) - 1:
+        return _inner_matches(source_arc, target_arc, 1.0)
+    above = _inner_matches(
+        _relative_arc(source_arc[: source_tip + 1]), _relative_arc(target_arc[: target_tip + 1]), 1.0
+    )
+    below = _inner_matches(
+        _relative_arc(source_arc[source_tip:]), _relative_arc(target_arc[target_tip:]), _MAX_ARC_DIFFERENCE
+    )
+    return [*above, (source_tip, target_tip), *((source_tip + a, target_tip + b) for a, b in below)]
+
+
+def _relative_arc(arc: list[float]) -> list[float]:
+    """Returns the arc length 0..1 at the joints of a part of a chain."""
+    extent = max(arc[-1] - arc[0], 1e-9)
+    return [(value - arc[0]) / extent for value in arc]
+
+
+def _inner_matches(
+    source_arc: list[float], target_arc: list[float], max_difference: float
+) -> list[tuple[int, int]]:
+    """Returns matches of inner joints: joint by joint if the numbers are equal, otherwise by arc length."""
+    if len(source_arc) == len(target_arc):
+        return [(k, k) for k in range(1, len(source_arc) - 1)]
+    return joints_at_one_arc(source_arc, target_arc, max_difference)
 
 
 def joints_at_one_arc(

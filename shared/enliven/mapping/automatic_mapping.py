@@ -13,7 +13,13 @@ from enliven.document import Clip, ContactSettings, Project, Shape, Skeleton
 from enliven.errors import InputError
 from enliven.formats.rig.rig import play_clip
 from enliven.mapping.applying import apply_plan, initial_facings, source_anatomy
-from enliven.mapping.assignment import Drive, assign_limbs, matching_joints, split_drive
+from enliven.mapping.assignment import (
+    Drive,
+    assign_limbs,
+    matching_joints,
+    matching_joints_of_poses,
+    split_drive,
+)
 from enliven.mapping.gait import (
     bones_that_only_step,
     leg_to_ankle,
@@ -33,7 +39,14 @@ from enliven.motion.contact.pin import pin_feet
 from enliven.motion.layers.polyline import arc_lengths
 from enliven.motion.layers.retarget import set_travel
 from enliven.rotation import conjugate, multiply
-from enliven.skeletons.anatomy import Anatomy, SkeletonLimb, find_anatomy, is_tip_start
+from enliven.skeletons.anatomy import (
+    Anatomy,
+    SkeletonLimb,
+    find_anatomy,
+    has_parallel_fingers,
+    is_tip_start,
+    tip_number,
+)
 from enliven.skeletons.facing import rotate_about_y
 from enliven.skeletons.human_names import finger_joints
 
@@ -88,12 +101,18 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
     level = mode == "move" and len(target.legs) > 1
     chains = _body_chains(clip.skeleton, source, shape.skeleton, mode, level)
     drives = assign_limbs(source, target)
+    tips = None
+    if mode == "pose":
+        tips = _tip_numbers(clip.skeleton, source), _tip_numbers(shape.skeleton, target)
     for drive in drives:
         # Girdles keep the model's own directions. If a shoulder's or hip's bone pointed in the performer's
         # direction, the joint would leave the trunk. Hands and feet keep their own rest rotation too.
         keeps_directions = not twins and drive.role.endswith((" girdle", " end"))
-        for piece in _limb_pieces(drive, drives, clip.skeleton, shape.skeleton):
-            moved = keeps_directions or (not twins and _is_end(piece, drive, target, shape.skeleton))
+        for piece in _limb_pieces(drive, drives, clip.skeleton, shape.skeleton, tips):
+            is_end = not twins and _is_end(piece, drive, target, shape.skeleton)
+            if is_end and has_parallel_fingers(shape.skeleton, piece.target[0]):
+                continue  # The rig has no wrist. All of its fingers move with the forearm.
+            moved = keeps_directions or is_end
             chains.append(
                 ChainPlan(
                     _end_names(clip.skeleton, piece.source),
@@ -291,11 +310,24 @@ def _short_step_settings(
     )
 
 
-def _limb_pieces(drive: Drive, drives: list[Drive], source: Skeleton, target: Skeleton) -> list[Drive]:
+def _limb_pieces(
+    drive: Drive,
+    drives: list[Drive],
+    source: Skeleton,
+    target: Skeleton,
+    tips: tuple[dict[int, int], dict[int, int]] | None,
+) -> list[Drive]:
     """Splits a limb at corresponding joints, and returns its pieces. The limb of the other side is split at
     the same joints.
 
     A spine is not split.
+
+    Args:
+        drive: the limb.
+        drives: all limbs of the body.
+        source, target: the skeletons of the take and of the model.
+        tips: for the limbs of the take and of the model, see :func:`_tip_numbers`. None if the model does not
+            get the performer's pose.
     """
     if "trunk" in drive.role or (drive.role == "head" and not drive.knots):
         return [drive]
@@ -306,12 +338,32 @@ def _limb_pieces(drive: Drive, drives: list[Drive], source: Skeleton, target: Sk
     if any(len(a) != len(arcs[0][0]) or len(b) != len(arcs[0][1]) for a, b in arcs):
         arcs = arcs[:1]
     source_arc, target_arc = (np.mean(side, axis=0).tolist() for side in zip(*arcs, strict=True))
-    pieces = split_drive(drive, matching_joints(drive, source_arc, target_arc))
+    if tips is None or drive.knots or drive.source[0] not in tips[0] or drive.target[0] not in tips[1]:
+        cuts = matching_joints(drive, source_arc, target_arc)
+    else:
+        ends = zip(tips, (drive.source, drive.target), strict=True)
+        source_tip, target_tip = (min(numbers[chain[0]], len(chain) - 1) for numbers, chain in ends)
+        cuts = matching_joints_of_poses(source_arc, target_arc, source_tip, target_tip)
+    pieces = split_drive(drive, cuts)
     if not drive.knots or drive.role == "head":
         return pieces
     # A segment of several bones is straight (Rigify splits bones for twist), so rotating its first bone is
     # enough.
     return [replace(piece, target=piece.target[:2]) for piece in pieces]
+
+
+def _tip_numbers(skeleton: Skeleton, body: Anatomy) -> dict[int, int]:
+    """Returns the index at which the hand or foot begins, for each limb by its first joint after the girdle.
+
+    The two limbs of a pair have the same index, also if the model is a little crooked.
+    """
+    tips = dict[int, int]()
+    for pair in body.pairs:
+        numbers = [tip_number(skeleton, limb) for limb in pair]
+        if len(pair[0].main) == len(pair[1].main):
+            numbers = [min(numbers)] * 2
+        tips |= {limb.proper[0]: number for limb, number in zip(pair, numbers, strict=True)}
+    return tips
 
 
 def _is_end(piece: Drive, drive: Drive, body: Anatomy, target: Skeleton) -> bool:

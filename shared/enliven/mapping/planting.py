@@ -64,6 +64,14 @@ _MIN_SWING_HEIGHT = 0.03
 adult."""
 _CONTACT_DECAY = 0.02
 """Decay length of contact weights above a foot's lowest point, in foot lengths: 5 mm on an adult."""
+_MEDIAN_POINTS = 32
+"""Maximum number of points of a foot whose median motion is computed: those with the largest contact
+weights."""
+_MEDIAN_ITERATIONS = 8
+"""Number of iterations for the median motion."""
+_MIN_MEDIAN_DISTANCE = 0.01
+"""Distance from the median, in decay lengths of the contact weights, below which points count as equal: 50 µm
+on an adult. In one frame, it is a speed of 3 mm/s."""
 _MIN_PATCH_RADIUS = 0.01
 """Minimum radius of the touching part of a foot, in foot lengths, at which its rotation about the vertical
 matters."""
@@ -113,7 +121,9 @@ def rolling_motion(points: Float, contact_height: float) -> tuple[Float, Float]:
     """Computes the motion of a foot that rolls over a floor.
 
     A foot that rolls without sliding rotates about the points that touch the floor, first the heel and last
-    the toes. So the speed of these points, and not of a joint, must be zero.
+    the toes. So these points must have zero speed, not a joint of the foot. If toes bend while heel and toes
+    touch the floor, not all points can have zero speed. Then the median has: one part stands still, and the
+    other slides a little. With the mean, both would slide.
 
     Args:
         points: (T, P, 3) metres from the root to points of the sole.
@@ -124,9 +134,33 @@ def rolling_motion(points: Float, contact_height: float) -> tuple[Float, Float]:
         (T,) metres from the root up to the lowest point.
     """
     weights = _touching_weights(points[..., 1], contact_height)
-    touching_steps = np.einsum("tp,tpc->tc", weights, np.diff(points[..., [0, 2]], axis=0))
+    touching_steps = _median_motion(np.diff(points[..., [0, 2]], axis=0), weights, contact_height)
     rolled = np.concatenate([np.zeros((1, 2)), np.cumsum(touching_steps, axis=0)])
     return rolled, np.asarray(points[..., 1].min(1))
+
+
+def _median_motion(moves: Float, weights: Float, contact_height: float) -> Float:
+    """Returns the weighted geometric median (T - 1, 2) in metres of the motion of points in each step.
+
+    Weiszfeld's method begins at the weighted mean. In each iteration, points get less weight the more they
+    differ.
+
+    Args:
+        moves: (T - 1, P, 2) metres, the motion of the points along the floor.
+        weights: (T - 1, P) contact weights with the sum 1.
+        contact_height: decay length of the weights above the lowest point, in metres.
+    """
+    median = np.einsum("tp,tpc->tc", weights, moves)
+    if weights.shape[1] > _MEDIAN_POINTS:
+        heaviest = np.argpartition(weights, -_MEDIAN_POINTS, axis=1)[:, -_MEDIAN_POINTS:]
+        weights = np.take_along_axis(weights, heaviest, axis=1)
+        moves = np.take_along_axis(moves, heaviest[..., None], axis=1)
+    for _ in range(_MEDIAN_ITERATIONS):
+        distances = np.linalg.norm(moves - median[:, None], axis=2)
+        median_weights = weights / np.maximum(distances, _MIN_MEDIAN_DISTANCE * contact_height)
+        median_weights /= median_weights.sum(1, keepdims=True)
+        median = np.einsum("tp,tpc->tc", median_weights, moves)
+    return np.asarray(median)
 
 
 def _touching_weights(height: Float, contact_height: float) -> Float:

@@ -52,8 +52,11 @@ from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.retarget import bind_chain, clear_chain
 from enliven.rotation import (
     IDENTITY,
+    conjugate,
     from_rotation_vector,
     multiply,
+    normalized,
+    remove_sign_jumps,
     rotate,
     slerp,
     swing,
@@ -78,6 +81,9 @@ _MAX_LOWERING = 0.15
 """Maximum lowering of the body so that feet reach the floor, as a fraction of the leg length."""
 _EASING_S = 0.05
 """Half width in seconds of the filters that smooth the lowering of the body and the tilt of a foot."""
+_TOE_SMOOTH_S = 0.1
+"""Time in seconds over which the bend of toes is averaged. Toes are short, so in captures their angle jumps
+by several degrees from frame to frame. A real push-off takes longer."""
 _SOLE_PASSES = 3
 """Number of passes that correct the soles after the legs have been bent. Each pass leaves 40 % of the error
 if the shin has 40 % of the sole's skin weight."""
@@ -167,6 +173,8 @@ def _plant_feet(
     corrected_root[:, 1] += floor - np.median(performer.floor(shape, root[:, 1]))
     soles = [_foot_part(shape, step) for step in steps]
     contacts = [_contact_spans(shape.skeleton, step, performer, root) for step in steps]
+    for step in steps:
+        _smooth_toes(shape.skeleton, step, performer.step, turns, joints)
     spins = [
         _hold_heading(shape.skeleton, step, sole, spans, performer.step, turns, joints)
         for step, sole, spans in zip(steps, soles, contacts, strict=True)
@@ -330,6 +338,26 @@ def _performed_contacts(step: LegStep, performer: PerformerGait, root: Float) ->
     foot = root[:, None] + performer.scale * performer.offsets[:, [step.source_leg[-1], *step.source_toes]]
     length = performer.scale * leg_length(performer.skeleton, step.source_leg)
     return standing_spans(foot, root, performer.step, length)
+
+
+def _smooth_toes(skeleton: Skeleton, step: LegStep, step_s: float, turns: Float, joints: Float) -> None:
+    """Smooths the rotation of toes relative to their foot over time. Changes ``turns`` and ``joints`` in
+    place.
+
+    A sole with toes that tremble cannot stand still.
+
+    Args:
+        step_s: seconds from one frame to the next.
+    """
+    ankle, width = step.leg[-1], 2 * round(0.5 * _TOE_SMOOTH_S / step_s) + 1
+    foot = turns.copy()
+    for j in skeleton.below(ankle)[1:]:
+        parent = int(skeleton.parents[j])
+        if parent != ankle:
+            bend = remove_sign_jumps(multiply(conjugate(foot[:, parent]), foot[:, j])[:, None])[:, 0]
+            bend = normalized(scipy.ndimage.uniform_filter1d(bend, width, axis=0, mode="nearest"))
+            turns[:, j] = multiply(turns[:, parent], bend)
+        joints[:, j] = joints[:, parent] + rotate(turns[:, j], skeleton.vectors[j])
 
 
 def _hold_heading(

@@ -82,6 +82,9 @@ _MIN_WRIST_POSITION = 0.6
 it is a hand or a foot."""
 _MIN_WRIST_BONES = 3
 """Minimum number of bones that begin at a wrist. At a joint with only two bones, one may be a twist bone."""
+_MAX_FINGER_SPREAD = 1.0 / 3.0
+"""Maximum distance between the first joints of two fingers whose first bones are parallel, as a fraction of
+the length of these bones. The bones of a palm spread more."""
 _MIN_UPRIGHT_COSINE = np.cos(np.radians(45.0))
 """Minimum cosine of the angle between the vertical and the line from hips to chest at which human joint names
 are used. Animals may have human joint names too."""
@@ -167,12 +170,42 @@ class Anatomy:
 def is_tip_start(skeleton: Skeleton, limb: SkeletonLimb, joint: int) -> bool:
     """Returns True if a hand or foot begins at a joint, based on lengths.
 
-    Returns False if joint names or fingers already define the limb's hand or foot.
+    Returns False if joint names or fingers already define the limb's hand or foot, and for an elbow: an arm
+    has two segments before its hand.
     """
-    if limb.tip or limb.knots or joint not in limb.main[1:-1]:
+    inner_joints = limb.main[1:-1] if limb.grounded else limb.main[2:-1]
+    if limb.tip or limb.knots or joint not in inner_joints:
         return False
     number, bones = limb.main.index(joint), skeleton.lengths[list(limb.main[1:])]
     return bool(bones[:number].sum() > _MIN_WRIST_POSITION * bones.sum())
+
+
+def tip_number(skeleton: Skeleton, limb: SkeletonLimb) -> int:
+    """Returns the index in ``limb.proper`` at which the hand or foot begins.
+
+    Returns the index of the last joint if the limb has no hand or foot.
+    """
+    if limb.tip or limb.knots:
+        return len(limb.main) - 1
+    starts = (k for k, joint in enumerate(limb.main) if is_tip_start(skeleton, limb, joint))
+    return next(starts, len(limb.main) - 1)
+
+
+def has_parallel_fingers(skeleton: Skeleton, joint: int) -> bool:
+    """Returns True if other fingers begin next to a joint, and the rig has no wrist that moves them together.
+
+    Their first bones all begin at the elbow and lead along the forearm.
+    """
+    if joint == 0:
+        return False
+    place, max_distance = skeleton.positions[joint], _MAX_FINGER_SPREAD * skeleton.lengths[joint]
+    siblings = skeleton.children[int(skeleton.parents[joint])]
+    return any(
+        bool(skeleton.children[sibling])
+        and float(np.linalg.norm(skeleton.positions[sibling] - place)) < max_distance
+        for sibling in siblings
+        if sibling != joint
+    )
 
 
 def find_anatomy(skeleton: Skeleton, facing: float | None = None) -> Anatomy:

@@ -33,7 +33,7 @@ JOINTS: dict[str, tuple[str, ...]] = {
     "quaternius": (
         "UpperArm.{L}",
         "LowerArm.{L}",
-        "Hand.{L}|Palm.{L}",
+        "Hand.{L}|Palm.{L}|Fist.{L}",
         "UpperLeg.{L}",
         "LowerLeg.{L}",
         "Foot.{L}|LowerLeg.{L}_end",
@@ -46,14 +46,29 @@ JOINTS: dict[str, tuple[str, ...]] = {
         "{Left} knee|{left}LowerLeg",
         "{Left} ankle|{left}Foot",
     ),
+    "brainstem": (
+        "joint 13/joint 18",
+        "joint 14/joint 19",
+        "joint 15/joint 19 end",
+        "joint 4/joint 8",
+        "joint 5/joint 9",
+        "joint 6/joint 10",
+    ),
+    "khronos": (
+        "joint 16/joint 13",
+        "joint 17/joint 14",
+        "joint 18/joint 15",
+        "joint 7/joint 3",
+        "joint 8/joint 4",
+        "joint 9/joint 5",
+    ),
     "bandai": ("UpperArm_{L}", "LowerArm_{L}", "Hand_{L}", "UpperLeg_{L}", "LowerLeg_{L}", "Foot_{L}"),
     "cmu": ("{Left}Arm", "{Left}ForeArm", "{Left}Hand", "{Left}UpLeg", "{Left}Leg", "{Left}Foot"),
     "biovision": ("{Left}Shoulder", "{Left}Elbow", "{Left}Wrist", "{Left}Hip", "{Left}Knee", "{Left}Ankle"),
     "mocapnet": ("{l}Shldr|{l}shoulder", "{l}elbow", "{l}hand", "{l}hip", "{l}knee", "{l}foot"),
 }
-"""Shoulder, elbow, wrist, hip, knee and ankle of one side in each naming convention. Alternatives are
-separated by a bar.
-"""
+"""Shoulder, elbow, wrist, hip, knee and ankle of one side in each naming convention; alternatives after a
+bar. After a slash, the name on the right side."""
 SIDES = (
     {"Left": "Left", "left": "left", "L": "L", "l": "l"},
     {"Left": "Right", "left": "right", "L": "R", "l": "r"},
@@ -107,7 +122,8 @@ def find_convention(names: dict[str, int]) -> str:
 
 def find_name(names, spelled: str, side: dict[str, str]) -> str:
     """Returns the first alternative name that exists, or an empty string."""
-    return next((name for name in spelled.format(**side).split("|") if name in names), "")
+    own = spelled.split("/")[-1 if side is SIDES[1] else 0]
+    return next((name for name in own.format(**side).split("|") if name in names), "")
 
 
 def _directions(places: dict[str, np.ndarray], convention: str) -> dict[tuple[str, int], np.ndarray]:

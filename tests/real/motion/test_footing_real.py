@@ -22,6 +22,7 @@ from enliven.motion.layers.evaluate import Player
 from enliven.takes.files import read_take
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks" / "retargeting"))
+from limb_directions import limb_errors
 from standing_feet import standing_slides
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[4] / "shared" / "data"))
@@ -86,6 +87,26 @@ def test_feet_of_a_real_runner_that_turn_on_the_spot_do_not_slide(model: str, na
     )
     assert len(speeds) > 20
     assert np.median(speeds) < 2.0 and np.percentile(speeds, 90) < 5.0
+
+
+@pytest.mark.parametrize(("model", "names"), [("BrainStem", "brainstem"), ("CesiumMan", "khronos")])
+@pytest.mark.parametrize("take", ["cmu_expmap/train_running_1.txt", "bvh/cmu_mirrors/CMU_Sample_05_01.bvh"])
+def test_a_real_rig_without_joint_names_moves_as_the_performer(model: str, names: str, take: str) -> None:
+    """BrainStem has no wrists: three fingers begin at its left elbow, and one bone at its right elbow."""
+    clip, shape = (
+        read_take(DATA / take, None, 0.0, SECONDS)[0],
+        read_gltf(DATA / f"gltf/khronos/{model}.glb").shape,
+    )
+    result = retarget(shape, clip, replace(automatic(clip, shape), travel=True, pin=True))
+    rate = min(60.0, 1.0 / clip.step)
+    glb = build_glb([sample_performance(result.project, result.shape_id, 0.0, result.duration, rate)])
+    errors = limb_errors(DATA / take, glb, names)
+    for limb in ("upper arm", "forearm"):
+        assert np.median(errors[limb]) < 1.0 and np.percentile(errors[limb], 90) < 2.0
+    for limb in ("thigh", "shin"):
+        assert np.median(errors[limb]) < 8.0 and np.percentile(errors[limb], 90) < 15.0
+    speeds = standing_slides(DATA / take, glb, names)
+    assert len(speeds) > 20 and np.median(speeds) < 2.0
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_bodies import horse, man, snake, spider
 
-from enliven.mapping.assignment import Drive, assign_limbs, joints_at_one_arc, matching_joints, split_drive
+from enliven.mapping.assignment import (
+    Drive,
+    assign_limbs,
+    joints_at_one_arc,
+    matching_joints,
+    matching_joints_of_poses,
+    split_drive,
+)
 from enliven.skeletons.anatomy import find_anatomy
 
 
@@ -104,3 +111,36 @@ def test_other_numbers_of_segments_map_by_arc_length():
 def test_joints_of_one_name_match_whatever_their_place():
     arm = Drive((0, 1, 2), (5, 6, 7, 8), "arm", knots=((1, 6),))
     assert matching_joints(arm, [0, 0.5, 1], [0, 0.1, 0.5, 1]) == [(1, 1)]
+
+
+def random_arc(random, above, below):
+    """Returns arc lengths 0..1 at the joints of a limb, and the index of its wrist.
+
+    It has inner joints above the wrist and below it.
+    """
+    wrist = random.uniform(0.6, 0.95)
+    arc = [0.0, *np.sort(random.uniform(0.02, wrist - 0.02, above)), wrist]
+    return [*arc, *np.sort(random.uniform(wrist + 0.01, 0.99, below)), 1.0], above + 1
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 10_000),
+    above=st.tuples(*[st.integers(1, 3)] * 2),
+    below=st.tuples(*[st.integers(0, 2)] * 2),
+)
+def test_posed_limbs_have_an_elbow_and_a_wrist_at_any_proportions(seed, above, below):
+    random = np.random.default_rng(seed)
+    (source, source_tip), (target, target_tip) = (
+        random_arc(random, *counts) for counts in zip(above, below, strict=True)
+    )
+    cuts = matching_joints_of_poses(source, target, source_tip, target_tip)
+    assert cuts == sorted(set(cuts)) and (source_tip, target_tip) in cuts
+    assert sum(a < source_tip for a, _ in cuts) == min(above)
+    assert all((a < source_tip) == (b < target_tip) for a, b in cuts)
+    if above[0] == above[1]:
+        assert [cut for cut in cuts if cut[0] < source_tip] == [(k, k) for k in range(1, source_tip)]
+
+
+def test_a_limb_without_a_hand_has_an_elbow():
+    assert matching_joints_of_poses([0, 0.4, 0.75, 0.9, 1], [0, 0.15, 1], 2, 2) == [(1, 1)]

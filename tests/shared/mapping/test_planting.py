@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from made_bodies import man, meshed, walk
 from made_gaits import HEEL, STEP, TOE, gait, shod, sway
 
-from enliven.document.clip import joint_places
+from enliven.document.clip import Clip, joint_places
 from enliven.document.skeleton import Skeleton
 from enliven.mapping.automatic_mapping import automatic, retarget
 from enliven.mapping.ground import floor_height_under, posed_surfaces
@@ -25,7 +25,7 @@ from enliven.mapping.planting import (
 )
 from enliven.mapping.quality import quality_of
 from enliven.motion.layers.evaluate import Player
-from enliven.rotation import from_rotation_vector, multiply, rotate
+from enliven.rotation import conjugate, from_rotation_vector, multiply, rotate, to_rotation_vector
 
 SLIDE = 3.0
 """Maximum speed of standing feet in 90 % of the frames, cm/s."""
@@ -142,6 +142,62 @@ def test_a_wheel_rolls_by_its_radius_times_its_angle(seed, radius):
     # The lowest point of a wheel that turns towards +Z goes back.
     np.testing.assert_allclose(rolled[:, 1], -radius * (angles - angles[0]), atol=0.01 * radius)
     np.testing.assert_array_equal(rolled[:, 0], 0.0)
+
+
+@settings(deadline=None, max_examples=25)
+@given(seed=st.integers(0, 1000), few=st.integers(3, 10), more=st.floats(2.0, 4.0), toes_move=st.booleans())
+def test_of_two_parts_that_touch_the_floor_the_larger_stands_still(seed, few, more, toes_move):
+    """As of a boot with a hinged toe cap: with the mean of their motions, both parts would slide."""
+    random = np.random.default_rng(seed)
+    still = random.uniform(-0.1, 0.0, (round(more * few), 3)) * [1.0, 0.0, 1.0]
+    moving = random.uniform(-0.1, 0.0, (few, 3)) * [1.0, 0.0, 1.0]
+    (moving if toes_move else still)[:, 2] += 0.2
+    way = np.cumsum(random.uniform(-0.004, 0.004, (40, 3)), axis=0) * [1.0, 0.0, 1.0]
+    moved = moving + way[:, None]
+    points = np.concatenate([np.tile(still, (40, 1, 1)), moved], axis=1)
+    rolled = rolling_motion(points, 0.005)[0]
+    assert np.abs(np.diff(rolled, axis=0)).max() < 0.2 * np.abs(np.diff(way, axis=0)).max()
+    np.testing.assert_allclose(rolling_motion(moved, 0.005)[0], (way - way[0])[:, [0, 2]], atol=1e-12)
+
+
+def with_toe_tips(skeleton, name):
+    """Returns a skeleton with a joint at the tip of each toe, 7 cm ahead of the ball, and names like "joint
+    3".
+
+    Of a skeleton with the joint names of a person, the feet have no toes that move.
+    """
+    names, parents, at = list(skeleton.names), skeleton.parents.tolist(), list(skeleton.positions)
+    for side in ("Left", "Right"):
+        toe = names.index(f"{side} toe")
+        names.append(f"{side} tip")
+        parents.append(toe)
+        at.append(at[toe] + [0.0, 0.0, 0.07])
+    return Skeleton(tuple(f"{name} {j}" for j in range(len(at))), np.array(parents), np.array(at))
+
+
+@settings(deadline=None, max_examples=8, phases=[Phase.explicit, Phase.generate])
+@given(seed=st.integers(0, 1000), tremor=st.floats(2.0, 8.0))
+def test_toes_that_tremble_are_calm_in_a_planted_body_and_bend_if_the_performers_do(seed, tremor):
+    random, performer = np.random.default_rng(seed), with_toe_tips(man(), "bone")
+    shape = meshed("model", with_toe_tips(short_shinned(1.2), "joint"))
+    tips = [len(performer) - 2, len(performer) - 1]
+    slow = 15.0 * np.sin(2.0 * np.pi * np.arange(120) * STEP / 1.0)
+    steps = []
+    for noise in (0.0, tremor):
+        turns = np.tile([1.0, 0.0, 0.0, 0.0], (120, len(performer), 1))
+        angles = np.radians(slow[:, None] + noise * random.choice([-1.0, 1.0], (120, 2)))
+        for tip, angle in zip(tips, angles.T, strict=True):
+            turns[:, tip] = from_rotation_vector(-angle[:, None] * [1.0, 0.0, 0.0])
+        clip = Clip("toes", performer, turns, np.tile(performer.positions[0], (120, 1)), STEP)
+        plan = replace(automatic(clip, shape), travel=True, pin=True)
+        result = retarget(shape, clip, plan)
+        moved = Player(result.project, "model").sample(np.arange(120) * STEP)[0]
+        toes = [performer.parents[tip] for tip in tips]
+        bends = to_rotation_vector(multiply(conjugate(moved[:, toes]), moved[:, tips]))[..., 0].T
+        steps.append(np.degrees(bends))
+    calm, trembling = steps
+    assert np.ptp(calm, axis=1).min() > 25.0, "the slow bend of 30 degrees remains"
+    assert np.abs(np.diff(trembling - calm, axis=1)).max() < 0.5 * 2.0 * tremor
 
 
 @settings(deadline=None, max_examples=15)

@@ -12,12 +12,13 @@ from made_bodies import horse, man, meshed, random_motion, walk
 from made_people import CONVENTIONS, name_in, person
 
 from enliven.document.clip import Clip
+from enliven.document.skeleton import Skeleton
 from enliven.mapping.applying import initial_facings
 from enliven.mapping.automatic_mapping import automatic, idle_limbs, retarget
 from enliven.mapping.pose_error import limb_errors
 from enliven.mapping.quality import MAX_POSE_DEGREES, quality_of
 from enliven.motion.layers.evaluate import Player
-from enliven.rotation import from_rotation_vector, multiply
+from enliven.rotation import from_rotation_vector, multiply, rotate, unit
 from enliven.skeletons.anatomy import find_anatomy
 from enliven.skeletons.facing import rotate_about_y
 
@@ -67,6 +68,68 @@ def test_limbs_point_as_the_performers(seed, source, target):
     assert angles_by_hand(result, target, clip, source).max() < 0.01
     errors = limb_errors(result.project, "model", clip, result.plan, result.duration)
     assert len(errors) == 8 and max(error.p90 for error in errors) < 0.01
+
+
+@settings(max_examples=20, deadline=None, phases=FAST)
+@given(SEEDS, st.booleans())
+def test_arms_without_names_point_as_the_performers_at_any_proportions(seed, clawed):
+    """Also if the rig has no wrists, since its fingers begin at the elbows."""
+    random = np.random.default_rng(seed)
+    performer = person("mixamo", random)
+    names, parents, at = list(performer.names), performer.parents.tolist(), list(performer.positions)
+    for side in ("Left", "Right"):
+        finger = performer.index(f"mixamorig:{side}HandMiddle1")
+        names.append(f"mixamorig:{side}HandMiddle2")
+        parents.append(finger)
+        at.append(at[finger] + 0.4 * performer.vectors[finger])
+    performer = Skeleton(tuple(names), np.array(parents), np.array(at))
+    clip = random_motion(random, performer, size=0.5)
+    skeleton, wrists = nameless_man(random, clawed)
+    result = retarget(meshed("model", skeleton), clip)
+    joints = Player(result.project, "model").sample(np.arange(len(clip.turns)) * clip.step)[1]
+    for side, (shoulder, elbow, wrist) in wrists.items():
+        for start, end, name in ((shoulder, elbow, "elbow"), (elbow, wrist, "wrist")):
+            bone = performer.index(name_in("mixamo", f"{side} {name}"))
+            wanted = rotate(clip.turns[:, bone], performer.vectors[bone])
+            wanted = rotate_about_y(wanted, result.model_facing - result.take_facing)
+            ours = joints[:, end] - joints[:, start]
+            cosine = np.sum(unit(ours) * unit(wanted), axis=1)
+            assert np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))).max() < 0.01
+
+
+def nameless_man(random, clawed):
+    """Returns a man without names and with arms of random proportions, and (shoulder, elbow, wrist) by side.
+
+    If ``clawed``, three fingers begin at each elbow, and the first finger's first joint is the wrist.
+    """
+    plain = man()
+    factors = {name: random.uniform(0.7, 1.4) for name in ("elbow", "wrist", "finger")}
+    names, parents, at = list[str](), list[int](), list[np.ndarray]()
+
+    def add(name, parent, place):
+        names.append(name)
+        parents.append(-1 if parent is None else names.index(parent))
+        at.append(place)
+
+    for j, name in enumerate(plain.names):
+        side, _, joint = name.rpartition(" ")
+        parent = plain.names[plain.parents[j]] if j else None
+        if clawed and joint in ("finger", "thumb"):
+            continue
+        vector = plain.vectors[j] * factors.get(joint, 1.0)
+        if not clawed or joint != "wrist":
+            add(name, parent, at[names.index(parent)] + vector if j else plain.positions[0])
+            continue
+        tip = plain.vectors[plain.index(f"{side} finger")] * factors["finger"]
+        for number, aside in enumerate(([0.0, 0.0, 0.02], [0.0, 0.02, 0.0], [0.0, -0.02, 0.0])):
+            claw = f"{side} wrist" if number == 0 else f"{side} claw {number}"
+            add(claw, parent, at[names.index(parent)] + vector + aside)
+            add(f"{claw} tip", claw, at[-1] + tip)
+    arms = {
+        side: [names.index(f"{side} {joint}") for joint in ("shoulder", "elbow", "wrist")]
+        for side in ("Left", "Right")
+    }
+    return Skeleton(tuple(f"joint {j}" for j in range(len(names))), np.array(parents), np.array(at)), arms
 
 
 @settings(max_examples=10, deadline=None, phases=FAST)

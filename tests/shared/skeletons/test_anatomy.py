@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from made_bodies import body, horse, man, snake, spider, turned_body
 
 from enliven.document.skeleton import Skeleton, skeleton_from_links
-from enliven.skeletons.anatomy import find_anatomy
+from enliven.skeletons.anatomy import find_anatomy, has_parallel_fingers, is_tip_start, tip_number
 from enliven.skeletons.facing import facing_of, rotate_about_y, side_from_name
 
 ANGLES = st.floats(-np.pi + 0.01, np.pi - 0.01)
@@ -182,3 +182,38 @@ def test_a_file_that_rests_in_mid_stride_faces_where_its_hips_do():
     ):
         striding[man().index(name), 2] += ahead
     assert facing_of(replace(man(), positions=striding)) == pytest.approx(0.0, abs=1e-9)
+
+
+@settings(max_examples=25, deadline=None)
+@given(upper=st.floats(0.1, 0.6), fore=st.floats(0.2, 0.4), spread=st.floats(0.01, 0.03))
+def test_fingers_that_begin_at_the_elbow_have_no_wrist(upper, fore, spread):
+    """Their first bones lead along the forearm. An upper arm of any length is no forearm."""
+    elbow, wrist = 0.18 + upper, 0.18 + upper + fore
+    claws = body(
+        *FINGERED[:3],
+        ("Lshoulder", "chest", (0.18, 1.44, 0)),
+        ("Lelbow", "Lshoulder", (elbow, 1.44, 0)),
+        *(
+            joint
+            for number, (y, z) in enumerate(((0.0, spread), (spread, 0.0), (-spread, 0.0)))
+            for joint in (
+                (f"Lclaw {number}", "Lelbow", (wrist, 1.44 + y, z)),
+                (f"Ltip {number}", f"Lclaw {number}", (wrist + 0.1, 1.44 + y, z)),
+            )
+        ),
+        *FINGERED[-3:],
+        named=False,
+    )
+    for limb in find_anatomy(claws).arms[0]:
+        shoulder, elbow_joint, claw, _ = limb.main
+        assert tip_number(claws, limb) == 2
+        assert is_tip_start(claws, limb, claw) and not is_tip_start(claws, limb, elbow_joint)
+        assert has_parallel_fingers(claws, claw) and not has_parallel_fingers(claws, elbow_joint)
+        assert not has_parallel_fingers(claws, shoulder)
+
+
+def test_fingers_of_a_palm_are_not_parallel():
+    hand = body(
+        *FINGERED, ("Lthumb", "Lwrist", (0.76, 1.44, 0.05)), ("Lthumb 2", "Lthumb", (0.8, 1.44, 0.08))
+    )
+    assert not any(has_parallel_fingers(hand, joint) for joint in range(len(hand)))
