@@ -104,7 +104,7 @@ def _screen_view(request: Look) -> ScreenView:
 
 
 def _lock(tracker: Tracker, on: bool) -> None:
-    """Locks the cast, so that only people that are tracked now may perform, or unlocks it."""
+    """Locks the cast, so that only people who are tracked now may perform, or unlocks it."""
     if on:
         tracker.lock()
     else:

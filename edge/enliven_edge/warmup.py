@@ -22,7 +22,7 @@ _STEP_NS = 33_333_333
 _ONE_PERSON_FRAMES = 3
 """Number of frames with one person. The person is first new, then confirmed, then tracked."""
 _TWO_PEOPLE_FRAMES = 3
-"""Number of frames with two people that touch. The second person is new, then confirmed, then tracked."""
+"""Number of frames with two people who touch. The second person is new, then confirmed, then tracked."""
 _EMPTY_FRAMES = 1
 """Number of frames without people, in which both people are lost."""
 _PEOPLE_DISTANCE = 1 / 6

@@ -25,13 +25,29 @@ ROOT = Path(__file__).parents[2]
 LIMITS = Path(__file__).with_name("prose.toml")
 """The committed number of findings for each package and rule."""
 PROGRAMS = ("shared", "edge", "viewer", "synthesis", "tests", "examples", "scripts", "kernels")
+_HUMANS = (
+    *(
+        "people",
+        "person",
+        "performer",
+        "visitor",
+        "artist",
+        "technician",
+        "developer",
+        "programmer",
+        "engineer",
+    ),
+    *("bystander", "user", "operator", "everyone", "anyone"),
+)
+_AFTER_HUMANS = "".join(rf"(?<!\b{noun} )(?<!\b{noun}s )" for noun in _HUMANS)
+"""Words after which "who" is plain English, as a pattern."""
 CONSTRUCTIONS = {
     "What/Who as a subject": re.compile(r"(?:^|[.:;]\s+)(?:What|Who|Whom)\s+(?!is\b.*\?)\w+", re.MULTILINE),
     "of what": re.compile(
         r"\b(?:of|by|with|to|from|for|than|in|and|or|over|as|into|on)\s+what\b", re.IGNORECASE
     ),
     "of which": re.compile(r"\b(?:of|by|out of|from|than|on) which\b", re.IGNORECASE),
-    "who": re.compile(r"\bwho\b", re.IGNORECASE),
+    "who": re.compile(_AFTER_HUMANS + r"\bwho\b", re.IGNORECASE),
     "beside": re.compile(r"\bbeside\b", re.IGNORECASE),
     "is no": re.compile(r"\b(?:is|are|was|were) no (?!longer)\w+", re.IGNORECASE),
     "as it is": re.compile(r"\bas (?:it|they) (?:is|was|stands|were|are)\b", re.IGNORECASE),

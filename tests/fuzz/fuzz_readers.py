@@ -160,9 +160,9 @@ def targets() -> list[Target]:
         Target("kiosk profile", 100, (texts.KIOSK,), lambda d, f: load_profile(_file(f, "a.toml", d))),
         Target("session", 100, (texts.SESSION,), _session),
     ]
-    known = readers()
+    skeleton_readers = readers()
     listed += [
-        Target(f"skeletons {name}", 60, (data,), _skeletons(known[name], suffix))
+        Target(f"skeletons {name}", 60, (data,), _skeletons(skeleton_readers[name], suffix))
         for name, (suffix, data) in skeletons.skeleton_files().items()
     ]
     listed += [

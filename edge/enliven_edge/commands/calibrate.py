@@ -56,7 +56,7 @@ def calibrate(
         typer.Option(help="Write the result even if it is not good enough; a comment in the file says so."),
     ] = False,
 ) -> None:
-    """Find the poses of sensors from one person that walks in front of all of them. No checkerboard needed.
+    """Find the poses of sensors from one person who walks in front of all of them. No checkerboard needed.
 
     Walk in curves, all over the floor, for about twenty seconds. Live sensors are read until the result is
     good enough; recordings must have been made at the same time. The previous file is kept as a backup.

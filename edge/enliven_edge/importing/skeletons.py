@@ -2,7 +2,7 @@
 
 The Kinect SDKs' skeleton space has +X to the sensor's left, +Y up and +Z away from the sensor, in metres. It
 is right-handed. So a rotation by 180 degrees about the vertical converts it to the world of a level camera
-(+X to the sensor's right, +Z towards the sensor). In this world a person that faces the sensor looks along
+(+X to the sensor's right, +Z towards the sensor). In this world a person who faces the sensor looks along
 +Z, with the left hand at +X.
 """
 

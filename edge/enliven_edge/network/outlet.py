@@ -58,7 +58,7 @@ class Outlet(Closeable):
         sensor: the sensor's identity, for the heartbeat.
         record: the file of the take, or None.
         overwrite: True allows replacing an existing take.
-        access: the keys and the paired viewers. If None, everyone that reaches the ports may do everything.
+        access: the keys and the paired viewers. If None, everyone who reaches the ports may do everything.
         recording: duration and size of the take's parts, and the space to keep free.
         waits_for_space: True starts the take later if the disk is full now.
 

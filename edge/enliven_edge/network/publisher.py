@@ -74,7 +74,7 @@ class Publisher(Closeable):
         host: the address to listen on, "0.0.0.0" for all.
         pose_port: port of the streams. 0 picks a free one.
         control_port: port of the requests. 0 picks a free one.
-        access: the keys and the paired viewers. If None, everyone that reaches the ports may do everything.
+        access: the keys and the paired viewers. If None, everyone who reaches the ports may do everything.
         open_to_all: True allows an address that other machines reach without keys.
         rate: rate limit: maximum answered requests per second of one viewer.
         budget_ms: milliseconds per poll for reading and answering.

@@ -30,7 +30,7 @@ _STILL_SPEED = 0.05
 _FALLEN_DISTANCE = 0.5
 """Distance, in box edge lengths, above which a moved box counts as fallen."""
 _MIN_TOWER_GAP_M = 0.15
-"""Minimum gap between a new tower and its neighbours, in metres. A performer that possesses a character sways
+"""Minimum gap between a new tower and its neighbours, in metres. A performer who possesses a character sways
 by less."""
 _TOWER_PLACES = np.array(
     [(0.0, 0.0)]

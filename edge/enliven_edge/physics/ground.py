@@ -13,7 +13,7 @@ from enliven.person import BONES, Body, Joint
 from enliven.possession import body_yaw
 
 _MAX_SWAY_M = 0.12
-"""Maximum sway in metres of a person that stands still."""
+"""Maximum sway in metres of a person who stands still."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ FIXED = WorldGround(np.zeros(3), 0.0)
 
 
 class StandingDetector:
-    """Finds the position of a person that stands still.
+    """Finds the position of a person who stands still.
 
     It avoids placing the physics world where a person only walks by.
 
@@ -66,7 +66,7 @@ class StandingDetector:
         self._way: dict[int, list[tuple[WorldGround, int]]] = {}
 
     def find(self, bodies: list[Body], time_ns: int) -> WorldGround | None:
-        """Returns the place of the first person that has stood still, or moved about, for long enough."""
+        """Returns the place of the first person who has stood still, or moved about, for long enough."""
         grounds: dict[int, tuple[WorldGround, int]] = {}
         ways: dict[int, list[tuple[WorldGround, int]]] = {}
         for body in bodies:

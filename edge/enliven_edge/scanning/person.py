@@ -38,7 +38,7 @@ PERSON_VOXEL_M = 0.008
 """Voxel size for a person in metres. At a distance of two metres, a pixel and the noise of a Kinect have this
 size. With smaller voxels the person's rotation is often ambiguous."""
 _DIRECTIONS = 12
-"""Number of directions around a person that are counted separately, of 30 degrees each."""
+"""Number of directions around a person who are counted separately, of 30 degrees each."""
 _MAX_TURN = np.deg2rad(50.0)
 """Rotation in radians since the first image above which joints are ignored. If the person is seen from
 behind, the tracker may swap left and right."""
@@ -159,7 +159,7 @@ class PersonScanner(Scanner):
 
     @property
     def missing(self) -> float:
-        """Returns the fraction in [0, 1] of the directions around the person that were not scanned yet."""
+        """Returns the fraction in [0, 1] of the directions around the person who were not scanned yet."""
         angles = [np.arctan2(pose[0, 2], pose[2, 2]) for _, pose in self.poses]
         return (
             1.0

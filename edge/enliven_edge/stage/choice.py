@@ -36,7 +36,7 @@ def order_performers(bodies: Collection[Body], busy: Collection[int], place: Flo
     Idle performers come first. Among them, near ones come first.
 
     Args:
-        busy: the ids of the performers that possess other characters.
+        busy: the ids of the performers who possess other characters.
         place: (2,) metres, horizontal position of the character's middle, or None if it is unknown.
     """
     return sorted(bodies, key=lambda body: (body.id in busy, _horizontal_distance(body, place)))
@@ -51,10 +51,10 @@ def pair_nearest(
     """Returns (character, performer) pairs of idle performers with free characters, the nearest pairs first.
 
     Args:
-        performers: the performers that may possess a character.
+        performers: the performers who may possess a character.
         actors: the actors by character id.
         places: (2,) metres, the horizontal position of each character by id.
-        includes_busy: whether to include performers that already possess a character, and possessed
+        includes_busy: whether to include performers who already possess a character, and possessed
             characters if none is free.
     """
     holders = {hold.body for actor in actors.values() for hold in actor.holds}

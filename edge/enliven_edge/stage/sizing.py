@@ -143,7 +143,7 @@ class HandSizing:
     def _find_fixed_point(self, name: str, body: Body | None) -> Float | None:
         """Returns the point on the floor that scaling does not move, (3,) in metres.
 
-        It is under the performer that possesses the character. If None, it is the character's own point.
+        It is under the performer who possesses the character. If None, it is the character's own point.
         """
         actor: Actor = self._stage.actors[name]
         if body is None or all(hold.body != body.id for hold in actor.holds):

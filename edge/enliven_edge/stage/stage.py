@@ -1,4 +1,4 @@
-"""The stage: the characters and the performers that possess them."""
+"""The stage: the characters and the performers who possess them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Stage:
     """The characters of a performance. Computes the pose of each character from the bodies of a frame.
 
     A command need not name the performer or the character. In this case idle performers are preferred to
-    performers that possess another character, free characters to possessed characters, and near characters to
+    performers who possess another character, free characters to possessed characters, and near characters to
     far characters. At equal distances, the first performer in view and the first character on the stage are
     preferred. A command that names both is carried out unchanged: a performer may possess several characters,
     and a character may have several performers.
@@ -62,7 +62,7 @@ class Stage:
     def place_actor(self, actor: Actor, carried: HoldStarts | None = None, owner: Peer | None = None) -> None:
         """Puts a character on the stage, or replaces the character with the same id.
 
-        The performers that possess the replaced character possess the new one. The caller must have warmed up
+        The performers who possess the replaced character possess the new one. The caller must have warmed up
         the actor.
 
         Args:
@@ -158,7 +158,7 @@ class Stage:
 
     @property
     def holders(self) -> frozenset[int]:
-        """Returns the ids of the performers that possess a character."""
+        """Returns the ids of the performers who possess a character."""
         return frozenset(hold.body for actor in self.actors.values() for hold in actor.holds)
 
     def cues(self) -> dict[str, Cues]:
@@ -182,7 +182,7 @@ class Stage:
         Args:
             character: the character's id. If None, uses that of :meth:`pending_possessions`.
             body: the performer's id. If None, uses that of :meth:`pending_possessions`. In mode "join", this
-                is a performer that does not possess the character yet.
+                is a performer who does not possess the character yet.
             parts: the body parts that possess, names of :data:`enliven.person.body.PARTS`.
             mode: what happens to earlier holds, see :data:`~enliven_edge.stage.actor.Mode`.
 

@@ -24,7 +24,7 @@ class Tick:
         read_ns: time at which the frame was read, nanoseconds of the monotonic clock; 0 if unknown.
         cues: by character id, the nodes that performers hold, or would hold if they possessed it now.
         boards: for each rigged character, the list of matches to choose from.
-        holders: the ids of the performers that possess a character.
+        holders: the ids of the performers who possess a character.
         holds: changes of the holds since the previous frame.
         props: the rigid bodies of the physics simulation, if it runs.
     """

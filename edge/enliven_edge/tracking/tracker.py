@@ -97,12 +97,12 @@ class Tracker:
 
     @property
     def performers(self) -> list[Person]:
-        """Returns the tracked people that may perform, in the order of their detection."""
+        """Returns the tracked people who may perform, in the order of their detection."""
         return self._people.track_manager.performers
 
     @property
     def bystanders(self) -> int:
-        """Returns the number of visible people that are not performers: outside the zone, or locked out."""
+        """Returns the number of visible people who are not performers: outside the zone, or locked out."""
         return self._people.finder.bystanders
 
     @property
@@ -152,7 +152,7 @@ class Tracker:
         return surfaces
 
     def lock(self, ids: Iterable[int] | None = None) -> None:
-        """Admits only these ids, or all people that are tracked now, as performers. All others are
+        """Admits only these ids, or all people who are tracked now, as performers. All others are
         bystanders.
 
         Raises:

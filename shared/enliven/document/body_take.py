@@ -27,7 +27,7 @@ class BodyTake:
         id: its name in the project.
         seconds: (F,) float64 times of the frames, increasing from 0.
         people: (B,) int64 ids of the performers.
-        joints: (F, B, 20, 3) float64 metres, world frame. 0 for a performer that is not in view.
+        joints: (F, B, 20, 3) float64 metres, world frame. 0 for a performer who is not in view.
         confidence: (F, B, 20) float64 in [0, 1].
         present: (F, B) bool, true for performers in view.
         stature: (F, B) body height from soles to crown, metres, or 0 if it was not measured. None if it was

@@ -156,7 +156,7 @@ class Spot:
         return self._requests
 
     def adopt(self, character: str, visit: Visit, now: float) -> None:
-        """Starts a session for a visitor that possesses the character without a request from here, for
+        """Starts a session for a visitor who possesses the character without a request from here, for
         example after a button press at the edge."""
         self.character, self.visit, self._body = character, visit.number, visit.body
         self._apply(Event.HELD, now)

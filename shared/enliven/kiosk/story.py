@@ -88,7 +88,7 @@ class StoryView:
         sound: the sound that begins in this frame, or empty.
         spots: the spots, from left to right in world coordinates.
         shown: index of the spot that the texts refer to.
-        queue: tracking ids of the visitors that wait for a turn, in order.
+        queue: tracking ids of the visitors who wait for a turn, in order.
         requests: requests to the edge.
         problem: one sentence for operators, or empty without a problem.
     """

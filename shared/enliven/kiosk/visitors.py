@@ -26,7 +26,7 @@ MIN_VISIT_MEMORY_S = 1.0
 """Minimum time in seconds for which a lost visitor is remembered. It is longer than typical losses of
 tracking."""
 _MATCH_RADIUS_M = 0.6
-"""Maximum distance in metres between a new id and the visitor that was just lost. It is less than the
+"""Maximum distance in metres between a new id and the visitor who was just lost. It is less than the
 distance between two visitors side by side."""
 _WALKING_SPEED = 1.2
 """Increase of this distance while a visitor is lost, in metres per second."""
@@ -172,7 +172,7 @@ class Attendance:
         )
 
     def _continue_lost_visits(self, present: dict[int, Visitor], now: float) -> None:
-        """Assigns visitors that appeared near the positions of lost visits to these visits, the nearest pairs
+        """Assigns visitors who appeared near the positions of lost visits to these visits, the nearest pairs
         first."""
         pairs = sorted(
             (visit.distance(visitor.position), visit.number, visitor.id)
@@ -196,7 +196,7 @@ class Attendance:
 
 
 def _match_radius(lost_s: float) -> float:
-    """Returns the search radius in metres for a visitor that was lost ``lost_s`` seconds ago."""
+    """Returns the search radius in metres for a visitor who was lost ``lost_s`` seconds ago."""
     return min(_MATCH_RADIUS_M + _WALKING_SPEED * lost_s, _MAX_MATCH_RADIUS_M)
 
 

@@ -68,7 +68,7 @@ class Picker:
     """The selection of a match from the rankings of one matcher.
 
     A held pose accepts a match only if the performer has moved since the start or since the previous match.
-    So a performer that only stands still accepts nothing.
+    So a performer who only stands still accepts nothing.
     """
 
     def __init__(self, settings: PickingSettings | None = None) -> None:

@@ -1,4 +1,4 @@
-"""Animates a mesh by performers that stand inside it (KinÊtre, 2012)."""
+"""Animates a mesh by performers who stand inside it (KinÊtre, 2012)."""
 
 from __future__ import annotations
 

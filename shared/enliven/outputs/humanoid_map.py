@@ -25,7 +25,7 @@ from enliven.skeletons.human_names import HumanJoints, HumanLimb, finger_joints,
 
 _DOWN = np.array([0.0, -1.0, 0.0])
 _SIDEWAYS = {"Left": np.array([1.0, 0.0, 0.0]), "Right": np.array([-1.0, 0.0, 0.0])}
-"""Unit direction of each arm in the T-pose of a person that faces +Z."""
+"""Unit direction of each arm in the T-pose of a person who faces +Z."""
 
 
 @dataclass(frozen=True)

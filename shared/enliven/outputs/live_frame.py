@@ -276,7 +276,7 @@ class PerformerSlots:
     """An allocator of performer numbers. Each performer gets the lowest free number from 1, and keeps it
     while in view.
 
-    The tracker's ids increase with every person that enters, but receivers need constant addresses.
+    The tracker's ids increase with every person who enters, but receivers need constant addresses.
     """
 
     FORGET_AFTER_NS = 2_000_000_000
@@ -288,7 +288,7 @@ class PerformerSlots:
         self._seen_ns: dict[int, int] = {}
 
     def number(self, bodies: Sequence[Body], time_ns: int) -> tuple[dict[int, Body], list[LiveEvent]]:
-        """Returns the bodies by number, and an event for each performer that entered or left."""
+        """Returns the bodies by number, and an event for each performer who entered or left."""
         events = []
         self._seen_ns.update((body.id, time_ns) for body in bodies)
         for body_id in list(self._numbers):

@@ -21,7 +21,7 @@ class Body:
             character.
         orientations: (20, 4) unit quaternions, or None. For each joint, the rotation from the bone that ends
             at the joint to the world. For the root, it is the rotation of the pelvis. All are the identity
-            for a person that stands upright and faces +Z, with hanging arms and palms to the thighs. In this
+            for a person who stands upright and faces +Z, with hanging arms and palms to the thighs. In this
             pose, bones of limbs point along -Y, and bones of the trunk along +Y. +Z is the person's front,
             and +X the person's left side.
         contacts: (2,) probability that the left and the right foot stand on the floor, or None if it was not

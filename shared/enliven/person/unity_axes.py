@@ -1,7 +1,7 @@
 """Converts positions and rotations to and from Unity's axes, which VMC, VRChat and Rokoko use: left-handed,
 +Y up, metres.
 
-enliven's world is right-handed. Both have +Y up, and a person that faces the viewer faces +Z in both. So the
+enliven's world is right-handed. Both have +Y up, and a person who faces the viewer faces +Z in both. So the
 X axis must be mirrored: the person's left is +X in enliven and -X in Unity.
 
 Let M = diag(-1, 1, 1). A position p becomes M p. A rotation R becomes M R M. A rotation by an angle about the

@@ -27,7 +27,7 @@ class Actor:
     """The attached performers, the one attached longest first. ``body`` of each entry is the performer's
     id."""
     busy: frozenset[int] = frozenset()
-    """The ids of performers that are attached to other characters. They cannot attach to this character."""
+    """The ids of performers who are attached to other characters. They cannot attach to this character."""
     aside: float = 0.0
     """Offset towards +X, metres, from the usual waiting position. It is above 0 if other characters wait
     there."""
@@ -68,7 +68,7 @@ class Actor:
 
     @property
     def candidate(self) -> tuple[int | None, str]:
-        """The id of the performer that will attach next, and the name of the body parts that will attach. The
+        """The id of the performer who will attach next, and the name of the body parts that will attach. The
         id None means the first performer in view.
         """
         return self._candidate

@@ -101,7 +101,7 @@ class EmbeddedActor(Actor):
 
     @property
     def body_id(self) -> int:
-        """The id of the performer that has been attached longest, or -1 if no performer is attached."""
+        """The id of the performer who has been attached longest, or -1 if no performer is attached."""
         return self.holds[0].body if self.holds else -1
 
     def possess(self, body: Body, parts: str = "all", mode: Mode = "alone") -> None:
@@ -297,7 +297,7 @@ class EmbeddedActor(Actor):
         self._easing.restart_fade()
 
     def _hand_over(self, bodies: list[Body], time_ns: int) -> None:
-        """Transfers the attachment of a performer that is away longer than ``hand_over`` seconds to the idle
+        """Transfers the attachment of a performer who is away longer than ``hand_over`` seconds to the idle
         performer in view, if there is exactly one.
         """
         patience, present = self.settings.hand_over, {body.id for body in bodies}
@@ -307,7 +307,7 @@ class EmbeddedActor(Actor):
             self.hand_over(max(absent_holds, key=lambda h: h.seconds_away(time_ns)).body, idle[0])
 
     def _update_holds(self, bodies: list[Body], time_ns: int) -> None:
-        """Updates the targets of all attached performers. A performer that is away does not drive the mesh,
+        """Updates the targets of all attached performers. A performer who is away does not drive the mesh,
         unless all attached performers are away.
         """
         present = {body.id: body for body in bodies}
@@ -329,7 +329,7 @@ class EmbeddedActor(Actor):
                     self._turned = hold.rest_transform.turned
 
     def _ease_into_pose(self, bodies: list[Body], time_ns: int) -> None:
-        """Eases a mesh that no performer has been attached to yet into the pose of the performer that will
+        """Eases a mesh that no performer has been attached to yet into the pose of the performer who will
         attach next."""
         body = self.next_performer(bodies) if self._free and self._placed else None
         if body is None:

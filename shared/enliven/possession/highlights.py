@@ -45,7 +45,7 @@ def make_cues(held: Sequence[tuple[int, Float]], preview: tuple[int, Float] | No
 
     Args:
         held: for each attached performer, the id and the strength (N,) on each node.
-        preview: id and strengths of the performer that would attach next.
+        preview: id and strengths of the performer who would attach next.
     """
     holders = [body for body, _ in held]
     nodes, strengths, owners = np.empty(0, np.int64), np.empty(0), np.empty(0, np.int64)

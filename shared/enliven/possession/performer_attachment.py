@@ -28,7 +28,7 @@ of a half-occluded performer sinks through the floor before it is lost. A deeper
 
 @dataclass
 class TransformedAttachment:
-    """An attachment with the transform of the performer's joints into the rest space. A performer that
+    """An attachment with the transform of the performer's joints into the rest space. A performer who
     attaches several times has several attachments.
 
     Attributes:

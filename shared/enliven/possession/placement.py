@@ -102,7 +102,7 @@ def body_yaw(body: Body) -> float:
     if not lefts:
         return 0.0
     left = np.sum(lefts, axis=0)
-    # A person that faces +Z has the left side at +X. Turning by yaw moves +X to (cos, 0, -sin).
+    # A person who faces +Z has the left side at +X. Turning by yaw moves +X to (cos, 0, -sin).
     return float(np.arctan2(-left[2], left[0]))
 
 

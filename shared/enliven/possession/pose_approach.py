@@ -1,4 +1,4 @@
-"""Eases a mesh that no performer has been attached to yet into the pose of the performer that may attach
+"""Eases a mesh that no performer has been attached to yet into the pose of the performer who may attach
 next.
 
 The mesh stays at its waiting position, and its limbs ease into the performer's pose. So a T-posed mesh lowers

@@ -77,7 +77,7 @@ time with SciPy's default."""
 
 
 def standing_figure(height: float = _PERSON_HEIGHT_M) -> Float:
-    """Returns the joints (20, 3), metres, of a person that stands at the origin, faces +Z and has hanging
+    """Returns the joints (20, 3), metres, of a person who stands at the origin, faces +Z and has hanging
     arms.
     """
     joints = np.empty((len(Joint), 3))
@@ -88,7 +88,7 @@ def standing_figure(height: float = _PERSON_HEIGHT_M) -> Float:
 
 
 def fit_standing_person(mesh: Mesh) -> tuple[Mesh, float]:
-    """Moves a mesh with its lowest point at y = 0, so that a person that stands at the origin and faces +Z
+    """Moves a mesh with its lowest point at y = 0, so that a person who stands at the origin and faces +Z
     fits best into it.
 
     Returns:

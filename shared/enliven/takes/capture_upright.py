@@ -37,7 +37,7 @@ _MIN_REST_HEIGHT = 0.8
 """Minimum height of a standing rest pose, relative to the body's height in the frames."""
 _MIN_STEADINESS = 0.7
 """Minimum mean cosine of the angle between the body's direction and its median. Below it, the up direction is
-determined from the rest pose instead of the frames, for example for a person that turns somersaults."""
+determined from the rest pose instead of the frames, for example for a person who turns somersaults."""
 _FLOOR_TOLERANCE = 0.05
 """Maximum distance of the lowest joint from a floor at zero, as a fraction of the body's length. It allows
 for markers some centimetres above the floor."""

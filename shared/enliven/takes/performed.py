@@ -72,7 +72,7 @@ class PerformedMotion:
         name: name of the takes that are created from the motion.
         since_ns: start time, nanoseconds of the sensor's clock. Frames and attachments may begin earlier.
         frames: frames with tracked performers, in the order of time.
-        events: events of performers that attach to or release characters, in the order of time.
+        events: events of performers who attach to or release characters, in the order of time.
         characters: the characters by id and revision.
         poses: the poses of each character, ordered by time.
     """
@@ -177,7 +177,7 @@ def add_performance(
 
 
 def _performer_clips(merged: MergedPerformers, performed: PerformedMotion) -> list[Clip]:
-    """Returns one clip for each performer. Performers that were attached to no character, while others were,
+    """Returns one clip for each performer. Performers who were attached to no character, while others were,
     are named onlookers.
     """
     ids = {
@@ -286,7 +286,7 @@ def _moved_limbs(shape: Shape, moved: Sequence[int]) -> list[tuple[int, ...]]:
 
 
 def _add_puppet_layer(project: Project, puppet: Puppet, motion: PerformedCharacter) -> Project | None:
-    """Adds a layer to a puppet, with the take of the performer that moved it last. Returns None if performers
+    """Adds a layer to a puppet, with the take of the performer who moved it last. Returns None if performers
     were attached to its surface.
     """
     performed, merged = motion.performed, motion.merged

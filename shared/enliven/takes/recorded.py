@@ -51,7 +51,7 @@ class TakeSettings:
 def read_recorded_clips(
     path: Path | str, *, settings: TakeSettings | None = None, whole: bool = False
 ) -> list[Clip]:
-    """Returns one clip for each visit of a person. A person that leaves and comes back has several clips.
+    """Returns one clip for each visit of a person. A person who leaves and comes back has several clips.
 
     The rest pose is the first observed pose. Use ``clip_of_bodies`` for another rest pose.
 

@@ -172,7 +172,7 @@ def cues_to_message(
     Args:
         nodes: (K,) node indices.
         strengths: (K,) in [0, 1].
-        owners: (K,) the id of the performer that controls each node.
+        owners: (K,) the id of the performer who controls each node.
         held: number of attached nodes at the start of ``nodes``. The others are a preview.
     """
     if state not in ("free", "preview", "possessed"):
@@ -206,7 +206,7 @@ def _number_owners(owners: AnyArray | None) -> tuple[list[int], bytes]:
 
 
 def message_to_owners(message: CuesMessage) -> Int32:
-    """Returns the id (K,) of the performer that owns each node."""
+    """Returns the id (K,) of the performer who owns each node."""
     if not message.owners:
         return np.full(len(message.strengths), message.body, np.int32)
     return np.array(message.performers, np.int32)[np.frombuffer(message.owners, np.uint8)]

@@ -70,7 +70,7 @@ class Possess(Order, frozen=True):
         character: the character's id. None selects the only character, or the free character nearest to the
             performer.
         body: the performer's id. None selects a performer in view. For "join", the selected performer must
-            not control the character yet. Performers that control another character are selected last.
+            not control the character yet. Performers who control another character are selected last.
         parts: the body parts that control the character: names of :data:`enliven.person.body.PARTS`, joined
             with "+".
         mode: the effect on earlier attachments. "alone" detaches all performers first (the default of older
@@ -102,7 +102,7 @@ class Smooth(Order, frozen=True):
 
 
 class Lock(Order, frozen=True):
-    """Locks or unlocks the cast (the set of performers). While it is locked, people that arrive later cannot
+    """Locks or unlocks the cast (the set of performers). While it is locked, people who arrive later cannot
     become performers."""
 
     on: bool
@@ -187,7 +187,7 @@ class Resize(Order, frozen=True):
         do: the action. "hands": from now on, the distance between a performer's hands scales the character,
             until the request is repeated or the hands keep still. "end": ends the scaling at the current
             size. "set": sets the size. "exaggerate": sets the overshoot of its soft parts.
-        body: for "hands", the performer's id. None means the performer that controls the character, or else
+        body: for "hands", the performer's id. None means the performer who controls the character, or else
             the first performer in view.
         size: for "set", the factor relative to its original size.
         exaggeration: for "exaggerate", the factor on the overshoot. None means the value in the stage's

@@ -103,8 +103,8 @@ class CuesMessage(Struct, array_like=True, frozen=True):
         time_ns: the sensor's clock, the time of the matching poses.
         held: number of attached nodes, which come first. The next performer would attach to the others. None
             means that all are attached, unless the state is "preview".
-        performers: the ids of the performers that control the nodes.
-        owners: (K,) uint8 index in ``performers`` of the performer that controls each node. Empty means that
+        performers: the ids of the performers who control the nodes.
+        owners: (K,) uint8 index in ``performers`` of the performer who controls each node. Empty means that
             ``body`` controls all nodes.
     """
 
@@ -140,7 +140,7 @@ class HoldMessage(Struct, array_like=True, frozen=True):
         revision: revision of the character, or 0 if it left the stage.
         body: the performer's id, or -1 for all performers.
         parts: the body parts that control the character.
-        former: for "take over", the id of the performer that was attached before. Otherwise -1.
+        former: for "take over", the id of the performer who was attached before. Otherwise -1.
         holders: the ids of all attached performers after the change.
         settings: the actor's settings, as JSON.
         place: placement of the mesh before the change: scale, radians about +Y, x, y, z in metres. Empty if
@@ -293,7 +293,7 @@ class SizeMessage(Struct, array_like=True, frozen=True):
 
     Attributes:
         size: factor relative to the character's original size.
-        body: the id of the performer that changes the size with both hands, or -1.
+        body: the id of the performer who changes the size with both hands, or -1.
         exaggeration: factor on the overshoot of soft parts. None means the value in the stage's settings.
     """
 

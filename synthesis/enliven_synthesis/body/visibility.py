@@ -40,7 +40,7 @@ def find_visible_joints(
         joints: (20, 3) metres, world frame.
         number: this performer's number in ``owner``.
         depth: (H, W) depth in metres, without noise.
-        owner: (H, W) number of the performer that is visible at each pixel; -1 for the room.
+        owner: (H, W) number of the performer who is visible at each pixel; -1 for the room.
         reach: (near, far) range of the sensor along the optical axis in metres.
     """
     camera = joints @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]

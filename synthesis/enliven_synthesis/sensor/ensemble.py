@@ -64,7 +64,7 @@ class GroundTruth:
         joints: (P, 20, 3) metres, world frame; NaN for an absent performer.
         visible: (P, 20) True if a joint is in the image and in range, and only its own body occludes it.
         contacts: (P, 2) True if the left and the right foot stand on the floor.
-        owner: (H, W) int32 number of the performer that is visible at each pixel; -1 for the room.
+        owner: (H, W) int32 number of the performer who is visible at each pixel; -1 for the room.
     """
 
     present: Bool

@@ -19,7 +19,7 @@ _TREMOR_M = 0.01
 _ARM_LENGTH_M = 0.6
 """Visible length of an arm in metres, from the hand."""
 _SWAY_M = 0.03
-"""Sway amplitude in metres of the person that holds the object."""
+"""Sway amplitude in metres of the person who holds the object."""
 _TRUNK_THICKNESS_RATIO = 4.0
 """Thickness of the trunk relative to an arm: 28 cm."""
 

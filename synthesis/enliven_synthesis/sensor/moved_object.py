@@ -42,7 +42,7 @@ class MovedObjectPath:
         rests: (4, 4) world_from_object, the object's pose at each rest.
         times: (begin, end) in seconds of each move between two rests.
         grips: points in metres, in the object's frame, at which the hands hold the object.
-        towards: direction from the object to the person that moves it, world frame.
+        towards: direction from the object to the person who moves it, world frame.
     """
 
     rests: Sequence[Float]

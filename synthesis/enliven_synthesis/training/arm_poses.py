@@ -42,7 +42,7 @@ _HOLDS = (*_ANGLES, *_TARGETS)
 HOLDS = (*_HOLDS, *CLOSE_HOLDS, "anywhere")
 """Names of all holds of the arms."""
 _CLOSE_ARMS_FRACTION = 0.4
-"""Fraction of people that hold both arms close in front of the trunk. Performers often do this, and such arms
+"""Fraction of people who hold both arms close in front of the trunk. Performers often do this, and such arms
 are hard to detect."""
 _MAX_TRIES = 12
 """Maximum number of random attempts to find an arm pose that does not intersect trunk or head. If all fail,

@@ -101,7 +101,7 @@ def render_dataset(
     """Renders ``count`` samples into a folder on all cores, and returns the data set.
 
     Args:
-        frontal: fraction of people that face the sensor.
+        frontal: fraction of people who face the sensor.
         rendered: called after each shard with the number of its samples.
     """
     folder.mkdir(parents=True, exist_ok=True)

@@ -88,7 +88,7 @@ class PersonRenderer:
             family: a name of :data:`enliven_synthesis.training.body_poses.FAMILIES`; None draws one at
                 random.
             arms: a name of :data:`enliven_synthesis.training.arm_poses.HOLDS`; None draws one at random.
-            frontal: fraction of people that face the sensor. The others face a random direction.
+            frontal: fraction of people who face the sensor. The others face a random direction.
         """
         while True:
             rendered = self._render_random_person(rng, family, arms, frontal)

@@ -56,7 +56,7 @@ _WALL_DISTANCES_M = (0.0, 0.6)
 _WALL_SLOPE = 0.006
 """Standard deviation of the slope of such a wall in metres per pixel. It is about 30 degrees."""
 _WALL_REST_FRACTION = 0.3
-"""Fraction of the samples without a person that show a piece of a wall next to a person. The piece ends at
+"""Fraction of the samples without a person who show a piece of a wall next to a person. The piece ends at
 the person, so it has a person's outline and height."""
 _STRAIGHT_EDGE_FRACTION = 0.6
 """Fraction of these pieces that end at a straight edge, such as a door's, on the other side."""
@@ -87,7 +87,7 @@ class TrainingSample:
 
 
 def training_sample(renderer: PersonRenderer, rng: Generator, frontal: float) -> TrainingSample:
-    """Renders a random sample; ``frontal`` is the fraction of people that face the sensor."""
+    """Renders a random sample; ``frontal`` is the fraction of people who face the sensor."""
     clutter = rng.random() < _CLUTTER_FRACTION
     is_wall_rest = clutter and rng.random() < _WALL_REST_FRACTION
     if is_wall_rest or not clutter:

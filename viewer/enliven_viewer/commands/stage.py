@@ -112,7 +112,7 @@ def list_(edge: Edge = "127.0.0.1") -> None:
 
 
 def _describe_holders(cues: ReceivedCues | None) -> str:
-    """Returns a text that lists the performers that control a character."""
+    """Returns a text that lists the performers who control a character."""
     if cues is None or cues.state != "possessed":
         return ""
     owners = {int(owner) for owner in cues.owners[: cues.held]} or {cues.body}

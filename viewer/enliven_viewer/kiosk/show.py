@@ -311,7 +311,7 @@ class KioskShow:
         self._skeletons += (goal - self._skeletons) * -math.expm1(-seconds / _REVEAL_TIME_S)
         shown = waits
         if not waits and self._skeletons > 0.02:
-            # Fade out the skeleton of the visitor that has just taken the character, inside the character.
+            # Fade out the skeleton of the visitor who has just taken the character, inside the character.
             shown = [act.body for act in acts if act.body is not None]
         unique = {body.id: body for body in shown if np.isfinite(body.joints).all()}
         return tuple(unique[key] for key in sorted(unique))

@@ -194,7 +194,7 @@ class KioskLink:
     def _find_shown(
         self, edges: Sequence[EdgeOfShow], holders: Mapping[str, tuple[int, ...]]
     ) -> dict[str, SceneCharacter]:
-        """Returns each character in its newest pose, on the edge that tracks the visitor that controls it."""
+        """Returns each character in its newest pose, on the edge that tracks the visitor who controls it."""
         shown: dict[str, SceneCharacter] = {}
         for edge in reversed(edges):
             shown |= {actor.character.id: actor for actor in edge.live.scene.actors}

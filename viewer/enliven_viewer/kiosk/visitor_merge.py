@@ -1,4 +1,4 @@
-"""Merges the visitors of several edges. A visitor that is seen by two edges at the same place counts once."""
+"""Merges the visitors of several edges. A visitor who is seen by two edges at the same place counts once."""
 
 from __future__ import annotations
 

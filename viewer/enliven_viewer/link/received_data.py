@@ -81,7 +81,7 @@ class ReceivedCues:
         strengths: (K,) float32 in [0, 1].
         body: id of the performer, or of the first of several performers; -1 for none.
         time_ns: time on the sensor's clock.
-        owners: (K,) ids of the performers that control the nodes; empty if the edge does not send them.
+        owners: (K,) ids of the performers who control the nodes; empty if the edge does not send them.
         held: number of attached nodes. They precede the previewed nodes. None means that all nodes are
             attached, or none in the state "preview".
     """

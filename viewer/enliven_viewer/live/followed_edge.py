@@ -77,7 +77,7 @@ class FollowedEdge:
 
 
 def shared_performer_id(edge: int, performer: int) -> int:
-    """Returns an id of a performer that is unique among all edges.
+    """Returns an id of a performer who is unique among all edges.
 
     Args:
         edge: number of the edge.

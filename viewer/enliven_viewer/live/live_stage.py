@@ -42,7 +42,7 @@ class LiveStage:
         scene: the last displayed scene.
         scrubbing: whether the pointer is dragging the playhead.
         target: the character that orders apply to; None leaves the choice to the edge.
-        held, holding: ids of the possessed characters, and of the performers that control a character.
+        held, holding: ids of the possessed characters, and of the performers who control a character.
         numbers: displayed numbers of the performers.
         is_local: True if this window started the edge on this machine, so that the window must wait for it.
     """

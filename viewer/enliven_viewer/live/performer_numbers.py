@@ -8,7 +8,7 @@ from collections.abc import Iterable
 class PerformerNumbers:
     """Small numbers for the performers in view.
 
-    An edge never reuses an id, and a performer that returns gets a new one. So the window shows numbers
+    An edge never reuses an id, and a performer who returns gets a new one. So the window shows numbers
     instead of ids. Each new performer in view gets the lowest free number.
     """
 
@@ -16,7 +16,7 @@ class PerformerNumbers:
         self._numbers: dict[int, int] = {}
 
     def see(self, present: Iterable[int]) -> None:
-        """Updates the numbers from the ids of all performers that are in view or control a character. Other
+        """Updates the numbers from the ids of all performers who are in view or control a character. Other
         numbers become free.
         """
         ids = sorted(set(present))

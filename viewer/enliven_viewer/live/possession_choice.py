@@ -30,9 +30,9 @@ class PossessionChoice:
     """The user's options for the next possession.
 
     Attributes:
-        body: the performer's id. None means the next performer that appears.
+        body: the performer's id. None means the next performer who appears.
         parts: the body parts that are attached.
-        locked: True if only the performers that were present when the lock was set may possess a character.
+        locked: True if only the performers who were present when the lock was set may possess a character.
     """
 
     def __init__(self) -> None:
@@ -46,7 +46,7 @@ class PossessionChoice:
         self.parts = PART_CHOICES[number]
 
     def next_performer(self, present: Iterable[int]) -> None:
-        """Chooses the next performer in view. After the last one, chooses the next performer that appears."""
+        """Chooses the next performer in view. After the last one, chooses the next performer who appears."""
         order: list[int | None] = [None, *sorted(set(present))]
         position = order.index(self.body) if self.body in order else 0
         self.body = order[(position + 1) % len(order)]

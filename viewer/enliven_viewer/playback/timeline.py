@@ -33,7 +33,7 @@ class CueFrame:
         nodes: (A,) int32 indices of the pivots that are attached to a body.
         strengths: (A,) float32 in [0, 1], strength of the attachment.
         state: "possessed", or "preview" for the pivots that a possession would attach now.
-        owners: (A,) ids of the performers that control the pivots; empty if one performer controls all.
+        owners: (A,) ids of the performers who control the pivots; empty if one performer controls all.
         held: number of attached pivots. They precede the previewed pivots. None if ``state`` applies to all
             pivots.
     """

@@ -1,4 +1,4 @@
-"""Finds the relative poses of sensors from people that walk around: no checkerboard, no tape measure.
+"""Finds the relative poses of sensors from people who walk around: no checkerboard, no tape measure.
 
 Bodies of two sensors are the same points in two frames of reference. The calibration also finds which bodies
 are the same person, which side is left for each sensor, and the clock offsets.

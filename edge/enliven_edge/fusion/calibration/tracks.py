@@ -1,4 +1,4 @@
-"""The bodies of one sensor in one level frame, as tracks of people that are interpolated between frames."""
+"""The bodies of one sensor in one level frame, as tracks of people who are interpolated between frames."""
 
 from __future__ import annotations
 

@@ -153,7 +153,7 @@ class Fuser:
         return np.where(max_distance, np.minimum(cost, 10.0) - s.loyalty * votes + age, FORBIDDEN_COST)
 
     def _forget(self, time_ns: int) -> None:
-        """Drops people that were not seen for long. Drops unconfirmed people immediately."""
+        """Drops people who were not seen for long. Drops unconfirmed people immediately."""
         s = self.settings
         self.people = [
             p

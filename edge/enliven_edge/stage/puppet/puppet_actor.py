@@ -182,7 +182,7 @@ class PuppetActor(Actor):
         self._state = still
 
     def _update_holds(self, bodies: list[Body], time_ns: int) -> None:
-        """Updates all holds from the bodies in view. A performer that returns is blended in."""
+        """Updates all holds from the bodies in view. A performer who returns is blended in."""
         present = {body.id: body for body in bodies}
         for hold in self.holds:
             body = present.get(hold.body)
@@ -221,7 +221,7 @@ class PuppetActor(Actor):
         return next((hold for hold in self.holds if hold.points & feet), self.holds[0])
 
     def _hand_over(self, bodies: list[Body], time_ns: int) -> None:
-        """Transfers the hold of a performer that has been out of view for long to the only idle performer in
+        """Transfers the hold of a performer who has been out of view for long to the only idle performer in
         view.
         """
         patience, present = self.settings.hand_over, {body.id for body in bodies}

@@ -17,7 +17,7 @@ from enliven_edge.stage.rig.live_shape import Pair
 from enliven_edge.stage.rig.settings import MatchingSettings
 
 _SENSOR_VIEW = ScreenView(np.array([0.0, 0.0, -1.0]))
-"""The view of a sensor in front of performers that face +Z."""
+"""The view of a sensor in front of performers who face +Z."""
 _MIRROR_VIEW = ScreenView(np.array([0.0, 0.0, 1.0]))
 """The view from behind the performers, as in a mirror."""
 _NO_PICK = Pick(None, -1)

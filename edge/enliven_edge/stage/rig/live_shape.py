@@ -29,7 +29,7 @@ Pair = tuple[tuple[int, ...], tuple[int, ...]]
 
 @dataclass
 class Binding:
-    """A performer that drives chains of the character.
+    """A performer who drives chains of the character.
 
     Attributes:
         body: the performer's id.

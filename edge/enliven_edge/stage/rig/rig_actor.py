@@ -146,7 +146,7 @@ class RigActor(ChosenActor):
         self.live_shape.move_root(np.array([across, 0.0, body.joints[0, 2] - (low[2] + high[2]) / 2]))
 
     def _choose(self, bodies: list[Body]) -> None:
-        """Ranks and picks matches for the requested performer, or for the first performer that drives
+        """Ranks and picks matches for the requested performer, or for the first performer who drives
         nothing.
         """
         body = next((body for body in bodies if body.id == self._candidate[0]), None)

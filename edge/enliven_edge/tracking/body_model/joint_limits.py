@@ -16,7 +16,7 @@ from enliven_edge.tracking.body_model.posture import rotation
 _SIDE = np.diag([-1.0, 1.0, 1.0])
 """(3, 3) reflection of the x axis. It exchanges left and right."""
 _EXTRA_HIP_FLEXION = 0.4
-"""Additional hip flexion in radians for a person that is already tracked. It allows 138 degrees relative to a
+"""Additional hip flexion in radians for a person who is already tracked. It allows 138 degrees relative to a
 level pelvis."""
 _NO_LIMIT = 10.0
 """Half width in radians of an unlimited range. It is larger than any rotation vector."""
@@ -80,7 +80,7 @@ def _wide_hip_limits() -> tuple[Float, Float]:
 
 
 WIDE_HIP_LIMITS = _wide_hip_limits()
-"""(13, 3, 3) middles and (13, 3) half widths of the ranges of a person that is already tracked, see
+"""(13, 3, 3) middles and (13, 3) half widths of the ranges of a person who is already tracked, see
 :class:`Fitter`."""
 
 
@@ -93,7 +93,7 @@ def standing_pose(
     hip: float = 0.0,
     knee: float = 0.05,
 ) -> Float:
-    """Returns (13, 3, 3) rotations of a standing person that faces +Z, turned by ``yaw`` about the vertical.
+    """Returns (13, 3, 3) rotations of a standing person who faces +Z, turned by ``yaw`` about the vertical.
 
     Args:
         yaw: radians about +Y.
@@ -113,4 +113,4 @@ def standing_pose(
 
 
 RELAXED = standing_pose()
-"""(13, 3, 3) rotations of a relaxed standing person that faces +Z. Copy it before you change it."""
+"""(13, 3, 3) rotations of a relaxed standing person who faces +Z. Copy it before you change it."""

@@ -50,7 +50,7 @@ class Posture:
     def orientations(self) -> Float:
         """Returns (20, 4) unit quaternions world_from_bone of the bone that ends at each joint.
 
-        All are the identity for a person that stands upright facing +Z with hanging arms. Bones of the limbs
+        All are the identity for a person who stands upright facing +Z with hanging arms. Bones of the limbs
         lie along -Y of their frame, those of the trunk along +Y, and +Z is the person's front.
         """
         state = (self.position, self.rotations, self.lengths)
@@ -225,7 +225,7 @@ def chest_axes_about(rotations):
 def facing_direction(left):
     """Returns the unit (x, z) direction that a chest faces, computed from the line between its shoulders.
 
-    It is also valid for a person that bends over.
+    It is also valid for a person who bends over.
     """
     length = np.sqrt(left[0] * left[0] + left[2] * left[2]) + 1e-9
     return -left[2] / length, left[0] / length

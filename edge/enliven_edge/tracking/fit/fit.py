@@ -105,7 +105,7 @@ class Fitter:
     Attributes:
         has_floor: whether limbs must stay above y = 0; False if the floor is guessed, because a wrong floor
             would shorten legs.
-        for_tracked_people: the fitter for people that are already tracked. If they crouch, their hips may
+        for_tracked_people: the fitter for people who are already tracked. If they crouch, their hips may
             bend farther. Detection does not use this wider range, because one strongly bent body could
             explain two people next to each other.
     """

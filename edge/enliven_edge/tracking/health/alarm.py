@@ -159,7 +159,7 @@ class Alarms:
         self._logged = active
 
     def keep_present(self, present: set[int]) -> None:
-        """Drops the alarms of performers that are not present."""
+        """Drops the alarms of performers who are not present."""
         for key in [k for k in self._alarms if k[1] != NO_PERFORMER and k[1] not in present]:
             del self._alarms[key]
 

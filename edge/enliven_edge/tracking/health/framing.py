@@ -9,7 +9,7 @@ from enliven.camera import Intrinsics
 from enliven.person import Body, Joint
 
 _TOUCH_DISTANCE_M = 0.12
-"""Maximum distance in metres between joints of two people that touch: the radii of two limbs and a small
+"""Maximum distance in metres between joints of two people who touch: the radii of two limbs and a small
 gap."""
 _MAX_REACH_M = 2.5
 """Two people cannot touch if their hips are farther apart than this along an axis, in metres."""

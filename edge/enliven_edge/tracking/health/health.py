@@ -105,7 +105,7 @@ class TrackerState:
         floor_known: whether the floor was detected, or is in the settings.
         room_age: age of the background model in seconds.
         moved: whether this frame showed that the sensor was moved.
-        joined: the ids of performers that cannot be distinguished.
+        joined: the ids of performers who cannot be distinguished.
     """
 
     floor_known: bool = True

@@ -20,7 +20,7 @@ from enliven_edge.tracking.output.speed_limit import SpeedLimit, replace_nan_joi
 from enliven_edge.tracking.settings import TrackerSettings
 
 _FORGET_AFTER_NS = 10_000_000_000
-"""Nanoseconds after which the state of a person that is out of view is deleted, to free memory. The filters
+"""Nanoseconds after which the state of a person who is out of view is deleted, to free memory. The filters
 are reset earlier."""
 _MAX_LATENCY_S = 0.3
 """Maximum latency in seconds that the prediction compensates: the upper bound of the setting ``predict``."""
@@ -106,7 +106,7 @@ class Output:
         return self._people[person]
 
     def _forget(self, time_ns: int) -> None:
-        """Forgets people that have been out of view for long, and all people if the clock was set back."""
+        """Forgets people who have been out of view for long, and all people if the clock was set back."""
         if self._time_ns is not None and time_ns < self._time_ns:
             self._people.clear()
         self._time_ns = time_ns

@@ -18,7 +18,7 @@ def visible_surfaces(
     Args:
         view: the frame.
         owner: (h, w) the person at each pixel, an index into ``ids``; -1 without a person.
-        ids: (K,) ids of people; negative for a person that is not a performer.
+        ids: (K,) ids of people; negative for a person who is not a performer.
         points: maximum number of points per performer.
     """
     surfaces = {}
@@ -43,7 +43,7 @@ def mirror_surfaces(
 
 @njit(cache=True, nogil=True)
 def pixels_with_normal(z, owner, index):
-    """Returns the (h, w) pixels of a person that have a measurable normal.
+    """Returns the (h, w) pixels of a person who have a measurable normal.
 
     All their neighbours belong to the person and have a similar depth. At a silhouette the normal is not
     measurable, and a mesh that follows wrong normals drifts away from the person.

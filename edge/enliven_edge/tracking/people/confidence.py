@@ -44,7 +44,7 @@ floor."""
 _UPRIGHT_COSINE = 0.5
 """Minimum cosine between the trunk and the vertical of a sitting person. A lying person has less."""
 _MAX_SEATED_LEG = 0.7
-"""Maximum confidence of a knee, ankle or foot of a person that sits on the floor. If legs point to the
+"""Maximum confidence of a knee, ankle or foot of a person who sits on the floor. If legs point to the
 sensor, only the feet are visible. Without this limit, 30 % of the joints with a confidence of 0.9 or more had
 an error of 10 cm or more in the tuning films.
 """
@@ -69,7 +69,7 @@ def joint_confidences(evidence: Float, *, alone: bool = False) -> Float:
 
 
 def limit_when_seated(sure: Float, posture: Posture) -> Float:
-    """Returns (20,) confidence, in which the legs of a person that sits on the floor, y = 0, are limited."""
+    """Returns (20,) confidence, in which the legs of a person who sits on the floor, y = 0, are limited."""
     leg = float(posture.lengths[model.THIGH] + posture.lengths[model.SHIN])
     if float(posture.position[1]) > _SEATED_HIP_RATIO * leg:
         return sure

@@ -45,7 +45,7 @@ frames."""
 class GuessedFloor:
     """Estimates the error of the guessed sensor height from the visible people.
 
-    A person that is visible down to the feet stands on the floor. A person that extends beyond the lower
+    A person who is visible down to the feet stands on the floor. A person who extends beyond the lower
     image border is assumed to have average height until the bones are measured. After that the floor is
     placed at the soles of the fitted body, because the body's proportions predict the length of unseen legs.
     """
@@ -83,7 +83,7 @@ class GuessedFloor:
         return person_probability(view, group.pixels) > _MIN_PROBABILITY
 
     def _height_correction(self, person: Candidate, view: FrameView) -> float:
-        """Returns the height correction in metres. With it, the blob is a person that stands on the floor."""
+        """Returns the height correction in metres. With it, the blob is a person who stands on the floor."""
         shape = person.shape
         lowest = float(quantile(np.sort(view.points[..., 1][person.pixels]), _SOLE_QUANTILE))
         whole = not shape.is_cut_off and shape.occluded_fraction < _MAX_OCCLUDED

@@ -104,11 +104,11 @@ class MultiPersonTracker:
         return np.array([p.id for p in self.track_manager.segmented], np.int64)
 
     def moved_ids(self) -> Int:
-        """Returns (K,) ids like :meth:`segment_ids`, with -1 for each person that has never moved."""
+        """Returns (K,) ids like :meth:`segment_ids`, with -1 for each person who has never moved."""
         return np.array([p.id if p.has_moved else -1 for p in self.track_manager.segmented], np.int64)
 
     def forget(self) -> None:
-        """Drops all people. A person that comes next, or is still present, gets a new id."""
+        """Drops all people. A person who comes next, or is still present, gets a new id."""
         self.track_manager.forget()
         self.finder.clear()
 

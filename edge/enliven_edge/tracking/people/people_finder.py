@@ -65,7 +65,7 @@ class PeopleFinder:
 
     @property
     def bystanders(self) -> int:
-        """Returns the number of visible people that are not performers."""
+        """Returns the number of visible people who are not performers."""
         return self._candidates.bystanders
 
     def clear(self) -> None:
@@ -108,7 +108,7 @@ class PeopleFinder:
         Args:
             view: the frame.
             kind: (h, w) from :meth:`BackgroundModel.classify`.
-            segments: of this frame; a person that is found gets its own pixels in it.
+            segments: of this frame; a person who is found gets its own pixels in it.
             background: the background model.
             believe: whether new people may be accepted; False while the sensor may be moving.
         """
@@ -154,7 +154,7 @@ class PeopleFinder:
         """Sets the remaining budget of the frame for the search. ``young`` is True if the background model is
         new.
 
-        The first search in a new scene has a larger budget of its own. So people that are present at the
+        The first search in a new scene has a larger budget of its own. So people who are present at the
         start are reported in the first frame.
         """
         if self._budget.remaining == np.inf:

@@ -35,7 +35,7 @@ _VELOCITY_WINDOW_S = 0.15
 _MAX_VELOCITY_GAP_S = 0.5
 """Maximum seconds between two good frames for a velocity to be computed from them."""
 _MAX_COAST_M = 0.15
-"""Maximum movement per frame in metres of a person that is moved with the mean of its pixels instead of a
+"""Maximum movement per frame in metres of a person who is moved with the mean of its pixels instead of a
 fit. An arm that appears moves the mean too."""
 _HIDDEN_RADIUS_M = 0.35
 """Search radius in metres around a person's last position at the moment of disappearing: about a body's
@@ -69,7 +69,7 @@ _HIDDEN_PROBABILITY = 0.8
 _HARDLY_SEEN_FRAMES = 3
 """Bodies with fewer frames in which the whole body was visible count as briefly seen."""
 _CERTAIN_PROBABILITY = 0.85
-"""Mean probability of being a person that nearly every person exceeds, and hardly any object."""
+"""Mean probability of being a person who nearly every person exceeds, and hardly any object."""
 _CERTAIN_FRAMES = 10
 """Number of frames above ``_CERTAIN_PROBABILITY`` after which a body stays confirmed as a person. The network
 may doubt some of its later postures.

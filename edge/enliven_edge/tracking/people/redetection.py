@@ -23,7 +23,7 @@ from enliven_edge.tracking.work_budget import BudgetedTask, Steps
 
 @dataclass(frozen=True)
 class Redetection:
-    """A detection from scratch, in progress, of a person that is already tracked.
+    """A detection from scratch, in progress, of a person who is already tracked.
 
     Attributes:
         task: the detection, which runs step by step.

@@ -21,7 +21,7 @@ _PROPORTION_SPREAD = 0.10
 _RETURN_SPEED = 2.0
 """Speed in metres per second at which the radius grows in which an absent person may return: a brisk walk."""
 _RETURN_DISTANCE_M = 0.8
-"""Distance in metres from the place of leaving at which a person that returns at once costs one squared
+"""Distance in metres from the place of leaving at which a person who returns at once costs one squared
 standard deviation.
 """
 _MAX_DISTANCE_COST = 4.0
@@ -92,7 +92,7 @@ class BodyMeasurements:
 
 @dataclass
 class AbsentPerson:
-    """A person that was tracked and is out of view."""
+    """A person who was tracked and is out of view."""
 
     id: int
     measurements: BodyMeasurements
@@ -114,13 +114,13 @@ class PersonGallery:
         return self._last
 
     def leave(self, identity: int, looks: BodyMeasurements, place: Float | None, time_ns: int) -> None:
-        """Remembers a person that left the view at the (3,) ``place``. The place is None if it is
+        """Remembers a person who left the view at the (3,) ``place``. The place is None if it is
         unreliable.
         """
         self.absent.append(AbsentPerson(identity, looks, place, time_ns))
 
     def forget_old(self, time_ns: int, keep: frozenset[int]) -> None:
-        """Forgets people that have been away for too long, except the ids in ``keep``."""
+        """Forgets people who have been away for too long, except the ids in ``keep``."""
         limit = self.settings.remember * 1e9
         self.absent = [a for a in self.absent if a.id in keep or 0 <= time_ns - a.left_ns <= limit]
 
@@ -136,7 +136,7 @@ class PersonGallery:
 
         Returns each match, and whether the match is certain.
 
-        A single least-cost assignment matches all people together. So two people that return at the same time
+        A single least-cost assignment matches all people together. So two people who return at the same time
         are not confused.
         """
         if not self.absent:
@@ -178,7 +178,7 @@ class PersonGallery:
         return not other and float(np.linalg.norm((place - absent.place)[[0, 2]])) < _SAME_PLACE_M
 
     def remove(self, absent: AbsentPerson) -> None:
-        """Removes a person that has returned from the absent ones."""
+        """Removes a person who has returned from the absent ones."""
         self.absent.remove(absent)
 
 

@@ -80,7 +80,7 @@ class Search:
 
     Args:
         fitter: fits the bodies.
-        expecting: returns the settings for a candidate at a given time, with the height of the person that
+        expecting: returns the settings for a candidate at a given time, with the height of the person who
             may return there.
     """
 
@@ -211,7 +211,7 @@ def _is_probably_person(view: FrameView, candidate: Candidate, follower: Followe
 
 
 def _overlaps_detection(candidate: Candidate, detections: list[ScoredDetection]) -> bool:
-    """Returns True if most of the candidate overlaps a person that was just found."""
+    """Returns True if most of the candidate overlaps a person who was just found."""
     size = max(1, int(candidate.pixels.sum()))
     return any(
         int((candidate.pixels & other.pixels).sum()) > _MAX_OVERLAP * size for other, _, _ in detections

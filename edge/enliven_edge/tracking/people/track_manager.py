@@ -44,7 +44,7 @@ class TrackManager:
         segmented: the people by their index in the last frame's segments.
         lock: the ids that may perform.
         zone: the area on the floor for performers.
-        gallery: assigns ids, and remembers the people that are out of view.
+        gallery: assigns ids, and remembers the people who are out of view.
     """
 
     def __init__(self, settings: TrackerSettings) -> None:
@@ -74,7 +74,7 @@ class TrackManager:
             self.people.remove(person)
 
     def forget(self) -> None:
-        """Drops all people, including absent ones. A person that is still present gets a new id."""
+        """Drops all people, including absent ones. A person who is still present gets a new id."""
         self._dropped = [p.place.copy() for p in self.people]
         self.people.clear()
         self.gallery.absent.clear()
@@ -123,7 +123,7 @@ class TrackManager:
         )
 
     def settings_for_candidate(self, candidate: Candidate, time_ns: int) -> TrackerSettings:
-        """Returns the settings with the height of the person that may return, if there is exactly one."""
+        """Returns the settings with the height of the person who may return, if there is exactly one."""
         hidden = self.find_hidden_person(candidate, time_ns)
         awaited = [a.measurements for a in self.gallery.absent] if hidden is None else [hidden.measurements]
         return self.settings_for_person(awaited[0]) if len(awaited) == 1 else self.settings
@@ -136,7 +136,7 @@ class TrackManager:
         return dataclasses.replace(self.settings, body_height=height)
 
     def find_hidden_person(self, candidate: Candidate, time_ns: int) -> Person | None:
-        """Returns the nearest hidden person that may have reappeared as this candidate, or None.
+        """Returns the nearest hidden person who may have reappeared as this candidate, or None.
 
         People much shorter than the candidate are excluded.
         """
@@ -160,7 +160,7 @@ class TrackManager:
         *,
         has_floor: bool = True,
     ) -> Person:
-        """Starts to track a found body: as a hidden person that reappeared, or as a new person without an id.
+        """Starts to track a found body: as a hidden person who reappeared, or as a new person without an id.
 
         Args:
             candidate: the candidate in its current state.
@@ -224,13 +224,13 @@ _TRUNK = [Joint.HIP_CENTER, Joint.SHOULDER_CENTER, Joint.HEAD]
 
 
 class Duplicates:
-    """Detects duplicate tracks: people that are tracked twice."""
+    """Detects duplicate tracks: people who are tracked twice."""
 
     def __init__(self) -> None:
         self._doubts: dict[tuple[int, int], int] = {}
 
     def find(self, people: Sequence[Person]) -> list[Person]:
-        """Returns the people that have been at the place of an earlier track for some frames."""
+        """Returns the people who have been at the place of an earlier track for some frames."""
         ordered = sorted((p for p in people if not p.is_hidden), key=lambda p: p.found_ns)
         together, duplicates = set(), []
         for i, first in enumerate(ordered):

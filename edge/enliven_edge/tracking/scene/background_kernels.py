@@ -46,7 +46,7 @@ class BackgroundState(NamedTuple):
         nearer: metres, the last depth observed in front of the background, or at a pixel without background.
         waited: seconds for which the depth ``nearer`` was observed.
         away: seconds for which the measured depth was farther than the background, or missing.
-        guarded: the id of the person that was last seen there, or -1.
+        guarded: the id of the person who was last seen there, or -1.
         guard_z: metres, the depth of that person at the pixel.
         flips: number of changes to the nearer depth and back. The sign stores the last state.
         still, still_z: for pixels without known background, the seconds of constant depth, and that depth in

@@ -43,7 +43,7 @@ class Zone:
 
 
 class ZoneLock:
-    """The people that may be performers: all, or only the ``ids`` that were present when it was locked."""
+    """The people who may be performers: all, or only the ``ids`` that were present when it was locked."""
 
     def __init__(self) -> None:
         self.ids: frozenset[int] | None = None

@@ -16,7 +16,7 @@ MAX_YOUNG_AGE_S = 1.0
 """Age of the background model in seconds below which no blob counts as having entered the scene, because the
 whole background is new."""
 _MIN_CROWN_M = 1.05
-"""Minimum crown height above the floor in metres of a person that walks in: a small child."""
+"""Minimum crown height above the floor in metres of a person who walks in: a small child."""
 _MIN_STEADY_FRAMES = 3
 """Minimum number of frames with a steady crown height for a candidate to be confirmed. A single frame may be
 noise."""
@@ -42,7 +42,7 @@ _CHECK_INTERVAL_NS = 250_000_000
 """Nanoseconds between two checks of an unchanged object. Measuring the shape and evaluating the network are
 the expensive steps."""
 _MIN_OCCLUDED = 0.25
-"""Minimum occluded fraction of the outline of a person that is still coming out from behind a nearer
+"""Minimum occluded fraction of the outline of a person who is still coming out from behind a nearer
 object."""
 _MAX_WAIT_NS = 800_000_000
 """Maximum waiting time in nanoseconds for a candidate that comes out from behind an object. It is long enough
@@ -231,7 +231,7 @@ class Candidate:
         is_unobserved_entry = self.is_convincing and self._is_standing and self.front_fraction > 0.5
         if not (self.is_confirmed or is_unobserved_entry or (room_age < MAX_YOUNG_AGE_S and is_plausible)):
             return False
-        # A person that comes out from behind an object may be a known one. Wait until re-identification is
+        # A person who comes out from behind an object may be a known one. Wait until re-identification is
         # possible.
         if (
             missing

@@ -51,7 +51,7 @@ hidden.
 
 
 def split_people(points: Float, mask: Bool) -> list[Bool]:
-    """Splits a mask between people that stand next to each other. Returns [(h, w)] its parts, or only the
+    """Splits a mask between people who stand next to each other. Returns [(h, w)] its parts, or only the
     mask.
 
     Seen from above, each person is a column from a head to the legs. A pixel belongs to the nearest column.

@@ -101,7 +101,7 @@ def segment_people(
         view: the frame.
         kind: (h, w) from :meth:`BackgroundModel.classify`.
         postures: the predicted posture of each person, world frame.
-        handicap: (K,) metres added to a person's distances. It is positive for people that are probably
+        handicap: (K,) metres added to a person's distances. It is positive for people who are probably
             hidden, so that they get fewer pixels.
     """
     shape, count = kind.shape, len(postures)

@@ -28,7 +28,7 @@ def grow_surfaces(owner: Int16, distance: Float, z: Float) -> None:
     Each pixel goes to the person with the nearest clearly assigned pixels along the surface.
 
     Args:
-        owner: (h, w) the index of the person that owns each pixel, or -1.
+        owner: (h, w) the index of the person who owns each pixel, or -1.
         distance: (h, w) metres from the owner's predicted surface.
         z: (h, w) metres along the optical axis.
     """
@@ -102,7 +102,7 @@ def reassign_detached_pieces(owner: Int16, z: Float, counts: Int) -> Int:
     soon as the two people have separated.
 
     Args:
-        owner: (h, w) the index of the person that owns each pixel, or -1.
+        owner: (h, w) the index of the person who owns each pixel, or -1.
         z: (h, w) metres along the optical axis.
         counts: (K,) each person's number of pixels.
 

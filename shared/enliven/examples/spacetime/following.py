@@ -4,7 +4,7 @@ floor.
     following = PathFollower(size, settings, step, feet=2)
     pull, held = following.next(off, stands)         # frame by frame, in a take and live
 
-The feet of a mesh slip slightly at every step, so the mesh would drift away from a performer that stays in
+The feet of a mesh slip slightly at every step, so the mesh would drift away from a performer who stays in
 place. If its distance from the path exceeds a maximum (the leash), the mesh is slowly pulled back. Meanwhile,
 a standing foot stays in place on the floor. It returns to its position in the mesh when it is lifted.
 

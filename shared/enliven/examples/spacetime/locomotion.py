@@ -72,7 +72,7 @@ def find_switches(
 
 
 def standing_feet(feet: Float, step: float, size: float, settings: LocomotionSettings | None = None) -> Bool:
-    """Returns (F, K) True for feet of the performer that touch the floor. The criteria are those of
+    """Returns (F, K) True for feet of the performer who touch the floor. The criteria are those of
     :func:`find_switches`."""
     settings = settings or LocomotionSettings()
     contact = settings.contact

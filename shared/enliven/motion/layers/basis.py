@@ -28,7 +28,7 @@ from enliven.errors import InputError
 from enliven.rotation import canonical, conjugate, from_matrix, multiply
 
 VIEW = np.array([0.0, 0.0, -1.0])
-"""(3,) the viewing direction of a camera in front of a person that faces +Z."""
+"""(3,) the viewing direction of a camera in front of a person who faces +Z."""
 UP = np.array([0.0, 1.0, 0.0])
 """(3,) the up direction of a camera in front of the person."""
 MAX_VERTICAL_SINE = math.sin(math.radians(15.0))

@@ -43,7 +43,7 @@ class BodyInMesh:
             joints[[Joint.HIP_LEFT, Joint.SHOULDER_LEFT]] - joints[[Joint.HIP_RIGHT, Joint.SHOULDER_RIGHT]]
         )
         left = lefts.sum(0)
-        # A person that faces +Z has the left side at +X.
+        # A person who faces +Z has the left side at +X.
         return cls(joints, float(np.arctan2(-left[2], left[0])), human=True)
 
     @property

@@ -28,7 +28,7 @@ from enliven_synthesis.training.pose_network.batches import TensorBatch, TensorD
 from enliven_synthesis.training.pose_network.network import PoseNetwork
 
 FRONTAL_FRACTION = 0.5
-"""Fraction of people that face the sensor. The others face any direction. Most performers face the screen."""
+"""Fraction of people who face the sensor. The others face any direction. Most performers face the screen."""
 VALIDATION_SAMPLES = 3000
 """Number of samples, from the start of a data set, that are held out for validation."""
 _CONDITIONED_FRACTION = 0.6

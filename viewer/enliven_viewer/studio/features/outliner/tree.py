@@ -106,7 +106,7 @@ def _make_all_rows(project: Project, live: tuple[str, ...]) -> Iterator[Row]:
 
 
 def _is_onlooker(name: str) -> bool:
-    """Returns True if the take's name marks a performer that controlled nothing while others did."""
+    """Returns True if the take's name marks a performer who controlled nothing while others did."""
     return name.rstrip("0123456789").rstrip().endswith(ONLOOKER_SUFFIX)
 
 

@@ -21,7 +21,7 @@ from enliven_viewer.theme import BAD, GLASS, GOOD, INK, SHADOW, WAIT, Colour, ge
 _PERFORMER_TEXT_SIZE = 26.0
 """Text size in pixels of the lines about performers. It is readable from three metres."""
 _CHARACTER_SIZE_TEXT_SIZE = 64.0
-"""Text size in pixels of a character's size. The performer that scales the character reads it from across the
+"""Text size in pixels of a character's size. The performer who scales the character reads it from across the
 room.
 """
 _GESTURE_TEXT_SIZE = 20.0

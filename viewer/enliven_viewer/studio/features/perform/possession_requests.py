@@ -18,7 +18,7 @@ from enliven_viewer.studio.features.perform.stage_sender import StageSender
 
 MAX_WAIT_S = 120.0
 """Maximum seconds that a press waits for a stage, a character or a performer. The first start compiles
-kernels, and an artist that works alone walks from the keyboard to the camera.
+kernels, and an artist who works alone walks from the keyboard to the camera.
 """
 MIN_TIME_IN_VIEW_S = 0.8
 """Seconds for which a new performer must be in view before the possession. By then, the performer is

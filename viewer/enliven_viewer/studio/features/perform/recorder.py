@@ -1,4 +1,4 @@
-"""Records a stage: bodies, poses, the performers that control characters, and when all hold still."""
+"""Records a stage: bodies, poses, the performers who control characters, and when all hold still."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from enliven_viewer.language import later, tr
 from enliven_viewer.playback.timeline import NS_PER_S
 
 _MAX_MOVEMENT_M = 0.06
-"""Maximum movement of a joint in metres of a performer that holds still. It allows for breathing and sensor
+"""Maximum movement of a joint in metres of a performer who holds still. It allows for breathing and sensor
 noise.
 """
 _MIN_CONFIDENCE = 0.3
@@ -75,7 +75,7 @@ _PART_LABELS = {
 
 @dataclass(frozen=True)
 class Holder:
-    """A performer that controls a character.
+    """A performer who controls a character.
 
     Attributes:
         body: the performer's id.
@@ -112,7 +112,7 @@ class Holders:
 
     @property
     def now(self) -> tuple[Holder, ...]:
-        """Returns all performers that control a character, sorted by id."""
+        """Returns all performers who control a character, sorted by id."""
         holders = [
             Holder(body, name, own) for name, held in self._parts.items() for body, own in held.items()
         ]

@@ -48,7 +48,7 @@ class StageRecording:
         replaces: True if a recording replaces the existing motion of the moved bones. Otherwise it is added
             (overdub).
         count_in: whether three beats precede a recording.
-        hold_still: seconds of stillness of all performers that end a recording; 0 disables this.
+        hold_still: seconds of stillness of all performers who end a recording; 0 disables this.
         loops: True to record the span repeatedly. Each pass becomes an alternative take.
         phase_when_pressed: the phase at the time when the mouse button went down on the record button.
     """

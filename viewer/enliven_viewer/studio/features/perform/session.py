@@ -243,7 +243,7 @@ class PerformSession:
 
     @property
     def holders(self) -> tuple[Holder, ...]:
-        """Returns the performers that control a character, with the character and the body parts."""
+        """Returns the performers who control a character, with the character and the body parts."""
         primary_holders = (
             _number_holders(self.live, self.recording.recorder) if self.connected and self.live else ()
         )
@@ -453,7 +453,7 @@ class PerformSession:
 
 
 def _number_holders(live: LiveStage, recorder: LiveRecorder) -> tuple[Holder, ...]:
-    """Returns the performers that control a character on one edge, with their displayed numbers."""
+    """Returns the performers who control a character on one edge, with their displayed numbers."""
     return tuple(
         replace(holder, number=live.numbers.number_of(holder.body)) for holder in recorder.holders.now
     )

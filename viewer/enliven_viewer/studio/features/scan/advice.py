@@ -1,4 +1,4 @@
-"""Chooses the instruction for the person that carries the camera: one sentence in large letters."""
+"""Chooses the instruction for the person who carries the camera: one sentence in large letters."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def choose_advice(message: ScanMessage) -> Advice:
 
 
 def _choose_person_advice(status: ScanMessage) -> Advice:
-    """Returns the instruction for a person that turns in front of the camera."""
+    """Returns the instruction for a person who turns in front of the camera."""
     if status.tracking in ("", "empty"):
         return Advice(tr("Stand one to three metres in front of the camera, whole in view"), "wait")
     if status.tracking != "scanning":
@@ -116,7 +116,7 @@ def _describe_direction(status: ScanMessage) -> str:
     if abs(round_it) > _OTHER_SIDE_ANGLE:
         return tr("Walk round to the other side")
     if abs(round_it) > _ARRIVAL_ANGLE:
-        # For a person that faces the centre, moving anticlockwise as seen from above is moving to the right.
+        # For a person who faces the centre, moving anticlockwise as seen from above is moving to the right.
         side = tr("Walk on to the right") if round_it > 0 else tr("Walk on to the left")
         if not held:
             return side

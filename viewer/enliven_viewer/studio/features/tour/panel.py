@@ -20,7 +20,7 @@ from enliven_viewer.theme import ACCENT, DARK, GOOD, INK, QUIET
 _CARD_WIDTH = 330.0
 """Width of the card in pixels. It fits a sentence in two lines, and four buttons."""
 _SENTENCE_TEXT_SIZE = 19.0
-"""Text size of the sentence in pixels. It is readable for children, and for people that stand."""
+"""Text size of the sentence in pixels. It is readable for children, and for people who stand."""
 _ICON_SIZE = 26.0
 """Size in pixels of a step's icon: the same as on the target's button, but larger."""
 _BUTTON_HEIGHT = 30.0
