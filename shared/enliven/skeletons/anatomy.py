@@ -79,8 +79,8 @@ _MIN_WRIST_POSITION = 0.6
 _MIN_WRIST_BONES = 3
 """Minimum number of bones that begin at a wrist. A joint with only two bones may have a twist bone."""
 _MAX_FINGER_SPREAD = 1.0 / 3.0
-"""Maximum distance between the first joints of two fingers whose first bones are parallel, as a fraction of
-the length of these bones. The bones of a palm spread more."""
+"""Maximum distance between the first joints of two fingers with parallel first bones, as a fraction of the
+length of these bones. The bones of a palm spread more."""
 _MIN_UPRIGHT_COSINE = np.cos(np.radians(45.0))
 """Human joint names are used only if the cosine between the vertical and the line from hips to chest is at
 least this value. Animals may have human joint names too."""
