@@ -65,8 +65,7 @@ adult."""
 _CONTACT_DECAY = 0.02
 """Decay length of contact weights above a foot's lowest point, in foot lengths: 5 mm on an adult."""
 _MEDIAN_POINTS = 32
-"""Maximum number of points of a foot whose median motion is computed: those with the largest contact
-weights."""
+"""Maximum number of points for the median motion of a foot: those with the largest contact weights."""
 _MEDIAN_ITERATIONS = 8
 """Number of iterations for the median motion."""
 _MIN_MEDIAN_DISTANCE = 0.01

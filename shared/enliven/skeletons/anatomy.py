@@ -83,8 +83,8 @@ it is a hand or a foot."""
 _MIN_WRIST_BONES = 3
 """Minimum number of bones that begin at a wrist. At a joint with only two bones, one may be a twist bone."""
 _MAX_FINGER_SPREAD = 1.0 / 3.0
-"""Maximum distance between the first joints of two fingers whose first bones are parallel, as a fraction of
-the length of these bones. The bones of a palm spread more."""
+"""Maximum distance between the first joints of two fingers with parallel first bones, as a fraction of the
+length of these bones. The bones of a palm spread more."""
 _MIN_UPRIGHT_COSINE = np.cos(np.radians(45.0))
 """Minimum cosine of the angle between the vertical and the line from hips to chest at which human joint names
 are used. Animals may have human joint names too."""

@@ -187,7 +187,7 @@ def test_a_file_that_rests_in_mid_stride_faces_where_its_hips_do():
 @settings(max_examples=25, deadline=None)
 @given(upper=st.floats(0.1, 0.6), fore=st.floats(0.2, 0.4), spread=st.floats(0.01, 0.03))
 def test_fingers_that_begin_at_the_elbow_have_no_wrist(upper, fore, spread):
-    """Their first bones lead along the forearm. An upper arm of any length is no forearm."""
+    """Their first bones lead along the forearm. An upper arm of any length ends at the elbow."""
     elbow, wrist = 0.18 + upper, 0.18 + upper + fore
     claws = body(
         *FINGERED[:3],
