@@ -9,9 +9,9 @@ project, chair = possess(load_sample("chair"), performer, settings=ActorSettings
 
 history = History(project)
 halves, (lower, upper) = cut(project, chair, PlaneCut(point=[0, 0.9, 0], normal=[0, 1, 0]), time=0.5)
-history.do("Cut the chair", halves)
+history.record_edit("Cut the chair", halves)
 twice, _ = copy(halves, upper, offset=[1.0, 0.0, 0.0])
-history.do("Copy its back", twice)
+history.record_edit("Copy its back", twice)
 print("steps:", history.names)
 print("before:", *project.characters, "| after:", *twice.characters, "| undone:", *history.undo().characters)
 

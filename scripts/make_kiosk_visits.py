@@ -19,7 +19,7 @@ from enliven.person import Body
 from enliven.recording import Recorder
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.choreographies import choreography_names, get_choreography
-from enliven_synthesis.motion.dance import HOME_Z
+from enliven_synthesis.motion.dance import START_Z_M
 from enliven_synthesis.motion.exercises import get_exercise
 from enliven_synthesis.motion.motion import DanceMotion, MotionSegment, MotionSequence
 
@@ -51,7 +51,7 @@ def make_visit(motions: tuple[str, ...], height: float, seed: int, direction: fl
     end = performer.pose(walk.posture(walk.duration)).joints[0]
     yaw = np.radians(direction)
     turn = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
-    start = -turn @ (end[[0, 2]] - [0.0, HOME_Z])
+    start = -turn @ (end[[0, 2]] - [0.0, START_Z_M])
     segments = [MotionSegment(0.0, DanceMotion(performer, walk), (start[0], start[1]), yaw)]
     begin = walk.duration + STAND_S
     segments.append(MotionSegment(walk.duration, DanceMotion(performer, get_choreography("idle"), True)))

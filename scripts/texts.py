@@ -16,7 +16,14 @@ from pathlib import Path
 
 import polib
 
-from enliven.document import ArapSettings, ExampleSettings, GraphShape, LocomotionSettings, Puppet, Shape
+from enliven.document import (
+    ArapSettings,
+    ExampleCharacter,
+    ExampleSettings,
+    GraphCharacter,
+    LocomotionSettings,
+    RiggedCharacter,
+)
 from enliven_viewer.language import CATALOGUES
 from enliven_viewer.render.stage_look import LOOKS
 from enliven_viewer.studio.editor.editor import Editor
@@ -114,7 +121,7 @@ def texts() -> dict[str, str]:
                 places.setdefault(text, f"action {action.id}")
     for name in (*WORKSPACES, *(tool.label for tool in workspace.input.tools.values())):
         places.setdefault(name, "workspaces and tools")
-    for name in (GraphShape.word, Puppet.word, Shape.word):
+    for name in (GraphCharacter.word, ExampleCharacter.word, RiggedCharacter.word):
         places.setdefault(name, "characters")
     for look in LOOKS:
         places.setdefault(look, "looks")

@@ -191,5 +191,5 @@ def _contexts_are_closed():
     """
     yield
     if contexts := sys.modules.get("zmq_contexts"):
-        forgotten = contexts.close_forgotten()
+        forgotten = contexts.close_leaked_contexts()
         assert not forgotten, f"this file left {forgotten} contexts of ZeroMQ open: close them in the test"

@@ -12,8 +12,8 @@ import pytest
 from durations import recorded_durations, table_of
 from hypothesis import given
 from hypothesis import strategies as st
-from patience import until
-from tolerances import SOLVED, alike, assert_alike
+from patience import wait_until
+from tolerances import SOLVER_TOLERANCE, are_alike, assert_alike
 
 HERE = Path(__file__).parent
 FILES = [str(HERE / "shared" / name) for name in ("test_health.py", "test_masks.py", "test_camera.py")]
@@ -72,16 +72,16 @@ def test_rounding_is_let_through_and_nothing_else():
     plain, other = numbers.sum(1), np.array([sum(row) for row in numbers])
     assert_alike(plain, other)
     assert_alike(plain.astype(np.float32), other)
-    assert not alike(plain, other + 1e-9)
-    assert alike(plain, other + 1e-10, SOLVED)
-    assert not alike(plain[:, None], other), "of another shape"
-    assert not alike(np.arange(3), np.array([0, 1, 3])), "whole numbers are the same or not"
-    assert alike(np.array([1.0, np.nan]), np.array([1.0, np.nan]))
-    assert not alike(np.array([1.0, np.nan]), np.array([1.0, 2.0]))
+    assert not are_alike(plain, other + 1e-9)
+    assert are_alike(plain, other + 1e-10, SOLVER_TOLERANCE)
+    assert not are_alike(plain[:, None], other), "of another shape"
+    assert not are_alike(np.arange(3), np.array([0, 1, 3])), "whole numbers are the same or not"
+    assert are_alike(np.array([1.0, np.nan]), np.array([1.0, np.nan]))
+    assert not are_alike(np.array([1.0, np.nan]), np.array([1.0, 2.0]))
 
 
 def test_a_wait_ends_with_what_it_waited_for_or_says_what_never_came():
     start = time.monotonic()
-    assert until(lambda: time.monotonic() > start + 0.02 and "there") == "there"
+    assert wait_until(lambda: time.monotonic() > start + 0.02 and "there") == "there"
     with pytest.raises(AssertionError, match="the edge never came to be"):
-        until(lambda: False, "the edge", patience=0.01)
+        wait_until(lambda: False, "the edge", patience=0.01)

@@ -132,7 +132,7 @@ class CharacterUploads:
         self._on_stage: dict[str, PutCharacter] = {}
         self._refused: dict[PutCharacter, InputError] = {}
         self._last_served: Peer | None = None
-        stage.places.watch(self._pending)
+        stage.places.watch(self._iterate_uploads)
 
     @property
     def revisions(self) -> dict[str, int]:
@@ -202,13 +202,13 @@ class CharacterUploads:
         """Puts prepared characters on the stage, and starts preparing uploaded ones. Call it once per
         frame."""
         self._on_stage = {name: order for name, order in self._on_stage.items() if name in self._stage.actors}
-        self._drop_late()
+        self._drop_slow_uploads()
         preparation = self._preparing
         if preparation is not None and not preparation.is_alive():
             self._preparing = None
-            self._finish(preparation)
+            self._finish_preparation(preparation)
         if self._preparing is None and self._complete:
-            self._preparing = _Preparation(self._take_next(), self._stage, self._settings)
+            self._preparing = _Preparation(self._dequeue_upload(), self._stage, self._settings)
             self._last_served = self._preparing.peer
             self._preparing.start()
 
@@ -222,7 +222,7 @@ class CharacterUploads:
             problem = f"revision {order.revision} is too far above the newest one, {newest}"
             raise InputError(problem, where=where, remedy=remedy)
 
-    def _take_next(self) -> _Upload:
+    def _dequeue_upload(self) -> _Upload:
         """Returns the next character to prepare. Viewers take turns, so that one viewer with many characters
         cannot block others.
         """
@@ -231,14 +231,14 @@ class CharacterUploads:
         self._complete = deque(candidate for candidate in self._complete if candidate is not upload)
         return upload
 
-    def _pending(self) -> Iterator[tuple[str, Peer | None]]:
+    def _iterate_uploads(self) -> Iterator[tuple[str, Peer | None]]:
         """Yields the id of each character that is being uploaded, and the viewer that sends it."""
         for upload in [*self._waiting.values(), *self._complete]:
             yield upload.order.id, upload.peer
         if self._preparing is not None:
             yield self._preparing.order.id, self._preparing.peer
 
-    def _finish(self, preparation: _Preparation) -> None:
+    def _finish_preparation(self, preparation: _Preparation) -> None:
         """Puts a prepared character on the stage, or remembers why it was refused."""
         order, current = preparation.order, self._on_stage.get(preparation.order.id)
         if preparation.actor is None:
@@ -260,7 +260,7 @@ class CharacterUploads:
         """Returns the upload of a character. A new upload replaces an earlier one of the same viewer and
         id."""
         key = peer, order.id, order.digest
-        self._drop_late()
+        self._drop_slow_uploads()
         pending = self._waiting.get(key) or self._resume(order, peer)
         if pending is not None and pending.order == order:
             return pending
@@ -271,7 +271,7 @@ class CharacterUploads:
         self._waiting[key] = upload
         return upload
 
-    def _drop_late(self) -> None:
+    def _drop_slow_uploads(self) -> None:
         """Drops uploads that stopped or are too slow."""
         now = time.monotonic()
         self._waiting = {key: upload for key, upload in self._waiting.items() if not upload.is_late(now)}

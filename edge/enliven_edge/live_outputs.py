@@ -36,7 +36,7 @@ class LiveOutputs(Closeable):
             InputError: if an output cannot send its character.
         """
         if self.outputs.statuses:
-            self.outputs.check(self._analyse(stage))
+            self.outputs.check(self._collect_character_infos(stage))
 
     def publish(
         self, tick: Tick, stage: Stage, world_from_camera: Float | None = None, *, mirrored: bool = False
@@ -53,7 +53,7 @@ class LiveOutputs(Closeable):
         numbered, events = self._numbers.number(tick.bodies, tick.time_ns)
         events += self._hold_events(tick)
         held = frozenset(name for name, actor in stage.actors.items() if actor.holds)
-        characters = self._analyse(stage)
+        characters = self._collect_character_infos(stage)
         frame = LiveFrame(
             *(tick.time_ns, numbered, tick.poses, characters, held, tick.props, events),
             depth=tick.frame if isinstance(tick.frame, DepthFrame) else None,
@@ -84,7 +84,7 @@ class LiveOutputs(Closeable):
         """Sends the last frame, and ends the sending process."""
         self.outputs.close()
 
-    def _analyse(self, stage: Stage) -> dict[str, CharacterInfo]:
+    def _collect_character_infos(self, stage: Stage) -> dict[str, CharacterInfo]:
         """Returns the constant parts of the characters on the stage."""
         actors = dict(stage.actors)
         shapes = {name: actor.character for name, actor in actors.items()}
@@ -95,6 +95,6 @@ class LiveOutputs(Closeable):
         events = []
         for hold in tick.holds:
             kind = "release" if hold.mode in ("release", "remove") else "possess"
-            performer = self._numbers.of(hold.body) if hold.body >= 0 else 0
+            performer = self._numbers.find_number(hold.body) if hold.body >= 0 else 0
             events.append(LiveEvent(kind, performer, hold.character))
         return events

@@ -119,7 +119,7 @@ class ProgressReporter(Closeable):
         iteration."""
         if not self._is_ready:
             self._is_ready = True
-            self._notifier.ready("the edge runs")
+            self._notifier.report_ready("the edge runs")
 
     def close(self) -> None:
         """Reports that the edge ends, and writes its state for the last time."""
@@ -129,7 +129,7 @@ class ProgressReporter(Closeable):
         self._wakes.set()
         if self._thread is not None:
             self._thread.join(_RECORD_INTERVAL_S)
-        self._notifier.stopping()
+        self._notifier.report_stopping()
         self._notifier.close()
 
     def _report_progress(self, sentence: str) -> None:
@@ -149,7 +149,7 @@ class ProgressReporter(Closeable):
             is_first = reported_at is None and progress_at is not None
             if progress_at != reported_at:
                 reported_at = progress_at
-                self._notifier.progress(self._sentence)
+                self._notifier.report_progress(self._sentence)
             if self._writes and (ended or is_first or now - recorded_at >= _RECORD_INTERVAL_S):
                 recorded_at = now
                 self._write_record()

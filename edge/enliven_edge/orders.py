@@ -67,7 +67,7 @@ def create_handlers(edge: OrderTarget) -> dict[type[Order], Handler]:
         ),
         Look: Handler(lambda order: edge.stage.set_view(_screen_view(order)), lambda order: _SINGLE_SUBJECT),
         Browse: Handler(lambda order: edge.stage.browse(order.character, order.step)),
-        Lock: Handler(lambda order: _lock(edge.tracker, order.on), lambda order: _SINGLE_SUBJECT),
+        Lock: Handler(lambda order: _set_cast_lock(edge.tracker, order.on), lambda order: _SINGLE_SUBJECT),
         LearnRoom: Handler(lambda order: _learn_room(edge), lambda order: _SINGLE_SUBJECT),
         PutCharacter: Handler(lambda order, peer: edge.uploads.announce(order, peer), takes_peer=True),
         CharacterPart: Handler(lambda order, peer: edge.uploads.add_part(order, peer), takes_peer=True),
@@ -103,7 +103,7 @@ def _screen_view(request: Look) -> ScreenView:
     return ScreenView(np.array(request.direction), np.array(request.up), eye)
 
 
-def _lock(tracker: Tracker, on: bool) -> None:
+def _set_cast_lock(tracker: Tracker, on: bool) -> None:
     """Locks the cast, so that only people who are tracked now may perform, or unlocks it."""
     if on:
         tracker.lock()

@@ -97,7 +97,7 @@ class Scans:
         """Passes a frame to the scan. Returns False if the scan is busy and the caller must pass it again."""
         if self._scan is None or not isinstance(frame, DepthFrame):
             return True
-        return self._scan.offer(frame, waits=waits)
+        return self._scan.offer_image(frame, waits=waits)
 
     def poll(self, sink: MessageSink) -> None:
         """Sends progress to viewers, and puts a finished scan on the stage. Call it once per frame."""

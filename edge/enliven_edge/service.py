@@ -196,7 +196,7 @@ class Edge:
         characters = self.stage.characters
         self.outlet.show(characters, self.uploads.revisions)
         self.physics.show(characters)
-        if (change := self.physics.change()) is not None:
+        if (change := self.physics.take_changed_state()) is not None:
             self.outlet.send(change, 0)
 
     def _add_props(self, tick: Tick) -> Tick:
@@ -208,7 +208,7 @@ class Edge:
         self.pace.add_frame(tick.read_ns, time.monotonic_ns())
         self.frames += 1
         place, state = tracker.world_from_camera, tracker.state
-        self.health.judge(frame, bodies, place, state)
+        self.health.check_result(frame, bodies, place, state)
         condition = self.sensor.condition()
         if place is not None and state is not None:
             self.health.check_device(condition, place, state.floor_known)
@@ -228,7 +228,7 @@ class Edge:
                 yield None
                 continue
             except (SensorFault, InputError) as error:
-                self.health.failed(error)
+                self.health.record_read_error(error)
                 self._end_at_fault()
                 yield None
                 continue
@@ -253,7 +253,7 @@ class Edge:
         self._show_characters()
         if self.sensor.is_waiting:
             self.progress.wait(self.sensor.name)
-        self.health.silent(time.monotonic() - self._last_frame_at)
+        self.health.record_silence(time.monotonic() - self._last_frame_at)
         self._report_health()
 
     def _report_health(self) -> None:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from enliven.character_store.prepared import PreparedCharacter, prepare_once
-from enliven.character_store.store import key_of
-from enliven.document import GraphShape, Project, Puppet, Shape
+from enliven.character_store.store import compute_cache_key
+from enliven.document import ExampleCharacter, GraphCharacter, Project, RiggedCharacter
 from enliven.errors import InputError
 from enliven.formats.project.file import parse_project
 from enliven.possession import Actor, EmbeddedActor
@@ -129,7 +129,7 @@ def _stored_actor(
 ) -> EmbeddedActor:
     """Returns the actor of a mesh from the store of prepared characters, or prepares and stores it."""
     inputs = (upload.digest, upload.order.id, upload.character.kind, fit, nodes, upload.settings.actor)
-    return create_stage_actor(prepare_once(key_of("upload", *inputs), prepare))
+    return create_stage_actor(prepare_once(compute_cache_key("upload", *inputs), prepare))
 
 
 def _rig_actor(upload: Upload) -> Actor:
@@ -149,9 +149,9 @@ def _puppet_actor(upload: Upload) -> Actor:
 
 
 ACTORS: dict[str, Callable[[Upload], Actor]] = {
-    GraphShape.kind: _graph_actor,
-    Shape.kind: _rig_actor,
-    Puppet.kind: _puppet_actor,
+    GraphCharacter.kind: _graph_actor,
+    RiggedCharacter.kind: _rig_actor,
+    ExampleCharacter.kind: _puppet_actor,
 }
 """The function that creates the actor of each kind of rig. Add further kinds here. If a kind has no entry,
 performers possess the surface."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import ArapSettings, ControlPoint, KeyPose, Plane, Project, Puppet
+from enliven.document import ArapSettings, ControlPoint, ExampleCharacter, KeyPose, Plane, Project
 from enliven.person import PARENTS, Body, Joint
 from enliven.takes.capture_clip import BODY_NAMES, clip_of_bodies
 from sample_meshes.cactus import make_cactus
@@ -126,7 +126,7 @@ def cactus_project(cell: float = 0.018) -> Project:
     poses = tuple(KeyPose(TAKE, float(k), _places(pose, rest)) for k, pose in enumerate(_POSES))
     plane = Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
     surface = replace(ArapSettings(), hold=0.03)
-    puppet = Puppet("cactus", mesh, points, poses, symmetry=plane, surface=surface)
+    puppet = ExampleCharacter("cactus", mesh, points, poses, symmetry=plane, surface=surface)
     return Project().with_takes(take).with_characters(puppet)
 
 

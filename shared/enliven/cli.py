@@ -92,7 +92,7 @@ def _start_and_run(arguments: list[str]) -> int:
 def run(arguments: list[str]) -> int:
     """Runs one command line and returns its exit code. Errors are printed and not raised."""
     try:
-        code = application()(arguments, standalone_mode=False)
+        code = build_command_group()(arguments, standalone_mode=False)
     except (typer.Abort, KeyboardInterrupt):
         return _INTERRUPTED_EXIT_CODE
     except typer.Exit as ended:
@@ -135,7 +135,7 @@ def _report_other_error(error: Exception) -> int:
     return 1
 
 
-def application() -> Any:
+def build_command_group() -> Any:
     """Builds the command group with all installed commands."""
     app = typer.Typer(
         cls=LazyCommands,

@@ -88,17 +88,17 @@ def _describe_shipped_kernels() -> str:
 def _describe_native_kernels() -> str:
     """Returns a phrase about the programs with kernels that are compiled for this exact processor."""
     try:
-        from enliven.kernel_cache.native_set import stored_sets, wants_native_code
+        from enliven.kernel_cache.native_set import is_native_code_enabled, list_stored_sets
         from enliven.kernel_cache.target import host_processor, processor_levels
 
         processor, levels = host_processor()[0], processor_levels()
-        sets = [str(kernels) for kernels in stored_sets()]
+        sets = [str(kernels) for kernels in list_stored_sets()]
     except ImportError as error:
         return f"Numba cannot be loaded: {error}"
     if fixed := os.environ.get("NUMBA_CPU_NAME"):
         return f"programs use code for {fixed}, as NUMBA_CPU_NAME says"
     level = f"programs use code for {levels[0] if levels else processor}"
-    if not wants_native_code():
+    if not is_native_code_enabled():
         return f"{level}, and compile none for {processor}"
     if not sets:
         return f"{level}, and compile code for {processor} when they have run for a while"

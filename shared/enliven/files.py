@@ -679,21 +679,21 @@ class ReferencedFiles:
     def __init__(self, path: Path, max_bytes: int = MAX_FILE_BYTES) -> None:
         self._path, self._left = path, max_bytes
 
-    def uri(self, uri: str) -> bytes:
+    def read_uri(self, uri: str) -> bytes:
         """Returns the bytes of a data URI, or of the file at a percent-encoded relative URI.
 
         Raises:
-            InputError: in the cases of :meth:`file`, or if the URI contains invalid data.
+            InputError: in the cases of :meth:`read_named_file`, or if the URI contains invalid data.
         """
         if not uri.startswith("data:"):
-            return self.file(unquote(uri))
+            return self.read_named_file(unquote(uri))
         head, _, body = uri.partition(",")
         try:
             return base64.b64decode(body) if head.endswith(";base64") else unquote_to_bytes(body)
         except ValueError:
             raise self._reference_error(uri, "cannot be decoded", "Export the model again.") from None
 
-    def file(self, name: str) -> bytes:
+    def read_named_file(self, name: str) -> bytes:
         """Returns the bytes of a file by its name, relative to the folder.
 
         Raises:

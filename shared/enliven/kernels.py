@@ -15,12 +15,12 @@ from numba.core import types
 from numba.experimental import structref
 from numba.extending import overload
 
-from enliven.kernel_cache.cache import keep
+from enliven.kernel_cache.cache import cache_kernel_on_disk
 from enliven.kernel_cache.compiling import listen_to_compiler
-from enliven.kernel_cache.native_set import begins_native_session
+from enliven.kernel_cache.native_set import should_begin_native_session
 from enliven.kernel_cache.target import choose_target
 
-choose_target(native=begins_native_session())
+choose_target(native=should_begin_native_session())
 listen_to_compiler()
 
 
@@ -34,7 +34,7 @@ def njit(*, cache: bool = False, **options: Any) -> Any:
         options: options of ``numba.njit``.
     """
     compiled = numba.njit(no_cfunc_wrapper=True, **options)
-    return (lambda kernel: keep(compiled(kernel))) if cache else compiled
+    return (lambda kernel: cache_kernel_on_disk(compiled(kernel))) if cache else compiled
 
 
 @cache
@@ -91,13 +91,13 @@ class HeldArguments(structref.StructRefProxy):  # type: ignore[misc]
 structref.define_boxing(HeldArgumentsType, HeldArguments)
 
 
-def _held(values: tuple[Any, ...]) -> SimpleNamespace:
+def _hold_uncompiled(values: tuple[Any, ...]) -> SimpleNamespace:
     """Returns held values if compilation is disabled. Compiled kernels use the overload below instead."""
     return SimpleNamespace(values=values)
 
 
-@overload(_held)
-def _held_in_kernels(values):
+@overload(_hold_uncompiled)
+def _make_held_constructor(values):
     """Returns the function that builds a structure with fields of these types inside a kernel."""
     kind = HeldArgumentsType((("values", types.unliteral(values)),))
 
@@ -118,7 +118,7 @@ def hold(values):
     one argument. The arrays are not copied, so kernels see later changes. Numbers are copied and do not
     change.
     """
-    return _held(values)
+    return _hold_uncompiled(values)
 
 
 @njit(cache=True, nogil=True)

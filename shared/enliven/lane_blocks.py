@@ -20,20 +20,20 @@ _ROWS = 6
 node.
 """
 _VECTOR = vector_of(EIGHT)
-_NONE = ir.Constant(_VECTOR, ir.Undefined)
-_ZERO = ir.Constant(_VECTOR, [0.0] * 8)
-_SHORT = ir.VectorType(ir.IntType(16), 8)
+_UNDEFINED_VECTOR = ir.Constant(_VECTOR, ir.Undefined)
+_ZERO_VECTOR = ir.Constant(_VECTOR, [0.0] * 8)
+_INT16_VECTOR = ir.VectorType(ir.IntType(16), 8)
 _MAX_INT16 = 32767.0
 """The largest int16."""
-_LEAST = 1e-30
+_MIN_BLOCK_SCALE = 1e-30
 """Lower limit of a block's largest number, so that a block of zeros also has a scale."""
 
 
-def _shuffled(builder: Any, a: Any, b: Any, lanes: list[int]) -> Any:
+def _shuffle(builder: Any, a: Any, b: Any, lanes: list[int]) -> Any:
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(I32, 8), lanes))
 
 
-def _rows(builder: Any, first: Any) -> list[Any]:
+def _load_rows(builder: Any, first: Any) -> list[Any]:
     """Loads six rows, starting at the address ``first``."""
     loaded = []
     for r in range(_ROWS):
@@ -42,13 +42,13 @@ def _rows(builder: Any, first: Any) -> list[Any]:
     return loaded
 
 
-def _put(builder: Any, rows: list[Any], first: Any) -> None:
+def _store_rows(builder: Any, rows: list[Any], first: Any) -> None:
     """Stores six rows, starting at the address ``first``."""
     for r, row in enumerate(rows):
         builder.store(row, builder.gep(first, [ir.Constant(I64, r)])).align = 4
 
 
-def _called(builder: Any, name: str, *args: Any) -> Any:
+def _call_intrinsic(builder: Any, name: str, *args: Any) -> Any:
     """Calls an intrinsic function of LLVM on vectors of eight numbers."""
     function = builder.module.globals.get(name) or ir.Function(
         builder.module, ir.FunctionType(_VECTOR, [_VECTOR] * len(args)), name
@@ -57,21 +57,21 @@ def _called(builder: Any, name: str, *args: Any) -> Any:
 
 
 def _fma(builder: Any, a: Any, b: Any, c: Any) -> Any:
-    return _called(builder, "llvm.fmuladd.v8f32", a, b, c)
+    return _call_intrinsic(builder, "llvm.fmuladd.v8f32", a, b, c)
 
 
-def _everywhere(value: float) -> Any:
+def _broadcast(value: float) -> Any:
     """Returns a vector with ``value`` in every lane."""
     return ir.Constant(_VECTOR, [value] * 8)
 
 
-def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
+def _transpose_rows(builder: Any, rows: list[Any]) -> list[Any]:
     """Returns the six rows of the transposed block. The unused last lanes are 0."""
-    rows = [*rows, _ZERO, _ZERO]
+    rows = [*rows, _ZERO_VECTOR, _ZERO_VECTOR]
     # Interleave two rows at a time, separately for the lower and the upper half of the columns.
     pairs = [
         [
-            _shuffled(builder, rows[r], rows[r + 1], [half * 4 + i // 2 + 8 * (i % 2) for i in range(8)])
+            _shuffle(builder, rows[r], rows[r + 1], [half * 4 + i // 2 + 8 * (i % 2) for i in range(8)])
             for r in (0, 2, 4, 6)
         ]
         for half in (0, 1)
@@ -80,13 +80,13 @@ def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
     for c in range(_ROWS):
         a, b, d, e = pairs[c // 4]
         at = 2 * (c % 4)
-        low = _shuffled(builder, a, b, [at, at + 1, at + 8, at + 9, 0, 0, 0, 0])
-        high = _shuffled(builder, d, e, [at, at + 1, at + 8, at + 9, 0, 0, 0, 0])
-        columns.append(_shuffled(builder, low, high, [0, 1, 2, 3, 8, 9, 10, 11]))
+        low = _shuffle(builder, a, b, [at, at + 1, at + 8, at + 9, 0, 0, 0, 0])
+        high = _shuffle(builder, d, e, [at, at + 1, at + 8, at + 9, 0, 0, 0, 0])
+        columns.append(_shuffle(builder, low, high, [0, 1, 2, 3, 8, 9, 10, 11]))
     return columns
 
 
-def _both(context: Any, builder: Any, sig: Any, args: Any) -> list[Any]:
+def _block_addresses(context: Any, builder: Any, sig: Any, args: Any) -> list[Any]:
     """Returns the addresses of two blocks, each given as an array and an index."""
     return [address_of(context, builder, sig.args[k], args[k], args[k + 1], EIGHT) for k in (0, 2)]
 
@@ -101,7 +101,7 @@ def transpose6(typing, source, index, target, to):
         first, there = (
             address_of(context, builder, sig.args[k], args[k], args[k + 1], EIGHT) for k in (0, 2)
         )
-        _put(builder, _transposed(builder, _rows(builder, first)), there)
+        _store_rows(builder, _transpose_rows(builder, _load_rows(builder, first)), there)
         return context.get_dummy_value()
 
     return signature(types.void, source, types.intp, target, types.intp), generate
@@ -117,14 +117,17 @@ def mirror6(typing, source, index, target, to, sign):
         first, destination = (
             address_of(context, builder, sig.args[k], args[k], args[k + 1], EIGHT) for k in (0, 2)
         )
-        rows, mirrored = _rows(builder, first), []
-        signs = _shuffled(
-            builder, builder.insert_element(_NONE, args[4], ir.Constant(I32, 0)), _NONE, [0] * 8
+        rows, mirrored = _load_rows(builder, first), []
+        signs = _shuffle(
+            builder,
+            builder.insert_element(_UNDEFINED_VECTOR, args[4], ir.Constant(I32, 0)),
+            _UNDEFINED_VECTOR,
+            [0] * 8,
         )
-        for r, (row, column) in enumerate(zip(rows, _transposed(builder, rows), strict=True)):
-            full_row = _shuffled(builder, row, column, [i if i <= r else 8 + i for i in range(8)])
+        for r, (row, column) in enumerate(zip(rows, _transpose_rows(builder, rows), strict=True)):
+            full_row = _shuffle(builder, row, column, [i if i <= r else 8 + i for i in range(8)])
             mirrored.append(builder.fmul(signs, full_row))
-        _put(builder, mirrored, destination)
+        _store_rows(builder, mirrored, destination)
         return context.get_dummy_value()
 
     return signature(types.void, source, types.intp, target, types.intp, types.float32), generate
@@ -143,21 +146,21 @@ def invert6(typing, block, index, sign):
 
     def generate(context, builder, sig, args):
         first = address_of(context, builder, sig.args[0], args[0], args[1], EIGHT)
-        rows, definite = _rows(builder, first), ir.Constant(ir.IntType(1), 1)
+        rows, definite = _load_rows(builder, first), ir.Constant(ir.IntType(1), 1)
         for k in range(_ROWS):
             unit = ir.Constant(_VECTOR, [float(i == k) for i in range(8)])
-            pivot = _shuffled(builder, rows[k], _NONE, [k] * 8)
+            pivot = _shuffle(builder, rows[k], _UNDEFINED_VECTOR, [k] * 8)
             number = builder.fmul(builder.extract_element(pivot, ir.Constant(I32, 0)), args[2])
             positive = builder.fcmp_ordered(">", number, ir.Constant(ir.FloatType(), 0.0))
             definite = builder.and_(definite, positive)
-            inverse = builder.fdiv(_everywhere(1.0), pivot)
+            inverse = builder.fdiv(_broadcast(1.0), pivot)
             row = _fma(builder, inverse, unit, builder.fmul(inverse, rows[k]))
             for i in range(_ROWS):
                 if i != k:
-                    factor = builder.fneg(_shuffled(builder, rows[i], _NONE, [k] * 8))
+                    factor = builder.fneg(_shuffle(builder, rows[i], _UNDEFINED_VECTOR, [k] * 8))
                     rows[i] = _fma(builder, factor, row, rows[i])
             rows[k] = builder.fsub(row, unit)
-        _put(builder, rows, first)
+        _store_rows(builder, rows, first)
         return definite
 
     return signature(types.boolean, block, types.intp, types.float32), generate
@@ -172,13 +175,13 @@ def totals6(typing, a, b, c, d, e, f):
         def paired(u: Any, v: Any) -> Any:
             # Add neighbouring lanes of u and v, such that the sums of u and v alternate. Stay within each
             # half of the vector, because moving lanes between the halves is slow.
-            even = _shuffled(builder, u, v, [0, 2, 8, 10, 4, 6, 12, 14])
-            return builder.fadd(even, _shuffled(builder, u, v, [1, 3, 9, 11, 5, 7, 13, 15]))
+            even = _shuffle(builder, u, v, [0, 2, 8, 10, 4, 6, 12, 14])
+            return builder.fadd(even, _shuffle(builder, u, v, [1, 3, 9, 11, 5, 7, 13, 15]))
 
         first = paired(paired(args[0], args[1]), paired(args[2], args[3]))
-        last = paired(paired(args[4], args[5]), _ZERO)
-        low = _shuffled(builder, first, last, [0, 1, 2, 3, 8, 9, 10, 11])
-        return builder.fadd(low, _shuffled(builder, first, last, [4, 5, 6, 7, 12, 13, 14, 15]))
+        last = paired(paired(args[4], args[5]), _ZERO_VECTOR)
+        low = _shuffle(builder, first, last, [0, 1, 2, 3, 8, 9, 10, 11])
+        return builder.fadd(low, _shuffle(builder, first, last, [4, 5, 6, 7, 12, 13, 14, 15]))
 
     return signature(EIGHT, *[EIGHT] * 6), generate
 
@@ -192,21 +195,23 @@ def shorten6(typing, block, index, short, to):
     """
 
     def generate(context, builder, sig, args):
-        rows = _rows(builder, address_of(context, builder, sig.args[0], args[0], args[1], EIGHT))
-        most = _everywhere(_LEAST)
+        rows = _load_rows(builder, address_of(context, builder, sig.args[0], args[0], args[1], EIGHT))
+        most = _broadcast(_MIN_BLOCK_SCALE)
         for row in rows:
-            most = _called(builder, "llvm.maxnum.v8f32", most, _called(builder, "llvm.fabs.v8f32", row))
+            most = _call_intrinsic(
+                builder, "llvm.maxnum.v8f32", most, _call_intrinsic(builder, "llvm.fabs.v8f32", row)
+            )
         for step in (4, 2, 1):
-            other = _shuffled(builder, most, _NONE, [(i + step) % 8 for i in range(8)])
-            most = _called(builder, "llvm.maxnum.v8f32", most, other)
+            other = _shuffle(builder, most, _UNDEFINED_VECTOR, [(i + step) % 8 for i in range(8)])
+            most = _call_intrinsic(builder, "llvm.maxnum.v8f32", most, other)
         data = context.make_array(sig.args[2])(context, builder, args[2]).data
-        scale = builder.fdiv(_everywhere(_MAX_INT16), most)
+        scale = builder.fdiv(_broadcast(_MAX_INT16), most)
         for r, row in enumerate(rows):
-            whole = _called(builder, "llvm.rint.v8f32", builder.fmul(scale, row))
-            whole = builder.trunc(builder.fptosi(whole, ir.VectorType(I32, 8)), _SHORT)
+            whole = _call_intrinsic(builder, "llvm.rint.v8f32", builder.fmul(scale, row))
+            whole = builder.trunc(builder.fptosi(whole, ir.VectorType(I32, 8)), _INT16_VECTOR)
             place = builder.gep(data, [builder.add(args[3], ir.Constant(I64, _ROWS * r))])
-            builder.store(whole, builder.bitcast(place, _SHORT.as_pointer())).align = 2
-        return builder.extract_element(builder.fdiv(most, _everywhere(_MAX_INT16)), ir.Constant(I32, 0))
+            builder.store(whole, builder.bitcast(place, _INT16_VECTOR.as_pointer())).align = 2
+        return builder.extract_element(builder.fdiv(most, _broadcast(_MAX_INT16)), ir.Constant(I32, 0))
 
     return signature(types.float32, block, types.intp, short, types.intp), generate
 
@@ -219,7 +224,7 @@ def loadshort8(typing, short, index):
 
     def generate(context, builder, sig, args):
         data = context.make_array(sig.args[0])(context, builder, args[0]).data
-        loaded = builder.load(builder.bitcast(builder.gep(data, [args[1]]), _SHORT.as_pointer()))
+        loaded = builder.load(builder.bitcast(builder.gep(data, [args[1]]), _INT16_VECTOR.as_pointer()))
         loaded.align = 2
         return builder.sitofp(builder.sext(loaded, ir.VectorType(I32, 8)), _VECTOR)
 

@@ -31,13 +31,13 @@ class Lanes(types.Type):
         super().__init__(name=f"Lanes({count} x {scalar})")
 
 
-def _element(kind: Lanes) -> ir.Type:
+def _llvm_element_type(kind: Lanes) -> ir.Type:
     return ir.DoubleType() if kind.scalar.bitwidth == 64 else ir.FloatType()
 
 
 def vector_of(kind: Lanes) -> ir.VectorType:
     """Returns the LLVM type of a vector register."""
-    return ir.VectorType(_element(kind), kind.count)
+    return ir.VectorType(_llvm_element_type(kind), kind.count)
 
 
 @register_model(Lanes)

@@ -179,10 +179,10 @@ class RepeatLimit(logging.Filter):
         # Each handler calls the filter. Store the decision, because all handlers need the same decision.
         decision = vars(record).get(_DECISION)
         if decision is None:
-            decision = vars(record)[_DECISION] = self._decide(record)
+            decision = vars(record)[_DECISION] = self._count_record(record)
         return bool(decision)
 
-    def _decide(self, record: logging.LogRecord) -> bool:
+    def _count_record(self, record: logging.LogRecord) -> bool:
         """Counts a record. Returns False if it must be dropped."""
         message, now = record.getMessage(), self._clock()
         key = record.name, record.levelno, message

@@ -230,11 +230,11 @@ def nearest_quaternion(m):
     k[1, 2] = (m[0, 1] + m[1, 0]) / scale
     k[1, 3] = (m[0, 2] + m[2, 0]) / scale
     k[2, 3] = (m[1, 2] + m[2, 1]) / scale
-    return _top_eigenvector(k)
+    return _largest_eigenvector(k)
 
 
 @njit(cache=True, nogil=True)
-def _top_eigenvector(k):
+def _largest_eigenvector(k):
     """Returns the unit eigenvector of the largest eigenvalue of the symmetric (4, 4) ``k`` (upper half)."""
     v = np.eye(4)
     for _ in range(16):

@@ -20,7 +20,7 @@ from scipy.sparse.linalg import splu
 
 from enliven.arrays import Float, Int, Int32
 from enliven.examples.baking.bake import bake_surface
-from enliven.examples.baking.maps import Maps, skinned
+from enliven.examples.baking.maps import Maps, skin_one_frame
 from enliven.examples.baking.nodes import EdgeGraph, Seeds
 from enliven.examples.baking.settings import BakeSettings
 from enliven.examples.baking.weights import fit_weights
@@ -57,7 +57,7 @@ def _round(mesh: Mesh, wanted: Float) -> Figure:
     indices[:, 0] = candidates[:, 0]
     weights = np.zeros((len(mesh.vertices), 4))
     weights[:, 0] = 1.0
-    start = Maps(mesh.vertices, pivots, indices, weights, _FREE).of(wanted)
+    start = Maps(mesh.vertices, pivots, indices, weights, _FREE).solve_maps(wanted)
     near, starts = net.lengths.indices.astype(np.int64), net.lengths.indptr.astype(np.int64)
 
     def ours() -> float:
@@ -65,7 +65,7 @@ def _round(mesh: Mesh, wanted: Float) -> Figure:
         own, weight = indices.copy(), weights.copy()
         flat = wanted.reshape(len(wanted), -1)
         fit_weights(mesh.vertices, flat, pivots, by_node, candidates, near, starts, 0.0, own, weight)
-        maps = Maps(mesh.vertices, pivots, own, weight, _FREE).of(wanted)
+        maps = Maps(mesh.vertices, pivots, own, weight, _FREE).solve_maps(wanted)
         return _off(mesh.vertices, pivots, own, weight, maps, wanted)
 
     fitted = ours()
@@ -146,7 +146,7 @@ def _off(rest: Float, pivots: Float, indices: Int, weights: Float, maps: Float, 
     """Returns the root mean square error, metres."""
     out, total = np.empty_like(rest), 0.0
     for frame in range(len(maps)):
-        skinned(rest, pivots, indices, weights, maps[frame], out)
+        skin_one_frame(rest, pivots, indices, weights, maps[frame], out)
         total += float(((out - wanted[:, frame]) ** 2).sum(1).mean())
     return float(np.sqrt(total / len(maps)))
 

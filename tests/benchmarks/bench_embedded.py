@@ -120,7 +120,7 @@ def _measure(nodes: int) -> Run:
                 solver.solve(targets)
                 each.append(1e3 * (time.perf_counter() - start))
                 counts.append(solver.iterations)
-                energies.append(solver.energy["total"])
+                energies.append(solver.energy_terms["total"])
             states.append(solver.state())
             times.append(each)
         # Every pass does the same work, so the shortest time is the least disturbed by other processes.
@@ -136,7 +136,7 @@ def _compare(run: Run, case: Problem, states: list, best: Float, energies: list[
     peer = PlainGaussNewton(case.graph, case.attachment)
     frames = np.linspace(_WARM, len(case.targets) - 1, COMPARED[nodes]).astype(int)
     for frame in frames:
-        peer.aim(case.targets[frame])
+        peer.set_targets(case.targets[frame])
         start = peer.pack(states[frame])
         least = min(
             peer.solve(start, lambda energy: False)[1],

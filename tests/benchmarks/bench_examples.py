@@ -27,7 +27,7 @@ from enliven.arrays import Float
 from enliven.document.example_settings import ExampleSettings
 from enliven.examples.live import LiveExamples
 from enliven.examples.mapping import ExampleMap
-from enliven.examples.performer import performed
+from enliven.examples.performer import extract_performer_clip
 from enliven.examples.poses import Examples
 from enliven.examples.suggest import SuggestSettings, suggest_poses
 from enliven.formats.motion.expmap import read_expmap
@@ -89,7 +89,7 @@ def figures() -> Iterator[Figure]:
 def traffic() -> Float:
     """Returns (F, 12, 3) poses, metres."""
     if TRAFFIC.is_file():
-        return performed(clip_of_capture(read_expmap(TRAFFIC), "traffic"), JOINTS).poses
+        return extract_performer_clip(clip_of_capture(read_expmap(TRAFFIC), "traffic"), JOINTS).poses
     rng = np.random.default_rng(1)
     t = np.arange(FRAMES)[:, None, None] * STEP
     waves = [np.sin(t * rng.uniform(0.5, 6, (12, 3)) + rng.uniform(0, 6, (12, 3))) for _ in range(3)]
@@ -109,7 +109,7 @@ def plain_solution(mapping: ExampleMap, poses: Float) -> Float:
     """Returns (F, P, 3) metres. The weights of all frames are one sparse least-squares system per control
     point.
     """
-    nodes = mapping.nodes(poses)
+    nodes = mapping.compute_nodes(poses)
     weight = mapping.settings.acceleration / (STEP * mapping.settings.rate) ** 2
     points, frames, most = nodes.right.shape
     places = np.empty((points, frames, 3))
@@ -129,7 +129,7 @@ def plain_solution(mapping: ExampleMap, poses: Float) -> Float:
         bent = bend @ to_places
         solution = spsolve((sparse.block_diag(blocks, "csc") + bent.T @ bent).tocsc(), right)
         places[p] = (to_places @ solution).reshape(frames, 3)
-    return mapping.in_metres(places)
+    return mapping.to_metres(places)
 
 
 def _least(job: Callable[[], object], repeats: int) -> float:

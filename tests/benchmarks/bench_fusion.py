@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from figure import Figure
-from fusion_measures import agreement, fused, jitter_mm
+from fusion_measures import agreement, fuse_streams, jitter_mm
 
 from enliven.frames import BodyFrame
 from enliven.person.body import Body
@@ -92,7 +92,7 @@ def _synthetic() -> Iterator[Figure]:
     yield Figure(f"{NAME}.calibration_error_deg", float(np.degrees(angle_between(pose, true))), "deg")
     yield Figure(f"{NAME}.calibration_clock_ms", clock, "ms")
     frames = {c.name: c.frames_in_level() for c in collectors}
-    both = list(fused(frames, space, Fuser(sensor_positions(space))))
+    both = list(fuse_streams(frames, space, Fuser(sensor_positions(space))))
     world = space.sensors["left"].camera @ invert(View("left", ()).world_from_camera)
 
     def errors(told: list[BodyFrame]) -> np.ndarray:
@@ -139,7 +139,7 @@ def _real(study: int) -> Iterator[Figure]:
     frames_of = {name: list(reader.read([path], ImportOptions(device=name))) for name in KINECTS}
     calibration = calibrate([stream_from_frames(name, frames) for name, frames in frames_of.items()])
     space = calibration.space()
-    both = list(fused(frames_of, space, Fuser(sensor_positions(space))))
+    both = list(fuse_streams(frames_of, space, Fuser(sensor_positions(space))))
     alone = [_in_space(frames_of[name], space, name) for name in KINECTS]
     minutes = (both[-1].time_ns - both[0].time_ns) / 6e10
     fits = [agreement(both, frames) for frames in alone]

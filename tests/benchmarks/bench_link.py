@@ -86,7 +86,7 @@ def figures() -> Iterator[Figure]:
     warm_up_tracking()
     with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
         store = KeyStore(Path(folder))
-        keys = store.make()
+        keys = store.create_own_pair()
         plain = _lap(stack, "plain", None, None)
         locked = _lap(stack, "locked", Access("locked", keys, store), keys)
         for k, frame in enumerate(frames):

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from figure import Figure
-from known_bodies import BODIES, KnownBody, limbs_found
+from known_bodies import BODIES, KnownBody, compare_limbs
 from turning_measures import measure_turning
 from turning_people import metres_from_bone
 
@@ -49,8 +49,8 @@ def figures() -> Iterator[Figure]:
         start = time.process_time()
         like = find_body_in_mesh(body.mesh, graph)
         times.append(1e3 * (time.process_time() - start))
-        limb_count += sum(limbs_found(like.joints, body).values())
-        before += sum(limbs_found(body_from_extremities(graph).joints, body).values())
+        limb_count += sum(compare_limbs(like.joints, body).values())
+        before += sum(compare_limbs(body_from_extremities(graph).joints, body).values())
         certain += not like.doubts
         fitted, joints = _in_fitted(body)
         off.append(100.0 * float(np.linalg.norm((joints - standing_figure())[_TRUNK].mean(0)[[0, 2]])))

@@ -36,7 +36,7 @@ from enliven.outputs.opening import open_outputs
 from enliven.outputs.osc_tree import OscOutput
 from enliven.outputs.output import LiveOutput
 from enliven.outputs.rokoko import RokokoOutput
-from enliven.outputs.settings import outputs_of
+from enliven.outputs.settings import collect_output_settings
 from enliven.outputs.vmc import VmcOutput
 from enliven.outputs.vrchat import VrchatOutput
 from enliven.person import Body, HumanPose, unity_position, unity_rotation
@@ -71,7 +71,7 @@ def figures() -> Iterator[Figure]:
     for name, output in (("vrchat", VrchatOutput()), ("rokoko", RokokoOutput()), ("osc", OscOutput())):
         yield Figure(f"out.{name}_us", _of_output(output, frame), "us")
     yield Figure("out.foxglove_us", _microseconds(_foxglove(), frame), "us")
-    packets = VmcOutput().packets(frame)
+    packets = VmcOutput().encode_packets(frame)
     yield Figure("out.vmc_bytes", float(sum(map(len, packets))), "bytes")
     yield Figure("out.vmc_packets", float(len(packets)), "packets")
     with SyntheticSensor(width=640, realtime=False) as sensor:
@@ -148,7 +148,7 @@ def _microseconds(convert: Callable[[LiveFrame], object], frame: LiveFrame) -> f
 
 
 def _of_output(output: LiveOutput, frame: LiveFrame) -> float:
-    return _microseconds(output.packets, frame)
+    return _microseconds(output.encode_packets, frame)
 
 
 def _foxglove() -> Callable[[LiveFrame], object]:
@@ -194,7 +194,7 @@ def _step_seconds(frames: list[DepthFrame], schemes: tuple[str, ...], rate: floa
             if scheme == "foxglove":
                 port = receiver.getsockname()[1]
                 receiver.close()
-        outputs = stack.enter_context(LiveOutputs(open_outputs(outputs_of(words, {}))))
+        outputs = stack.enter_context(LiveOutputs(open_outputs(collect_output_settings(words, {}))))
         while not outputs.outputs.is_ready:
             time.sleep(0.01)
         if "foxglove" in schemes:

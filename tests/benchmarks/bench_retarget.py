@@ -27,13 +27,13 @@ from limb_directions import limb_errors
 from random_rigs import random_rig
 from standing_feet import standing_slides
 
-from enliven.document import Clip, Shape, Skeleton
+from enliven.document import Clip, RiggedCharacter, Skeleton
 from enliven.exporters import sample_performance
 from enliven.exporters.gltf.write import build_glb
 from enliven.formats.gltf.read import read_gltf
-from enliven.mapping.automatic_mapping import automatic, retarget
+from enliven.mapping.automatic_mapping import create_automatic_plan, retarget
 from enliven.mapping.plan import Plan
-from enliven.mapping.quality import MotionQuality, quality_of
+from enliven.mapping.quality import MotionQuality, measure_quality
 from enliven.takes.files import read_take
 
 HERE = Path(__file__).parents[2]
@@ -141,7 +141,7 @@ def _convention(model: Path) -> str:
 def _pinned_glb(model: Path, take: Clip) -> bytes:
     """Returns the GLB that the command writes with ``--travel --pin``."""
     shape = read_gltf(model).shape
-    result = retarget(shape, take, replace(automatic(take, shape), travel=True, pin=True))
+    result = retarget(shape, take, replace(create_automatic_plan(take, shape), travel=True, pin=True))
     rate = min(60.0, 1.0 / take.step)
     return build_glb([sample_performance(result.project, result.shape_id, 0.0, result.duration, rate)])
 
@@ -161,7 +161,7 @@ def _people_figures() -> Iterator[Figure]:
             medians.append(max(float(np.median(some)) for some in errors.values()))
             p90s.append(max(float(np.percentile(some, 90)) for some in errors.values()))
             pinned = retarget(shape, take, replace(result.plan, travel=True, pin=True))
-            quality = quality_of(pinned.project, shape.id, take, pinned.duration, pinned.plan)
+            quality = measure_quality(pinned.project, shape.id, take, pinned.duration, pinned.plan)
             slides.append(quality.slide or 0.0)
             limb_text = ", ".join(f"{limb} {np.median(some):.1f}" for limb, some in errors.items())
             lines.append(f"{model.stem:26s} {path.stem:38s} {limb_text}; with --travel --pin: {quality}")
@@ -198,7 +198,7 @@ def _model_figures() -> Iterator[Figure]:
     yield Figure("retarget.symmetric_maps", 100.0 * float(symmetric.mean()), "%")
 
 
-def _pairs() -> Iterator[tuple[str, Shape, str, Clip]]:
+def _pairs() -> Iterator[tuple[str, RiggedCharacter, str, Clip]]:
     models = sorted(p for p in DATA.glob("gltf/*/*.gl*") if "static" not in p.parent.name)
     clips = sorted(DATA.glob("bvh/*/*.bvh"))
     for path in models:
@@ -217,10 +217,10 @@ def _take(path: Path) -> Clip:
     return read_take(path, None, 0.0, SECONDS)[0]
 
 
-def _measured(shape: Shape, take: Clip) -> tuple[MotionQuality, bool | None]:
-    plan = replace(automatic(take, shape), travel=True, pin=True)
+def _measured(shape: RiggedCharacter, take: Clip) -> tuple[MotionQuality, bool | None]:
+    plan = replace(create_automatic_plan(take, shape), travel=True, pin=True)
     result = retarget(shape, take, plan)
-    quality = quality_of(result.project, result.shape_id, take, result.duration, plan)
+    quality = measure_quality(result.project, result.shape_id, take, result.duration, plan)
     return quality, _symmetric(plan, shape.skeleton, result.model_facing)
 
 

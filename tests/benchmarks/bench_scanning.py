@@ -208,7 +208,7 @@ def _laid_down(chair: Mesh) -> Iterator[Figure]:
     yield Figure("scanning.found_again_mm", 1e3 * float(np.median(off)) if off else np.inf, "mm")
     start = time.perf_counter()
     scanner.close_loops()
-    mesh = scanner.joined()
+    mesh = scanner.merge_surfaces()
     yield Figure("scanning.join_s", time.perf_counter() - start, "s")
     points = _sampled(chair, 600_000)
     # The first image has the true pose, but the later path drifts, so the surfaces are aligned first.

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 from figure import Figure
-from scanned_things import THINGS
+from scanned_things import SCANNED_OBJECTS
 from scipy.spatial import cKDTree
 
 from enliven.meshes import Mesh
@@ -31,7 +31,7 @@ NEAR = 0.005
 
 def figures() -> Iterator[Figure]:
     """Yields the camera's error, the surface's error, and the completeness, of each object."""
-    for name, make in THINGS.items():
+    for name, make in SCANNED_OBJECTS.items():
         take, scanner = HandheldScan(make(), load_profile("kinect1"), PATH), Scanner()
         off, lost = list[float](), 0
         for index in range(0, take.frames, EVERY):

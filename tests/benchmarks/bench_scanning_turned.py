@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from chair_on_turntable import HELD, ROOM, STILL, THING, WAY
+from chair_on_turntable import CAMERA_PATH, HELD, ROOM, SCANNED_OBJECT, SETTLED
 from figure import Figure
 from scipy.spatial import cKDTree
 
@@ -30,7 +30,7 @@ from enliven_synthesis.sensor.moved_object import MovedObjectScan, MovingObject
 from enliven_synthesis.sensor.profile import load_profile
 
 WAYS: dict[str, tuple[MovingObject, HandheldPath, int]] = {
-    "turntable": (WAY, STILL, 405),
+    "turntable": (CAMERA_PATH, SETTLED, 405),
     "in_hands": (HandTurnedPath(), HELD, 465),
 }
 """Paths of chair and camera, and the number of images at 30 per second, including the time before the
@@ -46,7 +46,7 @@ def figures() -> Iterator[Figure]:
     """Yields the errors of the chair's pose and the camera's pose, the fraction of images used, and the mesh
     figures."""
     for name, (way, camera, images) in WAYS.items():
-        take = MovedObjectScan(THING, way, load_profile("kinect1"), camera, room=ROOM, width=640)
+        take = MovedObjectScan(SCANNED_OBJECT, way, load_profile("kinect1"), camera, room=ROOM, width=640)
         yield from _followed(name, take, images)
 
 
@@ -74,8 +74,8 @@ def _followed(name: str, take: MovedObjectScan, images: int) -> Iterator[Figure]
 
 def _mesh(name: str, made: Mesh) -> Iterator[Figure]:
     """Yields the distance of the aligned mesh from the chair, and the completeness."""
-    middle = np.mean(THING.bounds, axis=0) * [1, 0, 1]
-    truth = replace(THING, vertices=THING.vertices - middle)
+    middle = np.mean(SCANNED_OBJECT.bounds, axis=0) * [1, 0, 1]
+    truth = replace(SCANNED_OBJECT, vertices=SCANNED_OBJECT.vertices - middle)
     grid = make_nearest_grid(sample_surface(truth, 60_000), 0.006, 0.1)
     ((pose,), _) = align_from_starts(
         grid, sample_surface(made, 8000), np.eye(4)[None], 25, 0.01, (0.05, 0.003)

@@ -19,8 +19,8 @@ import numpy as np
 from figure import Figure
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
-from stereo_rig import calibration_of, rectified_left, rig
-from stereo_scene import Photographer, person, room
+from stereo_rig import calibration_of, create_lenses, rectified_left
+from stereo_scene import Renderer, person, room
 
 from enliven_edge.sensors.stereo.matching import StereoMatcher
 from enliven_edge.sensors.stereo.rectification import Rectification
@@ -56,7 +56,7 @@ class Plain:
 def figures() -> Iterator[Figure]:
     """Yields images per second, errors on a person at three distances, and the completeness on the person."""
     cv2.setNumThreads(1)
-    lenses = rig(WIDTH, HEIGHT)
+    lenses = create_lenses(WIDTH, HEIGHT)
     rectification = Rectification(calibration_of(*lenses))
     ours = StereoMatcher(rectification)
     peer = Plain(rectification, 64)
@@ -76,12 +76,12 @@ def figures() -> Iterator[Figure]:
 def _scene(lenses, rectification: Rectification, distance: float, seed: int) -> tuple[np.ndarray, ...]:
     """Returns (left, right, true depth in metres, mask of the person)."""
     walls = room(wall=distance + 1.5)
-    photographer = Photographer(walls + person(0.1 * seed, distance), seed)
+    photographer = Renderer(walls + person(0.1 * seed, distance), seed)
     images = [
-        photographer.picture(lens, gain=gain, vignette=0.3, noise=2.0)
+        photographer.render_image(lens, gain=gain, vignette=0.3, noise=2.0)
         for lens, gain in zip(lenses, (1.0, 1.08), strict=True)
     ]
-    truth, which = photographer.seen(rectified_left(rectification))
+    truth, which = photographer.render_hits(rectified_left(rectification))
     return *images, truth, which >= len(walls)
 
 

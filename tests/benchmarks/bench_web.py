@@ -18,7 +18,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-from browser import MISSING, open_browser
+from browser import MISSING_REASON, open_browser
 from figure import Figure
 from published_stage import INTERVAL_S, PublishedStage
 from websockets.sync.client import connect
@@ -47,7 +47,7 @@ def figures() -> Iterator[Figure]:
         thread.start()
         try:
             yield Figure("web.bytes_per_frame", measure_bytes(server, stage), "B")
-            if not MISSING:
+            if not MISSING_REASON:
                 yield Figure("web.latency_ms", measure_latency(server), "ms")
         finally:
             server.stop()

@@ -65,7 +65,7 @@ def listen(recogniser: Recogniser, sound: np.ndarray, noise: float) -> tuple[lis
     frames = (data[i : i + step] for i in range(0, len(data) - step + 1, step))
     phrases = [phrase for phrase in map(recogniser.feed, frames) if phrase is not None]
     while recogniser.is_busy:
-        recogniser.work()
+        recogniser.decode_next_part()
     return phrases, recogniser.take_not_understood()
 
 

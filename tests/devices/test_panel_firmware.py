@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from panel_for_tests import BUTTONS, LAMPS, MatchList
 
-LIT = Lamps(attract="breathing", possess="steady", locked="off", ill="flashing")
+LIT = Lamps(attract="breathing", possess="steady", locked="off", fault="flashing")
 NO_EDGE = 0.05
 """Fraction of time for which all lamps are lit without an edge: 100 ms of 2048."""
 

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
-from patience import until
+from patience import wait_until
 
 from enliven_edge.controls import serial_panel
 from enliven_edge.controls.control_set import Controls, open_controls
@@ -49,13 +49,13 @@ class Stand:
             self.heard += self._reader.poll()
             return len(self.heard) >= len(words)
 
-        until(heard, f"{words} after {self.heard}")
+        wait_until(heard, f"{words} after {self.heard}")
         assert self.heard == words
 
     def shows(self, **levels: float) -> None:
         """Waits until these lamps are lit for these fractions of time, and all others are dark."""
         wanted = {name: levels.get(name, 0.0) for name in LAMPS}
-        until(lambda: self.panel.levels() == pytest.approx(wanted, abs=0.02), f"lamps {wanted}")
+        wait_until(lambda: self.panel.levels() == pytest.approx(wanted, abs=0.02), f"lamps {wanted}")
 
     def close(self) -> None:
         self._open = False
@@ -84,7 +84,7 @@ def stand(panel, caplog):
     )
     with open_controls({"panel": settings}) as controls:
         opened = Stand(controls, panel)
-        until(opened.is_there)
+        wait_until(opened.is_there)
         yield opened
         opened.close()
 
@@ -95,7 +95,7 @@ def test_presses_arrive_and_lamps_are_set(stand):
     stand.says(list(WORDS))
     stand.lamps = STEADY
     stand.shows(possess=1.0, locked=1.0)
-    stand.lamps = Lamps(ill="steady")
+    stand.lamps = Lamps(fault="steady")
     stand.shows(ill=1.0)
 
 
@@ -127,9 +127,9 @@ def test_replugged_panel_works_again_each_time(stand, caplog):
     words = []
     for times in range(1, 4):
         stand.panel.unplug()
-        until(lambda: not stand.is_there())
+        wait_until(lambda: not stand.is_there())
         stand.panel.plug()
-        until(stand.is_there)
+        wait_until(stand.is_there)
         stand.panel.click(4)
         words.append("release")
         stand.says(words)
@@ -144,7 +144,7 @@ def test_watchdog_restart_of_hanging_firmware_is_reported(stand, caplog):
     stand.says(["possess"])
     with stand.panel.lock:
         stand.panel.board.hang()
-    until(lambda: "its watchdog started it again" in caplog.text)
+    wait_until(lambda: "its watchdog started it again" in caplog.text)
     stand.panel.click(2)
     stand.says(["possess", "join"])
     stand.shows(possess=1.0, locked=1.0)
@@ -154,10 +154,10 @@ def test_watchdog_restart_of_hanging_firmware_is_reported(stand, caplog):
 def test_silent_panel_is_searched_until_it_speaks(stand, caplog, monkeypatch):
     monkeypatch.setattr(serial_panel, "_SILENCE_TIMEOUT_S", 1.0)
     stand.panel.frozen = True
-    until(lambda: "the panel does not answer" in caplog.text)
+    wait_until(lambda: "the panel does not answer" in caplog.text)
     assert not stand.is_there()
     stand.panel.frozen = False
-    until(stand.is_there)
+    wait_until(stand.is_there)
     stand.panel.click(6)
     stand.says(["previous"])
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from made_bodies import bvh_text, horse, man, meshed, random_motion, spider
+from made_bodies import bvh_text, horse, man, random_motion, shape_with_markers, spider
 from made_bvh import danced, write_bvh
 from made_recording import write_recording
 from PIL import Image
@@ -77,13 +77,13 @@ def write_models(folder: Path) -> None:
     random = np.random.default_rng(0)
     for name, skeleton in (("HORSE", horse()), ("DEER", horse()), ("FOX", horse()), ("SPIDER", spider())):
         clip = random_motion(random, skeleton, name="Run")
-        project, _ = play_clip(Project(), meshed(name, skeleton), clip)
+        project, _ = play_clip(Project(), shape_with_markers(name, skeleton), clip)
         write_gltf(folder / f"{name}.glb", [sample_performance(project, name)], "Run")
 
 
 def _horse():
     """Returns a rigged horse, and a motion of the horse."""
-    return meshed("horse", horse()), random_motion(np.random.default_rng(1), horse(), name="Run")
+    return shape_with_markers("horse", horse()), random_motion(np.random.default_rng(1), horse(), name="Run")
 
 
 def _write_recordings(folder: Path) -> None:

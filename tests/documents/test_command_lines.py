@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 from blocks import PAGES, ROOT, TOOLS, Block, blocks_of
 
-from enliven.cli import HELP, application
+from enliven.cli import HELP, build_command_group
 from enliven_edge.sensors.registry import sensor_names
 
-GROUP = application()
+GROUP = build_command_group()
 MADE = ("-o", "--output", "--record", "--film", "--sheet", "--write-map", "--print")
 """Options that name an output file."""
 FILE = re.compile(r"(?:\w+=)?([\w/*.-]+\.[a-z]\w+)(?:#\w+)?")

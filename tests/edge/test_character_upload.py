@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from known_bodies import t_woman
-from patience import PATIENCE
+from patience import TIMEOUT_S
 from sample_meshes.chair import make_chair
 
 from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
@@ -45,7 +45,7 @@ from .stage.test_stage import FRAME, farthest, person
 MESH = make_chair(0.05)
 CHAIR = character_bytes(project_of_mesh(MESH, "chair"), "chair")
 SETTINGS = EdgeSettings(nodes=32)
-COMPILED_WITHIN = 10 * PATIENCE
+COMPILED_WITHIN = 10 * TIMEOUT_S
 """Timeout in seconds for preparing a character, including the compilation of its kernels."""
 
 
@@ -166,7 +166,7 @@ def test_no_message_sequence_harms_the_stage(data):
             assert error.remedy
         assert sum(each.order.size for each in uploads._waiting.values()) <= MAX_UPLOAD_BYTES
         assert len(uploads._waiting) <= 4
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + TIMEOUT_S
     while uploads._complete or uploads._preparing:
         uploads.poll()
         assert time.monotonic() < deadline

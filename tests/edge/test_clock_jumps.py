@@ -5,9 +5,9 @@ import time
 import uuid
 
 import pytest
-from patience import PATIENCE
+from patience import TIMEOUT_S
 
-from enliven.keys.pairing import PairingDesk
+from enliven.keys.pairing import PairingCodes
 from enliven.wire import BodiesMessage, StatusMessage
 from enliven_edge.liveness import ProgressReporter
 from enliven_edge.network.outlet import Outlet
@@ -66,9 +66,9 @@ def test_frames_go_on_with_true_latency_and_rate(tmp_path, jumping_clock) -> Non
         edge.run()
         progress.close()
         assert edge.frames == 30
-        assert 0.0 < edge.pace.latency_ms(0) <= edge.pace.latency_ms(100) < 1e3 * PATIENCE
+        assert 0.0 < edge.pace.latency_ms(0) <= edge.pace.latency_ms(100) < 1e3 * TIMEOUT_S
         assert 0.0 < edge.pace.fps < math.inf
-        assert 0.0 <= edge.tracker.output.latency < PATIENCE
+        assert 0.0 <= edge.tracker.output.latency < TIMEOUT_S
         heartbeats = [message for message in sent if isinstance(message, StatusMessage)]
         assert heartbeats and all(0.0 <= message.fps < 1e4 for message in heartbeats)
     offsets = {
@@ -93,9 +93,9 @@ def test_parts_get_free_names_when_the_clock_is_set_back(tmp_path, jumping_clock
 
 
 def test_pairing_code_does_not_expire_by_a_jump(jumping_clock) -> None:
-    desk = PairingDesk()
+    desk = PairingCodes()
     desk.open_for(1000.0)
     before = desk.seconds_left
     jumping_clock[0] = 400 * 24 * HOUR_S
     desk.poll()
-    assert before - PATIENCE < desk.seconds_left <= before
+    assert before - TIMEOUT_S < desk.seconds_left <= before

@@ -10,7 +10,7 @@ import time
 import uuid
 
 import pytest
-from patience import until
+from patience import wait_until
 
 from enliven.frames import BodyFrame
 from enliven.supervision.notify import Notifier, read_notification
@@ -102,11 +102,11 @@ def test_loop_that_hangs_is_not_reported(supervisor, monkeypatch) -> None:
     monkeypatch.setattr("enliven.supervision.notify._MIN_INTERVAL_S", 0.0)
     with ProgressReporter(supervisor.notifier) as progress:
         progress.publish_frame()
-        until(lambda: "WATCHDOG" in supervisor.take(), "the report")
+        wait_until(lambda: "WATCHDOG" in supervisor.take(), "the report")
         time.sleep(0.1)
         assert supervisor.take() == [], "no frame has come since"
         progress.publish_frame()
-        until(lambda: "WATCHDOG" in supervisor.take(), "the next report")
+        wait_until(lambda: "WATCHDOG" in supervisor.take(), "the next report")
 
 
 def test_frame_that_is_not_published_is_no_progress(supervisor, monkeypatch) -> None:
@@ -155,18 +155,18 @@ def test_lost_camera_waits_and_a_hanging_driver_does_not() -> None:
         for _ in range(20):
             assert not read() and sensor.is_waiting
         driver.opens.set()
-        until(read, "a frame")
+        wait_until(read, "a frame")
         assert not sensor.is_waiting, "frames come"
         driver.hangs.set()
-        until(lambda: not read() and not sensor.is_waiting, "the call that hangs")
+        wait_until(lambda: not read() and not sensor.is_waiting, "the call that hangs")
         driver.released.set()
 
 
 def test_start_is_extended_while_a_step_runs_and_not_after(supervisor, monkeypatch) -> None:
     monkeypatch.setattr("enliven_edge.liveness._EXTENSION_INTERVAL_S", 0.01)
     with extend_start_timeout(supervisor.notifier, 60.0):
-        until(lambda: supervisor.take().count("EXTEND_TIMEOUT_USEC"), "the first request")
-        until(lambda: supervisor.take().count("EXTEND_TIMEOUT_USEC"), "another request")
+        wait_until(lambda: supervisor.take().count("EXTEND_TIMEOUT_USEC"), "the first request")
+        wait_until(lambda: supervisor.take().count("EXTEND_TIMEOUT_USEC"), "another request")
     supervisor.take()
     time.sleep(0.05)
     assert supervisor.take() == []
@@ -181,7 +181,7 @@ def test_state_for_the_health_page_is_written(tmp_path, monkeypatch) -> None:
     status = StatusMessage("floor", 1, 1, 0, "oak", "tracking", fps=29.5, latency_p99_ms=12.0, performers=2)
     progress = ProgressReporter(None, "floor", lambda: status, tmp_path)
     progress.publish_frame(61.5)
-    until(lambda: [r for r in read_services(tmp_path) if r.figures["frames"]], "the state")
+    wait_until(lambda: [r for r in read_services(tmp_path) if r.figures["frames"]], "the state")
     progress.close()
     (record,) = read_services(tmp_path)
     assert (record.name, record.pid, record.status) == ("edge floor", os.getpid(), "tracking, oak")
@@ -199,7 +199,7 @@ def test_first_frame_is_recorded_at_once(tmp_path, monkeypatch) -> None:
     status = StatusMessage("edge", 1, 1, 0, "oak", "tracking")
     progress = ProgressReporter(None, "edge", lambda: status, tmp_path)
     progress.publish_frame()
-    until(lambda: [r for r in read_services(tmp_path) if r.progress_s], "the state")
+    wait_until(lambda: [r for r in read_services(tmp_path) if r.progress_s], "the state")
     progress.close()
 
 
@@ -209,6 +209,6 @@ def test_folder_that_cannot_be_written_is_reported_once(tmp_path, caplog, monkey
     (tmp_path / "file").write_text("")
     status = StatusMessage("floor", 1, 1, 0)
     with ProgressReporter(None, "floor", lambda: status, tmp_path / "file"):
-        until(lambda: caplog.records, "the warning")
+        wait_until(lambda: caplog.records, "the warning")
         time.sleep(0.1)
     assert len(caplog.records) == 1 and "cannot be written" in caplog.text

@@ -8,7 +8,7 @@ import uuid
 import msgspec
 import numpy as np
 import pytest
-from patience import PATIENCE
+from patience import TIMEOUT_S
 
 from enliven.frames import BodyFrame, Frame
 from enliven.health import HealthKind
@@ -110,7 +110,7 @@ def test_heartbeat_reports_problems_and_late_frames_are_dropped(outlet, tmp_path
 def test_silent_sensor_is_reported_while_it_is_silent(outlet):
     with SyntheticSensor(choreography="idle", width=160, realtime=False) as sensor:
         frames = [sensor.read() for _ in range(3)]
-    reported = serve([*frames[:2], *[None] * 3, frames[2]], outlet, silent=PATIENCE)
+    reported = serve([*frames[:2], *[None] * 3, frames[2]], outlet, silent=TIMEOUT_S)
     assert HealthKind.NO_FRAMES not in reported[1]
     assert HealthKind.NO_FRAMES not in reported[-1]
 
@@ -170,7 +170,7 @@ def test_a_viewer_may_turn_a_performer_s_smoothing_off(outlet, tmp_path):
     ]
     answers = []
     with contextlib.closing(EdgeClient([outlet.publisher.endpoint])) as link:
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + TIMEOUT_S
         while link.status is None and time.monotonic() < deadline:
             link.poll()
             outlet.publisher.poll()

@@ -19,7 +19,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import zstandard
-from archived_depth import archived
+from archived_depth import encode_archived
 from fuzz_law import Mutator
 from fuzz_mutations import MOST_BYTES, mutated, mutated_tree
 from mcap.data_stream import ReadDataStream
@@ -254,7 +254,7 @@ def _take_records() -> tuple[tuple[str, str, bytes, int], ...]:
 
 def depth_payloads() -> tuple[bytes, ...]:
     """Returns the depth image in both codecs: the current one and that of older recordings."""
-    return encode_depth(depth().depth), archived(depth().depth)
+    return encode_depth(depth().depth), encode_archived(depth().depth)
 
 
 def depth_payload(data: bytes, other: bytes, dice: Random) -> bytes:

@@ -33,7 +33,7 @@ from pythonosc.osc_message_builder import build_msg
 from enliven.errors import EnlivenError
 from enliven.keys.curve import CurveError, CurveServer
 from enliven.keys.key_files import KeyStore, PairedEdge, PairedViewer
-from enliven.keys.pairing import EdgeExchange, Introduction, PairingError, ViewerExchange
+from enliven.keys.pairing import EdgePairing, Introduction, PairingError, ViewerPairing
 from enliven.wire import convert, convert_characters, envelope, streams, topics
 from enliven.wire import requests as asks
 from enliven.wire.characters import CharacterMessage
@@ -259,13 +259,13 @@ def _introductions() -> tuple[bytes, ...]:
 
 
 @cache
-def _exchange() -> tuple[EdgeExchange, bytes]:
+def _exchange() -> tuple[EdgePairing, bytes]:
     """Returns the edge's side of a pairing, and the key of boxes to it."""
     from enliven.keys import pairing
 
-    viewer = ViewerExchange("123456")
-    edge = EdgeExchange("123456", viewer.message)
-    viewer.introduce(edge.message, Introduction(bytes(32), "viewer", "watch"))
+    viewer = ViewerPairing("123456")
+    edge = EdgePairing("123456", viewer.message)
+    viewer.encrypt_introduction(edge.message, Introduction(bytes(32), "viewer", "watch"))
     return edge, pairing._side_key(viewer._key, pairing._VIEWER)
 
 
@@ -273,12 +273,12 @@ def _pairing(data: bytes, folder: Path) -> None:
     """Sends the bytes as the content of a correct box, as the box, and, if they fit, as the first message."""
     edge, key = _exchange()
     with contextlib.suppress(PairingError):
-        edge.read(data)
+        edge.decrypt_introduction(data)
         raise AssertionError("a box of a stranger was opened")
     if len(data) == 33:
-        EdgeExchange("123456", data)
+        EdgePairing("123456", data)
         return
-    learnt = edge.read(bytes(SecretBox(key).encrypt(data)))
+    learnt = edge.decrypt_introduction(bytes(SecretBox(key).encrypt(data)))
     assert len(learnt.public) == 32 and learnt.name.isprintable()
 
 
@@ -295,7 +295,11 @@ def _key_files() -> Iterator[bytes]:
 def _keys(data: bytes, folder: Path) -> None:
     """Reads the bytes as each kind of file."""
     store, refusals = KeyStore(folder / "keys"), []
-    for place, read in (("own", store.own), ("viewers/a", store.viewers), ("edges/a", store.edges)):
+    for place, read in (
+        ("own", store.load_own_pair),
+        ("viewers/a", store.load_viewers),
+        ("edges/a", store.load_edges),
+    ):
         path = folder / "keys" / f"{place}.toml"
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         path.write_bytes(data)

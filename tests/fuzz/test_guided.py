@@ -9,7 +9,7 @@ import fuzz_guided
 import fuzz_law
 import pytest
 import run
-from patience import until
+from patience import wait_until
 
 atheris = pytest.importorskip("atheris", reason="atheris is not installed: pip install atheris")
 
@@ -52,7 +52,7 @@ def test_coverage_leads_to_a_deep_fault(turn):
         turns.append(turn(deep))
         return turns[-1][1]
 
-    until(found, "the input that breaks the reader")
+    wait_until(found, "the input that breaks the reader")
     result, kept = turns[-1]
     assert kept[0].read_bytes()[:2] == b"\xe1\x3b" and str(kept[0]) in result.broken[0]
 

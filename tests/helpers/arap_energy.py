@@ -5,7 +5,7 @@ import math
 from enliven.kernels import njit
 
 
-def energy(solver):
+def total_energy(solver):
     """Returns eq. 4 of the shape state, with each cell at its best rotation and scale, plus the terms of soft
     handles."""
     solver._fit_cells()

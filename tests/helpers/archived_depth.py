@@ -8,14 +8,19 @@ import numpy as np
 from enliven.kernels import njit
 from enliven.recording import depth_entropy
 from enliven.recording.depth_codec import _depth_levels
-from enliven.recording.depth_entropy import QUESTIONS, UNARY, _context_index, _update_state
+from enliven.recording.depth_entropy import (
+    MAX_UNARY_LENGTH,
+    STATES_PER_CONTEXT,
+    _context_index,
+    _update_state,
+)
 from enliven.recording.depth_kernels import predict_level
 
 _HOLE_STATES, _LARGE_STATES_START = depth_entropy._HOLE_STATES, depth_entropy._LARGE_STATES_START
 _TABLE_STATES_START, _STATE_COUNT = depth_entropy._TABLE_STATES_START, depth_entropy._STATE_COUNT
 
 
-def archived(depth):
+def encode_archived(depth):
     """Returns the payload of an (H, W) uint16 image in packing 1 of LAYOUT. Noise makes it larger than the
     image."""
     depth = np.require(depth, requirements=["C", "W", "A"])
@@ -29,7 +34,7 @@ def archived(depth):
 
 
 @njit(cache=True, nogil=True)
-def _put(coder, out, odds, bit):
+def _encode_bit(coder, out, odds, bit):
     """Encodes one bit. ``coder`` is (3,) int64: low bound, high bound, bytes written."""
     low, high = coder[0], coder[1]
     width = high - low
@@ -46,35 +51,35 @@ def _put(coder, out, odds, bit):
 
 
 @njit(cache=True, nogil=True)
-def _ask(coder, data, states, at, bit):
+def _encode_bit_with_state(coder, data, states, at, bit):
     """Encodes one bit with the probability of a state."""
-    _put(coder, data, int(states[at]) >> 8, bit)
+    _encode_bit(coder, data, int(states[at]) >> 8, bit)
     _update_state(states, at, bit)
 
 
 @njit(cache=True, nogil=True)
-def _residual(coder, data, states, base, r):
+def _encode_residual(coder, data, states, base, r):
     """Encodes a residual: whether it is zero, then its sign, then its size, first in unary and then in
     bits.
     """
-    _ask(coder, data, states, base, int(r == 0))
+    _encode_bit_with_state(coder, data, states, base, int(r == 0))
     if r == 0:
         return
-    _ask(coder, data, states, base + 1, int(r < 0))
+    _encode_bit_with_state(coder, data, states, base + 1, int(r < 0))
     size = abs(r)
-    for m in range(1, UNARY + 1):
-        _ask(coder, data, states, base + 1 + m, int(size == m))
+    for m in range(1, MAX_UNARY_LENGTH + 1):
+        _encode_bit_with_state(coder, data, states, base + 1 + m, int(size == m))
         if size == m:
             return
-    rest, bits = size - UNARY, 0
+    rest, bits = size - MAX_UNARY_LENGTH, 0
     while bits < 17:
         last = int(rest >> (bits + 1) == 0)
-        _ask(coder, data, states, _LARGE_STATES_START + bits, last)
+        _encode_bit_with_state(coder, data, states, _LARGE_STATES_START + bits, last)
         if last:
             break
         bits += 1
     for b in range(bits - 1, -1, -1):
-        _put(coder, data, 32768, (rest >> b) & 1)
+        _encode_bit(coder, data, 32768, (rest >> b) & 1)
 
 
 @njit(cache=True, nogil=True)
@@ -83,7 +88,7 @@ def _write_table(values, data, coder, states):
     former, size = 1, 0
     for level in range(1, values.size):
         step = int(np.int64(values[level])) - int(np.int64(values[level - 1]))
-        _residual(coder, data, states, _TABLE_STATES_START + size * QUESTIONS, step - former)
+        _encode_residual(coder, data, states, _TABLE_STATES_START + size * STATES_PER_CONTEXT, step - former)
         former, size = step, min(abs(step - former), 3)
 
 
@@ -103,15 +108,15 @@ def _write_image(depth, ranks, count, data, coder, states):
             )
             v = int(np.int64(ranks[depth[y, x - 2]]))
             row[x], error[x] = 0, 0
-            _ask(coder, data, states, holes, int(v == 0))
+            _encode_bit_with_state(coder, data, states, holes, int(v == 0))
             if v == 0:
                 continue
             p = predict_level(w, n, nw, ne, last)
             recent = error[x - 1] + former[x] + ((former[x - 1] + former[x + 1]) >> 1)
             r = v - p
             r = r - count if r > half else (r + count if r < least else r)
-            base = _HOLE_STATES + _context_index(w, ww, n, ne, p, recent) * QUESTIONS
-            _residual(coder, data, states, base, r)
+            base = _HOLE_STATES + _context_index(w, ww, n, ne, p, recent) * STATES_PER_CONTEXT
+            _encode_residual(coder, data, states, base, r)
             row[x], error[x], last = v, min(abs(r), 2000), v
 
 

@@ -20,9 +20,9 @@ from PIL import Image
 from three_viewer import CHROMIUM, CHROMIUM_OPTIONS
 from websockets.sync.client import connect
 
-MISSING = "" if CHROMIUM else "Chromium is not installed"
+MISSING_REASON = "" if CHROMIUM else "Chromium is not installed"
 """The reason why no page can be opened; empty if everything is installed."""
-_PATIENCE_S = 180.0
+_TIMEOUT_S = 180.0
 """Timeout of a condition or a command, seconds. Ten pages share one processor, which also renders in
 software.
 """
@@ -37,7 +37,7 @@ class Page:
 
     def __init__(self, address: str) -> None:
         self._stack = contextlib.ExitStack()
-        self._socket = self._stack.enter_context(connect(address, max_size=None, open_timeout=_PATIENCE_S))
+        self._socket = self._stack.enter_context(connect(address, max_size=None, open_timeout=_TIMEOUT_S))
         self._number = 0
         self.errors: list[str] = []
         self.call("Runtime.enable")
@@ -48,7 +48,7 @@ class Page:
         self._number += 1
         self._socket.send(json.dumps({"id": self._number, "method": method, "params": parameters}))
         while True:
-            message = json.loads(self._socket.recv(timeout=_PATIENCE_S))
+            message = json.loads(self._socket.recv(timeout=_TIMEOUT_S))
             if message.get("method") == "Runtime.exceptionThrown":
                 self.errors.append(json.dumps(message["params"]["exceptionDetails"])[:2000])
             if message.get("id") == self._number:
@@ -63,7 +63,7 @@ class Page:
             raise PageError(f"{script}: {json.dumps(result['exceptionDetails'])[:2000]}")
         return result["result"].get("value")
 
-    def wait_for(self, condition: str, seconds: float = _PATIENCE_S) -> None:
+    def wait_for(self, condition: str, seconds: float = _TIMEOUT_S) -> None:
         """Waits until a JavaScript expression is true."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
@@ -106,7 +106,7 @@ class Browser:
     def open(self, address: str = "about:blank") -> Page:
         """Opens an empty page and then loads the address, so that errors of all scripts are reported."""
         request = urllib.request.Request(f"{self._base}/json/new?about:blank", method="PUT")
-        with urllib.request.urlopen(request, timeout=_PATIENCE_S) as response:
+        with urllib.request.urlopen(request, timeout=_TIMEOUT_S) as response:
             page = Page(json.load(response)["webSocketDebuggerUrl"])
         # Otherwise Chromium hides all pages except one, and a hidden page pauses.
         page.call("Emulation.setFocusEmulationEnabled", enabled=True)
@@ -142,7 +142,7 @@ def open_browser(folder: Path, *options: str) -> Iterator[Browser]:
 
 def _wait_for_port(path: Path) -> int:
     """Returns the port that Chromium writes to a file when it is ready."""
-    end = time.monotonic() + _PATIENCE_S
+    end = time.monotonic() + _TIMEOUT_S
     while time.monotonic() < end:
         with contextlib.suppress(OSError, ValueError, IndexError):
             return int(path.read_text().splitlines()[0])

@@ -11,7 +11,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Character, GraphPart, GraphShape, Pose, PoseStream, Project, SkinWeights, unused
+from enliven.document import (
+    Character,
+    GraphCharacter,
+    GraphPart,
+    Pose,
+    PoseStream,
+    Project,
+    SkinWeights,
+    unused,
+)
 from enliven.document.rig import RigBase
 from enliven.document.time_map import LayerBase
 from enliven.meshes import Mesh
@@ -103,7 +112,7 @@ class CageRig(RigEdits):
         vertices, corners = cage.mesh.vertices.astype(np.float32), cage.corners.astype(np.float32)
         return Character(cage.id, vertices, cage.mesh.faces, skin, corners, edges)
 
-    def player(self, project: Project, cage: Cage) -> Player:
+    def create_player(self, project: Project, cage: Cage) -> Player:
         def at(time: float) -> CharacterState:
             corners = self.corners_at(project, cage, time)
             linear = np.tile(cage.linear.astype(np.float32), (4, 1, 1))
@@ -113,7 +122,7 @@ class CageRig(RigEdits):
 
         return at
 
-    def dragged(self, project: Project, cage: Cage, handle: int, place: Float, time: float) -> Project:
+    def drag_handle(self, project: Project, cage: Cage, handle: int, place: Float, time: float) -> Project:
         bent = np.array(cage.bent)
         bent[handle] += np.linalg.solve(cage.linear, place - self.corners_at(project, cage, time)[handle])
         return project.with_characters(cage.with_changes(bent=bent))
@@ -124,21 +133,21 @@ class CageRig(RigEdits):
     def scaled(self, cage: Cage, factor: float) -> Cage:
         return _mapped(cage, factor * np.eye(3), self.centre(cage), self.centre(cage))
 
-    def mirrored(self, project: Project, cage: Cage, axes: Axes) -> Cage:
+    def mirror(self, project: Project, cage: Cage, axes: Axes) -> Cage:
         inside_out = replace(cage.mesh, faces=np.ascontiguousarray(cage.mesh.faces[:, ::-1]))
         mapped = _mapped(cage, axes.vectors(np.eye(3)).T, self.centre(cage), self.centre(cage))
         return mapped.with_changes(mesh=inside_out)
 
-    def as_graph(
+    def convert_to_graph_shape(
         self, project: Project, cage: Cage, times: Float, stream_id: str
-    ) -> tuple[GraphShape, PoseStream, str]:
-        drawn, player = self.drawn(cage), self.player(project, cage)
+    ) -> tuple[GraphCharacter, PoseStream, str]:
+        drawn, player = self.drawn(cage), self.create_player(project, cage)
         poses = [player(float(time)) for time in times]
         linear = np.array([posed.pose.linear for posed in poses], np.float64)
         moved = np.array([posed.handles for posed in poses])
         part = GraphPart(stream_id, np.arange(4), offset=float(times[0]))
         stream = PoseStream(stream_id, linear, moved, float(times[1] - times[0]))
-        return GraphShape(cage.id, cage.corners, drawn.edges, cage.mesh, drawn.skin, (part,)), stream, ""
+        return GraphCharacter(cage.id, cage.corners, drawn.edges, cage.mesh, drawn.skin, (part,)), stream, ""
 
     def cut(
         self, project: Project, name: str, stroke: CutSurface, time: float, *, notes: list[str]

@@ -60,7 +60,7 @@ class CageActor(Actor):
         self.holds = [Grip(body.id, np.array(body.joints[list(JOINTS)]))]
 
     def release(self, body: int | None = None) -> None:
-        self._need_holder(body, ("hold", "held"))
+        self._require_holder(body, ("hold", "held"))
         self.holds = []
 
     def cues(self, bodies: list[Body]) -> Cues:

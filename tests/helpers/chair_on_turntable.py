@@ -11,12 +11,12 @@ from enliven_synthesis.sensor.turntable_object import TurntablePath
 
 _CHAIR = load_sample("chair")
 _MIDDLE = np.mean(_CHAIR.bounds, axis=0) * [1, 0, 1] + [0, _CHAIR.bounds[0][1], 0]
-THING = replace(_CHAIR, vertices=0.5 * (_CHAIR.vertices - _MIDDLE))
-WAY = TurntablePath(begins=1.5, period=12.0)
-STILL = HandheldPath(target=(0.0, 0.2, 0.0), radius=1.5, height=(1.1, 1.1), turns=0.0, sway=0.02, shake=0.0)
-HELD = replace(STILL, target=(0.0, 0.62, 0.0))
+SCANNED_OBJECT = replace(_CHAIR, vertices=0.5 * (_CHAIR.vertices - _MIDDLE))
+CAMERA_PATH = TurntablePath(begins=1.5, period=12.0)
+SETTLED = HandheldPath(target=(0.0, 0.2, 0.0), radius=1.5, height=(1.1, 1.1), turns=0.0, sway=0.02, shake=0.0)
+HELD = replace(SETTLED, target=(0.0, 0.62, 0.0))
 """The same camera path for a chair that is lifted by a quarter of a metre."""
-LEVEL = replace(STILL, target=(0.0, 1.05, 0.0))
+LEVEL = replace(SETTLED, target=(0.0, 1.05, 0.0))
 """The same path with a level camera: it does not see the floor within two metres."""
 ROOM = (
     Box((-3.0, -0.1, -3.0), (3.0, 0.0, 3.0)),

@@ -9,11 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from known_bodies import skin
+from known_bodies import extract_surface_of_capsules
 
 from enliven import rotation
 from enliven.arrays import Float, Int32
-from enliven.deformation.graph.connectivity import find_weak_edges, joining_edges
+from enliven.deformation.graph.connectivity import find_joining_edges, find_weak_edges
 from enliven.deformation.graph.graph import DeformationGraph
 from enliven.meshes import Mesh
 
@@ -97,14 +97,14 @@ def random_bones(rng: np.random.Generator) -> Bones:
                 parent = bones.grow(parent, at, length * mirrored, (thin, 0.8 * thin))
                 at, way = bones.end[parent], _unit(way) + bend
     if rng.random() < 0.7:
-        _chain(bones, 0, bones.start[0], -forward, rng, int(rng.integers(3, 7)), rng.uniform(0.015, 0.05))
+        _add_chain(bones, 0, bones.start[0], -forward, rng, int(rng.integers(3, 7)), rng.uniform(0.015, 0.05))
     for side in (-1.0, 1.0) if rng.random() < 0.7 else ():
         way = forward + np.array([side * 0.5, 0.4, 0.0])
-        _chain(bones, trunk - 1, bones.end[trunk - 1], way, rng, 3, 0.012)
+        _add_chain(bones, trunk - 1, bones.end[trunk - 1], way, rng, 3, 0.012)
     return bones
 
 
-def _chain(
+def _add_chain(
     bones: Bones, parent: int, at: Float, way: Float, rng: np.random.Generator, count: int, thin: float
 ) -> None:
     """Adds a tail or an antenna."""
@@ -113,7 +113,7 @@ def _chain(
         at, way = bones.end[parent], _unit(way) + 0.3 * rng.normal(size=3)
 
 
-def swings(
+def generate_swings(
     bones: Bones, points: Float, of: Int32, rng: np.random.Generator, frames: int, pace: float
 ) -> Float:
     """Returns (F, L, 3) paths of points on bones ``of`` (L,). Every joint swings; the first bone also travels
@@ -153,17 +153,19 @@ def bone_graph(bones: Bones, count: int, rng: np.random.Generator) -> tuple[Defo
     of = np.concatenate([np.arange(len(start)), rng.choice(len(start), count, p=size / size.sum())])[:count]
     along = rng.random(count)[:, None]
     out = rng.normal(size=(count, 3))
-    out -= (out * (end - start)[of]).sum(1, keepdims=True) * _directions(end - start)[of]
+    out -= (out * (end - start)[of]).sum(1, keepdims=True) * _scaled_directions(end - start)[of]
     out /= np.linalg.norm(out, axis=1, keepdims=True)
     positions = start[of] + along * (end - start)[of] + radius[of].mean(1)[:, None] * out
     apart = np.linalg.norm(positions[:, None] - positions[None], axis=2)
     pairs = np.sort(np.stack([np.repeat(np.arange(count), 4), np.argsort(apart, 1)[:, 1:5].ravel()], 1), 1)
-    edges = np.unique(np.concatenate([pairs, joining_edges(count, pairs, apart)]), axis=0).astype(np.int32)
+    edges = np.unique(np.concatenate([pairs, find_joining_edges(count, pairs, apart)]), axis=0).astype(
+        np.int32
+    )
     bridges, cuts, hanging = find_weak_edges(count, edges)
     return DeformationGraph(positions, out, np.zeros(count, np.int32), edges, hanging, bridges, cuts, 0.1), of
 
 
-def _directions(ways: Float) -> Float:
+def _scaled_directions(ways: Float) -> Float:
     """Returns (B, 3) the bone vectors divided by their squared lengths."""
     return ways / (ways**2).sum(1, keepdims=True)
 
@@ -180,7 +182,7 @@ def random_problem(seed: int, nodes: int, frames: int, pace: float) -> Creature:
     weights = 1.0 / (np.take_along_axis(apart, indices, 1) + 0.05)
     weights /= weights.sum(1, keepdims=True)
     held = (graph.positions[indices] * weights[..., None]).sum(1) + 0.01 * rng.normal(size=(nodes, 3))
-    targets = swings(bones, held, of[chosen], rng, frames, pace)
+    targets = generate_swings(bones, held, of[chosen], rng, frames, pace)
     targets[1:] += 0.003 * rng.normal(size=targets[1:].shape)
     return Creature(
         Mesh(graph.positions, np.empty((0, 3), np.int32)), graph, Points(held, indices, weights), targets
@@ -196,7 +198,7 @@ def random_creature(seed: int, nodes: int = 128, frames: int = 60, pace: float =
     rng = np.random.default_rng(seed)
     bones = random_bones(rng)
     capsules = [(a, b, *r) for a, b, r in zip(bones.start, bones.end, bones.radius, strict=True)]
-    mesh = skin(f"creature {seed}", capsules, cell=0.02, soft=0.006)
+    mesh = extract_surface_of_capsules(f"creature {seed}", capsules, cell=0.02, soft=0.006)
     graph = DeformationGraph.build(mesh, nodes=nodes)
     weights = graph.skin(mesh)
     chosen, of = [], []
@@ -217,6 +219,6 @@ def random_creature(seed: int, nodes: int = 128, frames: int = 60, pace: float =
         np.ascontiguousarray(weights.indices[picked], np.int32),
         np.asarray(weights.weights[picked], np.float64),
     )
-    targets = swings(bones, points.points, of, rng, frames, pace)
+    targets = generate_swings(bones, points.points, of, rng, frames, pace)
     targets[1:] += 0.003 * rng.normal(size=targets[1:].shape)
     return Creature(mesh, graph, points, targets)

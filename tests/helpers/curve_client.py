@@ -59,5 +59,5 @@ class Client:
         box = sodium.crypto_box_afternm(bytes([flags]) + data, b"CurveZMQMESSAGEC" + count, self.shared)
         return b"\x07MESSAGE" + count + box
 
-    def opened(self, sealed: bytes) -> bytes:
+    def decrypt(self, sealed: bytes) -> bytes:
         return sodium.crypto_box_open_afternm(sealed[16:], b"CurveZMQMESSAGES" + sealed[8:16], self.shared)

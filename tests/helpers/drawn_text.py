@@ -34,10 +34,12 @@ class Letters:
 
 def drawn_letters() -> list[Letters]:
     """Returns the letters drawn in the last frame, per draw list. Call it before the next frame."""
-    return [letters for part in imgui.get_draw_data().cmd_lists if (letters := _letters(part)) is not None]
+    return [
+        letters for part in imgui.get_draw_data().cmd_lists if (letters := _find_letters(part)) is not None
+    ]
 
 
-def _letters(drawn) -> Letters | None:
+def _find_letters(drawn) -> Letters | None:
     """Returns the letters of a draw list: pairs of triangles with non-zero width in the texture."""
     vertices, indices = drawn.vtx_buffer, drawn.idx_buffer
     if not len(vertices) or not len(indices):
@@ -78,7 +80,7 @@ def _letters(drawn) -> Letters | None:
     return Letters(str(drawn._owner_name), *(np.array(part, float) for part in columns))
 
 
-def seen(letters: Letters) -> Letters:
+def visible_letters(letters: Letters) -> Letters:
     """Returns the letters that are at least partly inside their clip rectangle."""
     low = np.maximum(letters.places[:, :2], letters.clips[:, :2])
     high = np.minimum(letters.places[:, 2:], letters.clips[:, 2:])
@@ -86,7 +88,7 @@ def seen(letters: Letters) -> Letters:
     return Letters(letters.window, letters.places[inside], letters.texels[inside], letters.clips[inside])
 
 
-def _key(texel: np.ndarray) -> tuple[float, ...]:
+def _texture_key(texel: np.ndarray) -> tuple[float, ...]:
     """Returns a letter's texture coordinates without its right end, which a widget may cut off."""
     return tuple(round(float(texel[k]), 5) for k in (0, 1, 3))
 
@@ -99,14 +101,14 @@ def cut_letters(lists: list[Letters]) -> list[tuple[str, list[float]]]:
     widths: dict[tuple[float, ...], float] = {}
     for letters in lists:
         for texel in letters.texels:
-            widths[_key(texel)] = max(widths.get(_key(texel), 0.0), texel[2] - texel[0])
+            widths[_texture_key(texel)] = max(widths.get(_texture_key(texel), 0.0), texel[2] - texel[0])
     wrong = []
-    for letters in map(seen, lists):
+    for letters in map(visible_letters, lists):
         over = np.maximum(
             letters.clips[:, 0] - letters.places[:, 0], letters.places[:, 2] - letters.clips[:, 2]
         )
         for place, texel, beyond in zip(letters.places, letters.texels, over, strict=True):
-            widest = widths[_key(texel)]
+            widest = widths[_texture_key(texel)]
             if beyond > _CUT_PX or texel[2] - texel[0] < _TRIMMED * widest:
                 wrong.append((letters.window, [round(float(x), 1) for x in place]))
     return wrong
@@ -115,7 +117,7 @@ def cut_letters(lists: list[Letters]) -> list[tuple[str, list[float]]]:
 def overlapping_letters(lists: list[Letters]) -> list[tuple[str, list[float], list[float]]]:
     """Returns the window and both rectangles of overlapping letters within one draw list."""
     wrong = []
-    for letters in map(seen, lists):
+    for letters in map(visible_letters, lists):
         places = letters.places
         area = (places[:, 2] - places[:, 0]) * (places[:, 3] - places[:, 1])
         low = np.maximum(places[:, None, :2], places[None, :, :2])

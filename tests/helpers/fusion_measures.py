@@ -17,9 +17,9 @@ from enliven_edge.fusion.live.merge import OutputSchedule, transform_bodies
 
 _LONGEST_STEP = 0.06
 """Longest time between frames for measuring jitter, seconds. Over a longer gap, a change counts as motion."""
-_SAME = 0.3
+_MAX_SAME_PERSON_M = 0.3
 """Maximum distance between a fused body and one sensor's body to compare them as one person, metres."""
-_NEAR = 0.02
+_MAX_NEAR_M = 0.02
 """Maximum time between a fused frame and one sensor's frame to compare them, seconds. Less than a frame."""
 
 
@@ -31,11 +31,11 @@ def jitter_mm(frames: Iterable[BodyFrame]) -> float:
     for frame in frames:
         for body in frame.bodies:
             ways[body.id].append((frame.time_ns, body.joints))
-    deviations = [_off_line(way) for way in ways.values() if len(way) > 2]
+    deviations = [_line_distances(way) for way in ways.values() if len(way) > 2]
     return 1e3 * float(np.median(np.concatenate(deviations))) if deviations else float("nan")
 
 
-def _off_line(way: Sequence[tuple[int, Float]]) -> Float:
+def _line_distances(way: Sequence[tuple[int, Float]]) -> Float:
     """Returns (N * 20,) metres of each joint from the line between its neighbours, at steady frame times."""
     times = np.array([time for time, _ in way]) * 1e-9
     joints = np.array([body for _, body in way])
@@ -58,7 +58,7 @@ def agreement(fused: Sequence[BodyFrame], sensor: Sequence[BodyFrame]) -> tuple[
     changes, last = 0, dict[int, int]()
     for frame in fused:
         nearest = int(np.argmin(np.abs(times - frame.time_ns)))
-        if abs(int(times[nearest]) - frame.time_ns) > _NEAR * 1e9:
+        if abs(int(times[nearest]) - frame.time_ns) > _MAX_NEAR_M * 1e9:
             continue
         for body in frame.bodies:
             other = _partner(body, sensor[nearest].bodies)
@@ -76,10 +76,12 @@ def _partner(body: Body, others: Sequence[Body]) -> Body | None:
         return None
     apart = [float(np.linalg.norm(body.joints[:4] - other.joints[:4], axis=1).mean()) for other in others]
     nearest = int(np.argmin(apart))
-    return others[nearest] if apart[nearest] < _SAME else None
+    return others[nearest] if apart[nearest] < _MAX_SAME_PERSON_M else None
 
 
-def fused(streams: Mapping[str, Iterable[BodyFrame]], space: Space, fuser: Fuser) -> Iterator[BodyFrame]:
+def fuse_streams(
+    streams: Mapping[str, Iterable[BodyFrame]], space: Space, fuser: Fuser
+) -> Iterator[BodyFrame]:
     """Yields the fused bodies of recorded body streams, each in its sensor's own level frame and clock.
 
     Args:
@@ -88,7 +90,8 @@ def fused(streams: Mapping[str, Iterable[BodyFrame]], space: Space, fuser: Fuser
     """
     rhythm = OutputSchedule()
     for time_ns, name, frame in heapq.merge(
-        *(_timed(name, frames, space) for name, frames in streams.items()), key=lambda entry: entry[0]
+        *(_frames_on_common_clock(name, frames, space) for name, frames in streams.items()),
+        key=lambda entry: entry[0],
     ):
         place = space.sensors[name]
         fuser.update(name, transform_bodies(frame.bodies, place.level), time_ns)
@@ -96,7 +99,9 @@ def fused(streams: Mapping[str, Iterable[BodyFrame]], space: Space, fuser: Fuser
             yield BodyFrame(fuser.bodies(time_ns), time_ns, "fused")
 
 
-def _timed(name: str, frames: Iterable[BodyFrame], space: Space) -> Iterator[tuple[int, str, BodyFrame]]:
+def _frames_on_common_clock(
+    name: str, frames: Iterable[BodyFrame], space: Space
+) -> Iterator[tuple[int, str, BodyFrame]]:
     """Yields the frames of one sensor with their time on the common clock."""
     offset = space.sensors[name].clock_offset_ns
     for frame in frames:

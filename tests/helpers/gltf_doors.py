@@ -22,25 +22,25 @@ Surface = tuple[np.ndarray, np.ndarray]
 """Vertices (V, 3) in metres, and triangles (F, 3)."""
 
 
-def _of(mesh: Mesh) -> Surface:
+def _surface_of_mesh(mesh: Mesh) -> Surface:
     return mesh.vertices, mesh.faces
 
 
 def _exported(path: Path) -> Surface:
     exportable = find_exportables(path).items[0]
-    return _of(exportable.sample(0.0, 0.0, None, False, False).surface[0])
+    return _surface_of_mesh(exportable.sample(0.0, 0.0, None, False, False).surface[0])
 
 
 def _on_stage(path: Path) -> Surface:
     project, name, _ = read_for_stage(str(path), "skeleton", None)
-    return _of(project.shape(name).mesh)
+    return _surface_of_mesh(project.shape(name).mesh)
 
 
-def _put_in_studio(path: Path) -> Surface:
+def _load_in_studio(path: Path) -> Surface:
     editor = Editor()
     add_file(editor, path)
     (character,) = editor.project.characters.values()
-    return _of(character.mesh)
+    return _surface_of_mesh(character.mesh)
 
 
 def _possessed(path: Path) -> Surface:
@@ -53,14 +53,14 @@ def _driven(path: Path) -> Surface:
     return character.vertices, character.faces
 
 
-DOORS: dict[str, Callable[[Path], Surface]] = {
-    "load_mesh": lambda path: _of(load_mesh(path).mesh),
-    "possess": lambda path: _of(load_upright(path).mesh),
-    "retarget": lambda path: _of(read_gltf(path).shape.mesh),
-    "session": lambda path: _of(load_session_mesh(MeshTable(path.name), path).mesh),
+READERS: dict[str, Callable[[Path], Surface]] = {
+    "load_mesh": lambda path: _surface_of_mesh(load_mesh(path).mesh),
+    "possess": lambda path: _surface_of_mesh(load_upright(path).mesh),
+    "retarget": lambda path: _surface_of_mesh(read_gltf(path).shape.mesh),
+    "session": lambda path: _surface_of_mesh(load_session_mesh(MeshTable(path.name), path).mesh),
     "export": _exported,
     "stage": _on_stage,
-    "studio": _put_in_studio,
+    "studio": _load_in_studio,
     "edge, by a graph": _possessed,
     "edge, by its skeleton": _driven,
 }
@@ -71,7 +71,7 @@ show a mirrored surface.
 """
 
 
-def measures(surface: Surface) -> np.ndarray:
+def measure_surface(surface: Surface) -> np.ndarray:
     """Returns (2,) width and area, which are invariant to translation, rotation about the vertical, and
     vertex order."""
     vertices, faces = surface

@@ -16,7 +16,7 @@ from pathlib import Path
 import zmq
 
 from enliven.health_page.server import serve_health
-from enliven.kiosk.profile import EdgeOfKiosk, KioskProfile
+from enliven.kiosk.profile import KioskEdge, KioskProfile
 from enliven.wire import BodiesMessage, StatusMessage, free_ports, pack_stream
 
 PATIENCE_S = 60.0
@@ -165,7 +165,7 @@ def _wait_until_open(page: Page) -> None:
 def profile_of(edges: Mapping[str, HeartbeatEdge], name: str = "lobby") -> KioskProfile:
     """Returns a profile that watches edges."""
     return KioskProfile(
-        name=name, edges={key: EdgeOfKiosk(address=edge.address) for key, edge in edges.items()}
+        name=name, edges={key: KioskEdge(address=edge.address) for key, edge in edges.items()}
     )
 
 

@@ -20,7 +20,7 @@ from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.choreographies import get_choreography
-from enliven_synthesis.motion.dance import HOME_Z, Choreography
+from enliven_synthesis.motion.dance import START_Z_M, Choreography
 from enliven_synthesis.motion.motion import place_figure
 
 RATE_HZ = 30.0
@@ -50,7 +50,7 @@ class SyntheticVisitor:
         """Returns the body at a time in seconds."""
         second = (now - self._began) % self.motion.duration
         figure = self._performer.pose(self.motion.posture(second))
-        placed = place_figure(figure, (self.place[0], self.place[1] - HOME_Z), self.yaw)
+        placed = place_figure(figure, (self.place[0], self.place[1] - START_Z_M), self.yaw)
         return Body(self.number, placed.joints, np.ones(20), stature=self._height)
 
 

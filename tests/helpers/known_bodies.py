@@ -79,12 +79,12 @@ def posed(
     return joints - [0.0, joints[:, 1].min() - 0.04, 0.0]
 
 
-def off(point: Float, x: float, y: float, z: float) -> Float:
+def offset_point(point: Float, x: float, y: float, z: float) -> Float:
     """Returns (3,) a point moved by (x, y, z), metres."""
     return np.asarray(point + np.array([x, y, z]))
 
 
-def limbs(joints: Float, girth: float = 1.0, fingers: bool = False) -> list[Capsule]:
+def limb_capsules(joints: Float, girth: float = 1.0, fingers: bool = False) -> list[Capsule]:
     """Returns capsules around a person's bones."""
     radii = {
         "SPINE": (0.12, 0.11), "SHOULDER_CENTER": (0.11, 0.08), "HEAD": (0.06, 0.10),
@@ -109,7 +109,7 @@ def limbs(joints: Float, girth: float = 1.0, fingers: bool = False) -> list[Caps
     return capsules
 
 
-def blended(capsules: list[Capsule], soft: float = 0.02) -> Callable[[Float], Float]:
+def blend_capsules(capsules: list[Capsule], soft: float = 0.02) -> Callable[[Float], Float]:
     """Returns the signed distance to the union of capsules. ``soft`` is the blend radius of the smooth union,
     metres.
     """
@@ -131,11 +131,15 @@ def _to_capsule(points: Float, a: Float, b: Float, first: float, last: float) ->
     )
 
 
-def skin(name: str, capsules: list[Capsule], cell: float = 0.03, soft: float = 0.02) -> Mesh:
+def extract_surface_of_capsules(
+    name: str, capsules: list[Capsule], cell: float = 0.03, soft: float = 0.02
+) -> Mesh:
     """Returns the surface of blended capsules."""
     ends = np.array([[a, b] for a, b, _, _ in capsules]).reshape(-1, 3)
     wide = max(max(c[2], c[3]) for c in capsules) + 3 * soft + 2 * cell
-    return Mesh(*surface_of(blended(capsules, soft), ends.min(0) - wide, ends.max(0) + wide, cell), name)
+    return Mesh(
+        *surface_of(blend_capsules(capsules, soft), ends.min(0) - wide, ends.max(0) + wide, cell), name
+    )
 
 
 def box(a: Float, b: Float, wide: float, deep: float) -> Mesh:
@@ -158,7 +162,7 @@ def box(a: Float, b: Float, wide: float, deep: float) -> Mesh:
     return mesh if volume > 0 else Mesh(points, mesh.faces[:, ::-1].copy())
 
 
-def together(name: str, meshes: list[Mesh]) -> Mesh:
+def join_shells(name: str, meshes: list[Mesh]) -> Mesh:
     """Returns several shells as one mesh."""
     starts = np.cumsum([0, *(len(m.vertices) for m in meshes)])
     faces = [m.faces + start for m, start in zip(meshes, starts, strict=False)]
@@ -177,31 +181,36 @@ def ball(centre: Float, radii: tuple[float, float, float], name: str = "", cell:
 def a_pose() -> KnownBody:
     """Returns a tall man with fingers, in an A-pose."""
     joints = posed({model.THIGH: 1.06, model.SHIN: 1.06}, arms=((0.1, 0.0, 0.75),) * 2, height=1.85)
-    return KnownBody(skin("a-pose", limbs(joints, 1.05, fingers=True), 0.03, 0.012), joints)
+    return KnownBody(
+        extract_surface_of_capsules("a-pose", limb_capsules(joints, 1.05, fingers=True), 0.03, 0.012), joints
+    )
 
 
 def t_pose() -> KnownBody:
     """Returns a man with level arms and legs apart."""
     joints = posed(arms=((0.0, 0.0, 1.5708),) * 2, elbows=(0.02, 0.02), legs=(0.0, 0.25))
-    return KnownBody(skin("t-pose", limbs(joints)), joints)
+    return KnownBody(extract_surface_of_capsules("t-pose", limb_capsules(joints)), joints)
 
 
 def t_woman() -> KnownBody:
     """Returns a slim woman with level arms, fingers, a bun, a bosom, and feet that point down."""
     scale = {model.SHOULDER: 0.86, model.HIP: 1.15, model.ARM: 0.95, model.FORE: 0.95}
     joints = posed(scale, arms=((0.0, 0.0, 1.5708),) * 2, elbows=(0.0, 0.0), legs=(0.0, 0.06), height=1.66)
-    shapes = limbs(joints, 0.82, fingers=True)
-    bun = off(joints[Joint.HEAD], 0.0, 0.07, -0.11)
-    shapes.append((bun, off(bun, 0.0, 0.03, -0.02), 0.05, 0.04))
-    chest = off(joints[Joint.SHOULDER_CENTER], 0.0, -0.17, 0.075)
-    shapes += [(off(chest, s * 0.06, 0, 0), off(chest, s * 0.07, -0.01, 0.015), 0.05, 0.045) for s in (-1, 1)]
-    return KnownBody(skin("t-woman", shapes, 0.03, 0.012), joints)
+    shapes = limb_capsules(joints, 0.82, fingers=True)
+    bun = offset_point(joints[Joint.HEAD], 0.0, 0.07, -0.11)
+    shapes.append((bun, offset_point(bun, 0.0, 0.03, -0.02), 0.05, 0.04))
+    chest = offset_point(joints[Joint.SHOULDER_CENTER], 0.0, -0.17, 0.075)
+    shapes += [
+        (offset_point(chest, s * 0.06, 0, 0), offset_point(chest, s * 0.07, -0.01, 0.015), 0.05, 0.045)
+        for s in (-1, 1)
+    ]
+    return KnownBody(extract_surface_of_capsules("t-woman", shapes, 0.03, 0.012), joints)
 
 
 def sitting() -> KnownBody:
     """Returns a man that sits upright without a chair, with level thighs and forward forearms."""
     joints = posed(arms=((-0.35, 0.0, 0.25),) * 2, elbows=(1.2, 1.2), legs=(1.5, 0.15), knees=1.45)
-    return KnownBody(skin("sitting", limbs(joints), 0.025, 0.012), joints)
+    return KnownBody(extract_surface_of_capsules("sitting", limb_capsules(joints), 0.025, 0.012), joints)
 
 
 def one_arm_up() -> KnownBody:
@@ -209,7 +218,7 @@ def one_arm_up() -> KnownBody:
     for modelled meshes.
     """
     joints = posed(arms=((0.0, 0.0, 0.25), (-0.2, 0.0, 2.85)), elbows=(0.2, 0.15), yaw=0.5)
-    return KnownBody(skin("one-arm-up", limbs(joints)), joints)
+    return KnownBody(extract_surface_of_capsules("one-arm-up", limb_capsules(joints)), joints)
 
 
 def robot() -> KnownBody:
@@ -223,10 +232,14 @@ def robot() -> KnownBody:
         "KNEE": (0.15, 0.16),
         "ANKLE": (0.14, 0.15),
     }
-    parts = [box(off(joints[0], 0, -0.08, 0), off(joints[0], 0, 0.07, 0), 0.36, 0.2)]
-    parts.append(box(off(joints[0], 0, 0.085, 0), joints[Joint.SHOULDER_CENTER] - [0, 0.06, 0], 0.44, 0.26))
+    parts = [box(offset_point(joints[0], 0, -0.08, 0), offset_point(joints[0], 0, 0.07, 0), 0.36, 0.2)]
+    parts.append(
+        box(offset_point(joints[0], 0, 0.085, 0), joints[Joint.SHOULDER_CENTER] - [0, 0.06, 0], 0.44, 0.26)
+    )
     parts.append(box(joints[Joint.SHOULDER_CENTER] - [0, 0.05, 0], joints[Joint.SHOULDER_CENTER], 0.12, 0.12))
-    parts.append(box(joints[Joint.HEAD] - [0, 0.16, 0], off(joints[Joint.HEAD], 0, 0.12, 0), 0.26, 0.24))
+    parts.append(
+        box(joints[Joint.HEAD] - [0, 0.16, 0], offset_point(joints[Joint.HEAD], 0, 0.12, 0), 0.26, 0.24)
+    )
     for name, (wide, deep) in sizes.items():
         for side in ("LEFT", "RIGHT"):
             child = Joint[f"{name}_{side}"]
@@ -238,8 +251,10 @@ def robot() -> KnownBody:
             )
     for side in ("LEFT", "RIGHT"):
         ankle = joints[Joint[f"ANKLE_{side}"]]
-        parts.append(box(off(ankle, 0, -0.04, -0.08), off(ankle, 0, -0.04, 0.2), 0.15, 0.07))
-    return KnownBody(together("robot", parts), joints)
+        parts.append(
+            box(offset_point(ankle, 0, -0.04, -0.08), offset_point(ankle, 0, -0.04, 0.2), 0.15, 0.07)
+        )
+    return KnownBody(join_shells("robot", parts), joints)
 
 
 def teddy() -> KnownBody:
@@ -253,17 +268,17 @@ def teddy() -> KnownBody:
     head, chest = joints[Joint.HEAD], joints[Joint.SHOULDER_CENTER]
     shapes: list[Capsule] = [(joints[0], chest - [0, 0.1, 0], 0.17, 0.14), (chest, chest, 0.08, 0.08)]
     shapes += [
-        (head, off(head, 0, 0.02, 0.02), 0.16, 0.16),
-        (off(head, 0, -0.04, 0.14), off(head, 0, -0.04, 0.19), 0.06, 0.04),
+        (head, offset_point(head, 0, 0.02, 0.02), 0.16, 0.16),
+        (offset_point(head, 0, -0.04, 0.14), offset_point(head, 0, -0.04, 0.19), 0.06, 0.04),
     ]
     for side in (-1, 1):
-        ear = off(head, side * 0.13, 0.14, 0.0)
-        shapes.append((ear, off(ear, side * 0.03, 0.03, 0.0), 0.05, 0.05))
+        ear = offset_point(head, side * 0.13, 0.14, 0.0)
+        shapes.append((ear, offset_point(ear, side * 0.03, 0.03, 0.0), 0.05, 0.05))
     for first in (Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT):
         shapes += [(joints[first + i], joints[first + i + 1], 0.065, 0.06) for i in range(3)]
     for first in (Joint.HIP_LEFT, Joint.HIP_RIGHT):
         shapes += [(joints[first + i], joints[first + i + 1], 0.085, 0.075) for i in range(3)]
-    return KnownBody(skin("teddy", shapes, 0.025, 0.015), joints)
+    return KnownBody(extract_surface_of_capsules("teddy", shapes, 0.025, 0.015), joints)
 
 
 def child() -> KnownBody:
@@ -276,24 +291,24 @@ def child() -> KnownBody:
         model.HAND: 0.85,
     }  # fmt: skip
     joints = posed(scale, arms=((-0.5, 0.0, 0.45),) * 2, elbows=(0.4, 0.4), height=1.15)
-    shapes = limbs(joints, 0.72)
-    shapes.append((joints[Joint.HEAD], off(joints[Joint.HEAD], 0, 0.04, 0.01), 0.105, 0.105))
-    return KnownBody(skin("child", shapes, 0.025, 0.012), joints)
+    shapes = limb_capsules(joints, 0.72)
+    shapes.append((joints[Joint.HEAD], offset_point(joints[Joint.HEAD], 0, 0.04, 0.01), 0.105, 0.105))
+    return KnownBody(extract_surface_of_capsules("child", shapes, 0.025, 0.012), joints)
 
 
 def armour() -> KnownBody:
     """Returns a man in armour: breastplate, shoulder plates, plumed helmet, gauntlets and tassets."""
     joints = posed(arms=((0.0, 0.0, 0.55), (-0.1, 0.0, 0.45)), elbows=(0.35, 0.2), legs=(0.05, 0.14))
-    shells = [skin("man", limbs(joints, 0.95))]
+    shells = [extract_surface_of_capsules("man", limb_capsules(joints, 0.95))]
     chest, head = joints[Joint.SHOULDER_CENTER], joints[Joint.HEAD]
     shells.append(ball(chest - [0, 0.2, 0], (0.2, 0.26, 0.17)))
-    shells.append(ball(off(head, 0, 0.02, 0), (0.14, 0.17, 0.16)))
+    shells.append(ball(offset_point(head, 0, 0.02, 0), (0.14, 0.17, 0.16)))
     shells.append(
-        skin(
+        extract_surface_of_capsules(
             "plume",
             [
-                (off(head, 0, 0.17, 0.04), off(head, 0, 0.27, -0.04), 0.03, 0.04),
-                (off(head, 0, 0.27, -0.04), off(head, 0, 0.12, -0.24), 0.04, 0.03),
+                (offset_point(head, 0, 0.17, 0.04), offset_point(head, 0, 0.27, -0.04), 0.03, 0.04),
+                (offset_point(head, 0, 0.27, -0.04), offset_point(head, 0, 0.12, -0.24), 0.04, 0.03),
             ],
             0.02,
         )
@@ -301,18 +316,22 @@ def armour() -> KnownBody:
     for side in (-1, 1):
         left = side > 0
         shoulder = joints[Joint.SHOULDER_LEFT if left else Joint.SHOULDER_RIGHT]
-        shells.append(ball(off(shoulder, side * 0.05, 0.05, 0), (0.13, 0.1, 0.13)))
+        shells.append(ball(offset_point(shoulder, side * 0.05, 0.05, 0), (0.13, 0.1, 0.13)))
         wrist, hand = (joints[j if left else j + 4] for j in (Joint.WRIST_LEFT, Joint.HAND_LEFT))
-        shells.append(skin("gauntlet", [(wrist - 0.5 * (hand - wrist), hand, 0.075, 0.055)], 0.02))
+        shells.append(
+            extract_surface_of_capsules(
+                "gauntlet", [(wrist - 0.5 * (hand - wrist), hand, 0.075, 0.055)], 0.02
+            )
+        )
         hip = joints[Joint.HIP_LEFT if left else Joint.HIP_RIGHT]
-        shells.append(ball(off(hip, side * 0.06, -0.06, 0.03), (0.1, 0.17, 0.13)))
-    return KnownBody(together("armour", shells), joints)
+        shells.append(ball(offset_point(hip, side * 0.06, -0.06, 0.03), (0.1, 0.17, 0.13)))
+    return KnownBody(join_shells("armour", shells), joints)
 
 
 def holed_scan() -> KnownBody:
     """Returns a noisy, rotated scan with holes in its back, its crown and beneath its feet."""
     joints = posed(arms=((0.15, 0.0, 0.5), (-0.2, 0.0, 0.6)), elbows=(0.3, 0.5), legs=(0.0, 0.15), yaw=-0.6)
-    mesh = skin("holed-scan", limbs(joints), 0.025)
+    mesh = extract_surface_of_capsules("holed-scan", limb_capsules(joints), 0.025)
     noise = np.random.default_rng(5).normal(0.0, 0.003, mesh.vertices.shape)
     back = joints[Joint.SPINE] + rotation(y=-0.6) @ np.array([0.0, 0.1, -0.14])
     crown = np.array([joints[Joint.HEAD][0], mesh.vertices[:, 1].max(), joints[Joint.HEAD][2]])
@@ -332,7 +351,7 @@ BODIES: dict[str, Callable[[], KnownBody]] = {
     for made in (a_pose, t_pose, t_woman, sitting, one_arm_up, robot, teddy, child, armour, holed_scan)
 }
 """The ten bodies by name."""
-SEALED = ("sitting", "teddy", "child", "armour")
+CLOSED_BODIES = ("sitting", "teddy", "child", "armour")
 """Held-out set: bodies that were not examined before the mapping was finished."""
 
 NEAR = 0.12
@@ -344,7 +363,7 @@ LIMBS = {
 """The middle and the end joint of each limb."""
 
 
-def limbs_found(joints: Float, known: KnownBody) -> dict[str, bool]:
+def compare_limbs(joints: Float, known: KnownBody) -> dict[str, bool]:
     """Returns, for each limb, True if both joints are near their known positions."""
     near = NEAR * float(np.ptp(known.mesh.vertices[:, 1]))
     return {

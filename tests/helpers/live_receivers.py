@@ -29,7 +29,7 @@ class OscReceiver:
     def __init__(self, port: int = 0) -> None:
         self.values, self.history, self.sizes = {}, defaultdict(list), []
         dispatcher = Dispatcher()
-        dispatcher.set_default_handler(self._take)
+        dispatcher.set_default_handler(self._record_message)
         sizes = self.sizes
 
         # A thread per packet would allow an older packet to overtake a newer one, so one thread handles all.
@@ -43,7 +43,7 @@ class OscReceiver:
         self._thread = threading.Thread(target=self._server.serve_forever, args=(0.02,), daemon=True)
         self._thread.start()
 
-    def _take(self, address, *arguments):
+    def _record_message(self, address, *arguments):
         key = (address, arguments[0]) if arguments and isinstance(arguments[0], str) else address
         self.values[key] = arguments[1:] if isinstance(key, tuple) else arguments
         self.history[key].append(self.values[key])
@@ -139,7 +139,7 @@ class Avatar:
     def __init__(self, local) -> None:
         self._local = local
 
-    def turned(self, bone, vector) -> np.ndarray:
+    def rotate_direction(self, bone, vector) -> np.ndarray:
         """Returns a T-pose direction, rotated by a bone and all its ancestors."""
         vector = np.asarray(vector, float)
         while bone is not None:
@@ -150,7 +150,7 @@ class Avatar:
 
     def direction(self, bone) -> np.ndarray:
         """Returns the direction of a limb's bone."""
-        return self.turned(bone, ENDS[bone])
+        return self.rotate_direction(bone, ENDS[bone])
 
     def position(self, bone) -> np.ndarray:
         """Returns the position of the head of a bone, computed from the local positions alone."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from made_bodies import horse
 from made_people import person
-from posed_people import character, performer, posed, some_turns
+from posed_people import character, create_pose, performer, some_turns
 
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.document.props import BALL, BOX, Props
@@ -42,7 +42,7 @@ def four_characters(time_ns: int = 10**9) -> LiveFrame:
         ("horse", horse(), 3),
     ):
         characters[name] = CharacterInfo(character(name, skeleton), humanoid_map(skeleton))
-        poses.append(posed(name, skeleton, some_turns(len(skeleton), seed, 0.4), (seed, 0.0, 0.5))[0])
+        poses.append(create_pose(name, skeleton, some_turns(len(skeleton), seed, 0.4), (seed, 0.0, 0.5))[0])
     mesh, pose = chair()
     characters["chair"] = CharacterInfo(mesh)
     props = Props(

@@ -6,7 +6,7 @@ from enliven.exporters.performance import split_stretch
 from enliven.rotation import to_matrix
 
 
-def lost(performance):
+def measure_lost_shear(performance):
     """Returns the magnitude of the largest shear: the part of a map that is neither a rotation nor a scale
     along ``axes``.
     """

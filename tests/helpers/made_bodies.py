@@ -14,7 +14,7 @@ from enliven.meshes.mesh import Mesh
 from enliven.rotation import from_rotation_vector, multiply
 
 
-def body(*joints, named=True) -> Skeleton:
+def build_skeleton(*joints, named=True) -> Skeleton:
     """Returns joints as (name, parent's name or None, position). Each joint named L... is mirrored to R..."""
     names, parents, at = [], [], []
     for name, parent, place in joints:
@@ -32,7 +32,7 @@ def body(*joints, named=True) -> Skeleton:
 
 
 def man(named=True) -> Skeleton:
-    return body(
+    return build_skeleton(
         ("hips", None, (0, 0.95, 0)),
         ("spine", "hips", (0, 1.1, -0.01)),
         ("chest", "spine", (0, 1.35, -0.02)),
@@ -54,7 +54,7 @@ def man(named=True) -> Skeleton:
 
 
 def horse(named=True) -> Skeleton:
-    return body(
+    return build_skeleton(
         ("croup", None, (0, 1.5, -0.8)),
         ("loin", "croup", (0, 1.52, -0.2)),
         ("withers", "loin", (0, 1.6, 0.5)),
@@ -86,7 +86,7 @@ def spider() -> Skeleton:
             (f"Lknee {k}", f"Lcoxa {k}", (0.8, 1.1, z)),
             (f"Lfoot {k}", f"Lknee {k}", (1.6, 0.0, 1.6 * z)),
         ]
-    return body(*joints)
+    return build_skeleton(*joints)
 
 
 def crawler(random) -> Skeleton:
@@ -107,17 +107,17 @@ def crawler(random) -> Skeleton:
             joints.append((f"Lshank {k}", above, (0.2 + 0.75 * wide, 0.45 * knee, 0.8 * far)))
             above = f"Lshank {k}"
         joints.append((f"Lfoot {k}", above, (0.2 + wide, 0.0, far)))
-    return body(*joints, named=bool(random.random() < 0.5))
+    return build_skeleton(*joints, named=bool(random.random() < 0.5))
 
 
 def snake() -> Skeleton:
     joints = [("middle", None, (0, 0.1, 0))]
     joints += [(f"fore {k}", "middle" if k == 1 else f"fore {k - 1}", (0, 0.1, 0.3 * k)) for k in (1, 2, 3)]
     joints += [(f"hind {k}", "middle" if k == 1 else f"hind {k - 1}", (0, 0.1, -0.3 * k)) for k in (1, 2, 3)]
-    return body(*joints)
+    return build_skeleton(*joints)
 
 
-def turned_body(skeleton: Skeleton, angle: float) -> Skeleton:
+def rotate_skeleton(skeleton: Skeleton, angle: float) -> Skeleton:
     """Returns the skeleton rotated by ``angle`` radians about +Y."""
     c, s = np.cos(angle), np.sin(angle)
     matrix = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
@@ -140,11 +140,11 @@ def random_motion(random, skeleton: Skeleton, frames=8, size=0.25, name="take") 
     return Clip(name, skeleton, turns, root, 0.1)
 
 
-def turned_clip(clip: Clip, angle: float) -> Clip:
+def rotate_clip(clip: Clip, angle: float) -> Clip:
     """Returns the same performance by a person that is rotated by ``angle`` radians about +Y."""
     q = from_rotation_vector(np.array([0.0, angle, 0.0]))
     back = q * [1, -1, -1, -1]
-    skeleton = turned_body(clip.skeleton, angle)
+    skeleton = rotate_skeleton(clip.skeleton, angle)
     c, s = np.cos(angle), np.sin(angle)
     matrix = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
     return Clip(clip.id, skeleton, multiply(multiply(q, clip.turns), back), clip.root @ matrix.T, clip.step)
@@ -179,14 +179,14 @@ def walk(stride=0.5, heading=0.0, raised=0.0) -> Clip:
         beyond = np.arccos((upper**2 + lower**2 - far**2) / (2 * upper * lower)) - np.pi
         turns[:, knee] = _about_x(-(slope + bend))
         turns[:, ankle] = _about_x(-(slope + bend + beyond))
-    return turned_clip(Clip("walk", skeleton, turns, root, 1 / 30), heading)
+    return rotate_clip(Clip("walk", skeleton, turns, root, 1 / 30), heading)
 
 
 def _about_x(angles):
     return from_rotation_vector(np.stack([angles, 0 * angles, 0 * angles], 1))
 
 
-def meshed(name: str, skeleton: Skeleton):
+def shape_with_markers(name: str, skeleton: Skeleton):
     """Returns a mesh in the rest pose with a small triangle at the end of every bone."""
     count = len(skeleton)
     corners = np.array([[0, 0, 0], [0.05, 0, 0], [0, 0.05, 0.02]])
@@ -230,7 +230,7 @@ def bvh_text(skeleton: Skeleton, frames: np.ndarray, seconds=0.05) -> str:
     return "\n".join(lines) + "\n"
 
 
-def webbed(name: str, skeleton: Skeleton):
+def shape_with_joint_bands(name: str, skeleton: Skeleton):
     """Returns a mesh in the rest pose with a band across every joint, from its parent bone to its child
     bone.
     """

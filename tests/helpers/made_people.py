@@ -78,7 +78,7 @@ _SIDES = {
 }
 
 
-def name_in(convention: str, joint: str) -> str:
+def convention_name(convention: str, joint: str) -> str:
     """Returns a convention's name for a joint of :func:`made_bodies.man`, such as "Left elbow"."""
     side, _, plain = joint.rpartition(" ")
     return CONVENTIONS[convention][plain].format(**_SIDES.get(side, _SIDES["Left"]))
@@ -94,7 +94,7 @@ def person(convention: str, random: np.random.Generator | None = None, extras: b
             finger.
     """
     plain = man()
-    names = [name_in(convention, name) for name in plain.names]
+    names = [convention_name(convention, name) for name in plain.names]
     parents, at = plain.parents.tolist(), plain.positions.copy()
     if random is not None:
         down = random.uniform(0.0, 1.2)
@@ -118,7 +118,11 @@ def person(convention: str, random: np.random.Generator | None = None, extras: b
             ("ik_hand_l", "Left wrist", (0.02, 0.03, 0.0)),
             ("Pinky1", "Left wrist", (0.05, 0.0, -0.04)),
         ):
-            number = names.index(name_in(convention, above)) if above in plain.names else names.index(above)
+            number = (
+                names.index(convention_name(convention, above))
+                if above in plain.names
+                else names.index(above)
+            )
             names.append(name)
             parents.append(number)
             places.append(places[number] + np.array(place))

@@ -18,7 +18,7 @@ RATE = 60
 """
 STILL, LENGTH = 3.0, 18.0
 """Seconds for which the performer stands with lifted arms, and length of the loop in seconds."""
-_LIFTED = 1.75
+_LIFTED_ARMS = 1.75
 """Angle from hanging to which the arms are lifted, radians. Slightly above horizontal."""
 
 
@@ -28,8 +28,8 @@ def performer(second: float) -> Body:
     turn = 2 * np.pi * second / 1.6
     rotations = standing_pose()
     left, right = 0.55 * moves * np.sin(turn), 0.55 * moves * np.sin(turn + 2.0)
-    rotations[model.UPPER_ARM_L] = rotation(z=_LIFTED + left)
-    rotations[model.UPPER_ARM_R] = rotation(z=-_LIFTED - right)
+    rotations[model.UPPER_ARM_L] = rotation(z=_LIFTED_ARMS + left)
+    rotations[model.UPPER_ARM_R] = rotation(z=-_LIFTED_ARMS - right)
     rotations[model.FOREARM_L] = rotation(z=0.5 * left)
     rotations[model.FOREARM_R] = rotation(z=-0.5 * right)
     for side, thigh, shin in ((1.0, model.THIGH_L, model.SHIN_L), (-1.0, model.THIGH_R, model.SHIN_R)):

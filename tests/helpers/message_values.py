@@ -21,11 +21,11 @@ def fields_of(kind: type[Any]) -> list[inspect.Field]:
     return list(info.fields)
 
 
-def accepted(info: inspect.Type) -> st.SearchStrategy[Any]:
+def valid_values(info: inspect.Type) -> st.SearchStrategy[Any]:
     """Returns a strategy for values that a field's declaration allows, as MessagePack stores them."""
     match info:
         case inspect.UnionType():
-            return st.one_of([accepted(each) for each in info.types])
+            return st.one_of([valid_values(each) for each in info.types])
         case inspect.NoneType():
             return st.none()
         case inspect.BoolType():
@@ -49,9 +49,9 @@ def accepted(info: inspect.Type) -> st.SearchStrategy[Any]:
             least = info.min_length or 0
             most = max(least, min(info.max_length or 4, 60))
             lengths = st.sampled_from(sorted({least, min(least + 3, most), most}))
-            return lengths.flatmap(lambda n: st.lists(accepted(info.item_type), min_size=n, max_size=n))
+            return lengths.flatmap(lambda n: st.lists(valid_values(info.item_type), min_size=n, max_size=n))
         case inspect.TupleType():
-            return st.tuples(*map(accepted, info.item_types))
+            return st.tuples(*map(valid_values, info.item_types))
         case inspect.StructType():
             return message(info)
     raise AssertionError(f"a field of the type {info}: say here how its values are made")
@@ -59,7 +59,7 @@ def accepted(info: inspect.Type) -> st.SearchStrategy[Any]:
 
 def message(info: inspect.StructType) -> st.SearchStrategy[Any]:
     """Returns a strategy for messages of a class with all fields in range, and with consistent lengths."""
-    parts = {field.name: accepted(field.type) for field in info.fields}
+    parts = {field.name: valid_values(field.type) for field in info.fields}
 
     def build(values: dict[str, Any]) -> Any:
         if info.cls.__name__ in FITTED:
@@ -160,12 +160,12 @@ FITTED: dict[str, Callable[[dict[str, Any]], None]] = {
 """By class, a function that makes lengths consistent. Classes without such rules need none."""
 
 
-def outside(info: inspect.Type) -> Iterator[Any]:
+def invalid_values(info: inspect.Type) -> Iterator[Any]:
     """Yields values of the correct type, just and far outside a field's declared range."""
     match info:
         case inspect.UnionType():
             for each in info.types:
-                yield from outside(each)
+                yield from invalid_values(each)
         case inspect.IntType():
             assert info.ge is not None and info.le is not None, "a whole number needs both bounds"
             far = (info.ge - 1, info.le + 1, -(2**63), 2**64 - 1)
@@ -187,16 +187,18 @@ def outside(info: inspect.Type) -> Iterator[Any]:
                 yield empty
         case inspect.ListType():
             assert info.max_length is not None or info.min_length is None, "a list needs a longest length"
-            for value in outside(info.item_type):
+            for value in invalid_values(info.item_type):
                 yield [value] * max(info.min_length or 0, 1)
         case inspect.TupleType():
-            for value in outside(info.item_types[0]):
+            for value in invalid_values(info.item_types[0]):
                 yield [value] * len(info.item_types)
         case inspect.LiteralType() | inspect.EnumType():
             yield "no such word"
 
 
-def nested(kinds: list[type[Any]], seen: dict[str, type[Any]] | None = None) -> dict[str, type[Any]]:
+def reachable_messages(
+    kinds: list[type[Any]], seen: dict[str, type[Any]] | None = None
+) -> dict[str, type[Any]]:
     """Returns all message classes reachable from the given ones, by name."""
     seen = {} if seen is None else seen
     for kind in kinds:
@@ -204,22 +206,22 @@ def nested(kinds: list[type[Any]], seen: dict[str, type[Any]] | None = None) -> 
             continue
         seen[kind.__name__] = kind
         for field in fields_of(kind):
-            _walk(field.type, lambda inner: nested([inner], seen))
+            _collect_nested(field.type, lambda inner: reachable_messages([inner], seen))
     return seen
 
 
-def _walk(info: inspect.Type, found: Callable[[type[Any]], Any]) -> None:
+def _collect_nested(info: inspect.Type, found: Callable[[type[Any]], Any]) -> None:
     match info:
         case inspect.StructType():
             found(info.cls)
         case inspect.UnionType():
             for each in info.types:
-                _walk(each, found)
+                _collect_nested(each, found)
         case inspect.ListType():
-            _walk(info.item_type, found)
+            _collect_nested(info.item_type, found)
 
 
-def unchecked(example: Any, **changes: Any) -> bytes:
+def encode_unchecked(example: Any, **changes: Any) -> bytes:
     """Returns the bytes of a message with some fields replaced, without validation."""
     values = {name: getattr(example, name) for name in example.__struct_fields__} | changes
     config = example.__struct_config__

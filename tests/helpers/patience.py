@@ -4,17 +4,17 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-PATIENCE = 60.0
+TIMEOUT_S = 60.0
 """Timeout of a wait, seconds. An edge took 28 s to start on a machine with ten times its normal load."""
-PAUSE = 0.005
+POLL_INTERVAL_S = 0.005
 """Interval between two checks, seconds."""
 
 
-def until(done: Callable[[], Any], what: str = "it", patience: float = PATIENCE) -> Any:
+def wait_until(done: Callable[[], Any], what: str = "it", patience: float = TIMEOUT_S) -> Any:
     """Polls until the condition is true and returns its value. Raises AssertionError with ``what`` after the
     timeout."""
     deadline = time.monotonic() + patience
     while not (answer := done()):
         assert time.monotonic() < deadline, f"{what} never came to be within {patience:g} s"
-        time.sleep(PAUSE)
+        time.sleep(POLL_INTERVAL_S)
     return answer

@@ -6,7 +6,7 @@ import numpy as np
 from strokes import limb
 
 from enliven.document.character import Pose
-from enliven.document.rigged import Shape, character_of
+from enliven.document.rigged import RiggedCharacter, character_of
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.motion.layers.evaluate import ShapePose, pose_from
 from enliven.rotation import from_rotation_vector, multiply, rotate
@@ -17,7 +17,7 @@ FRAMES = 12
 BEGIN = 7_000_000_000
 
 
-def arm() -> Shape:
+def arm() -> RiggedCharacter:
     """Returns a sketched limb of several bones, slightly bent by hand."""
     shape = shape_from_stroke(limb(np.array([[0.0, 0.4], [0.0, 1.4]]), np.array([0.08, 0.05])), id="arm")
     bent = np.array(
@@ -30,7 +30,7 @@ ARM = arm()
 BONES = len(ARM.skeleton)
 
 
-def performed(own: np.ndarray, name: str = "take 1", root: float = 0.0) -> PerformedMotion:
+def create_performance(own: np.ndarray, name: str = "take 1", root: float = 0.0) -> PerformedMotion:
     """Returns an edge's recorded performance of the arm. The root moves sideways.
 
     Args:
@@ -52,7 +52,7 @@ def performed(own: np.ndarray, name: str = "take 1", root: float = 0.0) -> Perfo
     return PerformedMotion(name, BEGIN, characters={key: character_of(ARM)}, poses={key: poses})
 
 
-def waving(bones: dict[int, float]) -> np.ndarray:
+def create_waving_rotations(bones: dict[int, float]) -> np.ndarray:
     """Returns (F, N, 4) rotations in which some bones swing by the given angles, radians."""
     own = np.tile([1.0, 0.0, 0.0, 0.0], (FRAMES, BONES, 1))
     for bone, size in bones.items():

@@ -48,7 +48,7 @@ def chair_actor(settings: ActorSettings, nodes: int = 48, name: str = "chair") -
     return EmbeddedActor(character, graph_from_character(character), settings)
 
 
-def perform(
+def record_performance(
     path: Path,
     seen: Sequence[set[int]],
     orders: Mapping[int, Sequence[Order]],

@@ -34,7 +34,7 @@ HIP = 0.93
 """Height of the hips above the floor, metres."""
 
 
-def moved(frames: int = 12, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+def generate_motion(frames: int = 12, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     """Returns (F, 3) root positions in metres and (F, N, 3, 3) rotations of each joint. The arms hang, and
     everything moves slightly.
     """
@@ -49,7 +49,7 @@ def moved(frames: int = 12, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     return root, turns
 
 
-def bvh(
+def format_bvh(
     root: np.ndarray,
     turns: np.ndarray,
     *,

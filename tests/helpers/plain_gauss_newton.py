@@ -93,7 +93,7 @@ class PlainGaussNewton:
         constant[3 * len(i) : first] = hang * along.ravel()
         return csr_matrix(entries, shape), constant
 
-    def aim(self, targets: Float) -> None:
+    def set_targets(self, targets: Float) -> None:
         """Sets the targets of the points, (L, 3)."""
         self._constant[-3 * len(targets) :] = np.sqrt(self.settings.constraint) * targets.ravel()
 

@@ -10,7 +10,7 @@ from enliven.motion.layers.polyline import knot_turns, locate_on_knots
 from enliven.rotation import IDENTITY
 
 
-def turns(line, frames, weight=1.0, basis=IDENTITY, mirrored=False):
+def compute_knot_rotations(line, frames, weight=1.0, basis=IDENTITY, mirrored=False):
     """Returns (T, K, 4) relative rotations P_i = D_base^-1 D_i at the knots. Each has the sign that is closer
     to its predecessor.
     """
@@ -26,9 +26,9 @@ def turns(line, frames, weight=1.0, basis=IDENTITY, mirrored=False):
     return out
 
 
-def sample(line, s, frames, weight=1.0, basis=IDENTITY, mirrored=False):
+def sample_rotations(line, s, frames, weight=1.0, basis=IDENTITY, mirrored=False):
     """Returns (T, S, 4) q(s, t) at arc lengths ``s`` (S,) and frame numbers (T,)."""
-    at_knots = turns(line, frames, weight, basis, mirrored)
+    at_knots = compute_knot_rotations(line, frames, weight, basis, mirrored)
     knot, part = locate_on_knots(line.knots, np.atleast_1d(s))
     out = np.empty((len(at_knots), len(knot), 4))
     for t in range(len(at_knots)):

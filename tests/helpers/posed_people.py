@@ -42,7 +42,7 @@ def character(name: str, skeleton: Skeleton) -> Character:
     )
 
 
-def posed(name: str, skeleton: Skeleton, node_turns, place=(0.0, 0.0, 0.0), time_ns: int = 0):
+def create_pose(name: str, skeleton: Skeleton, node_turns, place=(0.0, 0.0, 0.0), time_ns: int = 0):
     """Returns the pose of a rig with joints that rotate as nodes of a glTF, and the joints' (N, 3) positions.
 
     Args:

@@ -7,7 +7,7 @@ import trimesh
 
 from enliven.meshes import Mesh
 
-LEAVES = 9
+LEAF_POSES = 9
 """Number of leaves of the plant, each 2 mm thick."""
 
 
@@ -57,7 +57,7 @@ def plant() -> Mesh:
     pot = trimesh.creation.revolve(np.array(profile), sections=40)
     pot.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1.0, 0.0, 0.0]))
     parts = [pot, _rod((0.0, 0.2, 0.0), (0.0, 0.6, 0.0), 0.012)]
-    for k in range(LEAVES):
+    for k in range(LEAF_POSES):
         leaf = trimesh.creation.box((0.22, 0.002, 0.09))
         leaf.apply_translation([0.13, 0.0, 0.0])
         leaf.apply_transform(trimesh.transformations.rotation_matrix(0.5, [0.0, 0.0, 1.0]))
@@ -67,5 +67,5 @@ def plant() -> Mesh:
     return _mesh(parts, "plant")
 
 
-THINGS: dict[str, Callable[[], Mesh]] = {"stool": stool, "bear": bear, "plant": plant}
+SCANNED_OBJECTS: dict[str, Callable[[], Mesh]] = {"stool": stool, "bear": bear, "plant": plant}
 """The objects by name."""

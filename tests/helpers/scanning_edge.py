@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, Protocol
 
-from patience import PATIENCE
+from patience import TIMEOUT_S
 
 from enliven.frames import DepthFrame, Frame
 from enliven.possession import Actor
@@ -21,9 +21,9 @@ from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
 from enliven_viewer.link.edge_client import EdgeClient
 
-LATER = 10**11
+LATER_NS = 10**11
 """Nanoseconds added to the images' times in each repetition, so that they are later than before."""
-_BESIDE = 6.0
+_SECOND_CAMERA_POSE = 6.0
 """Timeout as a multiple of the edge's working time on an idle machine, for a test suite on two cores."""
 
 
@@ -34,7 +34,7 @@ class Follower(Protocol):
         """Processes received messages."""
 
 
-class Reel(Sensor):
+class FrameListSensor(Sensor):
     """A sensor that delivers the given frames."""
 
     name, fps, recorded = "reel", 30.0, True
@@ -50,7 +50,7 @@ class ScanningEdge:
         wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
         self.outlet = Outlet(wire, "reel")
         self.stage = Stage(actors)
-        self.edge = Edge(Reel(), Tracker(), self.stage, self.outlet)
+        self.edge = Edge(FrameListSensor(), Tracker(), self.stage, self.outlet)
         self.viewers: list[EdgeClient] = []
         self.followers: list[Follower] = []
         self.answers: list[object] = []
@@ -64,12 +64,12 @@ class ScanningEdge:
 
     def until(self, done: Callable[[], object], what: str) -> None:
         """Waits for a condition while edge and viewers run."""
-        deadline, work = time.monotonic() + _BESIDE * PATIENCE, time.process_time() + PATIENCE
+        deadline, work = time.monotonic() + _SECOND_CAMERA_POSE * TIMEOUT_S, time.process_time() + TIMEOUT_S
         while not done():
             # The edge runs in this process, so its work takes longer on a busy machine.
             late = time.process_time() > work or time.monotonic() > deadline
             assert not late, (
-                f"{what}: it never came to be, after {self.said() if self.viewers else 'nothing'}"
+                f"{what}: it never came to be, after {self.get_scan_message() if self.viewers else 'nothing'}"
             )
             self.edge._wait()
             self.edge._poll_requests()
@@ -88,11 +88,11 @@ class ScanningEdge:
         self.until(lambda: len(self.answers) > count, order.do)
         return self.answers[-1]
 
-    def said(self, viewer: int = 0) -> ScanMessage:
+    def get_scan_message(self, viewer: int = 0) -> ScanMessage:
         """Returns the state of the scan that a viewer has received."""
         return self.viewers[viewer].latest(SCAN).get("", ScanMessage())
 
-    def show(self, frames: Sequence[DepthFrame], each: Callable[[], object] = bool) -> None:
+    def feed_frames(self, frames: Sequence[DepthFrame], each: Callable[[], object] = bool) -> None:
         """Feeds images to the sensor until the last one is processed or the scan is done. Their times are
         later than all before.
 
@@ -100,13 +100,17 @@ class ScanningEdge:
             each: called after each image.
         """
         self._shown += 1
-        later = [replace(frame, time_ns=frame.time_ns + self._shown * LATER) for frame in frames]
+        later = [replace(frame, time_ns=frame.time_ns + self._shown * LATER_NS) for frame in frames]
         for frame in later:
             self.edge.step(frame)
             self.poll()
             each()
         self.until(
-            lambda: self.said().time_ns == later[-1].time_ns or self.said().phase == "done", "the last image"
+            lambda: (
+                self.get_scan_message().time_ns == later[-1].time_ns
+                or self.get_scan_message().phase == "done"
+            ),
+            "the last image",
         )
 
     def close(self) -> None:

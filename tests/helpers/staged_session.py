@@ -48,7 +48,7 @@ class StagedSession:
 
         self.house.until(after_a_frame, what)
 
-    def pictures(self, count: int) -> None:
+    def run_frames(self, count: int) -> None:
         """Runs ``count`` frames."""
         end = self.count + count
         self.until(lambda: self.count >= end)

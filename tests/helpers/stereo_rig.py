@@ -15,7 +15,9 @@ FOCAL = 457.0
 """Focal length in pixels for a width of 640: 70 degrees from left to right."""
 
 
-def rig(width: int = 640, height: int = 400, baseline: float = 0.1, crooked: float = 1.0, bent: float = 1.0):
+def create_lenses(
+    width: int = 640, height: int = 400, baseline: float = 0.1, crooked: float = 1.0, bent: float = 1.0
+):
     """Returns (left, right) lenses that differ slightly and are rotated relative to each other by about a
     degree.
 

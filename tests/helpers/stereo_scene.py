@@ -127,7 +127,7 @@ def room(floor: float = 1.2, wall: float = 4.0) -> list[Plane]:
     return [Plane((0, floor, 0), (0, -1, 0)), Plane((0, 0, wall), (0, 0, -1))]
 
 
-class Photographer:
+class Renderer:
     """Renders surfaces with a random texture each, which looks the same from every side.
 
     Args:
@@ -141,7 +141,7 @@ class Photographer:
         self._random = np.random.default_rng(seed)
         self._cells = self._random.standard_normal((64, 64, 64)).astype(np.float32)
 
-    def picture(
+    def render_image(
         self, lens: Lens, samples: int = 2, gain: float = 1.0, vignette: float = 0.0, noise: float = 0.0
     ) -> np.ndarray:
         """Returns (H, W) uint8 a camera's image.
@@ -168,11 +168,11 @@ class Photographer:
         light = light + noise * self._random.standard_normal(light.shape)
         return np.clip(np.rint(light), 0, 255).astype(np.uint8)
 
-    def depth(self, lens: Lens) -> np.ndarray:
+    def render_depth(self, lens: Lens) -> np.ndarray:
         """Returns (H, W) metres along the lens's axis."""
-        return self.seen(lens)[0]
+        return self.render_hits(lens)[0]
 
-    def seen(self, lens: Lens) -> tuple[np.ndarray, np.ndarray]:
+    def render_hits(self, lens: Lens) -> tuple[np.ndarray, np.ndarray]:
         """Returns (H, W) metres along the lens's axis, and (H, W) the object at each pixel."""
         uu, vv = np.meshgrid(np.arange(lens.width), np.arange(lens.height))
         eye, looks = lens.rays(uu.ravel().astype(float), vv.ravel().astype(float))

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-HERE = Path(__file__).parent
-THREE = Path(os.environ.get("ENLIVEN_THREE", HERE.parents[1] / "out" / "web" / "node_modules" / "three"))
+FOLDER = Path(__file__).parent
+THREE = Path(os.environ.get("ENLIVEN_THREE", FOLDER.parents[1] / "out" / "web" / "node_modules" / "three"))
 """The folder of the npm package three, which `make test-web` fetches."""
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-MISSING = (
+MISSING_REASON = (
     "Chromium is not installed"
     if CHROMIUM is None
     else ""
@@ -39,7 +39,7 @@ CHROMIUM_OPTIONS = [
     "--no-first-run",
 ]
 """Options of headless Chromium with WebGL on the CPU."""
-_PATIENCE_S = 120.0
+_TIMEOUT_S = 120.0
 """Timeout for all images, seconds. Chromium starts in 2 s, and each image takes less than a second on an idle
 machine."""
 _KINDS = {".html": "text/html", ".js": "text/javascript"}
@@ -62,7 +62,7 @@ class Job:
     seconds: float | None = None
 
 
-def draw(jobs: list[Job], folder: Path) -> list[np.ndarray]:
+def render_jobs(jobs: list[Job], folder: Path) -> list[np.ndarray]:
     """Returns (H, W, 4) uint8 of each job, top row first; the background has opacity 0.
 
     Args:
@@ -76,7 +76,7 @@ def draw(jobs: list[Job], folder: Path) -> list[np.ndarray]:
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
-            data, kind = _served(self.path, jobs)
+            data, kind = _serve_file(self.path, jobs)
             self.send_response(404 if data is None else 200)
             self.send_header("Content-Type", kind)
             self.end_headers()
@@ -103,7 +103,7 @@ def draw(jobs: list[Job], folder: Path) -> list[np.ndarray]:
         own, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
     )
     try:
-        assert ended.wait(_PATIENCE_S), f"{len(pictures)} of {len(jobs)} pictures came in time"
+        assert ended.wait(_TIMEOUT_S), f"{len(pictures)} of {len(jobs)} pictures came in time"
     finally:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(browser.pid, signal.SIGKILL)
@@ -117,7 +117,7 @@ def draw(jobs: list[Job], folder: Path) -> list[np.ndarray]:
     ]
 
 
-def _served(path: str, jobs: list[Job]) -> tuple[bytes | None, str]:
+def _serve_file(path: str, jobs: list[Job]) -> tuple[bytes | None, str]:
     """Returns the bytes and the type of a URL; None instead of bytes for an unknown URL."""
     if path == "/jobs":
         listed = [
@@ -131,6 +131,6 @@ def _served(path: str, jobs: list[Job]) -> tuple[bytes | None, str]:
         return json.dumps(listed).encode(), "application/json"
     if path.startswith("/file/"):
         return jobs[int(Path(path).stem)].glb, "model/gltf-binary"
-    file = THREE / path.removeprefix("/three/") if path.startswith("/three/") else HERE / path.lstrip("/")
+    file = THREE / path.removeprefix("/three/") if path.startswith("/three/") else FOLDER / path.lstrip("/")
     kind = _KINDS.get(file.suffix, "application/octet-stream")
     return (file.read_bytes() if file.is_file() else None), kind

@@ -9,23 +9,25 @@ from typing import Any
 
 import numpy as np
 
-ROUNDING = {np.dtype(np.float32): 2e-6, np.dtype(np.float64): 1e-12}
+ROUNDING_TOLERANCE = {np.dtype(np.float32): 2e-6, np.dtype(np.float64): 1e-12}
 """Maximum difference, relative to the largest number, after a few hundred terms. It is about twenty units in
 the last place for float32 and ten thousand for float64. Products of long rows differed by 5e-9 in float32."""
-SOLVED = 1e3
-"""Factor on :data:`ROUNDING` for solutions of linear systems: the condition number amplifies rounding."""
+SOLVER_TOLERANCE = 1e3
+"""Factor on :data:`ROUNDING_TOLERANCE` for solutions of linear systems: the condition number amplifies
+rounding.
+"""
 
 
 def assert_alike(made: Any, wanted: Any, times: float = 1.0) -> None:
     """Asserts equal shapes, and no difference larger than rounding errors; integers must be equal."""
     made, wanted = np.asarray(made), np.asarray(wanted)
     assert made.shape == wanted.shape
-    kinds = [ROUNDING[a.dtype] for a in (made, wanted) if a.dtype in ROUNDING]
+    kinds = [ROUNDING_TOLERANCE[a.dtype] for a in (made, wanted) if a.dtype in ROUNDING_TOLERANCE]
     largest = np.abs(wanted[np.isfinite(wanted)]).max(initial=0.0)
     np.testing.assert_allclose(made, wanted, rtol=0, atol=times * max(kinds, default=0.0) * float(largest))
 
 
-def alike(made: Any, wanted: Any, times: float = 1.0) -> bool:
+def are_alike(made: Any, wanted: Any, times: float = 1.0) -> bool:
     """Returns True if :func:`assert_alike` would pass."""
     try:
         assert_alike(made, wanted, times)

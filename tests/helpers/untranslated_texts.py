@@ -21,7 +21,8 @@ LABELLED = {
 TELLING = {
     "add_text",
     "say",
-    "complain",
+    "show_error",
+    "show_message",
     "tell",
     "draw_caption",
     "shorten_text",
@@ -46,18 +47,18 @@ FOR_DEVELOPERS = {
 """Errors that appear in a terminal or for a plugin's author, not in the window."""
 
 
-def untranslated(tree: ast.AST, *, errors_are_shown: bool = True) -> Iterator[ast.Constant]:
+def find_untranslated(tree: ast.AST, *, errors_are_shown: bool = True) -> Iterator[ast.Constant]:
     """Yields the literals of a module that are shown without translation.
 
     Args:
         errors_are_shown: False if its errors go to the log or the terminal of an operator, in English.
     """
     for function in [tree, *(node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef))]:
-        values = assigned(function)
-        for call in own(function):
+        values = collect_assignments(function)
+        for call in iterate_own_nodes(function):
             if isinstance(call, ast.Call) and (errors_are_shown or not is_error(call)):
                 for argument in shown_arguments(call):
-                    yield from literals(argument, values, plain_word=is_label(call, argument))
+                    yield from find_literals(argument, values, plain_word=is_label(call, argument))
 
 
 def is_error(call: ast.Call) -> bool:
@@ -65,20 +66,20 @@ def is_error(call: ast.Call) -> bool:
     return isinstance(call.func, ast.Name) and call.func.id in ERRORS
 
 
-def own(function: ast.AST) -> Iterator[ast.AST]:
+def iterate_own_nodes(function: ast.AST) -> Iterator[ast.AST]:
     """Yields the nodes of a function or module in order, without those of nested functions."""
     for node in ast.iter_child_nodes(function):
         if not isinstance(node, ast.FunctionDef):
             yield node
-            yield from own(node)
+            yield from iterate_own_nodes(node)
         elif isinstance(function, ast.ClassDef):
             continue
 
 
-def assigned(function: ast.AST) -> dict[str, list[ast.expr]]:
+def collect_assignments(function: ast.AST) -> dict[str, list[ast.expr]]:
     """Returns the values that a function assigns to each plain name."""
     values: dict[str, list[ast.expr]] = {}
-    for node in own(function):
+    for node in iterate_own_nodes(function):
         if isinstance(node, ast.Assign):
             for target in node.targets:
                 pairs = [(target, node.value)]
@@ -113,7 +114,7 @@ def is_label(call: ast.Call, argument: ast.expr) -> bool:
     return name == "add_text" or (name in LABELLED and argument is call.args[0])
 
 
-def literals(
+def find_literals(
     node: ast.expr, known: dict[str, list[ast.expr]], *, plain_word: bool = False
 ) -> Iterator[ast.Constant]:
     """Yields the readable literals that an expression can evaluate to, also through plain names.
@@ -133,21 +134,21 @@ def literals(
                 if "##" in part.value:
                     break
     elif isinstance(node, ast.IfExp):
-        yield from literals(node.body, known, plain_word=plain_word)
-        yield from literals(node.orelse, known, plain_word=plain_word)
+        yield from find_literals(node.body, known, plain_word=plain_word)
+        yield from find_literals(node.orelse, known, plain_word=plain_word)
     elif isinstance(node, ast.BoolOp):
         for value in node.values:
-            yield from literals(value, known)
+            yield from find_literals(value, known)
     elif isinstance(node, ast.BinOp):
-        yield from literals(node.left, known)
-        yield from literals(node.right, known)
+        yield from find_literals(node.left, known)
+        yield from find_literals(node.right, known)
     elif isinstance(node, ast.Tuple | ast.List):
         for value in node.elts:
-            yield from literals(value, known)
+            yield from find_literals(value, known)
     elif isinstance(node, ast.Name):
         for value in known.get(node.id, []):
             if not isinstance(value, ast.Name):
-                yield from literals(value, {}, plain_word=plain_word)
+                yield from find_literals(value, {}, plain_word=plain_word)
 
 
 def is_readable(value: object, *, plain_word: bool = False) -> bool:

@@ -12,7 +12,7 @@ from typing import Any
 import zmq
 
 _CONTEXTS: list[zmq.Context[Any]] = []
-"""Contexts that :func:`close_forgotten` has not checked yet."""
+"""Contexts that :func:`close_leaked_contexts` has not checked yet."""
 
 
 def make_context() -> zmq.Context[Any]:
@@ -23,7 +23,7 @@ def make_context() -> zmq.Context[Any]:
     return context
 
 
-def close_forgotten() -> int:
+def close_leaked_contexts() -> int:
     """Closes the contexts that are still open and returns their number."""
     forgotten = [context for context in _CONTEXTS if not context.closed]
     _CONTEXTS.clear()

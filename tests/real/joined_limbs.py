@@ -19,7 +19,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
-from enliven.deformation.graph.sampling import scatter
+from enliven.deformation.graph.sampling import sample_uniform_points
 from enliven.document.character import SkinWeights
 from enliven.meshes.files import load_mesh
 from enliven.meshes.mesh import Mesh, fit_height, refine, weld
@@ -132,7 +132,7 @@ class PlainGraph(NamedTuple):
 def plain_graph(mesh: Mesh, nodes: int, seed: int = 0) -> PlainGraph:
     """Returns Poisson-disk samples under the Euclidean distance, each linked with its four nearest."""
     rng = np.random.default_rng(seed)
-    darts = rng.permutation(scatter(mesh, 80 * nodes, rng).positions)
+    darts = rng.permutation(sample_uniform_points(mesh, 80 * nodes, rng).positions)
     low, high = 0.0, 4 * np.sqrt(mesh.area / nodes)
     for _ in range(20):
         middle = (low + high) / 2

@@ -10,7 +10,7 @@ from enliven.document.constraints import Coupling
 from enliven.document.example_settings import ExampleSettings
 from enliven.examples.live import LiveExamples
 from enliven.examples.mapping import ExampleMap
-from enliven.examples.performer import performed
+from enliven.examples.performer import extract_performer_clip
 from enliven.examples.poses import Examples
 from enliven.examples.spacetime.locomotion import find_switches, place_motion
 from enliven.examples.suggest import SuggestSettings, suggest_poses
@@ -46,7 +46,7 @@ def changes(places, step):
 )
 def test_a_motion_is_followed_smoothly(name):
     clip = clip_of(name)
-    took = performed(clip, JOINTS)
+    took = extract_performer_clip(clip, JOINTS)
     examples, frames = shown(took.poses, 8)
     exact = ExampleMap(examples, ExampleSettings(acceleration=0.0)).solve(took.poses, took.step)
     np.testing.assert_allclose(exact[frames], examples.targets, atol=1e-9)
@@ -61,7 +61,7 @@ def test_a_motion_is_followed_smoothly(name):
 def test_walkers_stay_on_the_floor_and_jumpers_leave_it():
     for name, flies in (("test_walking_1", False), ("train_jumping_1", True), ("train_running_1", True)):
         clip = clip_of(name)
-        took = performed(clip, JOINTS)
+        took = extract_performer_clip(clip, JOINTS)
         examples, _ = shown(took.poses, 8)
         places = ExampleMap(examples).solve(took.poses, took.step)
         switches = find_switches(took.world[:, :2], took.step, 0.9)
@@ -79,7 +79,7 @@ def test_walkers_stay_on_the_floor_and_jumpers_leave_it():
 
 
 def test_feet_are_level_where_the_anchor_changes():
-    took = performed(clip_of("test_walking_1"), JOINTS)
+    took = extract_performer_clip(clip_of("test_walking_1"), JOINTS)
     examples, _ = shown(took.poses, 8)
     mapping = ExampleMap(examples)
     placed = place_motion(
@@ -89,7 +89,7 @@ def test_feet_are_level_where_the_anchor_changes():
         find_switches(took.world[:, :2], took.step, 0.9),
         [0, 1],
     )
-    couplings = placed.couplings(examples.points)
+    couplings = placed.create_level_constraints(examples.points)
     assert couplings and all(isinstance(coupling, Coupling) for coupling in couplings)
     places = mapping.solve(took.poses, took.step, couplings)
     for coupling in couplings:
@@ -98,7 +98,7 @@ def test_feet_are_level_where_the_anchor_changes():
 
 
 def test_live_is_near_the_whole():
-    took = performed(clip_of("test_walking_1"), JOINTS)
+    took = extract_performer_clip(clip_of("test_walking_1"), JOINTS)
     poses, step = took.poses[5:600:4], took.step * 4
     examples, _ = shown(poses, 8)
     mapping = ExampleMap(examples)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fusion_measures import agreement, fused, jitter_mm
+from fusion_measures import agreement, fuse_streams, jitter_mm
 
 from enliven.frames import BodyFrame
 from enliven.space.rigid_transform import (
@@ -58,7 +58,7 @@ def performed(study: int):
     """Returns the calibration, the fused frames, and each Kinect's frames in the same world and clock."""
     calibration = placed(seen(study))
     space = calibration.space()
-    both = list(fused(seen(study), space, Fuser(sensor_positions(space))))
+    both = list(fuse_streams(seen(study), space, Fuser(sensor_positions(space))))
     alone = {
         name: [
             BodyFrame(transform_bodies(f.bodies, place.level), f.time_ns + place.clock_offset_ns, name)

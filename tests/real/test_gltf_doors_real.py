@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gltf_doors import DOORS, STILL, measures
+from gltf_doors import READERS, STILL, measure_surface
 
 from enliven.deformation.skinning import skin_vertices
 from enliven.document import Project, character_of
@@ -44,16 +44,16 @@ pytestmark = [
 @pytest.mark.parametrize("path", FAULTY, ids=lambda p: p.stem)
 def test_every_entry_point_shows_a_faulty_file_alike(path):
     mesh = read_gltf(path).shape.mesh
-    expected = measures((mesh.vertices, mesh.faces))
+    expected = measure_surface((mesh.vertices, mesh.faces))
     still = load_mesh(path).mesh
     if "mirrored" in path.stem:
         slow = SlowGltf(path).vertices_at(None, 0.0)
         np.testing.assert_allclose(still.vertices, slow, atol=1e-4)
     else:
-        np.testing.assert_allclose(measures((still.vertices, still.faces)), expected, rtol=2e-3)
-    for name, door in DOORS.items():
-        wanted = measures((still.vertices, still.faces)) if name in STILL else expected
-        np.testing.assert_allclose(measures(door(path)), wanted, rtol=2e-3, err_msg=name)
+        np.testing.assert_allclose(measure_surface((still.vertices, still.faces)), expected, rtol=2e-3)
+    for name, door in READERS.items():
+        wanted = measure_surface((still.vertices, still.faces)) if name in STILL else expected
+        np.testing.assert_allclose(measure_surface(door(path)), wanted, rtol=2e-3, err_msg=name)
 
 
 @pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
@@ -61,10 +61,10 @@ def test_every_reader_shows_a_model_alike(path):
     own, loaded = read_gltf(path).shape.mesh, load_mesh(path).mesh
     used = own.vertices[np.unique(own.faces)]
     np.testing.assert_allclose(loaded.bounds, [used.min(0), used.max(0)], rtol=1e-9, atol=1e-12)
-    for name, door in DOORS.items():
+    for name, door in READERS.items():
         if name not in HEAVY:
-            ours = measures((own.vertices, own.faces))
-            np.testing.assert_allclose(measures(door(path))[:1], ours[:1], rtol=2e-3, err_msg=name)
+            ours = measure_surface((own.vertices, own.faces))
+            np.testing.assert_allclose(measure_surface(door(path))[:1], ours[:1], rtol=2e-3, err_msg=name)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from three_viewer import MISSING
+from three_viewer import MISSING_REASON
 from web_pictures import compare
 
 from enliven.cli import run
@@ -25,7 +25,7 @@ DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" 
 PICTURES = Path(__file__).parents[2] / "out" / "web" / "pictures"
 pytestmark = [
     pytest.mark.real,
-    pytest.mark.skipif(bool(MISSING), reason=MISSING or "all is here"),
+    pytest.mark.skipif(bool(MISSING_REASON), reason=MISSING_REASON or "all is here"),
     pytest.mark.skipif(not DATA.is_dir(), reason="the real recordings (ENLIVEN_DATA) are not here"),
 ]
 MODELS = {

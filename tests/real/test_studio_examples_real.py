@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from enliven.examples.puppet_examples import missing
+from enliven.examples.puppet_examples import find_missing_examples
 from enliven.examples.puppet_motion import evaluate_state
 from enliven.modeling.puppet.poses import change_key_pose
 from enliven_viewer.studio.editor.editor import Editor
@@ -64,7 +64,7 @@ def test_a_cactus_that_lies_on_its_back_is_stood_up_and_directs_traffic(tmp_path
         assert editor.edit("pose", lambda project, n=number, c=change: change_key_pose(project, name, n, **c))
     workspace.puppets.accept()
     project, puppet = editor.motion_solver.settle(editor.project, name)
-    assert not missing(project, puppet) and editor.motion_solver.problem(name) is None
+    assert not find_missing_examples(project, puppet) and editor.motion_solver.problem(name) is None
     assert puppet is editor.project.puppets[name]
     for pose, second in zip(puppet.poses, coverage.times[:3], strict=True):
         shown_places = evaluate_state(project, puppet, second).places

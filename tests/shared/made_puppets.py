@@ -4,7 +4,7 @@ import numpy as np
 
 from enliven.document.clip import Clip
 from enliven.document.project import Project
-from enliven.document.puppet import ControlPoint, KeyPose, Puppet, PuppetLayer
+from enliven.document.puppet import ControlPoint, ExampleCharacter, KeyPose, PuppetLayer
 from enliven.document.skeleton import Skeleton
 from enliven.meshes.mesh import Mesh
 from enliven.rotation import from_rotation_vector
@@ -67,7 +67,7 @@ def puppet(name="bean", mesh=None, layers=(PuppetLayer("dance", travel=False),),
     bent[1] += [[0, 0, 0], [-0.3, -0.1, 0], [-0.1, 0.03, 0.05], [-0.1, -0.05, 0]]
     bent[2] += [[0, 0, 0], [0, -0.3, 0.1], [0.06, -0.15, 0], [-0.06, -0.15, 0]]
     poses = tuple(KeyPose("dance", time, places) for time, places in zip((0.2, 1.1, 2.0), bent, strict=True))
-    return Puppet(name, mesh, points, poses, layers, **changes)
+    return ExampleCharacter(name, mesh, points, poses, layers, **changes)
 
 
 def project(**changes):

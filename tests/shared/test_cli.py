@@ -43,7 +43,7 @@ def test_errors_have_their_exit_codes(monkeypatch, capsys, error, code):
 
         return command
 
-    monkeypatch.setattr(cli, "application", application)
+    monkeypatch.setattr(cli, "build_command_group", application)
     assert cli.run([]) == code
     assert "Traceback" not in capsys.readouterr().err
 

@@ -93,9 +93,9 @@ def test_files_elsewhere_are_not_read(folder, read, uri, words):
 def test_total_size_of_referenced_files_is_bounded(tmp_path):
     (tmp_path / "a").write_bytes(bytes(60))
     beside = ReferencedFiles(tmp_path / "model.obj", max_bytes=100)
-    assert len(beside.file("a")) == 60
+    assert len(beside.read_named_file("a")) == 60
     with pytest.raises(InputError, match="no more than 40"):
-        beside.file("a")
+        beside.read_named_file("a")
 
 
 @pytest.mark.parametrize("name", ["pipe.bin", "zero.bin", "../secret.bin"])

@@ -33,7 +33,7 @@ from soak_disk import TakeDisk  # noqa: E402
 from soak_programs import Program, ProgramGroup  # noqa: E402
 
 from enliven.kiosk.profile import CareSettings  # noqa: E402
-from enliven.supervision.causes import exit_cause  # noqa: E402
+from enliven.supervision.causes import describe_exit  # noqa: E402
 from enliven.supervision.records import RUNTIME_VARIABLE  # noqa: E402
 from enliven.wire import free_ports  # noqa: E402
 
@@ -217,7 +217,7 @@ class Soak:
         faults = [f"the {p.name} ended: {cause}" for p in self.programs for cause in p.unexpected_ends]
         faults += [f"the {p.name} never ran" for p in self.programs if not p.samples]
         faults += [
-            f"the {name} did not end as it should: {exit_cause(code)}"
+            f"the {name} did not end as it should: {describe_exit(code)}"
             for name, code in exits.items()
             if code not in ENDS
         ]

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 import trimesh
 import zmq
-from patience import PATIENCE
+from patience import TIMEOUT_S
 from zmq_contexts import make_context
 
 from enliven.formats.project.one_character import character_bytes, project_of_mesh
@@ -75,7 +75,7 @@ class House:
 
     def until(self, done: Callable[[], object], *polled: Callable[[], object]) -> None:
         """Runs frames until a condition holds."""
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + TIMEOUT_S
         while not done():
             assert time.monotonic() < deadline, "it never came to be"
             self.frame()
@@ -98,7 +98,7 @@ class Visitor:
         self.context = make_context()
         self.socket = self.context.socket(zmq.DEALER)
         if keys is not None:
-            keys.apply(self.socket)
+            keys.encrypt_socket(self.socket)
         self.socket.connect(house.outlet.publisher.endpoint.control_address)
 
     def ask(self, body: requests.Ask) -> requests.Answer:

@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from live_receivers import turn as turn_by
-from patience import until
-from person_bvh import bvh, moved
+from patience import wait_until
+from person_bvh import format_bvh, generate_motion
 
 from enliven import cli
 from enliven.outputs.live_frame import LiveFrame
 from enliven.outputs.opening import open_outputs
-from enliven.outputs.settings import outputs_of
+from enliven.outputs.settings import collect_output_settings
 from enliven.person import Joint
 from enliven.rotation import unit
 
@@ -53,7 +53,7 @@ def in_blender(task: str, *words, folder: Path) -> dict:
 def exported(tmp_path_factory):
     """Returns the folder with a motion of a person as GLB and BVH, written by enliven."""
     folder = tmp_path_factory.mktemp("blender")
-    (folder / "source.bvh").write_text(bvh(*moved(25)))
+    (folder / "source.bvh").write_text(format_bvh(*generate_motion(25)))
     for name, more in (("person.glb", []), ("person.bvh", []), ("centimetres.bvh", ["--unit", "cm"])):
         words = ["export", str(folder / "source.bvh"), "-o", str(folder / name), "--rate", "25", *more]
         assert cli.run(words) == 0
@@ -165,10 +165,10 @@ def test_a_rig_follows_a_performer_live(exported, tmp_path):
     body, port_file, stop = performer(), tmp_path / "port", threading.Event()
 
     def keep_sending():
-        until(lambda: port_file.exists() or stop.is_set(), "Blender listens")
+        wait_until(lambda: port_file.exists() or stop.is_set(), "Blender listens")
         if stop.is_set():
             return
-        with open_outputs(outputs_of([f"vmc:127.0.0.1:{port_file.read_text()}"], {})) as outputs:
+        with open_outputs(collect_output_settings([f"vmc:127.0.0.1:{port_file.read_text()}"], {})) as outputs:
             number = 0
             while not stop.wait(0.02):
                 number += 1

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from patience import until
+from patience import wait_until
 from published_stage import PublishedStage
 
 from enliven.document import Character, Pose
@@ -116,7 +116,7 @@ def read_in_python(
         return is_done()
 
     with contextlib.closing(client):
-        until(poll, "the end of the sample")
+        wait_until(poll, "the end of the sample")
     return numbers
 
 
@@ -151,7 +151,7 @@ def test_sample_waits_for_an_edge_and_survives_its_restart(program: Path, tmp_pa
             edge = PublishedStage(f"cpp-{uuid.uuid4().hex[:8]}", {"actor": shown}, ports=(ports[0], ports[1]))
             with edge:
                 before = output.stat().st_size
-                until(lambda before=before: output.read_bytes()[before:].count(b"pose ") > 3, "a pose")
+                wait_until(lambda before=before: output.read_bytes()[before:].count(b"pose ") > 3, "a pose")
             codec = PoseCodec(shown[0])
             linear, positions = codec.decode(codec.encode(shown[1]).data)
             expected = np.concatenate([positions, linear.reshape(-1, 9)], 1)

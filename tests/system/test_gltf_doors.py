@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from gltf_doors import DOORS, STILL, measures
+from gltf_doors import READERS, STILL, measure_surface
 from gltf_twins import TWINS
 
 from enliven.formats.gltf.read import read_gltf
@@ -18,7 +18,7 @@ SUFFIXES = (".glb", ".vrm")
 
 @pytest.mark.parametrize(
     "door",
-    [pytest.param(door, marks=pytest.mark.slow) if door == "edge, by a graph" else door for door in DOORS],
+    [pytest.param(door, marks=pytest.mark.slow) if door == "edge, by a graph" else door for door in READERS],
 )
 def test_every_entry_point_shows_the_readers_mesh(tmp_path, door):
     for number, (name, build) in enumerate(TWINS.items()):
@@ -27,15 +27,17 @@ def test_every_entry_point_shows_the_readers_mesh(tmp_path, door):
         path = build().write(tmp_path / f"{name}{SUFFIXES[number % 2]}")
         is_still = name.startswith(("mirrored", "scaled")) and door in STILL  # otherwise the clips do
         mesh = load_mesh(path).mesh if is_still else read_gltf(path).shape.mesh
-        shown = measures(DOORS[door](path))
-        np.testing.assert_allclose(shown, measures((mesh.vertices, mesh.faces)), rtol=2e-3, err_msg=name)
+        shown = measure_surface(READERS[door](path))
+        np.testing.assert_allclose(
+            shown, measure_surface((mesh.vertices, mesh.faces)), rtol=2e-3, err_msg=name
+        )
 
 
 def test_every_entry_point_refuses_unknown_compression(tmp_path):
     twin = TWINS["waving"]()
     twin.extension("ACME_compression", True)
     path = twin.write(tmp_path / "a.glb")
-    for door in DOORS.values():
+    for door in READERS.values():
         with pytest.raises(Exception, match="ACME_compression"):
             door(path)
 
@@ -53,7 +55,7 @@ def test_every_entry_point_reports_ignored_morph_targets(tmp_path, capsys, caplo
     caplog.set_level("INFO")
     for name in ("stage", "edge, by a graph", "edge, by its skeleton"):
         caplog.clear()
-        DOORS[name](path)
+        READERS[name](path)
         notes_of[name] = [*capsys.readouterr(), *caplog.messages]
     for name, notes in notes_of.items():
         assert any(words in note for note in notes), name

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 import zmq
-from patience import PATIENCE
+from patience import TIMEOUT_S
 from zmq_contexts import make_context
 
 from enliven.health import Severity
@@ -59,7 +59,7 @@ class HostileEdge:
         self.link.poll()
 
     def until(self, done: Callable[[], object]) -> None:
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + TIMEOUT_S
         while not done():
             assert time.monotonic() < deadline, "it never came to be"
             self.turn()
@@ -214,11 +214,11 @@ def test_containers_keep_the_newest_within_their_limits() -> None:
     queue, newest = BoundedQueue[int](4, 100), NewestValues(3, 100)
     for number in range(10):
         queue.append(number, 30)
-        newest.put(str(number % 5), number, 10)
+        newest.set_newest(str(number % 5), number, 10)
     assert list(queue) == [7, 8, 9] and queue.bytes == 90 and dict(newest) == {"2": 7, "3": 8, "4": 9}
     queue.append(10, 1000)
-    newest.put("3", 11, 1000)
-    assert queue.take() == [10] and not queue and queue.bytes == 0 and dict(newest) == {"3": 11}
+    newest.set_newest("3", 11, 1000)
+    assert queue.take_all() == [10] and not queue and queue.bytes == 0 and dict(newest) == {"3": 11}
     newest.forget("3")
     assert newest.bytes == 0 and not newest
 

@@ -79,7 +79,7 @@ def test_the_artist_replaces_a_character_that_a_visitor_put_as_high_as_it_may(ho
         assert rude.put("chair", highest, BOX_DATA) == Done()
         rude.ask(RemoveCharacter("chair"))
     assert rude.put("chair", highest) == Done()
-    house.until(lambda: artist.edges[0].complete, artist.poll)
+    house.until(lambda: artist.edges[0].has_all_characters, artist.poll)
     shown = artist.edges[0].revision("chair")
     assert highest <= shown <= highest + 1
     digest = hashlib.sha256(BOX_DATA).digest()
@@ -99,7 +99,7 @@ def test_artist_continues_with_a_restarted_edge(house: House) -> None:
     artist = EdgeClient([house.outlet.publisher.endpoint])
     house.until(lambda: artist.status is not None, artist.poll)
     artist.stage._last["chair"] = 3 * MAX_REVISION_JUMP
-    artist.edges[0]._begin(7)
+    artist.edges[0]._begin_instance(7)
     answers: list[object] = []
     artist.stage.put(project_of_mesh(load_sample("chair"), "chair"), "chair", then=answers.append)
     house.until(lambda: answers, artist.poll)
@@ -237,7 +237,7 @@ def test_departed_characters_leave_no_memory(house: House, capsys: pytest.Captur
     about = [name for name, topic in STREAMS.items() if topic.is_per_character]
     assert len({*counts}) == 1 and not {name for name, _ in latched(house)} & {*about}
     assert used[-1] - used[1] < 8.0, f"memory grows: {used}"
-    house.until(lambda: viewer.edges[0].complete, viewer.poll)
+    house.until(lambda: viewer.edges[0].has_all_characters, viewer.poll)
     kept = {key for name in about for key in viewer.edges[0].latest.get(name, ())}
     assert kept <= {f"guest {VISITORS - 1}"}, "the viewer forgets them, too"
     house.stage.place_actor(box_actor(graph, box, "last"))

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from patience import until
+from patience import wait_until
 
 from enliven.formats.project.one_character import project_of_mesh
 from enliven.samples.shipped import load_sample
@@ -35,7 +35,7 @@ def test_killed_edge_shows_the_same_characters_again(tmp_path: Path) -> None:
     edge = run()
     try:
         with contextlib.closing(EdgeClient([Endpoint("127.0.0.1", *ports)])) as link:
-            until(lambda: shows(link, {"chair", "lamp"}), "the stage", 600.0)
+            wait_until(lambda: shows(link, {"chair", "lamp"}), "the stage", 600.0)
             answers: list[Answer] = []
             project = project_of_mesh(load_sample("lamp"), "lamp")
 
@@ -44,29 +44,29 @@ def test_killed_edge_shows_the_same_characters_again(tmp_path: Path) -> None:
                 in time.
                 """
                 link.poll()
-                if not link.stage.busy and Done() not in answers:
+                if not link.stage.is_uploading and Done() not in answers:
                     link.stage.put(project, "lamp", name="guest", then=answers.append)
                 return Done() in answers
 
-            until(is_put, "the upload", 300.0)
-            until(lambda: shows(link, {"chair", "lamp", "guest"}), "the new character", 300.0)
+            wait_until(is_put, "the upload", 300.0)
+            wait_until(lambda: shows(link, {"chair", "lamp", "guest"}), "the new character", 300.0)
             link.ask(RemoveCharacter("chair"))
             link.ask(Resize("set", "guest", size=1.5))
-            until(lambda: shows(link, {"lamp", "guest"}), "the removal")
+            wait_until(lambda: shows(link, {"lamp", "guest"}), "the removal")
 
             def is_written() -> bool:
                 link.poll()
                 return (kept / "stage.json").exists() and "1.5" in (kept / "stage.json").read_text()
 
-            until(is_written, "the state")
+            wait_until(is_written, "the state")
             shape = link.characters["guest"].vertices.copy()
         edge.kill()
         edge.wait()
         edge = run()
         with contextlib.closing(EdgeClient([Endpoint("127.0.0.1", *ports)])) as link:
-            until(lambda: shows(link, {"lamp", "guest"}), "the same characters", 300.0)
+            wait_until(lambda: shows(link, {"lamp", "guest"}), "the same characters", 300.0)
             assert link.characters["guest"].vertices.tobytes() == shape.tobytes()
-            until(lambda: link.poll() or "guest" in link.latest(SIZES), "its size")
+            wait_until(lambda: link.poll() or "guest" in link.latest(SIZES), "its size")
             assert link.latest(SIZES)["guest"].size == pytest.approx(1.5)
     finally:
         edge.terminate()

@@ -11,9 +11,9 @@ from urllib.parse import urlencode
 
 import pytest
 from health_server import Page, health_page
-from patience import PATIENCE
+from patience import TIMEOUT_S
 
-from enliven.kiosk.profile import EdgeOfKiosk, KioskProfile
+from enliven.kiosk.profile import KioskEdge, KioskProfile
 from enliven.wire import LearnRoom, Order
 from enliven_edge.network.handlers import Handler
 
@@ -45,7 +45,7 @@ def running(house: House) -> Iterator[None]:
         yield
     finally:
         is_over.set()
-        thread.join(PATIENCE)
+        thread.join(TIMEOUT_S)
         house.close()
 
 
@@ -62,7 +62,7 @@ def test_button_makes_the_edge_learn_the_room() -> None:
     house = House()
     done: list[Order] = []
     address = str(house.outlet.publisher.endpoint)
-    with running(house), health_page(KioskProfile(edges={"floor": EdgeOfKiosk(address=address)})) as page:
+    with running(house), health_page(KioskProfile(edges={"floor": KioskEdge(address=address)})) as page:
         page.wait_for("action=room")
         # The sensor tracks people itself, so the real edge refuses to learn the room.
         status, text = press(page)

@@ -22,7 +22,7 @@ import pytest
 import zmq
 from message_values import message
 from msgspec import inspect
-from patience import PATIENCE
+from patience import TIMEOUT_S
 from real_edge import RealEdge
 from zmq_contexts import make_context
 
@@ -31,7 +31,7 @@ from enliven.commands.learn_room import learn_room
 from enliven.errors import InputError, ResourceError
 from enliven.keys.client import ClientKeys
 from enliven.keys.key_files import KeyPair, KeyStore, PairedViewer, fingerprint
-from enliven.keys.pairing import CODE_LIFETIME_S, MAX_TRIES_PER_CODE, Introduction, ViewerExchange
+from enliven.keys.pairing import CODE_LIFETIME_S, MAX_TRIES_PER_CODE, Introduction, ViewerPairing
 from enliven.keys.roles import ROLES, Role, role_includes
 from enliven.wire import (
     MAX_STREAM_BYTES,
@@ -88,10 +88,10 @@ class Locked:
 
     def __init__(self, folder: Path) -> None:
         self.store = KeyStore(folder / "edge")
-        self.own = self.store.make()
+        self.own = self.store.create_own_pair()
         self.keys: dict[str, KeyPair] = {}
         for role in (*ROLES, "unpaired"):
-            self.keys[role] = KeyStore(folder / role).make()
+            self.keys[role] = KeyStore(folder / role).create_own_pair()
             if role in ROLES:
                 self.store.add_viewer(PairedViewer(self.keys[role].public, role, role))  # type: ignore[arg-type]
         self.access = Access("stage", self.own, self.store, open_s=600.0)
@@ -128,7 +128,7 @@ def value(kind: type[Any]) -> Any:
     return hypothesis.find(message(info), lambda each: True, settings=steady)
 
 
-def exchange(locked: Locked, keys: ClientKeys | None, body: Ask, seconds: float = PATIENCE) -> Any:
+def exchange(locked: Locked, keys: ClientKeys | None, body: Ask, seconds: float = TIMEOUT_S) -> Any:
     """Returns the answer to a request, or None if none arrives within ``seconds``."""
     visitor = locked.house.visitor(keys)
     try:
@@ -164,7 +164,7 @@ def test_a_request_that_the_table_lacks_needs_the_highest_role() -> None:
 @pytest.mark.parametrize("kind", REQUESTS, ids=lambda kind: kind.__name__)
 @pytest.mark.parametrize("peer", ["without keys", "unpaired"])
 def test_strangers_read_and_change_nothing_by_any_request(locked: Locked, kind: type[Ask], peer: str) -> None:
-    seconds = HEARD_S if peer == "unpaired" else PATIENCE
+    seconds = HEARD_S if peer == "unpaired" else TIMEOUT_S
     answer = exchange(locked, locked.client_keys(peer), value(kind), seconds)
     assert locked.done == [] and locked.house.outlet.viewers == 0
     if peer == "unpaired":
@@ -207,7 +207,7 @@ def test_only_paired_viewers_receive_any_stream(locked: Locked, peer: str) -> No
     socket.connect(locked.endpoint.stream_address)
     packed = {topic.name: pack_stream(value(topic.type)) for topic in STREAMS.values()}
     heard: set[bytes] = set()
-    deadline = time.monotonic() + (PATIENCE if peer == "watch" else HEARD_S)
+    deadline = time.monotonic() + (TIMEOUT_S if peer == "watch" else HEARD_S)
     while time.monotonic() < deadline and len(heard) < len(packed):
         locked.house.frame()
         for data in packed.values():
@@ -227,7 +227,7 @@ def test_bytes_on_the_wire_are_not_readable(locked: Locked) -> None:
     context: zmq.Context[Any] = make_context()
     viewer = context.socket(zmq.DEALER)
     assert keys is not None
-    keys.apply(viewer)
+    keys.encrypt_socket(viewer)
     viewer.connect(f"tcp://127.0.0.1:{listener.getsockname()[1]}")
     viewer.send(pack_control(Request(1, Hello("a telling name"))))
     inner: sockets.socket | None = None
@@ -321,7 +321,7 @@ def test_a_viewer_pairs_and_is_connected_without_a_restart(
     client = visit(locked, lambda client: state_of(client) == "no access")
     assert "paired viewers only" in text_of(client) and "enliven pair 127.0.0.1" in text_of(client)
     assert any("paired viewers only" in notice.text for notice in client.take_notices())
-    locked.access.begin()
+    locked.access.open_pairing()
     code = locked.access.desk.code
     words = ["pair", str(locked.endpoint), code[:3], code[3:], "--role", "watch", "--name", "lap\ntop"]
     assert run_beside(locked, lambda: cli.run(words)) == 0
@@ -329,8 +329,8 @@ def test_a_viewer_pairs_and_is_connected_without_a_restart(
     assert "paired with stage as watch" in output and fingerprint(locked.own.public) in output
     locked.house.until(lambda: state_of(client) == "connected", client.poll)
     locked.house.until(lambda: client.edges[0].role == "watch", client.poll)
-    own = viewer_config.own()
-    assert own is not None and locked.store.viewers()[own.public].role == "watch"
+    own = viewer_config.load_own_pair()
+    assert own is not None and locked.store.load_viewers()[own.public].role == "watch"
     answers: list[Any] = []
     client.ask(RemoveCharacter(SECRET))
     client.ask(Possess(), answers.append)
@@ -343,7 +343,7 @@ def test_forgotten_viewer_is_disconnected_and_notified(
     locked: Locked, viewer_config: KeyStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("enliven_edge.network.access._REFRESH_INTERVAL_S", 0.05)
-    locked.access.begin()
+    locked.access.open_pairing()
     code = locked.access.desk.code
     run_beside(locked, lambda: pair_with_edge(locked.endpoint, code, "edit", "laptop", viewer_config))
     client = visit(locked, lambda client: state_of(client) == "connected")
@@ -359,14 +359,14 @@ def test_a_failed_pairing_stores_nothing(
 ) -> None:
     """Stored keys would lock the next edge of this user."""
     monkeypatch.setattr("enliven.keys.pairing.secrets.randbelow", lambda limit: 7)
-    locked.access.begin()
+    locked.access.open_pairing()
     with pytest.raises(InputError):
         run_beside(locked, lambda: pair_with_edge(locked.endpoint, code, "edit", "laptop", viewer_config))
-    assert viewer_config.own() is None and viewer_config.edges() == []
+    assert viewer_config.load_own_pair() is None and viewer_config.load_edges() == []
 
 
 def test_viewer_reports_a_changed_edge_key(locked: Locked, viewer_config: KeyStore) -> None:
-    viewer_config.make()
+    viewer_config.create_own_pair()
     client = visit(locked, lambda client: state_of(client) == "no access")
     assert "has another key" in text_of(client) and "pair again" in text_of(client)
     client.close()
@@ -375,9 +375,9 @@ def test_viewer_reports_a_changed_edge_key(locked: Locked, viewer_config: KeySto
 
 
 def test_viewer_reports_an_edge_without_keys(viewer_config: KeyStore) -> None:
-    viewer_config.make()
+    viewer_config.create_own_pair()
     with Publisher(name=f"plain-{time.time_ns()}", pose_port=0, control_port=0) as publisher:
-        client, deadline = EdgeClient([publisher.endpoint]), time.monotonic() + PATIENCE
+        client, deadline = EdgeClient([publisher.endpoint]), time.monotonic() + TIMEOUT_S
         while state_of(client) != "no access" and time.monotonic() < deadline:
             publisher.poll()
             client.poll()
@@ -399,7 +399,7 @@ def test_viewers_of_the_edges_own_user_operate_it(locked: Locked, viewer_config:
 def test_only_operators_make_the_edge_learn_the_room(
     locked: Locked, viewer_config: KeyStore, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    locked.access.begin()
+    locked.access.open_pairing()
     code = locked.access.desk.code
     run_beside(locked, lambda: pair_with_edge(locked.endpoint, code, "edit", "laptop", viewer_config))
     with pytest.raises(InputError, match="'operate'"):
@@ -412,7 +412,7 @@ def test_only_operators_make_the_edge_learn_the_room(
 
 
 def test_damaged_keys_stop_a_viewer_with_a_sentence(viewer_config: KeyStore) -> None:
-    viewer_config.make()
+    viewer_config.create_own_pair()
     viewer_config.own_path.chmod(0o644)
     with pytest.raises(InputError, match="chmod 600"):
         EdgeClient()
@@ -424,27 +424,27 @@ def wrong(code: str) -> str:
 
 def try_code(visitor: Visitor, code: str, public: bytes = b"x" * 32) -> Any:
     """Tries a code over the network. Returns the last answer."""
-    viewer = ViewerExchange(code)
+    viewer = ViewerPairing(code)
     answer = visitor.ask(StartPairing(viewer.message))
     if not isinstance(answer, PairingStarted):
         return answer
-    box = viewer.introduce(answer.message, Introduction(public, "thief", "operate"))
+    box = viewer.encrypt_introduction(answer.message, Introduction(public, "thief", "operate"))
     return visitor.ask(FinishPairing(box))
 
 
 def test_a_code_tried_ten_times_over_the_network_pairs_nobody(locked: Locked) -> None:
-    locked.access.begin()
-    code, before = locked.access.desk.code, locked.store.viewers()
+    locked.access.open_pairing()
+    code, before = locked.access.desk.code, locked.store.load_viewers()
     reasons = [try_code(locked.house.visitor(), wrong(code)).reason for _ in range(9)]
     assert reasons[:MAX_TRIES_PER_CODE] == ["the code is wrong"] * MAX_TRIES_PER_CODE
     assert all("too many tries" in reason for reason in reasons[MAX_TRIES_PER_CODE:])
     assert "too many tries" in try_code(locked.house.visitor(), code).reason, "also the right one, the tenth"
-    assert locked.store.viewers() == before
+    assert locked.store.load_viewers() == before
 
 
 def test_an_expired_code_and_a_closed_edge_pair_nobody(locked: Locked) -> None:
     assert "pairing is closed" in try_code(locked.house.visitor(), "123456").reason
-    locked.access.begin()
+    locked.access.open_pairing()
     code, desk = locked.access.desk.code, locked.access.desk
     desk._clock = lambda: time.monotonic() + CODE_LIFETIME_S
     assert desk.code != code or desk.seconds_left
@@ -455,22 +455,22 @@ def test_an_expired_code_and_a_closed_edge_pair_nobody(locked: Locked) -> None:
 
 
 def test_pairing_box_is_bound_to_its_connection(locked: Locked) -> None:
-    locked.access.begin()
-    viewer = ViewerExchange(locked.access.desk.code)
+    locked.access.open_pairing()
+    viewer = ViewerPairing(locked.access.desk.code)
     started = locked.house.visitor().ask(StartPairing(viewer.message))
-    box = viewer.introduce(started.message, Introduction(b"x" * 32, "me", "watch"))
+    box = viewer.encrypt_introduction(started.message, Introduction(b"x" * 32, "me", "watch"))
     answer = locked.house.visitor().ask(FinishPairing(box))
     assert isinstance(answer, Refused) and "not started on this connection" in answer.reason
 
 
 def test_the_edge_grants_at_most_its_highest_role(tmp_path: Path) -> None:
     store = KeyStore(tmp_path / "keys")
-    access = Access("stage", store.make(), store, highest="perform", open_s=600)
+    access = Access("stage", store.create_own_pair(), store, highest="perform", open_s=600)
     house = House(access=access)
     try:
-        access.begin()
+        access.open_pairing()
         assert isinstance(try_code(house.visitor(), access.desk.code), Paired)
-        assert [viewer.role for viewer in store.viewers().values()] == ["perform"]
+        assert [viewer.role for viewer in store.load_viewers().values()] == ["perform"]
     finally:
         house.close()
 
@@ -529,7 +529,7 @@ def test_strangers_at_many_addresses_keep_no_paired_viewer_out(
     strangers += [connect(None, f"127.0.0.{20 + number}") for number in range(12)]
     assert paired.is_open and len(list(server.connections)) <= 4
     viewer.send(b"still here")
-    deadline, heard = time.monotonic() + PATIENCE, list[bytes]()
+    deadline, heard = time.monotonic() + TIMEOUT_S, list[bytes]()
     while b"still here" not in heard and time.monotonic() < deadline:
         heard += [parts[0] for _, parts in server.messages(time.monotonic() + 0.01)]
     assert b"still here" in heard
@@ -547,7 +547,7 @@ def test_other_machines_need_keys_or_insecure(tmp_path: Path, caplog: pytest.Log
     assert open_access(WireSettings(host="0.0.0.0", insecure=True), store) is None
     for word in ("everyone", "watch", "possess", "remove", "scan", "encrypted"):
         assert word in caplog.text
-    keys = store.make()
+    keys = store.create_own_pair()
     for host, is_open in (("127.0.0.1", False), ("0.0.0.0", True)):
         access = open_access(WireSettings(host=host), store)
         assert access is not None and access.curve.keys == keys and bool(access.open_s) == is_open

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from patience import PATIENCE
+from patience import TIMEOUT_S
 
 from enliven.frames import BodyFrame, Frame
 from enliven_edge.network.outlet import Outlet
@@ -80,7 +80,7 @@ class House:
         time.sleep(0.002)
 
     def until(self, done) -> None:
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + TIMEOUT_S
         while not done():
             assert time.monotonic() < deadline, "it never came to be"
             self.step()

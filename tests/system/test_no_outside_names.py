@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from name_hook import TELEMETRY_HOST, NameHook
-from patience import until
+from patience import wait_until
 
 import enliven_edge.assets
 from enliven.commands.processes import is_listening
@@ -105,7 +105,9 @@ def test_no_program_looks_up_an_outside_name(tmp_path: Path, screen: str) -> Non
         studio = start(hook, sys.executable, "-m", "enliven", "studio")
         for process in short:
             process.wait(300)
-        until(lambda: TELEMETRY_HOST in old.outside_names(), "the library's own behaviour under the hook")
+        wait_until(
+            lambda: TELEMETRY_HOST in old.outside_names(), "the library's own behaviour under the hook"
+        )
         assert run.poll() is None and studio.poll() is None, ended(run) + ended(studio)
         outputs = [ended(process) for process in (*short, run, studio)]
         assert library.poll() is None
@@ -126,7 +128,7 @@ def test_the_edge_ends_at_sigterm_after_the_clock_has_jumped_before_1970(tmp_pat
     at = ("--port", port, "--control-port", control, "--name", "past")
     edge = hook.start(sys.executable, "-m", "enliven", "edge", "--recording", CHAIR, "--loop", *at)
     try:
-        until(lambda: is_listening("127.0.0.1", int(port)), "the edge", 300.0)
+        wait_until(lambda: is_listening("127.0.0.1", int(port)), "the edge", 300.0)
         hook.past.touch()
         time.sleep(LONGEST_DELAY + 1.0)
         edge.terminate()

@@ -12,7 +12,7 @@ import av
 import msgspec
 import numpy as np
 import pytest
-from patience import PATIENCE, until
+from patience import TIMEOUT_S, wait_until
 
 from enliven.document.props import Props
 from enliven.frames import BodyFrame
@@ -94,7 +94,9 @@ def test_missing_physics_engine_is_reported_with_the_install_command(tmp_path):
     blind += (
         "from enliven.cli import main; sys.argv = ['enliven', 'edge', '--physics', 'boxes']; sys.exit(main())"
     )
-    done = subprocess.run([sys.executable, "-c", blind], capture_output=True, text=True, timeout=5 * PATIENCE)
+    done = subprocess.run(
+        [sys.executable, "-c", blind], capture_output=True, text=True, timeout=5 * TIMEOUT_S
+    )
     assert done.returncode == 4, done.stderr
     assert "enliven-edge[physics]" in done.stderr and "Traceback" not in done.stderr
 
@@ -120,6 +122,6 @@ def test_late_viewer_sees_the_props():
             received.extend(late.take(PROPS))
             return bool(received)
 
-        until(came, "the props")
+        wait_until(came, "the props")
         late.close()
     assert received and np.allclose(received[0].positions, props.positions, atol=3e-4)

@@ -10,8 +10,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from patience import PATIENCE
-from performed_take import STEP_NS, Performers, chair_actor, perform
+from patience import TIMEOUT_S
+from performed_take import STEP_NS, Performers, chair_actor, record_performance
 from sample_meshes.cactus import make_cactus
 
 from enliven import cli
@@ -42,7 +42,7 @@ def take(tmp_path_factory) -> Path:
     """Records two performers for 1.5 s. One attaches the chair; the other joins and releases."""
     path = tmp_path_factory.mktemp("possess") / "take.mcap"
     requests_at = {4: (Possess("chair", 1, "all", "alone"),), 20: (Possess("chair", 2, "legs", "join"),)}
-    refused = perform(
+    refused = record_performance(
         path,
         [{1, 2}] * 45,
         {**requests_at, 34: (Release("chair", 2),)},
@@ -131,7 +131,7 @@ def test_late_viewer_receives_attachments_and_removals(tmp_path):
         stage.remove("twin")
         edge.step(edge.sensor.read())
         client, document = EdgeClient([outlet.publisher.endpoint]), Document()
-        feed, deadline = EdgeFeed(client), time.monotonic() + PATIENCE
+        feed, deadline = EdgeFeed(client), time.monotonic() + TIMEOUT_S
         while "chair" not in client.latest(HOLDS):
             assert time.monotonic() < deadline, "it was never told"
             feed.poll(document)

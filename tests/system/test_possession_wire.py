@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from patience import PATIENCE
+from patience import TIMEOUT_S
 from sample_meshes.chair import make_chair
 
 from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
@@ -78,7 +78,7 @@ class House:
         time.sleep(0.002)
 
     def until(self, done) -> None:
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + TIMEOUT_S
         while not done():
             assert time.monotonic() < deadline, "it never came to be"
             self.step()
@@ -120,7 +120,7 @@ def test_two_performers_attach_their_parts_by_keys(house: House) -> None:
     house.until(lambda: len(house.live.scene.bodies) == 2)
     house.live.choose_performer()
     house.live.choose_performer()
-    words = house.live.possession.words(int)
+    words = house.live.possession.describe_choice(int)
     assert words == "P steps in: the legs of performer 2"
     house.live.choose_parts(1)
     house.live.possess("join")
@@ -139,8 +139,8 @@ def test_two_performers_attach_their_parts_by_keys(house: House) -> None:
 def test_smoothing_reaches_the_edge_and_refused_lock_is_not_shown(house: House) -> None:
     house.live.choose_performer()
     house.live.change_smoothing(1)
-    house.until(lambda: house.edge.tracker.output.amount(1) == 2.0)
-    assert house.edge.tracker.output.amount(2) == 1.0
+    house.until(lambda: house.edge.tracker.output.smoothing_amount(1) == 2.0)
+    assert house.edge.tracker.output.smoothing_amount(2) == 1.0
     house.live.toggle_lock()
     house.until(lambda: "only the performers of one depth sensor" in house.document.edge.message)
     assert not house.live.possession.locked
@@ -155,7 +155,7 @@ def test_key_locks_and_unlocks_tracked_people(house: House) -> None:
     )
     for wanted, ids in ((True, frozenset()), (False, None)):
         house.live.toggle_lock()
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + TIMEOUT_S
         while house.live.possession.locked != wanted and time.monotonic() < deadline:
             silent()
         assert house.live.possession.locked == wanted and tracker._people.track_manager.lock.ids == ids

@@ -12,7 +12,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from patience import PATIENCE
+from patience import TIMEOUT_S
 from PIL import Image
 from sample_meshes.cactus_puppet import cactus_project
 
@@ -93,7 +93,7 @@ class House:
         time.sleep(0.002)
 
     def until(self, done) -> None:
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + TIMEOUT_S
         while not done():
             assert time.monotonic() < deadline, "it never came to be"
             self.step()

@@ -15,7 +15,7 @@ import av
 import msgspec
 import numpy as np
 import pytest
-from patience import PATIENCE, until
+from patience import TIMEOUT_S, wait_until
 from PIL import Image
 
 from enliven import cli
@@ -174,7 +174,7 @@ def test_picture_matches_the_reference(road, request):
 def test_ctrl_c_leaves_no_orphan(tmp_path):
     started, children = started_run(tmp_path)
     os.killpg(started.pid, signal.SIGINT)
-    output, _ = started.communicate(timeout=PATIENCE)
+    output, _ = started.communicate(timeout=TIMEOUT_S)
     assert started.returncode == 130, output.decode()
     assert b"Traceback" not in output, output.decode()
     assert not any(is_alive(child) for child in children)
@@ -191,11 +191,11 @@ def test_ctrl_c_in_the_first_second_prints_no_traceback(tmp_path, while_it):
             command, stdout=output, stderr=output, start_new_session=True, preexec_fn=hearing
         )
         if while_it == "imports":
-            until(lambda: "enliven.errors" in (tmp_path / "said.txt").read_text(), "an import")
+            wait_until(lambda: "enliven.errors" in (tmp_path / "said.txt").read_text(), "an import")
         else:
-            until(lambda: children_of(started.pid), "a child")
+            wait_until(lambda: children_of(started.pid), "a child")
         os.killpg(started.pid, signal.SIGINT)
-        assert started.wait(timeout=PATIENCE) == 130
+        assert started.wait(timeout=TIMEOUT_S) == 130
     assert "Traceback" not in (tmp_path / "said.txt").read_text()
 
 
@@ -207,7 +207,7 @@ def test_ctrl_c_within_a_text_that_is_executed_ends_with_130(tmp_path):
     broken += "enliven.cli.main = lambda: exec('raise KeyboardInterrupt')\nstart.main()"
     (tmp_path / "broken.py").write_text(broken)
     command = [sys.executable, "-m", "broken"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, cwd=tmp_path)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, cwd=tmp_path)
     assert (done.returncode, done.stderr) == (130, "")
 
 
@@ -216,8 +216,8 @@ def test_ctrl_c_within_a_text_that_is_executed_ends_with_130(tmp_path):
 def test_children_of_a_killed_run_end_by_themselves(tmp_path):
     started, children = started_run(tmp_path)
     started.kill()
-    until(lambda: not any(is_alive(child) for child in children), "the end of both programs")
-    started.communicate(timeout=PATIENCE)
+    wait_until(lambda: not any(is_alive(child) for child in children), "the end of both programs")
+    started.communicate(timeout=TIMEOUT_S)
 
 
 def holds_poses(take: Path) -> bool:
@@ -239,7 +239,7 @@ def started_run(folder: Path) -> tuple[subprocess.Popen, list[int]]:
     options["preexec_fn"] = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     started = subprocess.Popen(command, **options)
     # The edge waits for its viewer, so recorded poses show that both are running.
-    until(lambda: holds_poses(take), "a recorded take", patience=180)
+    wait_until(lambda: holds_poses(take), "a recorded take", patience=180)
     children = children_of(started.pid)
     assert len(children) == 2, "the programs did not start"
     return started, children

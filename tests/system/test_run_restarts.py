@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from live_receivers import OscReceiver
-from patience import until
+from patience import wait_until
 
 import enliven_edge.assets
 from enliven import cli
@@ -49,16 +49,18 @@ def test_the_window_outlives_a_killed_edge_whose_successor_sends_to_the_same_out
     own = {**os.environ, "DISPLAY": screen, "LIBGL_ALWAYS_SOFTWARE": "1"}
     run = subprocess.Popen([sys.executable, "-m", "enliven", *words], env=own, stderr=log)
     try:
-        view = until(lambda: child(run.pid, "view"), "the window", 300.0)
+        view = wait_until(lambda: child(run.pid, "view"), "the window", 300.0)
         edge = child(run.pid, "edge")
         assert edge is not None
-        until(lambda: "/enliven/performer/1/height" in receiver.values, "the output of the edge", 120.0)
+        wait_until(lambda: "/enliven/performer/1/height" in receiver.values, "the output of the edge", 120.0)
         os.kill(edge, signal.SIGKILL)
-        until(lambda: child(run.pid, "edge") not in (None, edge), "a new edge")
+        wait_until(lambda: child(run.pid, "edge") not in (None, edge), "a new edge")
         next_take = tmp_path / "take-restart001.mcap"
-        until(lambda: next_take.exists() and next_take.stat().st_size > 1000, "its take", 120.0)
+        wait_until(lambda: next_take.exists() and next_take.stat().st_size > 1000, "its take", 120.0)
         receiver.values.clear()  # All packets of the first edge have been read.
-        until(lambda: "/enliven/performer/1/height" in receiver.values, "the output of the new edge", 120.0)
+        wait_until(
+            lambda: "/enliven/performer/1/height" in receiver.values, "the output of the new edge", 120.0
+        )
         assert child(run.pid, "view") == view and run.poll() is None
         log_text = (tmp_path / "log").read_text()
         assert "the edge has ended: signal SIGKILL. It starts again at once." in log_text
@@ -89,7 +91,7 @@ def test_failing_program_is_started_again_with_growing_waits(monkeypatch, caplog
     monkeypatch.setattr(schedule, "_SECOND_WAIT_S", 0.05)
     scripts = {"first": "raise SystemExit(4)", "again": "raise SystemExit(4)"}
     started = scripted(monkeypatch, **scripts, window="import time; time.sleep(2)")
-    edge = Process("edge", ["first"], again=["again"])
+    edge = Process("edge", ["first"], restart_arguments=["again"])
     assert run_together([edge, Process("viewer", ["window"], leads=True)]) == 0
     assert started[0] == "first" and started.count("again") >= 3, "its first arguments only once"
     messages = [record.getMessage() for record in caplog.records]
@@ -106,7 +108,7 @@ def test_crash_of_a_window_is_no_interruption(monkeypatch, caplog) -> None:
 @pytest.mark.parametrize("again", [None, ["edge"]])
 def test_edge_that_is_killed_while_it_starts_is_named(monkeypatch, caplog, again) -> None:
     started = scripted(monkeypatch, edge="import os; os.kill(os.getpid(), 9)", window="")
-    edge = Process("edge", ["edge"], again=again, ready=lambda: False)
+    edge = Process("edge", ["edge"], restart_arguments=again, ready=lambda: False)
     assert run_together([edge, Process("viewer", ["window"], leads=True)]) == 1
     assert "the edge has ended: signal SIGKILL." in caplog.text
     assert started == ["edge"], "the window waits for the edge"

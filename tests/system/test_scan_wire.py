@@ -49,59 +49,67 @@ def test_scan_starts_grows_is_undone_and_becomes_a_character(running, frames) ->
     assert isinstance(running.ask(Scan("pause")), Refused), "no scan is running"
     running.ask(Scan("start", name="box", voxel=0.008))
     assert "a scan" in running.ask(Scan("start")).reason or "starting" in running.answers[-1].reason
-    running.until(lambda: running.said().phase == "scanning", "the beginning")
-    running.show(frames[:6])
-    running.until(lambda: seen(viewer) and running.said().view, "a surface, and a way to go on")
-    begun = running.said().missing
-    running.show(frames[6:22])
-    running.until(lambda: len(seen(viewer)) > 4 and running.said().missing < begun, "more of it")
-    state = running.said()
+    running.until(lambda: running.get_scan_message().phase == "scanning", "the beginning")
+    running.feed_frames(frames[:6])
+    running.until(lambda: seen(viewer) and running.get_scan_message().view, "a surface, and a way to go on")
+    begun = running.get_scan_message().missing
+    running.feed_frames(frames[6:22])
+    running.until(lambda: len(seen(viewer)) > 4 and running.get_scan_message().missing < begun, "more of it")
+    state = running.get_scan_message()
     eye = np.array(state.stage_from_camera).reshape(3, 4)[:, 3]
     assert 0.7 < eye[1] < 1.1 and 0.9 < np.hypot(eye[0], eye[2]) < 1.5, "it stands on the floor"
     assert state.undoable > 1.0 and state.way > 1.0 and 0.0 < state.missing < 1.0
     late = running.viewer()
     running.until(lambda: seen(late) >= seen(viewer), "all of it for who comes late")
     running.ask(Scan("pause"))
-    running.until(lambda: running.said().phase == "paused", "the pause")
+    running.until(lambda: running.get_scan_message().phase == "paused", "the pause")
     running.ask(Scan("undo"))
-    running.until(lambda: running.said().fused < state.fused, "the last seconds back")
+    running.until(lambda: running.get_scan_message().fused < state.fused, "the last seconds back")
     running.ask(Scan("go on"))
-    running.until(lambda: running.said().phase == "scanning", "more")
-    running.show(frames[12:])
+    running.until(lambda: running.get_scan_message().phase == "scanning", "more")
+    running.feed_frames(frames[12:])
     running.ask(Scan("done"))
     assert isinstance(running.ask(Scan("go on")), Refused), "it is being made"
     running.until(lambda: "box" in viewer.characters and "box" in late.characters, "the character")
-    running.until(lambda: running.said().phase == "done", "the end")
+    running.until(lambda: running.get_scan_message().phase == "done", "the end")
     character = viewer.characters["box"]
     size = np.ptp(character.vertices, axis=0)
-    assert abs(size[1] - 0.5) < 0.03 and character.colours is not None and running.said().character == "box"
+    assert (
+        abs(size[1] - 0.5) < 0.03
+        and character.colours is not None
+        and running.get_scan_message().character == "box"
+    )
     running.until(lambda: not running.edge.scans.is_active, "performers again")
     # Continuing the scan extends it.
-    before = running.said().fused
+    before = running.get_scan_message().fused
     running.ask(Scan("go on"))
-    running.show(frames[-8:])
+    running.feed_frames(frames[-8:])
     running.ask(Scan("done"))
     running.until(
-        lambda: running.said().phase == "done" and viewer.characters["box"] is not character, "again"
+        lambda: running.get_scan_message().phase == "done" and viewer.characters["box"] is not character,
+        "again",
     )
-    assert running.said().fused > before and list(running.stage.characters) == ["box"]
+    assert running.get_scan_message().fused > before and list(running.stage.characters) == ["box"]
 
 
 def test_impossible_scan_gives_the_reason_and_cancelled_scan_is_gone(running, frames) -> None:
     viewer = running.viewer()
     running.ask(Scan("start", voxel=0.016))
-    running.until(lambda: running.said().phase == "scanning", "the beginning")
+    running.until(lambda: running.get_scan_message().phase == "scanning", "the beginning")
     for n in range(4):
         running.edge.step(replace(frames[0], time_ns=n * 1_000_000))
-    running.until(lambda: running.said().fused > 1, "images")
+    running.until(lambda: running.get_scan_message().fused > 1, "images")
     running.ask(Scan("done"))
-    running.until(lambda: running.said().phase == "failed", "the refusal")
-    assert "moved 0 cm" in running.said().note and "round the object" in running.said().remedy
+    running.until(lambda: running.get_scan_message().phase == "failed", "the refusal")
+    assert (
+        "moved 0 cm" in running.get_scan_message().note
+        and "round the object" in running.get_scan_message().remedy
+    )
     running.ask(Scan("go on"))
-    running.show(frames[1:8])
+    running.feed_frames(frames[1:8])
     running.until(lambda: seen(viewer), "a surface")
     running.ask(Scan("cancel"))
-    running.until(lambda: running.said().phase == "off", "the end of it")
+    running.until(lambda: running.get_scan_message().phase == "off", "the end of it")
     late = running.viewer()
     running.until(lambda: late.latest(SCAN), "what is told late")
     assert not late.latest(SCAN_PIECE) and not running.stage.characters
@@ -112,8 +120,8 @@ def test_impossible_scan_gives_the_reason_and_cancelled_scan_is_gone(running, fr
 def test_turning_object_is_scanned_in_fine_voxels(running, frames) -> None:
     viewer = running.viewer()
     running.ask(Scan("start", voxel=0.016, mode=ScanMode.TURNED))
-    running.until(lambda: running.said().phase == "scanning", "the beginning")
-    running.show(frames[:4])
+    running.until(lambda: running.get_scan_message().phase == "scanning", "the beginning")
+    running.feed_frames(frames[:4])
     running.until(lambda: seen(viewer), "a surface")
     piece = next(iter(viewer.latest(SCAN_PIECE).values()))
     assert piece.side * piece.step == pytest.approx(64 * 0.004), "it takes voxels of 4 mm by itself"
@@ -126,8 +134,8 @@ def test_scanned_character_is_placed_next_to_the_others(frames) -> None:
     try:
         viewer = running.viewer()
         running.ask(Scan("start", voxel=0.016))
-        running.until(lambda: running.said().phase == "scanning", "the beginning")
-        running.show(frames[:12])
+        running.until(lambda: running.get_scan_message().phase == "scanning", "the beginning")
+        running.feed_frames(frames[:12])
         running.ask(Scan("done"))
         running.until(lambda: "scan" in viewer.characters, "the character")
         apart = viewer.characters["scan"].vertices[:, 0].min() - chair.character.vertices[:, 0].max()

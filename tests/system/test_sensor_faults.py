@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from patience import until
+from patience import wait_until
 
 from enliven.recording import Recording
 from enliven.wire.ports import free_ports
@@ -149,7 +149,7 @@ def test_edge_started_before_its_camera_waits_and_informs_viewers(no_camera, tmp
                         for state in wrong
                     )
 
-                until(told, "what is wrong")
+                wait_until(told, "what is wrong")
             running.send_signal(signal.SIGTERM)
             assert running.wait(60.0) == 0
         finally:

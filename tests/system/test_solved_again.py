@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
-from performed_take import chair_actor, perform
+from performed_take import chair_actor, record_performance
 from swaying import without_cache
 
 from enliven.modeling.possessed.solving import has_missing_motion, solve_again, stale
@@ -59,7 +59,7 @@ def test_solving_again_on_the_same_mesh_equals_the_recording(how, given_orders, 
     given_orders = {**given_orders, late + 1: (begin, *given_orders.get(late + 1, ()))}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "take.mcap"
-        perform(path, seen, given_orders, [chair_actor(ActorSettings(**how))], seed, away)
+        record_performance(path, seen, given_orders, [chair_actor(ActorSettings(**how))], seed, away)
         project = read_possessed(path)
     assert_solved_again_is_what_was_recorded(project, "chair")
 
@@ -72,7 +72,7 @@ def test_characters_side_by_side_and_a_hold_that_is_taken_over(tmp_path):
     actors = [chair_actor(how), chair_actor(how, name="twin")]
     requests_at = {3: (Possess("twin", 2, "all"),), 6: (Possess("chair", 1, "upper body"),)}
     present = [{1, 2} if n < 12 else {1, 3} for n in range(36)]
-    assert not perform(tmp_path / "take.mcap", present, requests_at, actors)
+    assert not record_performance(tmp_path / "take.mcap", present, requests_at, actors)
     project = read_possessed(tmp_path / "take.mcap")
     holds = {name: project.graph(name).parts[0].possession.holds for name in ("chair", "twin")}
     assert [(h.mode, h.performer, h.former) for h in holds["twin"]] == [

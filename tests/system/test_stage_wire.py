@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import trimesh
 import typer
-from patience import PATIENCE
+from patience import TIMEOUT_S
 from typer.testing import CliRunner
 
 from enliven.formats.project.one_character import project_of_mesh
@@ -52,7 +52,7 @@ class StagedEdge:
         self.until(lambda: self.holders("chair"))
 
     def until(self, done: Callable[[], object]) -> None:
-        deadline = time.monotonic() + 10 * PATIENCE  # kernels may have to be compiled first
+        deadline = time.monotonic() + 10 * TIMEOUT_S  # kernels may have to be compiled first
         while not done():
             assert time.monotonic() < deadline, "it never came to be"
             self.link.poll()
@@ -72,7 +72,7 @@ class StagedEdge:
         """Ends the edge and returns the processor time of its longest frame in milliseconds."""
         self.link.close()
         self.process.terminate()
-        return float(self.process.communicate(timeout=PATIENCE)[0])
+        return float(self.process.communicate(timeout=TIMEOUT_S)[0])
 
 
 @pytest.fixture
@@ -92,7 +92,9 @@ def taller(by: float) -> Mesh:
 def test_take_records_adding_changing_and_removing_a_character(edge: StagedEdge) -> None:
     link = edge.link
     assert edge.put(project_of_mesh(taller(1.05), "chair"), "chair") == Done()
-    edge.until(lambda: link.edges[0].complete and link.characters["chair"].vertices[:, 1].max() > 1.04)
+    edge.until(
+        lambda: link.edges[0].has_all_characters and link.characters["chair"].vertices[:, 1].max() > 1.04
+    )
     link.take(POSE)
     edge.until(lambda: [p for p in link.take(POSE) if p.character is link.characters["chair"]])
     assert edge.holders("chair") and link.edges[0].revision("chair") == 2
@@ -145,7 +147,7 @@ def test_large_character_passes_the_rate_limit_and_only_the_newest_follows(
             project_of_mesh(mesh, "chair"), "chair", then=lambda a, k=k: answers.append((k, a))
         )
     edge.until(lambda: len(answers) == 2)
-    assert answers == [(0, Done()), (4, Done())] and not edge.link.stage.busy
+    assert answers == [(0, Done()), (4, Done())] and not edge.link.stage.is_uploading
 
 
 def test_stage_command_lists_puts_removes_and_reports_errors(edge: StagedEdge, tmp_path: Path) -> None:

@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import MISSING, Browser, Page, open_browser
+from browser import MISSING_REASON, Browser, Page, open_browser
 from PIL import Image
 from published_stage import PublishedStage
-from web_pictures import SIZE, Compared, compare_drawn, lower_camera, unlit, view_of
+from web_pictures import SIZE, Similarity, compare_drawn, lower_camera, make_unlit, view_of
 
 from enliven import cactus_project, export
 from enliven.document import Character, Pose, SkinWeights
@@ -31,7 +31,10 @@ from enliven_viewer.playback.solved_surfaces import SolvedSurfaces
 from enliven_viewer.web.access import WebAccess, load_access
 from enliven_viewer.web.server import WebServer
 
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(bool(MISSING), reason=MISSING or "all is here")]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(bool(MISSING_REASON), reason=MISSING_REASON or "all is here"),
+]
 PICTURES = Path(__file__).parents[2] / "out" / "web" / "pictures"
 MIN_OVERLAP = 0.97
 """Minimum intersection over union of the silhouettes. The outline of a shape of 100 pixels may be a quarter
@@ -207,7 +210,7 @@ def draw_only_characters(page: Page, camera: np.ndarray) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(base64.b64decode(data.partition(",")[2]))).convert("RGBA"))
 
 
-def compare_page(page: Page, expected: Character, pose: Pose, name: str) -> Compared:
+def compare_page(page: Page, expected: Character, pose: Pose, name: str) -> Similarity:
     """Returns the similarity of the page's picture to enliven's own, and stores both pictures."""
     drawn = draw_only_characters(page, lower_camera(view_of(expected, [pose])))
     ((compared,),), picture = compare_drawn(expected, [pose], [drawn])
@@ -221,7 +224,7 @@ def test_page_draws_a_character_as_the_viewer_does(browser: Browser, make) -> No
     character, pose = make()
     is_puppet = character.kind == "points"
     expected, expected_pose = solid(character, pose) if is_puppet else (character, pose)
-    shown = replace(unlit(character), id=character.id)
+    shown = replace(make_unlit(character), id=character.id)
     with (
         PublishedStage(edge_name(), {character.id: (shown, pose)}) as stage,
         serving(stage.address) as server,

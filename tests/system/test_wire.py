@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import zmq
-from patience import PATIENCE
+from patience import TIMEOUT_S
 from zmq_contexts import make_context
 
 from enliven.document.character import Character, SkinWeights
@@ -44,7 +44,7 @@ def character(name: str = "chair", count: int = 8) -> Character:
 def until(link: EdgeClient, done: Callable[[], Any], *publishers: Publisher) -> list[Command]:
     """Runs the loops of publisher and link until a condition holds. Returns the received commands."""
     commands: list[Command] = []
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + TIMEOUT_S
     while True:
         for publisher in publishers:
             commands += publisher.poll()

@@ -17,7 +17,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from patience import PATIENCE
+from patience import TIMEOUT_S
 
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.errors import InputError
@@ -91,7 +91,7 @@ def outlet_of(path: Path) -> Outlet:
 
 
 def until(done: Callable[[], object], *polled: Callable[[], object]) -> None:
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + TIMEOUT_S
     while not done():
         assert time.monotonic() < deadline, "it never came to be"
         for poll in polled:

@@ -61,7 +61,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, feed: Feed) -
     report["area"] = [list(window.places.viewport)[:2], bool(window.places.viewport.width > 640)]
     feed.empty = True
     until(lambda: loop.loss == "away", "that it is noticed")
-    report["words"] = loop.words
+    report["words"] = loop.audience_text
     ctx.yield_(3)
     shot("away")
     began, seen = perform.live.playhead.time_ns, set[int]()
@@ -72,7 +72,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, feed: Feed) -
     feed.empty = False
     until(lambda: not loop.loss, "the edge again")
     ctx.yield_(3)
-    report["back"] = [loop.words, perform.live.playhead.live]
+    report["back"] = [loop.audience_text, perform.live.playhead.live]
     ctx.key_press(int(imgui.Key.f11))
     ctx.yield_(4)
     report["windowed"] = [window.audience, "room Play" in workspace.widgets]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from enliven.document.character import Character, SkinWeights
-from enliven.document.rigged import Shape, still_shape
+from enliven.document.rigged import RiggedCharacter, still_shape
 from enliven.document.skeleton import Skeleton
 from enliven.errors import ResourceError
 from enliven.meshes.mesh import Mesh
@@ -99,12 +99,12 @@ def gl(one_gl) -> Iterator[moderngl.Context]:
 
 
 @pytest.fixture
-def make_limb() -> Callable[..., Shape]:
+def make_limb() -> Callable[..., RiggedCharacter]:
     """Returns a closed square tube along +Y with a chain of bones and rigid skin weights."""
 
     def make(
         name: str = "limb", bones: int = 4, length: float = 1.0, at: tuple[float, ...] = (0.0, 0.2, 0.0)
-    ) -> Shape:
+    ) -> RiggedCharacter:
         heights = np.linspace(0.0, length, bones + 1)
         rings = np.linspace(0.0, length, 4 * bones + 1)
         square = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * 0.06

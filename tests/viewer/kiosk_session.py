@@ -16,7 +16,7 @@ import numpy as np
 from enliven.errors import ResourceError
 from enliven.kiosk.profile import load_profile
 from enliven.kiosk.screen_lock import ScreenLock
-from enliven.supervision.records import SCREEN_PICTURE, read_services, runtime_folder
+from enliven.supervision.records import SCREEN_PICTURE_FILE, read_services, runtime_folder
 from enliven_viewer.kiosk.window import QUIT_MODIFIERS, KioskWindow, run_kiosk_window
 
 
@@ -44,7 +44,7 @@ def main(path: Path, folder: Path) -> None:
     report["closes_by_all_three"] = window.is_closing
     report["gl_error"] = str(window._ctx.error)
     window.close()
-    report["picture_of_screen"] = (runtime_folder() / SCREEN_PICTURE).is_file()
+    report["picture_of_screen"] = (runtime_folder() / SCREEN_PICTURE_FILE).is_file()
     report["service"] = [record.name for record in read_services()]
     lock = ScreenLock(profile.screen.number)
     try:

@@ -91,9 +91,9 @@ def ready_for(workspace: Workspace, action: Action) -> None:
     if action.id.startswith("view.take_"):
         workspace.actions.do(action.id.replace("take", "store"))
     if action.id == "shape.show_all":
-        workspace.state(Outliner).hide("star", on=True)
+        workspace.state(Outliner).set_hidden("star", is_hidden=True)
     if action.id == "shape.unlock_all":
-        workspace.state(Outliner).lock("star", on=True)
+        workspace.state(Outliner).set_locked("star", is_locked=True)
     if action.id.startswith("clip."):
         editor.scrub(0.5)
     if action.id.startswith("sound."):

@@ -71,6 +71,6 @@ def studio(folder: Path, *names: str, take: str = "") -> tuple[Workspace, Headle
     render = RenderSettings(shadow_size=64, contact_size=32, samples=1)
     workspace = Workspace.new(Editor(StudioSettings(render=render, width=1100, height=720)), folder)
     workspace.store.new(project_with(*names, take=take))
-    workspace.editor.choose("star")
+    workspace.editor.select_only("star")
     workspace.input.activate_tool("puppet")
     return workspace, HeadlessStage(workspace)

@@ -118,7 +118,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     click("room Perform")
     ctx.item_input_value("perform/##address", ":".join(["127.0.0.1", *edge.ports]))
     until(lambda: perform.holders and perform.performers, "somebody who holds the chair")
-    report["words"] = [holder.words for holder in perform.holders]
+    report["words"] = [holder.description for holder in perform.holders]
     shot("held")
     close_by(ctx, window, until, shot)
     click("waits arm")
@@ -199,7 +199,7 @@ def layered(
     between.
     """
     editor, perform = window.workspace.editor, window.workspace.perform
-    editor.choose("arm")
+    editor.select_only("arm")
     until(lambda: perform.sender.states.get("arm") == "on the stage" and perform.target == "arm", "the arm")
     live, counts, shown = perform.live, [], list[object]()
     assert live is not None

@@ -52,7 +52,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
                     scan.message.phase,
                     scan.message.note,
                     voice.status,
-                    physics.words,
+                    physics.state_text,
                     perform.stage_ids,
                 ]
                 state += [perform.connected, perform.holders, perform.performers]
@@ -87,7 +87,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
         report["waits"] = perform.possession_requests.words
         shot("7 waits for somebody")
         until(lambda: "scan" in {holder.character for holder in perform.holders}, "who holds the scan")
-        report["held"] = [holder.words for holder in perform.holders]
+        report["held"] = [holder.description for holder in perform.holders]
         shot("8 possessed")
 
     def record() -> None:
@@ -122,11 +122,11 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
     until(lambda: perform.connected and voice.state and physics.state, "the stage")
     until(lambda: perform.performers, "a performer")
     report["phrases"] = len(voice.phrases)
-    until(lambda: voice.is_understood and voice.words, "a phrase that is understood")
-    report["heard"] = voice.words
+    until(lambda: voice.is_understood and voice.heard_words, "a phrase that is understood")
+    report["heard"] = voice.heard_words
     shot("2 heard")
-    until(lambda: voice.words.startswith("Not understood"), "other speech")
-    report["not understood"] = voice.words
+    until(lambda: voice.heard_words.startswith("Not understood"), "other speech")
+    report["not understood"] = voice.heard_words
     shot("3 not understood")
     click("voice phrases")
     shot("4 phrases")
@@ -149,8 +149,8 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
     shot("6 scan stands")
     click("remove chair")
     until(lambda: "chair" not in perform.stage_ids, "a stage with the scan alone")
-    editor.choose("scan")
-    report["before"] = physics.words
+    editor.select_only("scan")
+    report["before"] = physics.state_text
     possess()
     record()
     play()

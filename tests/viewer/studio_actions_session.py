@@ -189,7 +189,7 @@ def history(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     ctx.yield_(3)
     steps = len(workspace.editor.history.steps)
     ctx.item_click("//###History/###step 2")
-    report["went to"] = [workspace.editor.history.at, steps == len(workspace.editor.history.steps)]
+    report["went to"] = [workspace.editor.history.current_step, steps == len(workspace.editor.history.steps)]
     picture(ctx, "history")
 
 

@@ -104,7 +104,7 @@ def main() -> None:
     puppet = project.puppets["star"]
     bare = tuple(type(point)(point.name, point.vertex) for point in puppet.points)
     workspace.store.new(project.with_characters(puppet.with_changes(points=bare)))
-    workspace.editor.choose("star")
+    workspace.editor.select_only("star")
     workspace.input.activate_tool("puppet")
     window = StudioWindow(workspace, STEP)
     playing: list[tuple[WindowStage, Iterator[None]]] = []

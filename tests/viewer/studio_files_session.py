@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 from coarse_pixels import coarse_pixels
 from made_acting_stage import acting_stage
 
-from enliven.document import Shape
+from enliven.document import RiggedCharacter
 from enliven.exporters import exporter_of, sample_performance
 from enliven.mapping.model_clips import played_clip
 from enliven.sounds import SOUND_RATE, Sound
@@ -42,7 +42,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     workspace = window.workspace
     ctx.yield_(3)
     report["at first"] = title()
-    workspace.editor.choose("limb")
+    workspace.editor.select_only("limb")
     workspace.actions.do("shape.larger")
     ctx.yield_(3)
     report["changed"] = title()
@@ -67,7 +67,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     ctx.menu_click(menu_path("File/Open recent/recent 1"))
     ctx.yield_(2)
     report["recent asks"] = workspace.asking
-    workspace.go_on(discard=True)
+    workspace.continue_waiting_command(discard=True)
     ctx.yield_(3)
     report["opened"] = [title(), [Path(name).name for name in workspace.preferences.recent]]
     report["done"] = True
@@ -76,7 +76,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
 def choose_clip(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     """Selects "no clip" for the dropped model, and then the clip again."""
     editor = window.workspace.editor
-    dropped = editor.find_selected(Shape)
+    dropped = editor.find_selected(RiggedCharacter)
     assert dropped is not None
     report["clip"] = [played_clip(editor.project, dropped)]
     for name in ("no clip", str(report["clip"][0])):

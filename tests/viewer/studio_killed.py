@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from enliven.document.project import Project
-from enliven.document.rigged import Shape, still_shape
+from enliven.document.rigged import RiggedCharacter, still_shape
 from enliven.document.skeleton import Skeleton
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.project_store import ProjectStore
@@ -32,7 +32,7 @@ LONGEST = 0.01
 """Maximum time between the last edit and the kill, seconds. Writing a recovery file takes about as long."""
 
 
-def bone(number: int) -> Shape:
+def bone(number: int) -> RiggedCharacter:
     """Returns a shape with a position that encodes the number of its edit."""
     places = np.random.default_rng(1).normal(0, 1, (40, 3))
     places[0] = number, 0.0, 0.0

@@ -44,7 +44,7 @@ def enter(workspace: Workspace, room: str, *, chosen: str | None = None, tool: s
     """Shows a workspace with a character and a tool."""
     workspace.perform.active_workspace, workspace.state(ScanSession).is_shown = room, False
     workspace.input.activate_tool(tool)
-    workspace.editor.choose(chosen)
+    workspace.editor.select_only(chosen)
 
 
 def scan(workspace: Workspace) -> None:

@@ -25,7 +25,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     workspace = window.workspace
     editor, figures = workspace.editor, workspace.selection_transform
     ctx.yield_(4)
-    editor.choose("post")
+    editor.select_only("post")
     ctx.yield_(4)
     for field, typed in (("place x", "1.2+0.3"), ("tall", "50 cm"), ("place y", "up")):
         ctx.item_click(f"//side/##{field}")

@@ -50,7 +50,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     report["darker"] = float(np.abs(picture(ctx, window) - full_picture).mean())
     ctx.item_click("//outliner/**/" + "###lock post")
     report["locked"] = [name for name, flags in handling().items() if flags.locked]
-    editor.choose("limb")
+    editor.select_only("limb")
     ctx.key_press(imgui.Key.f2)
     ctx.yield_(3)
     ctx.key_chars_replace_enter("wing")

@@ -146,7 +146,7 @@ def characters_come(ctx, window, until, places) -> list[object]:
     pill = limb(np.array([[0.0, 0.6], [-0.05, 0.3], [-0.2, 0.0]]), np.array([0.09, 0.06, 0.045]))
     arm = shape_from_stroke(np.add(pill, [-0.8, 0.5]), id="arm")
     workspace.editor.edit("sketch", lambda project: project.with_characters(arm))
-    workspace.editor.choose("arm")
+    workspace.editor.select_only("arm")
     seen.append(places(()))
     report["lines"] = [workspace.widgets["waits arm"]]
     perform.put_on_stage()

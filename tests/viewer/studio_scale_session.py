@@ -77,7 +77,7 @@ def main() -> None:
             workspace.store.forget()
             window.close()
 
-    workspace.editor.choose("limb")
+    workspace.editor.select_only("limb")
     window.run(seconds=100, after=after)
     print(json.dumps(report))
 

@@ -68,7 +68,7 @@ def main() -> None:
         if window.gl_error != "GL_NO_ERROR":
             report["errors"].append(report["frames"])
         if report["frames"] == 12:
-            report["spread"], report["notice"] = float(window.pixels().std()), live.notice
+            report["spread"], report["notice"] = float(window.pixels().std()), live.empty_image_text
             report["size"] = list(window.places.viewport)
 
     def work(ctx: imgui.test_engine.TestContext) -> None:

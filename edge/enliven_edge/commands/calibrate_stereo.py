@@ -151,11 +151,11 @@ def _record_pairs(
 
     from enliven_edge.sensors.drivers.libcamera_images import LibcameraImages
     from enliven_edge.sensors.stereo.calibration_quality import PairSelector
-    from enliven_edge.sensors.stereo.pairing import Pairing
+    from enliven_edge.sensors.stereo.pairing import ImagePairing
 
     images = LibcameraImages(list(names), size)
     try:
-        pairing, selector = Pairing(images.name, round(1e6 * _MAX_TIME_OFFSET_MS)), PairSelector(board)
+        pairing, selector = ImagePairing(images.name, round(1e6 * _MAX_TIME_OFFSET_MS)), PairSelector(board)
         folder.mkdir(parents=True, exist_ok=True)
         last_message, checked_at, last_pair_at = "", 0.0, time.monotonic()
         while len(selector.kept) < pairs:

@@ -150,7 +150,7 @@ def edge(
     """
     _limit_blas_threads()
     require_folder(record)
-    from enliven.outputs.settings import outputs_of
+    from enliven.outputs.settings import collect_output_settings
     from enliven_edge.kept_stage.folder import stage_folder
     from enliven_edge.network.access import open_access
     from enliven_edge.network.tcp_listener import raise_descriptor_limit
@@ -172,7 +172,9 @@ def edge(
         )
     recording_settings = settings_with_options(edge_settings.recording, part_minutes, keep_free)
     edge_settings = dataclasses.replace(edge_settings, recording=recording_settings)
-    edge_settings = dataclasses.replace(edge_settings, outputs=outputs_of(out or [], edge_settings.outputs))
+    edge_settings = dataclasses.replace(
+        edge_settings, outputs=collect_output_settings(out or [], edge_settings.outputs)
+    )
     characters = characters_from_options(mesh or [], drive or [], parts or [], edge_settings.characters)
     folder = settings.parent if settings else None
     source = _select_sources(sensor or [], recording or [], option or [], speed, loop, edge_settings, folder)
@@ -306,7 +308,7 @@ def serve(
                 characters=len(actors),
             )
             if access is not None:
-                access.begin()
+                access.open_pairing()
             if viewer_timeout:
                 with extend_start_timeout(notifier, viewer_timeout + 1.0):
                     service.wait_for_viewer(viewer_timeout)

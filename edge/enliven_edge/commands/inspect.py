@@ -113,9 +113,9 @@ def _draw_pictures(source: Recording, log: SensorLog, inspector: Inspector) -> I
     for moment in LogReader(source):
         log.add(moment)
         if isinstance(moment.content, Exception):
-            inspector.failed(moment.content)
+            inspector.record_error(moment.content)
         elif isinstance(moment.content, DepthFrame):
-            yield inspector.picture(moment.content, moment.condition)
+            yield inspector.draw_frame(moment.content, moment.condition)
 
 
 def _measure_rate(source: Recording, count: int) -> float:

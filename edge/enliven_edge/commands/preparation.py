@@ -14,7 +14,7 @@ from enliven.commands.terminal import print_line, progress_lines
 from enliven.document import unused
 from enliven.kernel_cache.compiling import on_compilation
 from enliven.kernel_cache.store import user_folder
-from enliven_edge.stage.character_setup import create_actor, make_character_id, parts_for
+from enliven_edge.stage.character_setup import create_actor, default_parts, make_character_id
 from enliven_edge.stage.puppet.spec import is_puppet
 from enliven_edge.warmup import warm_up_tracking
 
@@ -40,7 +40,7 @@ def prepare_actors(
         for name, choice in choices:
             actor = _create_actor(choice, name, actors, edge_settings)
             actor_id = actor.character.id
-            actors[actor_id], parts[actor_id] = actor, choice.parts or parts_for(choice.mesh)
+            actors[actor_id], parts[actor_id] = actor, choice.parts or default_parts(choice.mesh)
             actor.preview(None, parts[actor_id].split("/")[0].strip())
             next_step("Compiling the solver (kept for the next start)")
             actor.warm_up()

@@ -70,7 +70,7 @@ def relay(
         with handle_signals(stop, signal.SIGINT, signal.SIGTERM):
             log.info("%s listens on %s and relays %s", name, opened.endpoint, edge)
             if access is not None:
-                access.begin()
+                access.open_pairing()
             while not stopped and (seconds is None or time.monotonic() - started < seconds):
                 opened.poll()
                 if time.monotonic() - reported > _REPORT_INTERVAL_S:

@@ -156,12 +156,12 @@ def scan(
 
 def _check_arguments(output: Path, recording: Path | None, sensor: str | None, overwrite: bool) -> None:
     """Raises InputError for invalid arguments, before the first frame is read."""
-    from enliven_edge.scanning.scan_mesh import ENDINGS
+    from enliven_edge.scanning.scan_mesh import OUTPUT_SUFFIXES
 
     if (recording is None) == (sensor is None):
         raise InputError("give a recording or a sensor", where="scan", remedy="Add --recording or --sensor.")
-    if output.suffix.lower() not in ENDINGS:
-        endings = ", ".join(ending[1:] for ending in ENDINGS)
+    if output.suffix.lower() not in OUTPUT_SUFFIXES:
+        endings = ", ".join(ending[1:] for ending in OUTPUT_SUFFIXES)
         raise InputError(
             f"cannot write {output.suffix or 'no'} files", where=str(output), remedy=f"Known: {endings}."
         )

@@ -28,7 +28,7 @@ from enliven_edge.commands.progress import frame_progress, interruptible
 from enliven_edge.scanning.kept_scans import check_registered, load_first_part, store_scan, stored_scan_path
 from enliven_edge.scanning.object_messages import describe_objects
 from enliven_edge.scanning.scan_log import ScanLog
-from enliven_edge.scanning.scan_mesh import Keep, ScannedMesh, finish_scan, write_scan
+from enliven_edge.scanning.scan_mesh import KeptPart, ScannedMesh, finish_scan, write_scan
 from enliven_edge.scanning.sources import recorded_images, sensor_images
 
 
@@ -69,7 +69,7 @@ def parse_box(box: str) -> tuple[Float, Float] | None:
 
 def select_kept_part(
     keeps_all: bool, corners: tuple[Float, Float] | None, empty_recording: Path | None, within: float | None
-) -> Keep:
+) -> KeptPart:
     """Returns the part of a scan to keep, as chosen by the options.
 
     Raises:
@@ -84,10 +84,10 @@ def select_kept_part(
         problem = f"{' and '.join(options)} cannot be used together"
         raise InputError(problem, where="scan", remedy="Give one of them.")
     if corners is not None:
-        return Keep("box", *corners)
+        return KeptPart("box", *corners)
     if empty_recording is not None:
-        return Keep("new")
-    return Keep("all" if keeps_all else "thing" if within is None else "alone")
+        return KeptPart("new")
+    return KeptPart("all" if keeps_all else "thing" if within is None else "alone")
 
 
 def refuse_combination(
@@ -139,7 +139,7 @@ class ScanJob:
     def _where(self) -> str:
         return str(self.recording or self.sensor)
 
-    def run(self, keep: Keep, triangles: int, output: Path) -> ScannedMesh:
+    def run(self, keep: KeptPart, triangles: int, output: Path) -> ScannedMesh:
         """Runs the scan, and writes the kept part of the surface as a mesh.
 
         Raises:
@@ -149,7 +149,7 @@ class ScanJob:
         """
         earlier_count = self._scan()
         try:
-            self.scan_log.refuse(self._where, self.scanner)
+            self.scan_log.raise_scan_error(self._where, self.scanner)
             kept_part = replace(keep, first_object_image=earlier_count) if keep.what == "new" else keep
             scan_result = finish_scan(self.scanner, kept_part, triangles, output.stem)
             self._notes += describe_objects(self.scanner) if keep.what == "thing" else []
@@ -174,7 +174,7 @@ class ScanJob:
         )
         summary = f"{len(scan_result.mesh.faces)} triangles{reduction_note}, {size} cm, "
         summary += f"of {self.scan_log.frames} frames"
-        print_line(f"{output}: {summary}, {self.scan_log.now}")
+        print_line(f"{output}: {summary}, {self.scan_log.progress_text}")
         if scan_result.cut_note:
             print_line(scan_result.cut_note[:1].upper() + scan_result.cut_note[1:])
         if scan_result.mesh.colours is None:
@@ -192,7 +192,7 @@ class ScanJob:
                 step = self.scanner.add(frame)
                 self.scan_log.add(step if isinstance(step, ScanStep) else step.scan_step, frame.time_ns)
                 progress.update(
-                    task, count=self.scan_log.frames, description=f"Scanning, {self.scan_log.now}"
+                    task, count=self.scan_log.frames, description=f"Scanning, {self.scan_log.progress_text}"
                 )
                 if self.scanner.is_full:
                     break

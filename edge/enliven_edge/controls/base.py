@@ -131,13 +131,13 @@ class Device(ABC):
         """
 
     @property
-    def answers(self) -> bool:
+    def is_responding(self) -> bool:
         """Returns True if the device behind an open port has answered as expected. Only then it counts as
         present.
         """
         return True
 
-    def take_not_understood(self) -> list[str]:
+    def take_unrecognised_words(self) -> list[str]:
         """Returns the utterances since the last call that match none of the phrases of a voice control."""
         return []
 
@@ -215,7 +215,7 @@ class ControlReader:
         return self._is_present
 
     @property
-    def why(self) -> EnlivenError | None:
+    def last_error(self) -> EnlivenError | None:
         """Returns the error of the last attempt to open the device.
 
         Returns None after success, or before the first attempt.
@@ -290,13 +290,13 @@ class ControlReader:
     def _read(self) -> None:
         """Reads until the device is gone, or until :meth:`pause` or :meth:`close` is called."""
         while not self._stopped.is_set() and not self._paused.is_set():
-            if not self._is_present and self._device.answers:
+            if not self._is_present and self._device.is_responding:
                 log.info("control %s is connected", self.name)
                 self._is_present = True
             for key in self._device.read():
                 if self._debouncer.is_new_press(key, time.monotonic()):
                     self._queue_press(key)
-            self._queue.extend(map(Press, self._device.take_not_understood()))
+            self._queue.extend(map(Press, self._device.take_unrecognised_words()))
 
     def _queue_press(self, key: str) -> None:
         """Queues the command of a key.

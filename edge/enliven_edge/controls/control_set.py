@@ -163,7 +163,9 @@ class Controls(Closeable):
         actions = [word[:_MAX_MESSAGE_LENGTH] for word in commands_by_phrase.values()][:MAX_PHRASES]
         if any(control.is_present for control in voices):
             return VoiceMessage("listening", phrases=phrases, actions=actions)
-        error = self._failure or next((voice.why for voice in voices if voice.why is not None), None)
+        error = self._failure or next(
+            (voice.last_error for voice in voices if voice.last_error is not None), None
+        )
         if self._start is None and error is None and all(voice.is_paused for voice in voices):
             return VoiceMessage("off", phrases=phrases, actions=actions)
         if error is None or any(voice.is_paused for voice in voices):

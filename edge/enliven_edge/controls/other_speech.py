@@ -23,7 +23,7 @@ class OtherSpeech:
     """Transcribes utterances that the grammar of phrases rejected.
 
     A phoneme loop first separates speech from noise. Then the model of common English gives words. Each call
-    of :meth:`work` does a small part, because the library holds the interpreter lock.
+    of :meth:`decode_next_part` does a small part, because the library holds the interpreter lock.
 
     Raises:
         ResourceError: if pocketsphinx is not installed.
@@ -43,11 +43,11 @@ class OtherSpeech:
         """Returns True if an utterance is queued or being recognised."""
         return bool(self._waiting) or self._work is not None
 
-    def offer(self, sound: bytes) -> None:
+    def enqueue_utterance(self, sound: bytes) -> None:
         """Queues an utterance: 16-bit samples at 16 kHz."""
         self._waiting.append(sound)
 
-    def work(self) -> str | None:
+    def decode_next_part(self) -> str | None:
         """Decodes the next part of a queued utterance.
 
         Returns the words of an utterance that is complete, None otherwise or for noise.

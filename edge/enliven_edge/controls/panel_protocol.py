@@ -21,13 +21,13 @@ class Lamps:
         possess: fades in and out while a performer may possess a character, and is steady during a
             possession.
         locked: is steady while the cast is locked.
-        ill: is steady while tracking is impaired, and flashes while it fails.
+        fault: is steady while tracking is impaired, and flashes while it fails.
     """
 
     attract: Pattern = "off"
     possess: Pattern = "off"
     locked: Pattern = "off"
-    ill: Pattern = "off"
+    fault: Pattern = "off"
 
 
 def lamps_from_state(
@@ -45,7 +45,7 @@ def lamps_from_state(
         attract="off" if is_performer_present or is_character_held else "breathing",
         possess="steady" if is_character_held else "breathing" if is_performer_present else "off",
         locked="steady" if locked else "off",
-        ill="flashing"
+        fault="flashing"
         if highest_severity >= Severity.ERROR
         else "steady"
         if highest_severity >= Severity.WARNING
@@ -89,7 +89,7 @@ def lamps_message_body(lamps: Lamps) -> str:
     return "L" + "".join(_CODES[pattern] for pattern in astuple(lamps))
 
 
-_MARKS = re.compile(rb"([$\n])")
+_MESSAGE_BOUNDARIES = re.compile(rb"([$\n])")
 """The bytes that begin and end a message. A split with this pattern returns them, too."""
 
 
@@ -102,7 +102,7 @@ class Decoder:
     def feed(self, data: bytes) -> list[str]:
         """Returns the bodies of the messages that end in these bytes and have valid checksums."""
         bodies = []
-        for piece in _MARKS.split(data):
+        for piece in _MESSAGE_BOUNDARIES.split(data):
             if piece == b"$":
                 self._line = b""
             elif self._line is None:

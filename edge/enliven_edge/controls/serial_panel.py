@@ -54,7 +54,7 @@ class SerialPanel(SerialPedal):
         self._forget()
 
     @property
-    def answers(self) -> bool:
+    def is_responding(self) -> bool:
         """Returns True if the panel has sent a greeting in the protocol of this edge, and its press
         counts.
         """
@@ -69,7 +69,7 @@ class SerialPanel(SerialPedal):
         self._port.timeout, self._port.write_timeout = _READ_TIMEOUT_S, _WRITE_TIMEOUT_S
 
     def read(self) -> list[str]:
-        started_at, received_before, answered = time.monotonic(), self._keys.received, self.answers
+        started_at, received_before, answered = time.monotonic(), self._keys.received, self.is_responding
         keys = super().read()
         self._check_silence(started_at, self._keys.received > received_before)
         if answered and self._keys.cause:
@@ -77,7 +77,7 @@ class SerialPanel(SerialPedal):
             log.warning("%s was started again: %s", self._where, why)
         if self._keys.received:
             self._send_lamps()
-        return keys if self.answers else []
+        return keys if self.is_responding else []
 
     def _forget(self) -> None:
         """Resets the state after the port was opened again."""
@@ -86,8 +86,8 @@ class SerialPanel(SerialPedal):
     def _send_lamps(self) -> None:
         """Sends the lamps if they changed or a heartbeat is due. Requests a greeting that was missed."""
         now = time.monotonic()
-        body = lamps_message_body(self._lamps) if self.answers else GREETING_REQUEST
-        if self.answers and now - self._lamps_set_at > _STALE_AFTER_S:
+        body = lamps_message_body(self._lamps) if self.is_responding else GREETING_REQUEST
+        if self.is_responding and now - self._lamps_set_at > _STALE_AFTER_S:
             return
         if body != self._said or now - self._said_at >= _MESSAGE_INTERVAL_S:
             self._port.write(encode(body))

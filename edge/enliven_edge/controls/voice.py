@@ -192,7 +192,7 @@ class Recogniser:
                     "Say it with English words, lower case.",
                 )
                 raise InputError(problem, where=where, remedy=remedy)
-        self._decoder.add_jsgf_string("commands", _grammar(phrases))
+        self._decoder.add_jsgf_string("commands", _build_grammar(phrases))
         self._decoder.activate_search("commands")
         self._ends = sphinx.Endpointer()
         self._bytes = 0
@@ -211,7 +211,7 @@ class Recogniser:
         Args:
             frame: :attr:`frame_bytes` of sound at :data:`RATE`.
         """
-        self.work()
+        self.decode_next_part()
         was_in_speech = self._ends.in_speech
         speech = self._ends.process(frame)
         if self._ends.in_speech and not was_in_speech:
@@ -232,9 +232,9 @@ class Recogniser:
         """Returns True while other speech is still being recognised."""
         return self._other.is_busy
 
-    def work(self) -> None:
+    def decode_next_part(self) -> None:
         """Continues the recognition of other speech. :meth:`feed` does this, too."""
-        if (words := self._other.work()) is not None:
+        if (words := self._other.decode_next_part()) is not None:
             self._not_understood.append(words)
 
     def take_not_understood(self) -> list[str]:
@@ -258,11 +258,11 @@ class Recogniser:
         if hypothesis is not None and hypothesis.hypstr in self._phrases:
             log.debug("heard %r", hypothesis.hypstr)
             return str(hypothesis.hypstr)
-        self._other.offer(bytes(self._utterance))
+        self._other.enqueue_utterance(bytes(self._utterance))
         return None
 
 
-def _grammar(phrases: Sequence[str]) -> str:
+def _build_grammar(phrases: Sequence[str]) -> str:
     """Returns a grammar of the phrases and of ordinary talk in the JSpeech Grammar Format.
 
     A grammar always finds a match. ``talk`` matches utterances that start with other words. A name followed
@@ -313,12 +313,12 @@ class Voice(Device):
         except EOFError:
             if not self._recogniser.is_busy:
                 raise
-            self._recogniser.work()  # Wait for the last words of the recording.
+            self._recogniser.decode_next_part()  # Wait for the last words of the recording.
             return []
         phrase = self._recogniser.feed(frame)
         return [] if phrase is None else [phrase]
 
-    def take_not_understood(self) -> list[str]:
+    def take_unrecognised_words(self) -> list[str]:
         return self._recogniser.take_not_understood()
 
     def close(self) -> None:

@@ -20,7 +20,7 @@ _MAX_TEXT_BYTES = 1 << 28
 """Maximum bytes of a text file: an hour of 25 joints as decimal numbers has some 30 million."""
 
 
-def _ignore(sentence: str) -> None:
+def _ignore_note(sentence: str) -> None:
     """Ignores a note. It is the default of :attr:`ImportOptions.note`."""
 
 
@@ -43,7 +43,7 @@ class ImportOptions:
     device: str | None = None
     lens: tuple[float, float, float, float] | None = None
     units_per_metre: float | None = None
-    note: Callable[[str], None] = _ignore
+    note: Callable[[str], None] = _ignore_note
 
     def times_ns(self, usual_fps: float) -> Iterator[int]:
         """Yields evenly spaced times in nanoseconds from 0, for files without times."""
@@ -111,11 +111,11 @@ class FileReader(Reader):
     def can_read(self, paths: Sequence[Path]) -> bool:
         return any(self.matches(path) for path in paths)
 
-    def chosen(self, paths: Sequence[Path]) -> Path:
+    def choose_file(self, paths: Sequence[Path]) -> Path:
         """Returns the only file of this layout, or the only file at all. Raises InputError like
-        :func:`only_one`.
+        :func:`require_single_file`.
         """
-        return only_one([path for path in paths if self.matches(path)] or paths)
+        return require_single_file([path for path in paths if self.matches(path)] or paths)
 
 
 def natural_order(path: Path) -> tuple[str, list[int], str]:
@@ -141,7 +141,7 @@ def read_text(path: Path) -> str:
     return decode_text(read_file(path, _MAX_TEXT_BYTES))
 
 
-def only_one(paths: Sequence[Path]) -> Path:
+def require_single_file(paths: Sequence[Path]) -> Path:
     """Returns the only recording among the files, for a layout with one file for each recording.
 
     Raises:

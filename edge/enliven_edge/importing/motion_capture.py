@@ -20,7 +20,7 @@ from enliven.frames import BodyFrame
 from enliven.person import Body, J, Joint, Limb
 from enliven.rotation import from_matrix
 from enliven.takes.capture_limbs import find_limb_rotations, path_midpoint
-from enliven.takes.capture_roles import Roles, find_roles
+from enliven.takes.capture_roles import JointRoles, find_roles
 from enliven.takes.capture_upright import leg_length, read_capture, turn_upright
 from enliven_edge.importing.base import (
     DEFAULT_OPTIONS,
@@ -62,7 +62,7 @@ class MotionCaptureReader(FileReader):
         return _is_bvh(path) or _is_expmap(path)
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[BodyFrame]:
-        path = self.chosen(paths)
+        path = self.choose_file(paths)
         capture = without_added_poses(read_capture(path))
         for note in capture.notes:
             options.note(note)
@@ -80,7 +80,7 @@ class MotionCaptureReader(FileReader):
         return frames_in_world(moments, options.device or "mocap", np.eye(3), str(path))
 
 
-def bodies_from_capture(capture: Capture, roles: Roles) -> tuple[Float, Float]:
+def bodies_from_capture(capture: Capture, roles: JointRoles) -> tuple[Float, Float]:
     """Returns the joints (F, 20, 3) in metres and the orientations (F, 20, 4), +Y up.
 
     The input is a capture in its own unit and axes.

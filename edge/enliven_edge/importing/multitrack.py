@@ -63,7 +63,7 @@ class MultiTrackReader(FileReader):
         return all(f"{name}," in header for name in (*_KEYS, "SpineBase_X"))
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[BodyFrame]:
-        path = self.chosen(paths)
+        path = self.choose_file(paths)
         header, *rows = read_rows(path)
         column = {name.strip(): index for index, name in enumerate(header)}
         columns = [self.clock, *_KEYS[1:], *(f"{joint}_{axis}" for joint in KINECT2_NAMES for axis in "XYZ")]

@@ -67,7 +67,7 @@ class SkeletonReader(FileReader):
         raise NotImplementedError
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[BodyFrame]:
-        path = self.chosen(paths)
+        path = self.choose_file(paths)
         sensor = options.device or self.sensor
         return frames_in_world(self.moments(path, options), sensor, WORLD_FROM_KINECT_SPACE, str(path))
 

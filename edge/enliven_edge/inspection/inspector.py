@@ -35,16 +35,16 @@ class Inspector:
         self._first_ns: int | None = None
         self.bodies: list[Body] = []
 
-    def failed(self, error: Exception) -> None:
+    def record_error(self, error: Exception) -> None:
         """Records an error that the sensor raised instead of a frame during recording."""
-        self._health.failed(error)
+        self._health.record_read_error(error)
 
-    def picture(self, frame: DepthFrame, condition: Condition | None = None) -> UInt8:
+    def draw_frame(self, frame: DepthFrame, condition: Condition | None = None) -> UInt8:
         """Tracks one frame and draws it, together with the condition of its sensor."""
         if self._health.admit(frame):
             self.bodies = self._tracker.track(frame)
             stand, state = self._tracker.world_from_camera, self._tracker.state
-            self._health.judge(frame, self.bodies, stand, state)
+            self._health.check_result(frame, self.bodies, stand, state)
             if stand is not None and state is not None:
                 self._health.check_device(condition, stand, state.floor_known)
         scale = self._width / frame.intrinsics.width

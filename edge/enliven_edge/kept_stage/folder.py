@@ -115,7 +115,7 @@ class StageFolder:
             InputError: if it is missing or damaged. A damaged file is renamed.
             ResourceError: if the disk fails.
         """
-        path = self._path_of(digest)
+        path = self._data_path(digest)
         data = read_file(path, MAX_UPLOAD_BYTES)
         if hashlib.sha256(data).hexdigest() != digest:
             self._set_aside(path, "its checksum is wrong")
@@ -128,13 +128,13 @@ class StageFolder:
         Raises:
             ResourceError: if it cannot be written.
         """
-        path = self._path_of(digest)
+        path = self._data_path(digest)
         if not path.exists() or path.stat().st_size != len(data):
             write_file(path, data)
 
     def set_character_aside(self, digest: str, reason: str) -> None:
         """Renames the data of a character that cannot be used, if the file exists."""
-        path = self._path_of(digest)
+        path = self._data_path(digest)
         if path.exists():
             self._set_aside(path, reason)
 
@@ -145,7 +145,7 @@ class StageFolder:
                 if _CHARACTER_NAME.fullmatch(path.name) and path.name.removesuffix(_SUFFIX) not in digests:
                     path.unlink(missing_ok=True)
 
-    def _path_of(self, digest: str) -> Path:
+    def _data_path(self, digest: str) -> Path:
         return self.path / f"{digest}{_SUFFIX}"
 
     def _set_aside(self, path: Path, reason: str) -> None:

@@ -115,7 +115,7 @@ class StageKeeper(Closeable):
             self._pending.extend(prepared)
         else:
             for kept, actor in prepared:
-                self._show(kept, actor)
+                self._restore_character(kept, actor)
             edge.stage.sort([kept.id for kept in self.state.characters])
         self._update_journal("", is_starting=True)
         for kept in self.state.characters:
@@ -136,7 +136,7 @@ class StageKeeper(Closeable):
             self._lock_at = None
             edge.tracker.lock()
         if self._pending:
-            self._try_next(now)
+            self._restore_next(now)
         elif self._journal.is_starting and now - self._started_at >= _START_S:
             self._end_start()
         if not self._pending and now - self._compared_at >= _COMPARE_INTERVAL_S:
@@ -186,7 +186,7 @@ class StageKeeper(Closeable):
         self._update_journal(kept.digest, is_starting=True)
         try:
             data = self._folder.read_character(kept.digest)
-            return create_uploaded_actor(data, _order_of(kept), self._settings)
+            return create_uploaded_actor(data, _order_from_kept(kept), self._settings)
         except EnlivenError as error:
             reason = str(error)
         except (*DAMAGE, RuntimeError) as error:
@@ -195,19 +195,19 @@ class StageKeeper(Closeable):
         self._folder.set_character_aside(kept.digest, reason)
         return None
 
-    def _show(self, kept: KeptCharacter, actor: Actor) -> None:
+    def _restore_character(self, kept: KeptCharacter, actor: Actor) -> None:
         """Puts a restored character on the stage."""
         assert self._edge is not None
-        self._edge.uploads.restore(_order_of(kept), actor)
+        self._edge.uploads.restore(_order_from_kept(kept), actor)
         _restore_place(actor, kept)
 
-    def _try_next(self, now: float) -> None:
+    def _restore_next(self, now: float) -> None:
         """Puts the next character on the stage after the previous one has run for a while."""
         if now < self._next_trial_at:
             return
         kept, actor = self._pending.popleft()
         self._update_journal(kept.digest, is_starting=True)
-        self._show(kept, actor)
+        self._restore_character(kept, actor)
         self._started_at = now - _START_S + _TRIAL_S
         self._next_trial_at = now + _TRIAL_S
 
@@ -241,9 +241,9 @@ class StageKeeper(Closeable):
         )
         if fingerprint != self._fingerprint:
             self._fingerprint = fingerprint
-            self._writer.set_state(self._capture(edge), self._scanned_characters(edge))
+            self._writer.set_state(self._capture_state(edge), self._scanned_characters(edge))
 
-    def _capture(self, edge: KeptEdge) -> StageState:
+    def _capture_state(self, edge: KeptEdge) -> StageState:
         """Returns the current state. The writer adds scanned characters."""
         orders = edge.uploads.orders
         kept = tuple(
@@ -388,7 +388,7 @@ def _kept_character(name: str, actor: Actor, order: PutCharacter | None) -> Kept
     return KeptCharacter(name, digest, order.size, order.revision, order.fit, growth, exaggeration, aside)
 
 
-def _order_of(kept: KeptCharacter) -> PutCharacter:
+def _order_from_kept(kept: KeptCharacter) -> PutCharacter:
     """Returns the request of the viewer that sent a character."""
     return PutCharacter(kept.id, kept.revision, bytes.fromhex(kept.digest), max(kept.size, 1), kept.fit)
 

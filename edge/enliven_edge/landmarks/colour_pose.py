@@ -130,7 +130,10 @@ class ColourPoseEstimator:
     def bodies(self, colour: UInt8, camera: Intrinsics, world_from_camera: Float, time_ns: int) -> list[Body]:
         """Returns the 2.5-D bodies of a camera without depth. Their ids persist from frame to frame."""
         detections = self._source.find(colour, time_ns)
-        guesses = [self._lifter.guess(landmarks, camera, world_from_camera, -1) for landmarks in detections]
+        guesses = [
+            self._lifter.lift_without_depth(landmarks, camera, world_from_camera, -1)
+            for landmarks in detections
+        ]
         return self._assign_ids(guesses, time_ns)
 
     def _assign_ids(self, bodies: list[Body], time_ns: int) -> list[Body]:

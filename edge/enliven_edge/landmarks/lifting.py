@@ -147,7 +147,9 @@ class Lifter:
         confidence[~is_inside | (visibility < _MIN_VISIBILITY)] = 0.0
         return Body(person, _to_world(local, world_from_camera), confidence)
 
-    def guess(self, landmarks: Landmarks, camera: Intrinsics, world_from_camera: Float, person: int) -> Body:
+    def lift_without_depth(
+        self, landmarks: Landmarks, camera: Intrinsics, world_from_camera: Float, person: int
+    ) -> Body:
         """Returns the 2.5-D body of a camera without depth.
 
         The distance follows from the configured height of a person.

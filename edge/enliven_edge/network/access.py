@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 from enliven.errors import EnlivenError
 from enliven.keys.key_files import KeyPair, KeyStore, PairedViewer, fingerprint
-from enliven.keys.pairing import Introduction, PairingDesk, PairingError, limit_role
+from enliven.keys.pairing import Introduction, PairingCodes, PairingError, limit_role
 from enliven.keys.roles import Role
 from enliven.wire import FinishPairing, Paired, PairingStarted, Refused, ShowCode, ShownCode, StartPairing
 from enliven_edge.network.connection import Connection
@@ -23,7 +23,7 @@ _REFRESH_INTERVAL_S = 2.0
 _MAX_VIEWERS = 500
 """Maximum number of paired viewers. When it is reached, no further viewer can pair."""
 
-_SHOWN_S = 300.0
+_CODE_DISPLAY_S = 300.0
 """Seconds in which viewers can pair after an operator has requested the pairing code."""
 PairingRequest = StartPairing | FinishPairing | ShowCode
 PairingAnswer = PairingStarted | Paired | ShownCode | Refused
@@ -56,11 +56,11 @@ class Access:
         from enliven.keys.curve import CurveServer
 
         self.curve = CurveServer(keys, lambda public: self.viewer_role(public) is not None)
-        self.desk = PairingDesk(_log_code)
+        self.desk = PairingCodes(_log_code)
         self.open_s = open_s
         self.refresh(immediately=True)
 
-    def begin(self) -> None:
+    def open_pairing(self) -> None:
         """Accepts pairings for the first minutes after the start of the edge."""
         log.info("only paired viewers can connect; %d are paired", len(self._viewers))
         if self.open_s:
@@ -83,11 +83,11 @@ class Access:
         if not immediately and time.monotonic() - self._refreshed_at < _REFRESH_INTERVAL_S:
             return False
         self._refreshed_at = time.monotonic()
-        stamp = self._store.stamp()
+        stamp = self._store.read_change_counter()
         if not immediately and stamp == self._stamp:
             return False
         problems: list[str] = []
-        self._stamp, self._viewers = stamp, self._store.viewers(problems)
+        self._stamp, self._viewers = stamp, self._store.load_viewers(problems)
         for problem in problems:
             if problem not in self._logged_problems:
                 log.warning("a paired viewer is not admitted: %s", problem)
@@ -103,7 +103,7 @@ class Access:
             for peer in list(server.connections):
                 channel = peer.session.channel
                 if channel is not None and channel.is_ready and self.viewer_role(channel.client) is None:
-                    server.drop(peer)
+                    server.close_connection(peer)
 
     def answer(self, request: PairingRequest, peer: Connection) -> PairingAnswer:
         """Answers a request about pairing."""
@@ -111,23 +111,23 @@ class Access:
             match request:
                 case StartPairing():
                     peer.pairing = None
-                    peer.pairing = self.desk.start(request.message)
+                    peer.pairing = self.desk.start_pairing(request.message)
                     return PairingStarted(peer.pairing.message)
                 case FinishPairing():
-                    return self._finish(request.box, peer)
+                    return self._finish_pairing(request.box, peer)
                 case ShowCode():
-                    self.desk.open_for(_SHOWN_S)
+                    self.desk.open_for(_CODE_DISPLAY_S)
                     return ShownCode(self.desk.code, self.desk.seconds_left or round(self.desk.pause_s))
         except PairingError as error:
             log.warning("a pairing from %s was refused: %s", peer.address, error)
             return Refused(str(error)[:400])
 
-    def _finish(self, box: bytes, peer: Connection) -> Paired | Refused:
+    def _finish_pairing(self, box: bytes, peer: Connection) -> Paired | Refused:
         """Stores the viewer that sent the right code, and answers with the edge's key."""
         exchange, peer.pairing = peer.pairing, None
         if exchange is None:
             raise PairingError("pairing was not started on this connection")
-        viewer = exchange.read(box)
+        viewer = exchange.decrypt_introduction(box)
         role = limit_role(viewer.role, self._highest)
         if viewer.public not in self._viewers and len(self._viewers) >= _MAX_VIEWERS:
             raise PairingError(f"{_MAX_VIEWERS} viewers are paired already; forget some: enliven keys forget")
@@ -138,7 +138,7 @@ class Access:
         self.desk.finish_pairing()
         self.refresh(immediately=True)
         log.info("%s is paired, with the role %s: %s", viewer.name, role, fingerprint(viewer.public))
-        return Paired(exchange.introduce(Introduction(self._keys.public, self._name, role)))
+        return Paired(exchange.encrypt_introduction(Introduction(self._keys.public, self._name, role)))
 
 
 def peer_role(access: Access | None, peer: Connection, without_keys: Role) -> Role | None:
@@ -170,7 +170,7 @@ def open_access(wire: WireSettings, store: KeyStore | None = None) -> Access | N
             )
         return None
     store = store or KeyStore()
-    keys = store.own()
+    keys = store.load_own_pair()
     if keys is not None:
         open_s = 0.0 if local else 60.0 * wire.pairing_minutes
         return Access(wire.name, keys, store, highest=wire.pairing_role, open_s=open_s)

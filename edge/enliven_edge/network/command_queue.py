@@ -41,9 +41,9 @@ class CommandQueue:
     The commands of disconnected viewers come last.
 
     Args:
-        budget: seconds per frame of usual length between two calls of :meth:`work`, in addition to unused
-            time of earlier calls. A command that takes longer is still carried out. The following calls then
-            do nothing until the debt is paid back.
+        budget: seconds per frame of usual length between two calls of :meth:`execute_commands`, in addition
+            to unused time of earlier calls. A command that takes longer is still carried out. The following
+            calls then do nothing until the debt is paid back.
     """
 
     def __init__(self, budget: float) -> None:
@@ -64,7 +64,7 @@ class CommandQueue:
         if sum(map(len, self._waiting.values())) > _MAX_QUEUED_COMMANDS:
             self._waiting = {peer: w for peer, w in self._waiting.items() if peer.is_open}
 
-    def work(self, execute: Callable[[Command], None]) -> None:
+    def execute_commands(self, execute: Callable[[Command], None]) -> None:
         """Carries out commands as far as the time budget allows."""
         now = time.monotonic()
         frames, self._last_work_at = (

@@ -121,14 +121,14 @@ class Connection:
         if channel is None:
             self.queue(frame_header(len(first) + len(rest)) + first, rest)
         elif len(first) + len(rest) <= _MAX_INLINE_SEAL_BYTES:
-            self.queue(make_frame(channel.seal(first + rest)))
+            self.queue(make_frame(channel.encrypt(first + rest)))
         else:
             if not self.unsent_bytes:
                 self.last_progress_at = time.monotonic()
             # Reserve the message's counter now, because counters must increase in the order of sending.
-            count = channel.reserve()
+            count = channel.reserve_count()
             self._outbox.append(
-                _encryption_thread().submit(lambda: make_frame(channel.seal(first + rest, 0, count)))
+                _encryption_thread().submit(lambda: make_frame(channel.encrypt(first + rest, 0, count)))
             )
             self.unsent_bytes += len(first) + len(rest) + _SEAL_OVERHEAD
 

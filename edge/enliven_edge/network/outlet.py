@@ -86,9 +86,9 @@ class Outlet(Closeable):
         self._publisher = _publisher(wire, access)
         self._commands = CommandQueue(0.5e-3 * wire.budget)
         try:
-            self._take = None
+            self._handle_report = None
             if record:
-                self._take = Take(
+                self._handle_report = Take(
                     record, overwrite=overwrite, settings=recording, waits_for_space=waits_for_space
                 )
         except BaseException:
@@ -124,16 +124,16 @@ class Outlet(Closeable):
             del self._shown[name]
             self._stage_told = False
             self._publisher.remove_character(name)
-            if self._take is not None:
-                self._take.remove(name)
+            if self._handle_report is not None:
+                self._handle_report.remove(name)
 
     def introduce(self, character: Character, min_revision: int = 1) -> None:
         """Announces a new character, or a new revision of one. Viewers then fetch it."""
         revision = self._publisher.set_character(character, min_revision)
         self._stage_told = False
         self._shown[character.id] = character
-        if self._take is not None:
-            self._take.introduce(character.id, character_to_message(character, revision))
+        if self._handle_report is not None:
+            self._handle_report.introduce(character.id, character_to_message(character, revision))
 
     def publish(self, tick: Tick) -> None:
         """Sends the result of one frame, poses first.
@@ -181,7 +181,7 @@ class Outlet(Closeable):
 
     def set_health(self, states: list[HealthState]) -> None:
         """Sets the health states: those of the edge and those of the take. A change is sent immediately."""
-        take = self._take.health_states if self._take is not None else []
+        take = self._handle_report.health_states if self._handle_report is not None else []
         health = health_to_messages(sort_by_severity([*states, *take]))
         published = self._publisher.status.health
         if health == published:
@@ -199,7 +199,9 @@ class Outlet(Closeable):
         for command in self._publisher.poll():
             command.subject = find_subject(handlers, command.request)
             self._commands.add(command)
-        self._commands.work(lambda command: command.reply(execute(handlers, command.request, command.peer)))
+        self._commands.execute_commands(
+            lambda command: command.reply(execute(handlers, command.request, command.peer))
+        )
 
     def end(self, pace: FrameRate) -> None:
         """Reports the end of the stream several times, because a heartbeat may be lost in transit."""
@@ -211,16 +213,16 @@ class Outlet(Closeable):
 
     def close(self) -> None:
         """Completes the take and releases the ports and the name."""
-        if self._take is not None:
-            self._take.close()
+        if self._handle_report is not None:
+            self._handle_report.close()
         if self.announcer is not None:
             self.announcer.close()
         self._publisher.close()
 
     def _write(self, message: Any, time_ns: int) -> None:
         """Writes a message to the take if its topic is recorded."""
-        if self._take is not None and BY_TYPE[type(message)].recorded:
-            self._take.write(message, time_ns)
+        if self._handle_report is not None and BY_TYPE[type(message)].recorded:
+            self._handle_report.write(message, time_ns)
 
 
 def _to_wall_clock(monotonic_ns: int) -> int:

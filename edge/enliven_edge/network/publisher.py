@@ -257,7 +257,7 @@ class Publisher(Closeable):
 
         The fields are sensor, phase, note, fps, latency_p50_ms, latency_p99_ms, performers, dropped and
         health."""
-        clean_fields = {k: _clean(v) for k, v in fields.items()}
+        clean_fields = {k: _clean_status_value(v) for k, v in fields.items()}
         old_values, self._status = self._status, msgspec.structs.replace(self._status, **clean_fields)
         if old_values.phase != self._status.phase:
             self.send_heartbeat()
@@ -327,7 +327,7 @@ class Publisher(Closeable):
                 return Refused("this is not a request for the edge")
 
 
-def _clean(value: Any) -> Any:
+def _clean_status_value(value: Any) -> Any:
     """Returns the value of a status field in the form that the wire accepts: finite numbers, short
     strings.
     """

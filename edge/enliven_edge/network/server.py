@@ -126,7 +126,7 @@ class ZmtpServer:
         self._flush(now + 0.5 * (until - now))
         yield from self._read(readable, until)
         if self._listener in readable:
-            self._accept(until)
+            self._accept_connections(until)
 
     def _read(self, readable: set[Any], until: float) -> Iterator[tuple[Connection, list[bytes]]]:
         """Yields the messages of the connected peers. The peers take turns after a limited number of
@@ -150,20 +150,20 @@ class ZmtpServer:
         """
         if connection.is_open:
             connection.queue_message(first, rest)
-            self._push(connection, time.monotonic())
+            self._send_pending(connection, time.monotonic())
 
     def send_messages(self, connection: Connection, messages: Iterable[bytes]) -> None:
         """Sends several messages of one part. They are dropped if the connection is closed."""
         if connection.is_open:
             for data in messages:
                 connection.queue_message(data)
-            self._push(connection, time.monotonic())
+            self._send_pending(connection, time.monotonic())
 
     def send_raw(self, connection: Connection, frame: bytes) -> None:
         """Sends bytes that are already framed."""
         if connection.is_open:
             connection.queue(frame)
-            self._push(connection, time.monotonic())
+            self._send_pending(connection, time.monotonic())
 
     def drain(self, seconds: float) -> None:
         """Sends queued bytes, for at most ``seconds``."""
@@ -175,11 +175,11 @@ class ZmtpServer:
     def close(self) -> None:
         """Releases the port and all connections."""
         for connection in list(self._open):
-            self.drop(connection)
+            self.close_connection(connection)
         self._selector.close()
         self._listener.close()
 
-    def drop(self, connection: Connection) -> None:
+    def close_connection(self, connection: Connection) -> None:
         """Closes a connection."""
         if self._open.pop(connection, None) is not None:
             self._selector.unregister(connection)
@@ -215,14 +215,14 @@ class ZmtpServer:
                 if connection.is_busy or time.monotonic() >= until:
                     break
             self._queue_answers(connection)
-            self._push(connection, until)
+            self._send_pending(connection, until)
         except ZmtpError:
             # The session may have queued the reason of the failure. Send it before closing.
             self._queue_answers(connection)
-            self._push(connection, until)
-            self.drop(connection)
+            self._send_pending(connection, until)
+            self.close_connection(connection)
         except OSError:
-            self.drop(connection)
+            self.close_connection(connection)
         finally:
             connection.add_cost(time.monotonic() - start)
 
@@ -232,14 +232,14 @@ class ZmtpServer:
             connection.queue(bytes(connection.session.answers))
             connection.session.answers.clear()
 
-    def _push(self, connection: Connection, until: float) -> None:
+    def _send_pending(self, connection: Connection, until: float) -> None:
         """Sends as much as the system accepts now. The rest is sent in the next poll."""
         if not connection.is_open:
             return
         try:
             connection.flush(until)
         except OSError:
-            self.drop(connection)
+            self.close_connection(connection)
             return
         (self._unsent.add if connection.unsent_bytes else self._unsent.discard)(connection)
 
@@ -247,7 +247,7 @@ class ZmtpServer:
         """Sends queued bytes, first to the peers with the least cost."""
         for connection in sorted(self._unsent, key=lambda c: c.cost):
             start = time.monotonic()
-            self._push(connection, until)
+            self._send_pending(connection, until)
             connection.add_cost(time.monotonic() - start)
             if time.monotonic() >= until:
                 return
@@ -261,9 +261,9 @@ class ZmtpServer:
         for connection in list(self._open):
             overdue = not connection.introduced and now - connection.opened > _HANDSHAKE_TIMEOUT_S
             if overdue or (connection.unsent_bytes and now - connection.last_progress_at > _STALL_TIMEOUT_S):
-                self.drop(connection)
+                self.close_connection(connection)
 
-    def _accept(self, until: float) -> None:
+    def _accept_connections(self, until: float) -> None:
         for count in range(_MAX_ACCEPTS_PER_POLL):
             is_full = len(self._open) >= self._most
             if count >= _MIN_ACCEPTS_PER_POLL and (is_full or time.monotonic() >= until):
@@ -293,7 +293,7 @@ class ZmtpServer:
             if dropped is None:
                 accepted.close()
                 return
-            self.drop(dropped)
+            self.close_connection(dropped)
         connection = Connection(accepted, address, ZmtpSession(self._kind, self._most_bytes, self._curve))
         try:
             configure_socket(accepted)
@@ -303,7 +303,7 @@ class ZmtpServer:
             return
         self._open[connection] = connection.fileno()
         self._queue_answers(connection)
-        self._push(connection, time.monotonic())
+        self._send_pending(connection, time.monotonic())
 
     def _choose_dropped(self, address: str) -> Connection | None:
         """Returns the connection that is dropped for a new one from an address, or None if none may be
@@ -327,7 +327,7 @@ class ZmtpServer:
             return None
         crowded = {crowd_address for crowd_address, count in crowd.items() if count == max_count}
         crowded = {address} if address in crowded else crowded
-        return self._least_served([c for c in self._open if c.address in crowded])
+        return self._find_least_served([c for c in self._open if c.address in crowded])
 
     def _find_idle(self) -> list[Connection]:
         """Returns the connections that have not started their handshake, or stopped in the middle of it."""
@@ -338,7 +338,7 @@ class ZmtpServer:
             if not c.introduced and (c.last_read_at == c.opened or c.last_read_at < idle_since)
         ]
 
-    def _least_served(self, crowd: list[Connection]) -> Connection:
+    def _find_least_served(self, crowd: list[Connection]) -> Connection:
         """Returns the connection of a crowded address that is dropped for a new one.
 
         The connections that were served longest stay. Among the others, a connection that was heard only once

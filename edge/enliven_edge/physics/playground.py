@@ -118,7 +118,7 @@ class Playground:
             # Time runs backwards if a replay starts again. In that case, restart the game, too.
             seconds, self._ground, self._standing = 0.0, None, self._create_detector()
         skipped_before = self._slots
-        spheres, radii, names, owners = self._spheres(tick)
+        spheres, radii, names, owners = self._collect_spheres(tick)
         self.world.move(spheres, radii)
         for name in names:
             if skipped_before.get(name) != self._slots[name]:
@@ -135,7 +135,7 @@ class Playground:
         if problem:
             self._restart_world(problem, spheres, radii)
         self._note = self.game.play(self.world, spheres, names, owners, seconds)
-        return self._props(time_ns)
+        return self._create_props(time_ns)
 
     def _create_detector(self) -> StandingDetector:
         return StandingDetector(_MIN_STILL_S, self.settings.patience)
@@ -146,7 +146,7 @@ class Playground:
             return FIXED
         return self._standing.find(bodies, time_ns)
 
-    def _spheres(self, tick: Tick) -> tuple[Float, Float, list[str], list[int]]:
+    def _collect_spheres(self, tick: Tick) -> tuple[Float, Float, list[str], list[int]]:
         """Returns the spheres of all characters and bodies: centres, radii, names, and owners' indices.
 
         A character or body keeps its slots while it is present. Afterwards others may use the slots.
@@ -155,13 +155,13 @@ class Playground:
         for pose in tick.poses:
             proxy = self._proxies.get(pose.character)
             if proxy is not None and len(pose.linear) == len(proxy[0].pivots):
-                radius = proxy[1].radius_in(pose)
+                radius = proxy[1].compute_posed_radius(pose)
                 spheres_by_name[pose.character] = proxy[1].centres(pose), np.full(len(proxy[1]), radius)
         if self.settings.bodies != "never":
             for body in tick.bodies:
                 if self.settings.bodies == "always" or body.id not in tick.holders:
                     spheres_by_name[f"performer {body.id}"] = body_spheres(body)
-        self._assign({name: len(radii) for name, (_, radii) in spheres_by_name.items()})
+        self._assign_sphere_slots({name: len(radii) for name, (_, radii) in spheres_by_name.items()})
         count = max((s.stop for s in self._slots.values()), default=0)
         centres, radii = np.full((count, 3), np.nan), np.zeros(count)
         names, owners = list(spheres_by_name), [0] * count
@@ -171,7 +171,7 @@ class Playground:
             owners[slot] = [number] * (slot.stop - slot.start)
         return centres, radii, names, owners
 
-    def _assign(self, counts: dict[str, int]) -> None:
+    def _assign_sphere_slots(self, counts: dict[str, int]) -> None:
         kept_slots = {n: s for n, s in self._slots.items() if counts.get(n) == s.stop - s.start}
         self._slots = kept_slots
         for name, count in counts.items():
@@ -192,7 +192,7 @@ class Playground:
         self.world.restart()
         self.game.begin(self.world, self._ground, spheres, radii)
 
-    def _props(self, time_ns: int) -> Props:
+    def _create_props(self, time_ns: int) -> Props:
         specs, world = self.game.props, self.world
         return Props(
             time_ns,

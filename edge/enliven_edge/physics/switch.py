@@ -127,7 +127,7 @@ class PhysicsSwitch:
         self._clears = False
         return _empty_props(tick.time_ns)
 
-    def change(self) -> PhysicsMessage | None:
+    def take_changed_state(self) -> PhysicsMessage | None:
         """Returns the state if it changed since the last call."""
         if self._state == self._told:
             return None

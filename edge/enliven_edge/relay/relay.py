@@ -129,7 +129,7 @@ class Relay(Closeable):
 
     def poll(self, wait_ms: int = _POLL_INTERVAL_MS) -> None:
         """Waits briefly for messages of the edge, forwards them, and answers viewers."""
-        self._upstream.wait(wait_ms)
+        self._upstream.wait_for_message(wait_ms)
         before = self._upstream.state.missing
         messages = [self._with_own_pairing(data) for data in self._upstream.poll()]
         if messages:
@@ -138,7 +138,7 @@ class Relay(Closeable):
             self._send_heartbeat()  # Viewers request the list of characters again, which is complete now.
         self._streams.poll()
         for command in self._control.poll():
-            command.reply(Refused(self._watch_only))
+            command.reply(Refused(self._refusal_text))
         if self._access is not None:
             self._access.enforce_pairing((self._server, self._streams.server))
 
@@ -152,7 +152,7 @@ class Relay(Closeable):
         self._streams.close()
 
     @property
-    def _watch_only(self) -> str:
+    def _refusal_text(self) -> str:
         """Returns the reason for refusing an order."""
         status = self.status
         name = "an edge" if status is None else f"the edge {status.edge!r}"
@@ -165,7 +165,7 @@ class Relay(Closeable):
         """Returns why a viewer may not send a request, or an empty string if it may."""
         role = peer_role(self._access, peer, "watch")
         if role is not None and issubclass(kind, Order):
-            return self._watch_only
+            return self._refusal_text
         return refusal_reason(kind, role, peer.address)
 
     def _answer(self, request: Ask, peer: Connection) -> Answer | bytes:
@@ -189,7 +189,7 @@ class Relay(Closeable):
             case StartPairing() | FinishPairing() | ShowCode():
                 return Refused("this relay uses no keys, so it needs no pairing")
             case _:
-                return Refused(self._watch_only)
+                return Refused(self._refusal_text)
 
     def _send_first_heartbeat(self, is_listening: bool) -> None:
         """Sends the last heartbeat to a viewer that the streams have not reached yet, with a rate limit."""

@@ -65,7 +65,7 @@ class RelayedState:
         self._latest.clear()
         self._latched_bytes = 0
         for data in answer.latest:
-            self.latch(*unpack_stream(data), data)
+            self.store_latched(*unpack_stream(data), data)
 
     def add_character(self, message: CharacterMessage) -> bool:
         """Stores a character. Returns False if it does not fit into memory, or is not on the edge."""
@@ -76,18 +76,18 @@ class RelayedState:
         self.packed[message.id], self._revisions[message.id] = payload, message.revision
         return True
 
-    def latch(self, topic: Topic, message: Any, data: bytes) -> None:
+    def store_latched(self, topic: Topic, message: Any, data: bytes) -> None:
         """Stores a message of a latched topic as the newest one of its key."""
         if topic is SCAN:
             self._watch_scan(message.number, message.phase)
         if not topic.latched or (topic.is_per_character and message.character not in self.wanted):
             return
         key = (topic.name, topic.key(message))
-        self._drop(key)
+        self._drop_latched(key)
         self._latest[key] = data
         self._latched_bytes += len(data)
         while len(self._latest) > MAX_LATCHED_MESSAGES or self._latched_bytes > _MAX_LATCHED_BYTES:
-            self._drop(next(iter(self._latest)))
+            self._drop_latched(next(iter(self._latest)))
 
     def welcome(self, role: str) -> Welcome | None:
         """Returns the answer to a viewer's hello, or None before the first heartbeat.
@@ -112,9 +112,9 @@ class RelayedState:
         """Drops the chunks of a scan that has ended, as the edge does."""
         if number != self._scan_number or phase in ("off", "done"):
             for key in [key for key in self._latest if key[0] == SCAN_PIECE.name]:
-                self._drop(key)
+                self._drop_latched(key)
         self._scan_number = number
 
-    def _drop(self, key: tuple[str, str]) -> None:
+    def _drop_latched(self, key: tuple[str, str]) -> None:
         data = self._latest.pop(key, None)
         self._latched_bytes -= 0 if data is None else len(data)

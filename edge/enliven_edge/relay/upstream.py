@@ -11,7 +11,7 @@ from typing import Any
 import zmq
 
 from enliven.errors import EnlivenError
-from enliven.keys.client import ClientKeys, HandshakeWatch, handshake_advice
+from enliven.keys.client import ClientKeys, HandshakeMonitor, handshake_advice
 from enliven.wire import (
     MAX_STREAM_BYTES,
     MAX_UNREAD_REPLIES,
@@ -91,7 +91,7 @@ class Upstream:
         """Returns True if heartbeats of the edge arrive."""
         return time.monotonic() - self._heard_at < _SILENCE_TIMEOUT_S
 
-    def wait(self, milliseconds: int) -> None:
+    def wait_for_message(self, milliseconds: int) -> None:
         """Waits until the edge has sent a message, or until the time is over."""
         self._poller.poll(milliseconds)
 
@@ -118,7 +118,7 @@ class Upstream:
 
     def _open(self, keys: ClientKeys | None) -> None:
         self._stream = make_socket(self._context, zmq.SUB, MAX_STREAM_BYTES, MAX_UNREAD_STREAMS, keys)
-        self._watch = HandshakeWatch(self._stream, keys is not None)
+        self._watch = HandshakeMonitor(self._stream, keys is not None)
         self._stream.setsockopt(zmq.SUBSCRIBE, b"")
         self._stream.connect(self.endpoint.stream_address)
         max_bytes = REPLY.max_bytes + 64
@@ -168,12 +168,12 @@ class Upstream:
             self._rejects.add(error)
             return False
         if topic is STATUS:
-            self._take_status(message)
+            self._store_status(message)
         else:
-            self.state.latch(topic, message, data)
+            self.state.store_latched(topic, message, data)
         return True
 
-    def _take_status(self, status: StatusMessage) -> None:
+    def _store_status(self, status: StatusMessage) -> None:
         if not self.is_heard:
             log.info("connected to %s at %s", status.edge, self.endpoint)
         self._heard_at, self._problem = time.monotonic(), ""
@@ -224,14 +224,14 @@ class Upstream:
             try:
                 reply = unpack_control(data, REPLY)
                 if self._pending.pop(reply.id, None) is not None:
-                    self._handle(reply.body)
+                    self._handle_answer(reply.body)
             except MalformedMessageError as error:
                 self._rejects.add(error)
 
-    def _handle(self, answer: Answer) -> None:
+    def _handle_answer(self, answer: Answer) -> None:
         match answer:
             case Welcome():
-                self._take_status(answer.status)
+                self._store_status(answer.status)
                 self.state.list_characters(answer)
             case CharacterMessage() if (
                 not self.state.add_character(answer) and answer.id in self.state.wanted

@@ -22,7 +22,7 @@ class Checkpoints(Generic[State]):
     def __init__(self) -> None:
         self._checkpoints: deque[tuple[int, State]] = deque()
 
-    def offer(self, state: State, time_ns: int, megabytes: float) -> None:
+    def store_if_due(self, state: State, time_ns: int, megabytes: float) -> None:
         """Stores a copy of a state if the newest copy is old enough and memory is left."""
         max_count = min(_MAX_CHECKPOINTS, int(_MAX_MEGABYTES / max(megabytes, 1e-9)))
         newest = self._checkpoints[-1][0] if self._checkpoints else None
@@ -33,7 +33,7 @@ class Checkpoints(Generic[State]):
         if max_count:
             self._checkpoints.append((time_ns, copy.deepcopy(state)))
 
-    def seconds(self, now_ns: int) -> float:
+    def count_restorable_seconds(self, now_ns: int) -> float:
         """Returns how many seconds :meth:`restore` would undo, or 0 if no checkpoint is old enough."""
         index = self._find_restorable(now_ns)
         return 0.0 if index is None else (now_ns - self._checkpoints[index][0]) * 1e-9

@@ -27,7 +27,7 @@ from enliven_edge.scanning.checkpoints import Checkpoints
 from enliven_edge.scanning.object_messages import describe_places
 from enliven_edge.scanning.person import MAX_PERSON_DISTANCE_M, PersonScanner, ScannedPerson
 from enliven_edge.scanning.scan_log import ScanLog
-from enliven_edge.scanning.scan_mesh import Keep, finish_scan
+from enliven_edge.scanning.scan_mesh import KeptPart, finish_scan
 from enliven_edge.scanning.scan_placement import ScanPlacement
 from enliven_edge.scanning.scan_view import MovedObjectState, create_scan_view
 from enliven_edge.scanning.surface_preview import SurfacePreview
@@ -115,7 +115,7 @@ class LiveScan(threading.Thread):
         self._shows_object_only = False
         self._ends, self._joints = list[float](), list[float]()
 
-    def offer(self, frame: DepthFrame, *, waits: bool = False) -> bool:
+    def offer_image(self, frame: DepthFrame, *, waits: bool = False) -> bool:
         """Passes the newest image to the scan.
 
         It replaces an image that was not used yet, or waits briefly if ``waits`` is True.
@@ -139,7 +139,7 @@ class LiveScan(threading.Thread):
         """
         if self.phase == "finishing":
             raise InputError("the mesh is being made", where="scan", remedy="Wait until it is on the stage.")
-        if order.do == "undo" and not self._checkpoints.seconds(self._now_ns):
+        if order.do == "undo" and not self._checkpoints.count_restorable_seconds(self._now_ns):
             raise InputError("nothing can be undone", where="scan", remedy="Cancel it, or continue.")
         next_phase = _PHASE_AFTER.get(order.do)
         if next_phase is not None and (order.do != "pause" or self.phase == "scanning"):
@@ -178,16 +178,18 @@ class LiveScan(threading.Thread):
                 if order is not None:
                     self._execute(order)
                 elif frame is not None and self.phase == "scanning":
-                    self._fuse(frame)
+                    self._fuse_image(frame)
             except EnlivenError as error:
-                self._fail(error)
+                self._report_failure(error)
             except Exception as error:  # The edge must continue to run, so the scan only reports the error.
                 log.exception("the scan failed")
                 remedy = "Cancel it and scan again; the log of the edge has the details."
-                self._fail(InputError(f"the scan failed{error_location(error)}", where="scan", remedy=remedy))
+                self._report_failure(
+                    InputError(f"the scan failed{error_location(error)}", where="scan", remedy=remedy)
+                )
             self._queue_messages()
 
-    def _fuse(self, frame: DepthFrame) -> None:
+    def _fuse_image(self, frame: DepthFrame) -> None:
         """Fuses an image with the surface."""
         run = self._run
         result = run.scanner.add(frame)
@@ -198,7 +200,7 @@ class LiveScan(threading.Thread):
             run.scan_log.add(step, frame.time_ns)
         self._tracking, self._now_ns = step.state.value, frame.time_ns
         if step.state is ScanState.SCANNING:
-            self._checkpoints.offer(run, frame.time_ns, run.scanner.megabytes)
+            self._checkpoints.store_if_due(run, frame.time_ns, run.scanner.megabytes)
 
     def _update_moved_object(self, added: MovedStep, time_ns: int) -> ScanStep:
         """Updates the state of a moved object. Returns the result of the image."""
@@ -226,7 +228,7 @@ class LiveScan(threading.Thread):
     def _finish(self, order: Scan) -> None:
         """Creates the character from the scan."""
         run, name = self._run, self.order.name or "scan"
-        run.scan_log.refuse("scan", run.scanner)
+        run.scan_log.raise_scan_error("scan", run.scanner)
         scan_result = finish_scan(run.scanner, self._select_kept_part(order), _MAX_TRIANGLES, name)
         self.actor = self._cast(scan_result.mesh, name, scan_result.person)
         if scan_result.person is not None:
@@ -235,20 +237,20 @@ class LiveScan(threading.Thread):
                 [x for group in groups for x in group] for groups in (settings.ends, settings.joints)
             )
         places = [] if order.whole else describe_places(run.scanner)
-        self._note = _note([*places, *run.scan_log.advice(run.scanner)], scan_result.cut_note)
+        self._note = _split_note([*places, *run.scan_log.advice(run.scanner)], scan_result.cut_note)
         self.phase = "done"
 
-    def _select_kept_part(self, order: Scan) -> Keep:
+    def _select_kept_part(self, order: Scan) -> KeptPart:
         """Returns the part of the scan that the viewer wants to keep."""
         if order.box:
             low, high = np.array(order.box, float).reshape(2, 3)
             frame = np.vstack([np.array(order.stage_from_scan).reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
-            return Keep("box", low, high, frame)
+            return KeptPart("box", low, high, frame)
         if order.whole:
-            return Keep("all")
-        return Keep("alone" if self.order.mode is ScanMode.NEAR else "thing")
+            return KeptPart("all")
+        return KeptPart("alone" if self.order.mode is ScanMode.NEAR else "thing")
 
-    def _fail(self, error: EnlivenError) -> None:
+    def _report_failure(self, error: EnlivenError) -> None:
         """Reports an error. A viewer can continue the scan."""
         # The advice for the command line names an option. In a window the user presses a button instead.
         self._note = error.what[:160], error.remedy.replace("add --whole to keep", "keep")[:160]
@@ -284,7 +286,7 @@ class LiveScan(threading.Thread):
             fused=scan_log.counts[ScanState.SCANNING],
             way=scan_log.path_length_m,
             full=scanner.is_full,
-            undoable=self._checkpoints.seconds(self._now_ns),
+            undoable=self._checkpoints.count_restorable_seconds(self._now_ns),
             missing=missing,
             stage_from_scan=placement.rows(),
             stage_from_camera=[] if self._camera is None else placement.rows(self._camera),
@@ -300,7 +302,7 @@ class LiveScan(threading.Thread):
         )
 
 
-def _note(sentences: list[str], default: str) -> tuple[str, str]:
+def _split_note(sentences: list[str], default: str) -> tuple[str, str]:
     """Returns the first of several sentences, split into a note and its remedy."""
     note, _, remedy = (sentences[0] if sentences else default).partition(". ")
     return note[:160], remedy[:160]

@@ -27,9 +27,9 @@ def describe_objects(scanner: Scanner | MovedScanner) -> list[str]:
     """
     first = scanner.rests[0].scanner if isinstance(scanner, MovedScanner) else scanner
     # If motion selected the object, it is the moved part, even if the camera looked more at another object.
-    is_chosen_by_motion = isinstance(scanner, MovedScanner) and scanner.followed
+    is_chosen_by_motion = isinstance(scanner, MovedScanner) and scanner.followed_images
     sentences = [*([] if is_chosen_by_motion else _describe_choice(first)), *describe_places(scanner)]
-    if isinstance(scanner, MovedScanner) and len(scanner.rests) == 1 and not scanner.followed:
+    if isinstance(scanner, MovedScanner) and len(scanner.rests) == 1 and not scanner.followed_images:
         is_turned = scanner.settings.moved.followed
         sentences[-1] = (
             _NOT_SEEN_TO_TURN if is_turned else f"{sentences[-1]} Without --moved this scan is quicker."
@@ -48,11 +48,11 @@ def describe_places(scanner: Scanner | MovedScanner) -> list[str]:
         sentences.append(
             f"{where} Show more of the sides that were seen before, and hold still when the object rests."
         )
-    if scanner.followed:
+    if scanner.followed_images:
         sentences.append(
-            f"The moving object was tracked separately from the room in {scanner.followed} images."
+            f"The moving object was tracked separately from the room in {scanner.followed_images} images."
         )
-    if len(scanner.rests) == 1 and scanner.followed:
+    if len(scanner.rests) == 1 and scanner.followed_images:
         return sentences
     if len(scanner.rests) == 1:
         sentences.append("The object did not move: the mesh shows it where it stood.")

@@ -196,7 +196,7 @@ class PersonScanner(Scanner):
         middle = parts[0].bounds.mean(0)
         return ScannedPerson(mesh, joints - np.array([middle[0], floor.offset, middle[2]]))
 
-    def refuse(self, where: str) -> None:
+    def raise_scan_error(self, where: str) -> None:
         """Raises an error with the reason why no mesh can be made.
 
         Raises:

@@ -51,12 +51,12 @@ class ScanLog:
         self._last = time_ns, place
 
     @property
-    def now(self) -> str:
+    def progress_text(self) -> str:
         """Returns one line of text for a progress bar."""
         lost = self.counts[ScanState.LOST]
         return f"{self.path_length_m:.1f} m moved" + (f", lost in {lost}" if lost else "")
 
-    def refuse(self, where: str, scanner: Scanner | MovedScanner | None = None) -> None:
+    def raise_scan_error(self, where: str, scanner: Scanner | MovedScanner | None = None) -> None:
         """Raises an error with the reason why no mesh can be made.
 
         Raises:
@@ -64,7 +64,7 @@ class ScanLog:
                 camera motion.
         """
         if isinstance(scanner, PersonScanner):
-            scanner.refuse(where)
+            scanner.raise_scan_error(where)
             return
         if not self.counts[ScanState.SCANNING]:
             problem = "no frame shows enough depth"

@@ -37,7 +37,7 @@ from enliven_edge.scanning.person import PersonScanner, ScannedPerson
 
 PROJECT = ".enliven"
 """File suffix of a project. A scan that is written to a project becomes a character that can be possessed."""
-ENDINGS = (*WRITABLE, PROJECT)
+OUTPUT_SUFFIXES = (*WRITABLE, PROJECT)
 """File suffixes that a scan can be written to."""
 _MAX_EMPTY_IMAGES = 120
 """Maximum number of images of the empty place. Images of a path around it are then 3 degrees apart."""
@@ -51,7 +51,7 @@ _MOVED_OBJECT_NOTE = "the whole room, before the object was moved"
 
 
 @dataclass(frozen=True)
-class Keep:
+class KeptPart:
     """The part of a scan that is kept.
 
     Attributes:
@@ -88,7 +88,7 @@ class ScannedMesh:
     person: ScannedPerson | None = None
 
 
-def finish_scan(scanner: Scanner | MovedScanner, keep: Keep, triangles: int, name: str) -> ScannedMesh:
+def finish_scan(scanner: Scanner | MovedScanner, keep: KeptPart, triangles: int, name: str) -> ScannedMesh:
     """Returns the kept part of a scan, decimated to ``triangles`` triangles. 0 keeps all triangles.
 
     Raises:
@@ -101,7 +101,7 @@ def finish_scan(scanner: Scanner | MovedScanner, keep: Keep, triangles: int, nam
     return ScannedMesh(decimation.mesh, decimation.distance_99_percentile, note, person)
 
 
-def _cut_out(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
+def _cut_out(scanner: Scanner | MovedScanner, keep: KeptPart) -> tuple[Mesh, str]:
     """Returns the kept part with all triangles, and its description for users."""
     cut = scanner.settings.cut_out
     if keep.what == "thing":
@@ -112,7 +112,7 @@ def _cut_out(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
             raise InputError(error.what, where=error.where, remedy=advice) from None
     has_several = isinstance(scanner, MovedScanner) and len(scanner.rests) > 1
     if isinstance(scanner, MovedScanner) and keep.what == "box":
-        mesh = scanner.joined() if has_several else scanner.surface()
+        mesh = scanner.merge_surfaces() if has_several else scanner.surface()
     else:
         mesh = scanner.surface(keep.first_object_image)
     if not len(mesh.faces):

@@ -103,7 +103,9 @@ class ReopeningSensor(Sensor):
             if not self._errands.is_busy:
                 self._start_call(left)
             try:
-                answer = self._errands.answer(_READ_TIMEOUT_S if left is None else min(left, _READ_TIMEOUT_S))
+                answer = self._errands.get_result(
+                    _READ_TIMEOUT_S if left is None else min(left, _READ_TIMEOUT_S)
+                )
             except Exception as error:
                 if isinstance(error, TimeoutError) and (self._errands.is_busy or self._doing == "read"):
                     self._abandon_hanging_call()
@@ -130,7 +132,7 @@ class ReopeningSensor(Sensor):
             return False
         if self._device is None:
             return True
-        if self._errands.is_busy and self._errands.waited > 2.0 * _READ_TIMEOUT_S:
+        if self._errands.is_busy and self._errands.waiting_seconds > 2.0 * _READ_TIMEOUT_S:
             return False
         if self._device.may_be_silent:
             return True
@@ -161,14 +163,14 @@ class ReopeningSensor(Sensor):
         """
         if self._device is not None:
             turn = _READ_TIMEOUT_S if timeout is None else min(timeout, _READ_TIMEOUT_S)
-            self._start_errand("read", functools.partial(self._device.read, turn))
+            self._run_in_background("read", functools.partial(self._device.read, turn))
             return
         wait = self._due - time.monotonic()
         if timeout is not None and wait > timeout:
             time.sleep(timeout)
             raise TimeoutError(f"{self.name} is opened again in {wait - timeout:.1f} s")
         time.sleep(max(0.0, wait))
-        self._start_errand(
+        self._run_in_background(
             "open", self._reset_and_open if self._power is not None and self._power.is_due else self._open
         )
 
@@ -186,7 +188,7 @@ class ReopeningSensor(Sensor):
         if not self._known:
             self.name, self._known = device.name, True
 
-    def _start_errand(self, what: Literal["read", "open", "close"], call: Callable[[], Any]) -> None:
+    def _run_in_background(self, what: Literal["read", "open", "close"], call: Callable[[], Any]) -> None:
         self._doing = what
         self._errands.start_call(call)
 
@@ -204,13 +206,13 @@ class ReopeningSensor(Sensor):
             return frame
         now_ns = time.monotonic_ns()
         if self._fresh and self._ahead_ns:
-            self._shift_ns = self._shift(time_ns, now_ns)
+            self._shift_ns = self._compute_time_shift(time_ns, now_ns)
         self._fresh, self._last_ns = False, now_ns
         self._last_reported_ns = time_ns + self._shift_ns
         self._ahead_ns.append(self._last_reported_ns - now_ns)
         return dataclasses.replace(frame, time_ns=time_ns + self._shift_ns) if self._shift_ns else frame
 
-    def _shift(self, time_ns: int, now_ns: int) -> int:
+    def _compute_time_shift(self, time_ns: int, now_ns: int) -> int:
         """Returns the nanoseconds to add to the times of a device that was just opened.
 
         The previous shift, or 0, is used if times then continue to increase. Otherwise the shift follows from
@@ -231,9 +233,9 @@ class ReopeningSensor(Sensor):
             self._bad += 1
             return error
         device, self._device = self._device, None
-        self._schedule()
+        self._schedule_retry()
         if device is not None:
-            self._start_errand("close", device.close)
+            self._run_in_background("close", device.close)
         message = error.what if isinstance(error, EnlivenError) else str(error) or "it gives no reason"
         remedy = getattr(error, "remedy", "") or CHECK_IT
         return SensorFault(message, where=self.name, remedy=remedy)
@@ -246,17 +248,17 @@ class ReopeningSensor(Sensor):
         """
         limit = _CALL_TIMEOUTS_S[self._doing]
         self._left = [errands for errands in self._left if errands.is_alive]
-        if self._errands.waited < limit or len(self._left) >= _MAX_HANGING_THREADS:
+        if self._errands.waiting_seconds < limit or len(self._left) >= _MAX_HANGING_THREADS:
             return
         self._errands.finish(functools.partial(_close_devices, self._device))
         self._left.append(self._errands)
         self._errands, self._device = self._thread(), None
-        self._schedule()
+        self._schedule_retry()
         raise SensorFault(
             f"to {self._doing} has taken more than {limit:.0f} s", where=self.name, remedy="Unplug it once."
         )
 
-    def _schedule(self) -> None:
+    def _schedule_retry(self) -> None:
         """Records a failure, and sets the time of the next attempt to open the device."""
         if self._power is not None:
             self._power.record_failure()

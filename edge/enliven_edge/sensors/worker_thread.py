@@ -22,7 +22,7 @@ class WorkerThread:
         self._calls: SimpleQueue[Callable[[], Any] | None] = SimpleQueue()
         self._answers: SimpleQueue[tuple[Any, Exception | None]] = SimpleQueue()
         self._since: float | None = None
-        self._thread = threading.Thread(target=self._work, name=name, daemon=True)
+        self._thread = threading.Thread(target=self._run_calls, name=name, daemon=True)
         self._thread.start()
 
     @property
@@ -36,7 +36,7 @@ class WorkerThread:
         return self._thread.is_alive()
 
     @property
-    def waited(self) -> float:
+    def waiting_seconds(self) -> float:
         """Returns the seconds since the current call was started, or 0 if no call is running."""
         return 0.0 if self._since is None else time.monotonic() - self._since
 
@@ -45,7 +45,7 @@ class WorkerThread:
         self._since = time.monotonic()
         self._calls.put(call)
 
-    def answer(self, timeout: float | None) -> Any:
+    def get_result(self, timeout: float | None) -> Any:
         """Returns the result of the call.
 
         Returns:
@@ -85,7 +85,7 @@ class WorkerThread:
             left.append(self._answers.get()[0])
         return left
 
-    def _work(self) -> None:
+    def _run_calls(self) -> None:
         while (call := self._calls.get()) is not None:
             try:
                 answer: tuple[Any, Exception | None] = call(), None

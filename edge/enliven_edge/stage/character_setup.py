@@ -14,7 +14,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.character_store.prepared import PreparedCharacter, prepare_once
-from enliven.character_store.store import key_of
+from enliven.character_store.store import compute_cache_key
 from enliven.deformation.graph.graph import DeformationGraph, character_from_graph, graph_from_character
 from enliven.errors import InputError
 from enliven.files import read_file
@@ -27,8 +27,8 @@ from enliven.possession import (
     needs_person_search,
     prepare_for_actor,
 )
+from enliven.samples.shipped import default_parts as default_parts
 from enliven.samples.shipped import load_sample
-from enliven.samples.shipped import parts_for as parts_for
 
 log = logging.getLogger(__name__)
 
@@ -60,7 +60,7 @@ def create_actor(
     if source is None:
         prepared = _prepare_spec(spec, *inputs)
     else:
-        key = key_of("mesh file", source, *inputs)
+        key = compute_cache_key("mesh file", source, *inputs)
         prepared = prepare_once(key, lambda: _prepare_spec(spec, *inputs), Path(spec).parent)
     for note in prepared.notes:
         log.info("%s: %s", spec, note)

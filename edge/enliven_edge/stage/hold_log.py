@@ -33,7 +33,7 @@ class HoldLog:
         """
         place = actor.place
         actor.possess(body, parts, mode)
-        self._add(actor, mode, body.id, parts=parts, place=place)
+        self._add_event(actor, mode, body.id, parts=parts, place=place)
 
     def release(self, actor: Actor, body: int | None) -> None:
         """Ends the hold of one performer, or of all.
@@ -44,10 +44,10 @@ class HoldLog:
         place, was_held = actor.place, bool(actor.holds)
         actor.release(body)
         if was_held:
-            self._add(actor, "release", body, place=place)
+            self._add_event(actor, "release", body, place=place)
 
     @contextmanager
-    def frame(self, actor: Actor, time_ns: int) -> Iterator[None]:
+    def log_automatic_changes(self, actor: Actor, time_ns: int) -> Iterator[None]:
         """Logs, as a context manager, the holds that the actor itself transfers, starts or ends within a
         frame.
         """
@@ -61,16 +61,16 @@ class HoldLog:
         for body in holders_after:
             if body not in holders_before:
                 previous = released.pop(0) if released else None
-                self._add(actor, "join" if previous is None else "take over", body, previous=previous)
+                self._add_event(actor, "join" if previous is None else "take over", body, previous=previous)
         for body in released:
-            self._add(actor, "release", body)
+            self._add_event(actor, "release", body)
 
     def log_carried_over(self, actor: Actor, carried: HoldStarts) -> None:
         """Logs the holds that moved from a replaced character to this one."""
         for taken in carried:
-            self._add(actor, "join", taken.body.id, parts=taken.parts, place=actor.place)
+            self._add_event(actor, "join", taken.body.id, parts=taken.parts, place=actor.place)
 
-    def removed(self, actor: Actor) -> None:
+    def log_removal(self, actor: Actor) -> None:
         """Logs that a character left the stage."""
         self._events.append(HoldMessage(actor.character.id, self.time_ns, "remove"))
 
@@ -79,7 +79,7 @@ class HoldLog:
         events, self._events = self._events, []
         return events
 
-    def _add(
+    def _add_event(
         self,
         actor: Actor,
         mode: HoldMode,

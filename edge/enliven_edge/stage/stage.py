@@ -96,7 +96,7 @@ class Stage:
         Raises:
             InputError: if the character does not exist.
         """
-        self._log.removed(self._updated_actor(character))
+        self._log.log_removal(self._updated_actor(character))
         del self.actors[character]
         self._places.pop(character, None)
         self._memory.forget(character)
@@ -130,7 +130,7 @@ class Stage:
         for name in self.actors:
             offered, actor = self._ordered_bodies(name), self._updated_actor(name)
             self._memory.remember_performer(name, offered)
-            with self._log.frame(actor, time_ns):
+            with self._log.log_automatic_changes(actor, time_ns):
                 pose = actor.perform(offered, time_ns, visible_surfaces)
             self._places[name] = pose.positions.mean(0)[FLOOR]
             poses.append(pose)

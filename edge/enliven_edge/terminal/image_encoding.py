@@ -124,7 +124,7 @@ def _sixel_band(rows: UInt8) -> str:
     for colour in np.unique(rows):
         bits = (rows == colour).T @ weights
         sixels.append(
-            f"#{colour}" + "".join(_repeat(chr(63 + bit), n) for bit, n in _run_lengths(bits.tolist()))
+            f"#{colour}" + "".join(_encode_repeat(chr(63 + bit), n) for bit, n in _run_lengths(bits.tolist()))
         )
     return "$".join(sixels) + "-"
 
@@ -138,7 +138,7 @@ def _run_lengths(values: list[int]) -> list[tuple[int, int]]:
     return runs[:-1] if runs and runs[-1][0] == 0 else runs
 
 
-def _repeat(character: str, count: int) -> str:
+def _encode_repeat(character: str, count: int) -> str:
     """Returns a sixel ``count`` times, in the fewest characters."""
     return character * count if count < 4 else f"!{count}{character}"
 

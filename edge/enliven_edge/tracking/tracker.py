@@ -18,7 +18,7 @@ from enliven_edge.tracking.frame.observation import FrameView
 from enliven_edge.tracking.health.health import TrackerState
 from enliven_edge.tracking.output.output import Output, mirror_plane
 from enliven_edge.tracking.output.surfaces import mirror_surfaces, visible_surfaces
-from enliven_edge.tracking.people.guessed_floor import GuessedFloor
+from enliven_edge.tracking.people.guessed_floor import FloorEstimator
 from enliven_edge.tracking.people.people import MultiPersonTracker
 from enliven_edge.tracking.people.person import Person
 from enliven_edge.tracking.scene.background_kernels import UNSEEN
@@ -69,7 +69,7 @@ class Tracker:
         self._mounting = Mounting(self.settings.scene)
         self._fitter = Fitter(self.settings.fit)
         self._people = MultiPersonTracker(self.settings, self._fitter)
-        self._guessed_floor = GuessedFloor(self.settings)
+        self._guessed_floor = FloorEstimator(self.settings)
         self._room: BackgroundModel | None = None
         self._owner: Int16 | None = None
         self._view: FrameView | None = None
@@ -230,7 +230,7 @@ class Tracker:
             return []
         self._fitter.has_floor = self._mounting.is_height_known
         if not self._mounting.is_height_known and not self._people.people:
-            view = self._mounting.raise_guess(view, self._guessed_floor.before_search(view, room))
+            view = self._mounting.raise_guess(view, self._guessed_floor.correct_before_search(view, room))
         scene = self.settings.scene
         kind = room.classify(view, scene.near, scene.far, scene.floor_band)
         segments = self._people.follow(view, kind)
@@ -243,7 +243,7 @@ class Tracker:
         agreement = room.learn(view.z, people, view.time_ns, hold)
         self._remove_learnt_people(room, view)
         self._absorb_furniture(room, view, kind)
-        self._mounting.watch(view, agreement, people)
+        self._mounting.detect_movement(view, agreement, people)
         return self._bodies(frame)
 
     def _raise_world(self, view: FrameView) -> FrameView:
@@ -251,7 +251,7 @@ class Tracker:
 
         The people stay at the same place in the image.
         """
-        step = self._guessed_floor.after_fit(self._people.people)
+        step = self._guessed_floor.correct_after_fit(self._people.people)
         for person in self._people.people:
             person.raise_by(step)
         return self._mounting.raise_guess(view, step)

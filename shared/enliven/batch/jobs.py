@@ -69,7 +69,7 @@ class BatchJob(msgspec.Struct, frozen=True):
         return Path(self.output).with_suffix(".png")
 
     @property
-    def record(self) -> Path:
+    def record_path(self) -> Path:
         """Path of the record."""
         output = Path(self.output)
         return output.parent / RECORDS / f"{self.digest[:32]}.json"
@@ -159,7 +159,7 @@ def is_result(path: Path) -> bool:
 def find_finished_result(job: BatchJob) -> JobResult | None:
     """Returns the result of an earlier run, or None if it is missing or its file has changed since."""
     try:
-        data = read_file(job.record, _MAX_RECORD_BYTES)
+        data = read_file(job.record_path, _MAX_RECORD_BYTES)
         result = msgspec.json.decode(data, type=JobResult)
         lacks_sheet = job.sheet and not job.sheet_path.is_file()
         if lacks_sheet or result.output_digest != _hash_file(Path(job.output)):
@@ -178,7 +178,7 @@ def run_job(job: BatchJob) -> JobResult:
     started_at = time.monotonic()
     output = Path(job.output)
     try:
-        create_results_folder(job.record.parent)
+        create_results_folder(job.record_path.parent)
         options, character = _collect_options(job), Path(job.character)
         rig = _read_model(character, options.height)
         retargeted_file = retarget_file(Path(job.motion), character, output, options, rig)
@@ -192,11 +192,11 @@ def run_job(job: BatchJob) -> JobResult:
             measures=_collect_measures(retargeted_file, output),
             took_s=time.monotonic() - started_at,
         )
-        write_file(job.record, msgspec.json.encode(result))
+        write_file(job.record_path, msgspec.json.encode(result))
     except EnlivenError as error:
         with contextlib.suppress(OSError):
             # Remove the folders only if they are empty.
-            job.record.parent.rmdir()
+            job.record_path.parent.rmdir()
             output.parent.rmdir()
         return JobResult(job, problem=str(error), took_s=time.monotonic() - started_at)
     return result

@@ -69,7 +69,7 @@ def load_plan(path: Path) -> BatchPlan:
     )
 
 
-def plan_of(motions: Path, characters: Path) -> BatchPlan:
+def create_plan_from_folders(motions: Path, characters: Path) -> BatchPlan:
     """Returns the plan that retargets all motions in a folder to all characters in another folder."""
     return BatchPlan(motions=(str(motions),), characters=(str(characters),))
 

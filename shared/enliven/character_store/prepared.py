@@ -89,7 +89,7 @@ def prepare_once(
             files.
         store: the store. None means the store in the user's folder.
     """
-    store, folder = store or CharacterStore.of_user(), folder or Path()
+    store, folder = store or CharacterStore.open_user_store(), folder or Path()
     if (data := store.load(key)) is not None:
         try:
             prepared = PreparedCharacter.unpack(data)

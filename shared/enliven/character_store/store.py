@@ -56,7 +56,7 @@ class CharacterStore:
         self._folder = folder
 
     @classmethod
-    def of_user(cls) -> CharacterStore:
+    def open_user_store(cls) -> CharacterStore:
         """Returns the store in the user's cache folder, or in the folder in :data:`FOLDER_VARIABLE`.
 
         For a user without a home folder, the store is disabled.
@@ -124,7 +124,7 @@ class CharacterStore:
                 left -= sizes[path][1]
 
 
-def key_of(*parts: object) -> str:
+def compute_cache_key(*parts: object) -> str:
     """Returns the key of a result: a hash of its inputs, and of the code and libraries that compute it.
 
     Args:

@@ -88,7 +88,7 @@ def _chosen_plan(
     format: str | None,
 ) -> BatchPlan:
     """Returns the plan from a file or from two folders. Values on the command line take precedence."""
-    from enliven.batch.plan import load_plan, plan_of
+    from enliven.batch.plan import create_plan_from_folders, load_plan
 
     if plan is not None:
         if motions or characters:
@@ -99,7 +99,7 @@ def _chosen_plan(
     if motions is None or characters is None:
         remedy = "Give a plan, or --motions FOLDER and --characters FOLDER."
         raise InputError("no motions and characters are given", where="batch", remedy=remedy)
-    return _with_output(plan_of(motions, characters), output, format)
+    return _with_output(create_plan_from_folders(motions, characters), output, format)
 
 
 def _with_output(plan: BatchPlan, output: Path | None, format: str | None) -> BatchPlan:

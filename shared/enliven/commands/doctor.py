@@ -62,9 +62,9 @@ def doctor(
       enliven doctor --edges
     """
     if edges:
-        checks = announced_checks()
+        checks = check_announced_edges()
     elif "://" in remote and not remote.startswith("tcp://"):
-        checks = installation_checks(remote, password_file, certificate)
+        checks = check_installation(remote, password_file, certificate)
     else:
         checks = edge_checks(remote) if remote else run_all_checks()
     if as_json:
@@ -75,7 +75,7 @@ def doctor(
         raise typer.Exit(_FAILED_CHECK_EXIT_CODE)
 
 
-def announced_checks(seconds: float = SEARCH_S, interfaces: list[str] | None = None) -> list[Check]:
+def check_announced_edges(seconds: float = SEARCH_S, interfaces: list[str] | None = None) -> list[Check]:
     """Returns a check for each edge and relay on the local network.
 
     Args:
@@ -131,7 +131,7 @@ def edge_checks(address: str) -> list[Check]:
     ]
 
 
-def installation_checks(url: str, password_file: Path | None, certificate: Path | None) -> list[Check]:
+def check_installation(url: str, password_file: Path | None, certificate: Path | None) -> list[Check]:
     """Checks an installation by its health page.
 
     Args:

@@ -13,7 +13,7 @@ from enliven.errors import InputError
 from enliven.files import require_folder
 
 if TYPE_CHECKING:
-    from enliven.document import Project, Puppet
+    from enliven.document import ExampleCharacter, Project
     from enliven.exporters import Exporter
 
 
@@ -23,7 +23,7 @@ class LoadedPuppet:
     file."""
 
     project: Project
-    puppet: Puppet
+    puppet: ExampleCharacter
     notes: tuple[str, ...]
 
 
@@ -33,7 +33,7 @@ class Job:
     baking."""
 
     project: Project
-    puppet: Puppet
+    puppet: ExampleCharacter
     output: Path
     span: tuple[float, float]
     rate: float
@@ -98,7 +98,7 @@ def _write_project(job: Job) -> str:
 
 
 def export_time_span(
-    project: Project, puppet: Puppet, start: float, end: float | None
+    project: Project, puppet: ExampleCharacter, start: float, end: float | None
 ) -> tuple[float, float]:
     """Returns the start and end time to write, in seconds. If ``end`` is None, the end time is the end of the
     puppet's motion."""

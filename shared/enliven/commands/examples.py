@@ -103,7 +103,7 @@ def check(
       enliven examples check SHOW.enliven --puppet cactus
     """
     from enliven.examples.coverage import describe_unposed, measure_coverage
-    from enliven.examples.puppet_examples import missing
+    from enliven.examples.puppet_examples import find_missing_examples
     from enliven.examples.puppet_motion import solve_layer_motion
 
     source = open_puppet(session, puppet)
@@ -114,12 +114,12 @@ def check(
     print_line(f"enliven: {character.id}: {len(character.points)} control points: {pairs or 'none'}")
     pose_list = ", ".join(f"{pose.time:.2f} s of {pose.take}" for pose in character.poses)
     print_line(f"enliven: {len(character.poses)} key poses: {pose_list or 'none'}")
-    problems = [*missing(project, character), *describe_unposed(character)]
+    problems = [*find_missing_examples(project, character), *describe_unposed(character)]
     if not character.layers:
         problems.append("Add the motion to play: [[layer]].")
     for sentence in problems:
         print_line(f"enliven: {sentence}")
-    if missing(project, character):
+    if find_missing_examples(project, character):
         raise typer.Exit(3)
     for number in range(len(character.layers)):
         print_line(f"enliven: {measure_coverage(project, character, number)}")
@@ -156,7 +156,7 @@ def fit(
       enliven examples fit CACTUS.toml -o cactus.enliven
     """
     from enliven.examples.coverage import describe_unposed
-    from enliven.examples.puppet_examples import missing
+    from enliven.examples.puppet_examples import find_missing_examples
     from enliven.examples.puppet_motion import solve_layer_motion
 
     write = find_writer(output)
@@ -166,7 +166,7 @@ def fit(
     draw = find_sheet_function("puppet") if sheet else None
     source = open_puppet(session, puppet)
     project, character = source.project, source.puppet
-    problems = missing(project, character)
+    problems = find_missing_examples(project, character)
     if output.suffix.lower() != ".enliven":
         # An unposed character may be written to a project, because it can be posed later in the studio. In
         # other files, it would slide without moving its limbs.

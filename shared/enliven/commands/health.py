@@ -44,7 +44,7 @@ def health(
       enliven health PROFILE.toml --test-alert
     """
     from enliven.health_page.server import send_test_alert, serve_health
-    from enliven.kiosk.profile import EdgeOfKiosk, KioskProfile, load_profile
+    from enliven.kiosk.profile import KioskEdge, KioskProfile, load_profile
 
     settings = KioskProfile() if profile is None else load_profile(profile)
     if profile is not None:
@@ -55,7 +55,7 @@ def health(
         print_line(f"sent: {', '.join(send_test_alert(settings))}")
         return
     if edge:
-        settings = replace(settings, edges={address: EdgeOfKiosk(address=address) for address in edge})
+        settings = replace(settings, edges={address: KioskEdge(address=address) for address in edge})
     page = settings.health
     settings = replace(settings, health=replace(page, host=host or page.host, port=port or page.port))
     with terminate_as_interrupt():

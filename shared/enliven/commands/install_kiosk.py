@@ -55,7 +55,7 @@ def install_kiosk(
     cage = find_program("cage", root.absolute()) or "/usr/bin/cage"
     plan = create_plan(load_profile(profile), profile, cage=cage)
     if dry_run:
-        installer.show(plan)
+        installer.print_plan(plan)
         return
     installer.install(plan)
     print_line("installed. The kiosk starts with the computer. Its state: systemctl status 'enliven-*'")

@@ -37,7 +37,7 @@ def make(
     from enliven.keys.key_files import KeyStore, fingerprint
 
     store = KeyStore()
-    pair = store.make(overwrite=overwrite)
+    pair = store.create_own_pair(overwrite=overwrite)
     print_line(f"{store.own_path}: {fingerprint(pair.public)}")
 
 
@@ -47,7 +47,7 @@ def show() -> None:
     from enliven.keys.key_files import KeyStore, fingerprint
 
     store = KeyStore()
-    own_keys = store.own()
+    own_keys = store.load_own_pair()
     if own_keys is None:
         raise InputError(
             "the keys are missing", where=str(store.own_path), remedy="Make them: enliven keys make."
@@ -62,17 +62,17 @@ def list_keys() -> None:
 
     store, problems = KeyStore(), list[str]()
     try:
-        own_keys = store.own()
+        own_keys = store.load_own_pair()
         own_text = "none: enliven keys make" if own_keys is None else fingerprint(own_keys.public)
     except InputError as error:
         own_text = "damaged"
         problems.append(str(error))
     print_line(f"own keys  {own_text}")
-    for viewer in store.viewers(problems).values():
+    for viewer in store.load_viewers(problems).values():
         print_line(
             f"viewer    {fingerprint(viewer.public)}  {viewer.role:7}  {viewer.paired:10}  {viewer.name}"
         )
-    for edge in store.edges(problems):
+    for edge in store.load_edges(problems):
         at = f"{edge.name} at {edge.host}:{edge.control_port}"
         print_line(f"edge      {fingerprint(edge.public)}  {edge.role:7}  {edge.paired:10}  {at}")
     for problem in problems:

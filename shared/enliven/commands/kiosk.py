@@ -58,7 +58,7 @@ def kiosk(
 
     path = profile.absolute()
     if edge:
-        _become_edge(edge, path)
+        _run_edge_in_process(edge, path)
     mistakes: list[EnlivenError] = find_mistakes(path)
     if not any(isinstance(mistake, InputError) for mistake in mistakes):
         mistakes += _find_lacks(window)
@@ -177,7 +177,7 @@ def _find_taken_screen(settings: KioskProfile) -> list[EnlivenError]:
     return [ResourceError("another kiosk shows its window there", where=f"screen {number}", remedy=remedy)]
 
 
-def _become_edge(name: str, path: Path) -> None:
+def _run_edge_in_process(name: str, path: Path) -> None:
     """Runs an edge of the profile in this process. A separate process would delay each restart by another
     start of the Python interpreter.
 

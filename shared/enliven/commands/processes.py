@@ -33,15 +33,15 @@ class Process:
         name: the program's name in messages.
         arguments: the arguments of the ``enliven`` command line that starts it.
         leads: True if all programs end when this program ends.
-        again: the arguments for a restart if the program fails after it was ready. If None, its failure ends
-            all programs.
+        restart_arguments: the arguments for a restart if the program fails after it was ready. If None, its
+            failure ends all programs.
         ready: a function that returns True when the next program can be started.
     """
 
     name: str
     arguments: Sequence[str]
     leads: bool = False
-    again: Sequence[str] | None = None
+    restart_arguments: Sequence[str] | None = None
     ready: Callable[[], bool] | None = None
 
 
@@ -63,8 +63,10 @@ def _supervised_program(process: Process) -> Program:
     return Program(
         process.name,
         enliven_command(process.arguments),
-        restart="never" if process.leads or process.again is None else "failure",
-        restart_command=None if process.again is None else enliven_command(process.again),
+        restart="never" if process.leads or process.restart_arguments is None else "failure",
+        restart_command=None
+        if process.restart_arguments is None
+        else enliven_command(process.restart_arguments),
         leads=process.leads,
         ready=process.ready,
     )

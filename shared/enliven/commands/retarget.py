@@ -147,13 +147,13 @@ def retarget(
 def _print_quality(result: RetargetedFile, quality: MotionQuality, write_map: Path | None) -> None:
     """Prints the quality of the motion. If it has visible faults, warns and suggests a better mapping."""
     from enliven.mapping.alternatives import find_better_mapping
-    from enliven.mapping.automatic_mapping import idle_limbs
+    from enliven.mapping.automatic_mapping import list_idle_limbs
     from enliven.mapping.plan_file import write_plan
     from enliven.mapping.softening import limb_name
-    from enliven.oneshot.retargeting import exceeded_bounds
+    from enliven.oneshot.retargeting import describe_exceeded_bounds
 
     retargeted = result.retargeted
-    for limb in idle_limbs(retargeted.clip, retargeted.plan):
+    for limb in list_idle_limbs(retargeted.clip, retargeted.plan):
         remedy = "Give it a chain: --write-map writes the mapping to begin with."
         print_line(f"enliven: the performer's {limb} drives nothing. {remedy}", err=True)
     print_line(f"enliven: {quality}")
@@ -167,7 +167,7 @@ def _print_quality(result: RetargetedFile, quality: MotionQuality, write_map: Pa
         count = f"{len(retargeted.limited)} joint{'s' * (len(retargeted.limited) != 1)}"
         message = f"{count} kept within limits (--no-limits frees them): {', '.join(retargeted.limited)}"
         print_line(f"enliven: {message}")
-    faults = exceeded_bounds(quality, retargeted.plan.pin)
+    faults = describe_exceeded_bounds(quality, retargeted.plan.pin)
     for message in faults:
         print_line(f"enliven: {message}", err=True)
     if not faults:

@@ -143,7 +143,7 @@ def run(
         Process(
             "edge",
             edge_command,
-            again=None if as_film else edge_restart,
+            restart_arguments=None if as_film else edge_restart,
             ready=lambda: as_film or is_listening("127.0.0.1", ports[0]),
         ),
         Process("viewer", view_command, leads=True),

@@ -88,7 +88,7 @@ class SphereProxies:
         _move_centres(self.rest, self.indices, self.weights, self.pivots, pose.linear, pose.positions, out)
         return out
 
-    def radius_in(self, pose: Pose) -> float:
+    def compute_posed_radius(self, pose: Pose) -> float:
         """Returns the radius of the spheres in a pose, metres. It is scaled by the average growth of the
         pose's linear maps (RMS of their columns).
         """

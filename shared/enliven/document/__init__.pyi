@@ -34,7 +34,7 @@ from .locomotion import Kind as Kind, LocomotionSettings as LocomotionSettings, 
 from .pin import ContactSettings as ContactSettings, Pin as Pin
 from .graph.layers import GraphLayer as GraphLayer, GraphPart as GraphPart, Ride as Ride
 from .graph.shape import (
-    GraphShape as GraphShape,
+    GraphCharacter as GraphCharacter,
     character_from_graph_shape as character_from_graph_shape,
     graph_shape_at_rest as graph_shape_at_rest,
     graph_shape_from_poses as graph_shape_from_poses,
@@ -64,13 +64,13 @@ from .puppet import (
     ControlPoint as ControlPoint,
     KeyPose as KeyPose,
     Plane as Plane,
-    Puppet as Puppet,
+    ExampleCharacter as ExampleCharacter,
     PuppetLayer as PuppetLayer,
     character_from_puppet as character_from_puppet,
 )
 from .rig import RigBase as RigBase
 from .rigged import (
-    Shape as Shape,
+    RiggedCharacter as RiggedCharacter,
     character_of as character_of,
     bones_to_draw as bones_to_draw,
     still_shape as still_shape,

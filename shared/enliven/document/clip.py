@@ -287,7 +287,7 @@ class Clip:
         return replace(self, turns=change(self.turns), root=change(self.root), fine=None, cubic=(), **tracks)
 
     @property
-    def finest(self) -> Clip | FineFrames:
+    def finest_motion(self) -> Clip | FineFrames:
         """The object with the most complete motion: :attr:`fine` if it exists, otherwise the clip itself."""
         return self if self.fine is None else self.fine
 

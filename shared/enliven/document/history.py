@@ -38,8 +38,9 @@ class _Step:
 class History:
     """A project and its earlier values, one before each edit.
 
-    Every call of :meth:`do` adds one named step. Successive edits of one ``drag`` form a single step, until
-    :meth:`end_drag`. Equal arrays are stored once, so a step needs memory only for its changes. The memory is
+    Every call of :meth:`record_edit` adds one named step. Successive edits of one ``drag`` form a single
+    step, until :meth:`end_drag`. Equal arrays are stored once, so a step needs memory only for its changes.
+    The memory is
     limited: the oldest steps are dropped, but never the current project.
     """
 
@@ -77,11 +78,11 @@ class History:
         return tuple(step.name for step in self._steps)
 
     @property
-    def at(self) -> int:
+    def current_step(self) -> int:
         """The number of the step that created the current project."""
         return self._at
 
-    def go(self, step: int) -> Project:
+    def go_to_step(self, step: int) -> Project:
         """Goes back or forward to a step, and returns the project after it.
 
         Raises:
@@ -100,7 +101,7 @@ class History:
         """Memory of the arrays of all steps in megabytes. Each array counts once."""
         return self._bytes / 1e6
 
-    def do(self, name: str, project: Project, *, drag: str | None = None) -> Project:
+    def record_edit(self, name: str, project: Project, *, drag: str | None = None) -> Project:
         """Records the project after an edit. Undone steps can no longer be redone.
 
         Args:

@@ -166,13 +166,13 @@ class Curve:
         times = np.asarray(seconds, np.float64)
         return interpolate_keys(self._at.tolist(), self._values[:, None], self._eases, times)[:, 0]
 
-    def area(self, seconds: AnyArray | Sequence[float]) -> Float:
+    def integrate(self, seconds: AnyArray | Sequence[float]) -> Float:
         """Returns the integrals (T,) from 0 to seconds (T,)."""
         seconds = np.asarray(seconds, np.float64)
         integrals = self._from_first(np.append(seconds, 0.0))
         return np.asarray(integrals[:-1] - integrals[-1])
 
-    def reached(self, area: float) -> float:
+    def time_at_integral(self, area: float) -> float:
         """Returns the time, in seconds, at which the integral from 0 equals ``area``. The curve must be above
         0 everywhere.
         """
@@ -180,7 +180,7 @@ class Curve:
         low, high = -bound, bound
         for _ in range(_BISECTION_STEPS):
             middle = (low + high) / 2.0
-            low, high = (middle, high) if self.area(np.array([middle]))[0] < area else (low, middle)
+            low, high = (middle, high) if self.integrate(np.array([middle]))[0] < area else (low, middle)
         return (low + high) / 2.0
 
     def _from_first(self, seconds: Float) -> Float:

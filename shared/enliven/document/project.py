@@ -12,11 +12,11 @@ import numpy as np
 
 from enliven.document.body_take import BodyTake
 from enliven.document.clip import Clip
-from enliven.document.graph.shape import GraphShape
+from enliven.document.graph.shape import GraphCharacter
 from enliven.document.graph.stream import PoseStream
-from enliven.document.puppet import Puppet
+from enliven.document.puppet import ExampleCharacter
 from enliven.document.rig import RigBase
-from enliven.document.rigged import Shape
+from enliven.document.rigged import RiggedCharacter
 from enliven.document.smoothing import smooth_take
 from enliven.document.time_map import LayerBase
 from enliven.errors import InputError
@@ -185,32 +185,32 @@ class Project:
         """Returns the characters of one kind, by id."""
         return {key: character for key, character in self.characters.items() if isinstance(character, rig)}
 
-    def shape(self, shape_id: str) -> Shape:
+    def shape(self, shape_id: str) -> RiggedCharacter:
         """Returns the rigged shape with an id; see :meth:`character`."""
-        return self.character(shape_id, Shape)
+        return self.character(shape_id, RiggedCharacter)
 
-    def graph(self, shape_id: str) -> GraphShape:
+    def graph(self, shape_id: str) -> GraphCharacter:
         """Returns the possessed mesh with an id; see :meth:`character`."""
-        return self.character(shape_id, GraphShape)
+        return self.character(shape_id, GraphCharacter)
 
-    def puppet(self, puppet_id: str) -> Puppet:
+    def puppet(self, puppet_id: str) -> ExampleCharacter:
         """Returns the puppet with an id; see :meth:`character`."""
-        return self.character(puppet_id, Puppet)
+        return self.character(puppet_id, ExampleCharacter)
 
     @property
-    def shapes(self) -> dict[str, Shape]:
+    def shapes(self) -> dict[str, RiggedCharacter]:
         """The rigged shapes."""
-        return self.of(Shape)
+        return self.of(RiggedCharacter)
 
     @property
-    def graphs(self) -> dict[str, GraphShape]:
+    def graphs(self) -> dict[str, GraphCharacter]:
         """The possessed meshes."""
-        return self.of(GraphShape)
+        return self.of(GraphCharacter)
 
     @property
-    def puppets(self) -> dict[str, Puppet]:
+    def puppets(self) -> dict[str, ExampleCharacter]:
         """The puppets."""
-        return self.of(Puppet)
+        return self.of(ExampleCharacter)
 
     @property
     def layer_names(self) -> dict[str, None]:

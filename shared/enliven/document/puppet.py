@@ -116,7 +116,7 @@ class PuppetLayer(LayerBase):
 
 
 @dataclass(frozen=True, eq=False)
-class Puppet(RigBase):
+class ExampleCharacter(RigBase):
     """A mesh with control points, its example poses, and the takes that it plays.
 
     Its position in the world is ``turn`` (yaw(t) x + root(t)) + ``place``, with x in the mesh's own frame and
@@ -185,7 +185,7 @@ class Puppet(RigBase):
         ids["takes"].update(pose.take for pose in self.poses)
         return ids
 
-    def with_takes_named(self, names: Mapping[tuple[str, str], str]) -> Puppet:
+    def with_takes_named(self, names: Mapping[tuple[str, str], str]) -> ExampleCharacter:
         """Returns the puppet with renamed ids of takes in layers and key poses."""
         poses = tuple(replace(pose, take=names["takes", pose.take]) for pose in self.poses)
         return super().with_takes_named(names).with_changes(poses=poses)
@@ -209,7 +209,7 @@ class Puppet(RigBase):
         raise InputError(problem, where=f"puppet {self.id!r}", remedy=f"Known: {names}.")
 
 
-def character_from_puppet(puppet: Puppet) -> Character:
+def character_from_puppet(puppet: ExampleCharacter) -> Character:
     """Converts the puppet to a character for viewers, of kind "points". Its frame is transform 0, and control
     point k - 1 is transform k.
 
@@ -244,7 +244,7 @@ def character_from_puppet(puppet: Puppet) -> Character:
     )
 
 
-def _describe_problem(puppet: Puppet) -> str:
+def _describe_problem(puppet: ExampleCharacter) -> str:
     names = [point.name for point in puppet.points]
     if len(set(names)) < len(names):
         return f"two control points have one name: {', '.join(names)}"

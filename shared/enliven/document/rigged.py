@@ -20,7 +20,7 @@ from enliven.rotation import IDENTITY
 
 
 @dataclass(frozen=True, eq=False)
-class Shape(RigBase):
+class RiggedCharacter(RigBase):
     """A skeleton with its skinned mesh, its modeling rotations, and the layers that move it.
 
     The world rotation of bone j is D_j = D_parent m_j a_j(t). m_j is the *modeling rotation*, which posing,
@@ -71,7 +71,7 @@ class Shape(RigBase):
         if problem:
             raise InputError(problem, where=f"shape {self.id!r}", remedy="Build the shape again.")
 
-    def at_rest(self, mesh: Mesh | None) -> tuple[Shape, tuple[()]]:
+    def at_rest(self, mesh: Mesh | None) -> tuple[RiggedCharacter, tuple[()]]:
         """Returns the shape without motion, travel and pins."""
         spans = (STILL,) * len(self.skeleton)
         return self.with_changes(mesh=mesh, spans=spans, layers=(), travel=None, pins=(), root_layers=()), ()
@@ -96,7 +96,7 @@ class Shape(RigBase):
         """(N,) the parent of each joint, or -1 for the root."""
         return self.skeleton.parents
 
-    def without_layer(self, number: int) -> Shape:
+    def without_layer(self, number: int) -> RiggedCharacter:
         """Returns the shape without a layer, and without references to it."""
         if number >= len(self.layers):
             return super().without_layer(number)
@@ -131,7 +131,7 @@ class Shape(RigBase):
                 raise InputError("its chain names joints that the take lacks", where=f"layer {layer.id!r}")
 
 
-def layer_ids_in_spans(shape: Shape) -> tuple[str, ...]:
+def layer_ids_in_spans(shape: RiggedCharacter) -> tuple[str, ...]:
     """Returns the ids of the layers to which the spans of a shape refer, without repetition. The travel layer
     comes last.
     """
@@ -143,13 +143,15 @@ def layer_ids_in_spans(shape: Shape) -> tuple[str, ...]:
 
 def still_shape(
     id: str, skeleton: Skeleton, mesh: Mesh | None = None, skin: SkinWeights | None = None
-) -> Shape:
+) -> RiggedCharacter:
     """Returns a shape at rest without motion."""
     count = len(skeleton)
-    return Shape(id, skeleton, np.tile(IDENTITY, (count, 1)), (STILL,) * count, np.zeros(3), None, mesh, skin)
+    return RiggedCharacter(
+        id, skeleton, np.tile(IDENTITY, (count, 1)), (STILL,) * count, np.zeros(3), None, mesh, skin
+    )
 
 
-def character_of(shape: Shape) -> Character:
+def character_of(shape: RiggedCharacter) -> Character:
     """Converts the shape to a character for viewers. Transform j is bone j, about the rest position of its
     parent joint.
 
@@ -184,7 +186,7 @@ def bones_to_draw(skeleton: Skeleton) -> Int32:
     return np.array(pairs, np.int32).reshape(-1, 2)
 
 
-def _describe_problem(shape: Shape) -> str:
+def _describe_problem(shape: RiggedCharacter) -> str:
     count = len(shape.skeleton)
     if shape.modeling.shape != (count, 4) or len(shape.spans) != count or shape.place.shape != (3,):
         return f"{count} joints, modeling {shape.modeling.shape}, {len(shape.spans)} spans"

@@ -139,7 +139,7 @@ class TimeMap:
         """Returns the times of a take of ``length`` seconds that play at the lane's start and end, in
         seconds."""
         lane = self.lane(length)
-        return _limited_second(lane[0].first, length), _limited_second(lane[-1].last, length)
+        return _clamp_second(lane[0].first, length), _clamp_second(lane[-1].last, length)
 
     def extent(self, length: float) -> float:
         """Returns the duration of the lane in seconds."""
@@ -148,10 +148,12 @@ class TimeMap:
     def moment(self, time: float, length: float) -> Moment:
         """Returns the state of a take of ``length`` seconds at a time of the project.
 
-        :class:`enliven.motion.layers.timing.Clocks` is the compiled version for many layers and times.
+        :class:`enliven.motion.layers.timing.LayerClocks` is the compiled version for many layers and times.
         """
         extent, lane = self.extent(length), self.lane(length)
-        lane_time = (self.even(time) - self.offset) * self.speed + (extent if self.speed < 0.0 else 0.0)
+        lane_time = (self.to_unwarped_time(time) - self.offset) * self.speed + (
+            extent if self.speed < 0.0 else 0.0
+        )
         rounds = math.floor(lane_time / extent) if self.loop and extent > 0.0 else 0
         lane_time -= rounds * extent
         number = max((k for k, segment in enumerate(lane) if segment.begin <= lane_time), default=0)
@@ -162,26 +164,30 @@ class TimeMap:
         if self.weights:
             weight *= float(curve_from_keys(self.weights)([time - self.offset])[0])
         # After the end of a clip, its last frame is shown until the next clip begins.
-        second = _limited_second(current.second(min(max(lane_time, current.begin), current.end)), length)
+        second = _clamp_second(current.second(min(max(lane_time, current.begin), current.end)), length)
         if number and lane_time < previous.end:
             fraction = ease_in_out((lane_time - current.begin) / (previous.end - current.begin))
-            return Moment(
-                _limited_second(previous.second(lane_time), length), second, fraction, rounds, weight
-            )
+            return Moment(_clamp_second(previous.second(lane_time), length), second, fraction, rounds, weight)
         return Moment(second, second, 0.0, rounds, weight)
 
-    def even(self, time: float) -> float:
+    def to_unwarped_time(self, time: float) -> float:
         """Converts a time of the project to the time at which the same frame would play without speed keys.
 
         The result increases with the time. At the offset, both times are equal.
         """
         if not self.speeds:
             return time
-        return self.offset + float(curve_from_keys(self.speeds).area([time - self.offset])[0])
+        return self.offset + float(curve_from_keys(self.speeds).integrate([time - self.offset])[0])
 
-    def uneven(self, time: float) -> float:
-        """Converts a time without speed keys to a time of the project. It is the inverse of :meth:`even`."""
-        return self.offset + curve_from_keys(self.speeds).reached(time - self.offset) if self.speeds else time
+    def to_warped_time(self, time: float) -> float:
+        """Converts a time without speed keys to a time of the project. It is the inverse of
+        :meth:`to_unwarped_time`.
+        """
+        return (
+            self.offset + curve_from_keys(self.speeds).time_at_integral(time - self.offset)
+            if self.speeds
+            else time
+        )
 
     def _weight_within(self, at: float, rounds: int, lane: Sequence[Segment], number: int) -> float:
         """Returns the weight of a layer without ``hold`` at a time of its lane, within a loop."""
@@ -226,7 +232,7 @@ class TimeMap:
         ]
         lane_time = min(playing_times) if playing_times else lane_times[0]
         lane_time -= self.extent(length) if self.speed < 0.0 else 0.0
-        return self.uneven(self.offset + lane_time / self.speed)
+        return self.to_warped_time(self.offset + lane_time / self.speed)
 
     def plays(self, second: float, length: float) -> bool:
         """Returns True if a time of the take is played at some time. It is not played if it was trimmed
@@ -234,15 +240,15 @@ class TimeMap:
         ends = (sorted((segment.first, segment.last)) for segment in self.lane(length))
         return any(low - _TOUCHING_CLIPS_S <= second <= high + _TOUCHING_CLIPS_S for low, high in ends)
 
-    def lasting(self, length: float) -> float:
+    def compute_loop_duration(self, length: float) -> float:
         """Returns the duration of one loop with a take of ``length`` seconds, in seconds of the project."""
         lasts = self.extent(length) / abs(self.speed)
-        return self.uneven(self.offset + lasts) - self.offset if self.speeds else lasts
+        return self.to_warped_time(self.offset + lasts) - self.offset if self.speeds else lasts
 
     def end(self, length: float) -> float:
         """Returns the time of the project at which a lane with a take of ``length`` seconds has been played
         once."""
-        return self.offset + self.lasting(length)
+        return self.offset + self.compute_loop_duration(length)
 
     def later(self, delay: float) -> Self:
         """Returns the time map delayed by ``delay`` seconds."""
@@ -261,7 +267,7 @@ class TimeMap:
             first, faster = (segment.first if speed > 0.0 else segment.last), segment.speed * speed
             if self.speeds:
                 faster *= high - low
-                low, high = self.uneven(low), self.uneven(high)
+                low, high = self.to_warped_time(low), self.to_warped_time(high)
                 faster /= high - low
             segments.append(Segment(low, high, first, faster))
         return tuple(sorted(segments, key=lambda one: one.begin))
@@ -290,12 +296,12 @@ class TimeMap:
 
         Args:
             change: a function that edits the layer without these keys. The times of this layer are those that
-                :meth:`even` returns.
+                :meth:`to_unwarped_time` returns.
         """
         changed = change(self._without_keys())
         if not (self.weights or self.speeds):
             return changed
-        new_begin = self.uneven(changed.offset)
+        new_begin = self.to_warped_time(changed.offset)
         shift = new_begin - self.offset
 
         def shifted(keys: Sequence[CurveKey]) -> tuple[CurveKey, ...]:
@@ -306,13 +312,13 @@ class TimeMap:
     def _without_keys(self) -> Self:
         return replace(self, weights=(), speeds=())
 
-    def when(self) -> tuple[object, ...]:
+    def list_timing_values(self) -> tuple[object, ...]:
         """Returns all values that determine when and how the take plays. Layers with equal values share a bar
         on the timeline.
         """
         return tuple(getattr(self, field.name) for field in fields(TimeMap))
 
-    def timeless(self) -> Self:
+    def with_default_timing(self) -> Self:
         """Returns the layer with default timing: it starts at 0, plays once at recorded speed, and is not
         smoothed.
         """
@@ -399,7 +405,7 @@ def _describe_key_problem(weights: Sequence[CurveKey], speeds: Sequence[CurveKey
     return ""
 
 
-def _limited_second(second: float, length: float) -> float:
+def _clamp_second(second: float, length: float) -> float:
     return min(max(second, 0.0), length)
 
 

@@ -79,7 +79,7 @@ class SessionFile:
             problem = f"{error.where}: {error.what}" if error.where else error.what
             raise InputError(problem, where=f"{self._path}, {where}", remedy=error.remedy) from None
 
-    def beside(self, file: str) -> Path:
+    def resolve_path(self, file: str) -> Path:
         """Returns the absolute path of a file. Its path in the session is relative to the session's folder.
         Replaces $NAME by the value of the environment variable NAME.
 

@@ -40,7 +40,7 @@ from typing import Any
 
 import numpy as np
 
-from enliven.document import Plane, Project, Puppet, RootLayer, clip_from_keys, unused
+from enliven.document import ExampleCharacter, Plane, Project, RootLayer, clip_from_keys, unused
 from enliven.errors import InputError
 from enliven.example_sessions.file import SessionFile
 from enliven.example_sessions.mesh import load_session_mesh, nearest_vertex
@@ -138,7 +138,7 @@ class _Reader:
 
     def _read_mesh(self, table: MeshTable) -> None:
         puppet_table = self._file.read_table("puppet", PuppetTable)
-        mesh, name, notes = load_session_mesh(table, self._file.beside(table.file))
+        mesh, name, notes = load_session_mesh(table, self._file.resolve_path(table.file))
         self._notes += notes
         self._name = puppet_table.name or name
         self._project = make_puppet(self._project, mesh, self._name)
@@ -147,7 +147,7 @@ class _Reader:
         )
 
     def _read_take(self, table: TakeTable) -> None:
-        path = self._file.beside(table.file)
+        path = self._file.resolve_path(table.file)
         clip, notes = read_take(path, table.animation, table.start, table.end)
         name = table.name or clip.id
         if name in self._takes:
@@ -168,7 +168,7 @@ class _Reader:
         self._project = change_point(self._project, self._name, point, weight=table.weight)
 
     def _read_pose(self, table: PoseTable) -> None:
-        take = self._take_named(table.take)
+        take = self._find_take_id(table.take)
         if (table.time is None) == (table.frame is None):
             raise InputError("it needs a time or a frame", remedy="Give time = 3.2 or frame = 96.")
         if table.places is not None and table.moves is not None:
@@ -204,7 +204,7 @@ class _Reader:
             field.name: getattr(table, field.name) for field in fields(table) if field.name != "take"
         }
         self._project = play_take(
-            self._project, self._name, self._take_named(table.take), **attributes, **asked
+            self._project, self._name, self._find_take_id(table.take), **attributes, **asked
         )
 
     def _read_root(self, table: RootTable, asked: dict[str, Any]) -> None:
@@ -216,7 +216,7 @@ class _Reader:
                 raise InputError(f"there is a take {name!r} already", remedy="Give it another name.")
             self._project = self._project.with_takes(clip_from_keys(name, "root", keys))
         elif name not in known_takes:
-            name = self._take_named(name)
+            name = self._find_take_id(name)
         values = {field.name: getattr(table, field.name) for field in fields(table) if field.name != "take"}
         values |= {key: np.array(values[key]) for key in ("about", "basis")}
         layer = RootLayer(take=name, **values, **asked)
@@ -233,7 +233,7 @@ class _Reader:
                 attributes[attribute] = tuple(self._file.read_inner_tables(table_name, layer, name, kind))
         return attributes
 
-    def _take_named(self, name: str) -> str:
+    def _find_take_id(self, name: str) -> str:
         """Returns the ID of the take with a name, or of the first take if the name is empty."""
         if not self._takes:
             raise InputError("the session has no take", remedy='Add [[take]] file = "..." first.')
@@ -242,8 +242,8 @@ class _Reader:
         return name or next(iter(self._takes))
 
     @property
-    def _puppet(self) -> Puppet:
+    def _puppet(self) -> ExampleCharacter:
         return self._project.puppets[self._name]
 
-    def _store_puppet(self, puppet: Puppet) -> None:
+    def _store_puppet(self, puppet: ExampleCharacter) -> None:
         self._project = self._project.with_characters(puppet)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from enliven.document import Project, Puppet, character_from_puppet
+from enliven.document import ExampleCharacter, Project, character_from_puppet
 from enliven.examples.puppet_motion import evaluate_state, pose_of_state
 from enliven.recording import Recorder
 from enliven.wire import PoseCodec, character_to_message, pack_recorded, pose_to_message
@@ -18,7 +18,7 @@ _CHARACTER_REVISION = 1
 
 
 def write_puppet_take(
-    path: Path | str, project: Project, puppet: Puppet, start: float, end: float, rate: float = 30.0
+    path: Path | str, project: Project, puppet: ExampleCharacter, start: float, end: float, rate: float = 30.0
 ) -> None:
     """Writes the character and its poses from ``start`` to ``end`` seconds, ``rate`` poses per second.
 

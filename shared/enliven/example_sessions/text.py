@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from enliven.document import KeyPose, MotionKey, Project, Puppet, PuppetLayer, RootLayer
+from enliven.document import ExampleCharacter, KeyPose, MotionKey, Project, PuppetLayer, RootLayer
 from enliven.errors import InputError
 from enliven.example_sessions.tables import (
     INNER_TABLES,
@@ -64,7 +64,7 @@ def write_session(
     puppet = project.puppet(puppet_id)
     roots = {layer.take: project.takes[layer.take] for layer in puppet.root_layers}
     used_names = list(
-        dict.fromkeys([*used_takes(puppet), *(name for name, clip in roots.items() if not clip.keys)])
+        dict.fromkeys([*list_used_takes(puppet), *(name for name, clip in roots.items() if not clip.keys)])
     )
     project_path = path.with_suffix(".enliven")
     if mesh is None or not set(used_names) <= set(takes):
@@ -79,7 +79,7 @@ def write_session(
 
 
 def session_text(
-    puppet: Puppet,
+    puppet: ExampleCharacter,
     mesh: MeshTable,
     takes: Mapping[str, TakeTable],
     keys: Mapping[str, Sequence[MotionKey]] = MappingProxyType({}),
@@ -111,14 +111,14 @@ def session_text(
     return "\n".join(lines) + "\n"
 
 
-def used_takes(puppet: Puppet) -> list[str]:
+def list_used_takes(puppet: ExampleCharacter) -> list[str]:
     """Returns the IDs of the takes of key poses and layers, without duplicates."""
     return list(
         dict.fromkeys([*(pose.take for pose in puppet.poses), *(layer.take for layer in puppet.layers)])
     )
 
 
-def _pose_lines(pose: KeyPose, puppet: Puppet) -> list[str]:
+def _pose_lines(pose: KeyPose, puppet: ExampleCharacter) -> list[str]:
     lines = ["[[pose]]", f"take = {_as_toml(pose.take)}", f"time = {_as_toml(pose.time)}"]
     # If a control point was not moved, write its rest position, which is easier to edit than a zero
     # displacement.

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from enliven.document import Project, Puppet
-from enliven.examples.puppet_examples import collect_material
+from enliven.document import ExampleCharacter, Project
+from enliven.examples.puppet_examples import collect_motion_inputs
 from enliven.examples.puppet_solve import convert_to_reference
 from enliven.examples.suggest import distance_to
 
@@ -40,13 +40,13 @@ class Coverage:
         )
 
 
-def measure_coverage(project: Project, puppet: Puppet, layer: int) -> Coverage:
+def measure_coverage(project: Project, puppet: ExampleCharacter, layer: int) -> Coverage:
     """Computes how well the examples cover the take of a layer.
 
     Raises:
         InputError: if data is missing.
     """
-    material = collect_material(project, puppet, puppet.layers[layer])
+    material = collect_motion_inputs(project, puppet, puppet.layers[layer])
     examples, performance = convert_to_reference(material)
     distances = distance_to(performance.poses, examples.sources)
     frame = int(distances.argmax())
@@ -57,7 +57,7 @@ def measure_coverage(project: Project, puppet: Puppet, layer: int) -> Coverage:
     return Coverage(puppet.layers[layer].take, gap, frame, frame * performance.step, gap / largest_distance)
 
 
-def describe_unposed(puppet: Puppet) -> tuple[str, ...]:
+def describe_unposed(puppet: ExampleCharacter) -> tuple[str, ...]:
     """Returns a sentence for the user if all key poses are equal, because none has been edited yet. Otherwise
     returns an empty text.
     """

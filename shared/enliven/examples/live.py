@@ -47,7 +47,7 @@ class LiveExamples:
         Raises:
             InputError: if the pose has a wrong shape or is not finite. The pose is then ignored.
         """
-        poses = np.concatenate([self._poses, self.mapping.checked(np.asarray(pose, np.float64)[None])])
+        poses = np.concatenate([self._poses, self.mapping.check_poses(np.asarray(pose, np.float64)[None])])
         fixed_count = self._out.shape[1]
         if len(poses) - fixed_count <= self.lag:
             self._poses = poses
@@ -57,13 +57,13 @@ class LiveExamples:
         # Drop the oldest frames. The remaining accelerations do not depend on them.
         obsolete_count = max(solved.shape[1] - _AFFECTED_FRAMES, 0)
         self._poses, self._out = poses[obsolete_count:], solved[:, obsolete_count:]
-        return np.asarray(self.mapping.in_metres(places[:, fixed_count : fixed_count + 1])[0])
+        return np.asarray(self.mapping.to_metres(places[:, fixed_count : fixed_count + 1])[0])
 
     def finish(self) -> Float:
         """Returns the control points (L, P, 3) of the remaining frames, metres, and resets the state."""
         fixed_count = self._out.shape[1]
         due = (
-            self.mapping.in_metres(self._solve_points(self._poses)[:, fixed_count:])
+            self.mapping.to_metres(self._solve_points(self._poses)[:, fixed_count:])
             if len(self._poses)
             else self._poses
         )
@@ -78,4 +78,4 @@ class LiveExamples:
         values[:, : self._out.shape[1]] = self._out
         none = np.zeros((0, 3), np.int64)
         conditions = Conditions(is_fixed, values, none, none, np.zeros(0))
-        return self.mapping.solution(poses, conditions, self._step).places
+        return self.mapping.solve_checked_poses(poses, conditions, self._step).places

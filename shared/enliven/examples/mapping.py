@@ -56,21 +56,21 @@ class ExampleMap:
             InputError: if poses have a wrong shape or are not finite (the message lists the frames), or if
                 constraints contradict one another.
         """
-        poses = self.checked(poses)
+        poses = self.check_poses(poses)
         conditions = convert_constraints(constraints, self.examples, len(poses), step)
         if known is None:
-            return self.in_metres(self.solution(poses, conditions, step, workers).places)
+            return self.to_metres(self.solve_checked_poses(poses, conditions, step, workers).places)
         constrained_points = sorted(
             {self.examples.point(name) for constraint in constraints for name in names_in(constraint)}
         )
-        solution_m = self.in_metres(
-            self.solution(poses, conditions, step, workers, constrained_points).places
+        solution_m = self.to_metres(
+            self.solve_checked_poses(poses, conditions, step, workers, constrained_points).places
         )
         other_points = np.setdiff1d(np.arange(solution_m.shape[1]), constrained_points)
         solution_m[:, other_points] = known[:, other_points]
         return solution_m
 
-    def checked(self, poses: Float) -> Float:
+    def check_poses(self, poses: Float) -> Float:
         """Returns the poses (F, P, 3) after checking their shape and values."""
         poses = np.asarray(poses, np.float64)
         pairs = len(self.examples.points)
@@ -89,11 +89,11 @@ class ExampleMap:
             )
         return poses
 
-    def nodes(self, poses: Float) -> BoundedQuadratics:
+    def compute_nodes(self, poses: Float) -> BoundedQuadratics:
         """Returns the nodes of all control points at each frame of poses (F, P, 3)."""
         return Nearest(self.examples, self.settings, poses).nodes(range(len(self.examples.points)))
 
-    def solution(
+    def solve_checked_poses(
         self,
         poses: Float,
         conditions: Conditions,
@@ -111,7 +111,7 @@ class ExampleMap:
         nearest = Nearest(self.examples, self.settings, poses)
         return solve(nearest.nodes, conditions, weight, bounds, workers, only)
 
-    def in_metres(self, places: Float) -> Float:
+    def to_metres(self, places: Float) -> Float:
         """Converts positions (P, F, 3) in units of the mesh's size to (F, P, 3) metres in the mesh's
         frame.
         """

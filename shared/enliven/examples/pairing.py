@@ -20,7 +20,7 @@ import scipy
 
 from enliven.arrays import Float, Int
 from enliven.document import Clip, Skeleton
-from enliven.examples.performer import performed
+from enliven.examples.performer import extract_performer_clip
 from enliven.examples.puppet_examples import IdentityKey
 from enliven.skeletons.anatomy import Anatomy, SkeletonLimb, find_anatomy
 from enliven.skeletons.facing import rotate_about_y
@@ -109,7 +109,7 @@ def measure_joint_motion(clip: Clip) -> JointMotion:
 def _take_motion(take: IdentityKey[Clip]) -> JointMotion:
     clip = take()
     skeleton = clip.skeleton
-    poses = performed(clip, skeleton.names).poses
+    poses = extract_performer_clip(clip, skeleton.names).poses
     travel, body_size = np.ptp(poses, axis=0).max(1), float(np.ptp(skeleton.positions, axis=0).max())
     variance = np.var(poses, axis=0).sum(1)
     variance = np.maximum(variance, variance[_mirror_images(find_anatomy(skeleton), len(skeleton))])

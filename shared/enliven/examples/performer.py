@@ -38,7 +38,7 @@ class PerformerClip:
     step: float
 
 
-def performed(clip: Clip, joints: Sequence[str]) -> PerformerClip:
+def extract_performer_clip(clip: Clip, joints: Sequence[str]) -> PerformerClip:
     """Returns the motion of the named joints of a clip.
 
     Raises:

@@ -29,7 +29,7 @@ _SAME_SKELETON_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Role:
+class ReferenceConversion:
     """The conversion from a performer to the reference.
 
     Attributes:
@@ -47,7 +47,7 @@ class Role:
     notes: tuple[str, ...] = ()
     size: float = 1.0
 
-    def seen(self, poses: Float) -> Float:
+    def convert_poses(self, poses: Float) -> Float:
         """Converts poses (..., P, 3) of this performer, in the body frame, to poses of the reference."""
         if self.turn == 0.0 and (self.factors == 1.0).all():
             return poses
@@ -56,7 +56,7 @@ class Role:
 
 def match_performer(
     reference: Skeleton, skeleton: Skeleton, joints: Sequence[str], take_name: str = "performer"
-) -> Role:
+) -> ReferenceConversion:
     """Finds the joints of a skeleton that correspond to the reference's joints, and the scale of each joint.
 
     Args:
@@ -69,7 +69,7 @@ def match_performer(
     if reference is skeleton or _is_same_performer(reference, skeleton):
         for name in joints:
             _check_joint(skeleton, name, take_name)
-        return Role(tuple(joints), np.ones(len(joints)), 0.0)
+        return ReferenceConversion(tuple(joints), np.ones(len(joints)), 0.0)
     own_joints, notes = list[str](), list[str]()
     parts: tuple[Anatomy, Anatomy] | None = None
     for name in joints:
@@ -94,7 +94,7 @@ def match_performer(
             factors[k] = reference_reach / own_reach if reference_reach > 0.0 and own_reach > 0.0 else 1.0
     parts = parts or (find_anatomy(reference), find_anatomy(skeleton))
     heading_change, size = parts[0].facing - parts[1].facing, _size_ratio(reference, skeleton, *parts)
-    return Role(tuple(own_joints), factors, heading_change, tuple(notes), size)
+    return ReferenceConversion(tuple(own_joints), factors, heading_change, tuple(notes), size)
 
 
 def _is_same_performer(a: Skeleton, b: Skeleton) -> bool:

@@ -16,18 +16,18 @@ from enliven.arrays import Float
 from enliven.document import (
     Clip,
     ControlPoint,
+    ExampleCharacter,
     ExampleSettings,
     KeyPose,
     LocomotionSettings,
     Plane,
     Project,
-    Puppet,
     PuppetLayer,
     Skeleton,
     smooth_take,
 )
 from enliven.errors import InputError
-from enliven.examples.performer import performed
+from enliven.examples.performer import extract_performer_clip
 from enliven.examples.performers import match_performer
 from enliven.examples.poses import Examples, drop_repeated_poses
 from enliven.examples.symmetric import add_mirror_images, find_partners
@@ -60,7 +60,7 @@ class IdentityKey(Generic[T]):
 
 
 @dataclass(frozen=True)
-class Material:
+class MotionInputs:
     """The inputs of a layer's motion. They form the cache key of the solved motion, and are compared by value
     or by identity.
 
@@ -86,21 +86,21 @@ class Material:
     puppet: str = field(compare=False)
 
 
-def collect_material(project: Project, puppet: Puppet, layer: PuppetLayer) -> Material:
+def collect_motion_inputs(project: Project, puppet: ExampleCharacter, layer: PuppetLayer) -> MotionInputs:
     """Returns the inputs that the motion of a layer depends on."""
     shown = tuple(IdentityKey(project.takes[pose.take]) for pose in puppet.poses)
-    timeless = replace(layer.timeless(), muted=False)
+    timeless = replace(layer.with_default_timing(), muted=False)
     values = (puppet.points, puppet.poses, puppet.symmetry, IdentityKey(puppet.mesh), shown)
     take = IdentityKey(smooth_take(project.takes[layer.take], layer.smooth))
-    return Material(*values, take, timeless, puppet.examples, puppet.locomotion, puppet.id)
+    return MotionInputs(*values, take, timeless, puppet.examples, puppet.locomotion, puppet.id)
 
 
-def examples_from_key_poses(project: Project, puppet: Puppet) -> Examples:
+def examples_from_key_poses(project: Project, puppet: ExampleCharacter) -> Examples:
     """Converts the key poses to examples, with joints in the performer's body frame. If the puppet is
     symmetric, mirrored examples are added.
 
     Raises:
-        InputError: if data is missing (see :func:`missing`), or the examples cannot be used.
+        InputError: if data is missing (see :func:`find_missing_examples`), or the examples cannot be used.
     """
     takes = [project.takes[pose.take] for pose in puppet.poses]
     return build_examples(puppet.id, puppet.mesh, puppet.points, puppet.poses, takes, puppet.symmetry)
@@ -154,7 +154,7 @@ def _left_right_axis(reference: Skeleton, joints: Sequence[str], partners: Seque
     return widest / length if length > 1e-6 else None
 
 
-def reference_performer(project: Project, puppet: Puppet) -> Skeleton:
+def reference_performer(project: Project, puppet: ExampleCharacter) -> Skeleton:
     """Returns the skeleton of the reference performer, which defines size and joints of a puppet's examples;
     see :mod:`enliven.examples.performers`.
 
@@ -172,7 +172,7 @@ def find_reference_skeleton(skeletons: Sequence[Skeleton], joints: Sequence[str]
     return next((skeleton for skeleton in skeletons if set(joints) <= set(skeleton.names)), skeletons[0])
 
 
-def missing(project: Project, puppet: Puppet) -> tuple[str, ...]:
+def find_missing_examples(project: Project, puppet: ExampleCharacter) -> tuple[str, ...]:
     """Returns sentences about the data that a puppet still lacks. The list is empty if the puppet is ready to
     move.
     """
@@ -245,5 +245,5 @@ def _performed_key_poses(
         frames = [find_nearest_frame(take, poses[n].time) for n in pose_numbers]
         role = match_performer(reference, take.skeleton, joints, take.id)
         clip = take.mapped(itemgetter(frames))
-        all_poses[pose_numbers] = role.seen(performed(clip, role.joints).poses)
+        all_poses[pose_numbers] = role.convert_poses(extract_performer_clip(clip, role.joints).poses)
     return all_poses

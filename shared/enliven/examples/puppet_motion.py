@@ -17,9 +17,9 @@ from functools import lru_cache
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.document import Pose, Project, Puppet, PuppetLayer
+from enliven.document import ExampleCharacter, Pose, Project, PuppetLayer
 from enliven.errors import InputError
-from enliven.examples.puppet_examples import Material, collect_material
+from enliven.examples.puppet_examples import MotionInputs, collect_motion_inputs
 from enliven.examples.puppet_solve import solve_motion
 from enliven.examples.puppet_trajectory import PuppetMotion
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
@@ -30,7 +30,7 @@ _CACHED_MOTIONS = 64
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class PuppetState:
     """The state of a puppet at one time.
 
     Attributes:
@@ -45,7 +45,7 @@ class State:
     root: Float
 
 
-def solve_layer_motion(project: Project, puppet: Puppet, layer: int) -> PuppetMotion:
+def solve_layer_motion(project: Project, puppet: ExampleCharacter, layer: int) -> PuppetMotion:
     """Returns the solved motion of a layer's whole take, from a cache if possible.
 
     Equal inputs return the same object. Offset, speed, loop and muting of the layer do not affect the result.
@@ -53,10 +53,10 @@ def solve_layer_motion(project: Project, puppet: Puppet, layer: int) -> PuppetMo
     Raises:
         InputError: if the puppet or the layer lacks data, or constraints contradict one another.
     """
-    return _cached_motion(collect_material(project, puppet, _find_layer(puppet, layer)))
+    return _cached_motion(collect_motion_inputs(project, puppet, _find_layer(puppet, layer)))
 
 
-def evaluate_state(project: Project, puppet: Puppet, time: float) -> State:
+def evaluate_state(project: Project, puppet: ExampleCharacter, time: float) -> PuppetState:
     """Returns the state of a puppet at a time of the project in seconds, with all layers mixed. Without
     layers, the puppet is at rest.
 
@@ -91,7 +91,7 @@ def evaluate_state(project: Project, puppet: Puppet, time: float) -> State:
                     root + remaining_weight * loop_moment.weight * weight * layer_root,
                 )
             remaining_weight *= 1.0 - loop_moment.weight
-    return State(places, yaw, root)
+    return PuppetState(places, yaw, root)
 
 
 def loop_position(layer: PuppetLayer, motion: PuppetMotion, time: float) -> tuple[float, int]:
@@ -101,13 +101,13 @@ def loop_position(layer: PuppetLayer, motion: PuppetMotion, time: float) -> tupl
     return motion.frame_of(second), rounds
 
 
-def to_world_frame(puppet: Puppet, state: State, points: AnyArray) -> Float:
+def to_world_frame(puppet: ExampleCharacter, state: PuppetState, points: AnyArray) -> Float:
     """Converts points (..., 3) in the mesh's frame to (..., 3) metres in the world."""
     local = rotate_about_y(np.asarray(points, np.float64), np.asarray(state.yaw)) + state.root
     return np.asarray(rotate(puppet.turn, local) + puppet.place)
 
 
-def pose_of_state(puppet: Puppet, state: State, time_ns: int = 0) -> Pose:
+def pose_of_state(puppet: ExampleCharacter, state: PuppetState, time_ns: int = 0) -> Pose:
     """Returns the pose of ``character_from_puppet``: transform 0 is the puppet's frame in the world.
 
     Transform k is control point k - 1, with the rotation of the frame and its position in the world.
@@ -118,7 +118,7 @@ def pose_of_state(puppet: Puppet, state: State, time_ns: int = 0) -> Pose:
     return Pose(puppet.id, time_ns, linear, to_world_frame(puppet, state, places).astype(np.float32))
 
 
-def _find_layer(puppet: Puppet, number: int) -> PuppetLayer:
+def _find_layer(puppet: ExampleCharacter, number: int) -> PuppetLayer:
     if not 0 <= number < len(puppet.layers):
         problem = f"layer {number} does not exist"
         advice = f"It has {len(puppet.layers)}."
@@ -127,5 +127,5 @@ def _find_layer(puppet: Puppet, number: int) -> PuppetLayer:
 
 
 @lru_cache(maxsize=_CACHED_MOTIONS)
-def _cached_motion(material: Material) -> PuppetMotion:
+def _cached_motion(material: MotionInputs) -> PuppetMotion:
     return solve_motion(material)

@@ -10,16 +10,16 @@ from functools import cached_property
 import numpy as np
 
 from enliven.arrays import Bool, Complex, Float, Int
-from enliven.document import Constraint, Coupling, Project, Puppet, PuppetLayer
+from enliven.document import Constraint, Coupling, ExampleCharacter, Project, PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.performer import PerformerClip
 from enliven.examples.performers import match_performer
 from enliven.examples.poses import Examples
 from enliven.examples.puppet_examples import (
-    Material,
+    MotionInputs,
     build_examples,
-    collect_material,
+    collect_motion_inputs,
     find_reference_skeleton,
     select_pairs,
 )
@@ -29,54 +29,54 @@ from enliven.examples.spacetime.following import PathFollower, complex_from_floo
 from enliven.examples.spacetime.locomotion import PlacedMotion, check_switches
 from enliven.examples.spacetime.planting import lock_feet
 from enliven.examples.travel import PerformerFeet, convert_take, layer_travel, performer_feet
-from enliven.skeletons.facing import facing_of, rotate_about_y
+from enliven.skeletons.facing import find_facing, rotate_about_y
 
 
-def solve_motion(material: Material) -> PuppetMotion:
+def solve_motion(material: MotionInputs) -> PuppetMotion:
     """Solves the motion of a layer.
 
     Raises:
         InputError: if data is missing, or constraints contradict one another.
     """
-    solve = _Solve(material)
-    places = solve.places()
+    solve = _MotionSolve(material)
+    places = solve.solve_places()
     if not solve.travels:
-        return solve.motion(places, None, np.zeros(len(places)))
+        return solve.create_motion(places, None, np.zeros(len(places)))
     sense = -1.0 if material.layer.mirrored else 1.0
     yaw = sense * material.layer.weight * (solve.converted_take.yaw - solve.converted_take.yaw[0])
-    placed_motion = solve.locate(places, yaw)
+    placed_motion = solve.place_in_world(places, yaw)
     level = solve.level_constraints(placed_motion)
     if level:
-        places = solve.places(level, places)
-        placed_motion = solve.locate(places, yaw)
+        places = solve.solve_places(level, places)
+        placed_motion = solve.place_in_world(places, yaw)
     placed_motion, foot_displacements = solve.follow_path(placed_motion)
     places = solve.plant_feet(solve.displace_feet(places, foot_displacements, yaw), placed_motion, yaw)
-    return solve.motion(places, placed_motion, yaw)
+    return solve.create_motion(places, placed_motion, yaw)
 
 
-def convert_to_reference(material: Material) -> tuple[Examples, PerformerClip]:
+def convert_to_reference(material: MotionInputs) -> tuple[Examples, PerformerClip]:
     """Returns the examples of a layer, and its take converted to the reference performer.
 
     Raises:
         InputError: if data is missing.
     """
-    solve = _Solve(material)
+    solve = _MotionSolve(material)
     return solve.examples, solve.converted_take
 
 
-def check_layer(project: Project, puppet: Puppet, layer: PuppetLayer) -> None:
+def check_layer(project: Project, puppet: ExampleCharacter, layer: PuppetLayer) -> None:
     """Checks the constraints and contact switches of a layer without solving the motion.
 
     Raises:
         InputError: if data is missing, constraints contradict one another, or switches are out of order.
     """
-    _Solve(collect_material(project, puppet, layer)).check()
+    _MotionSolve(collect_motion_inputs(project, puppet, layer)).check()
 
 
-class _Solve:
+class _MotionSolve:
     """The steps of solving a layer's motion."""
 
-    def __init__(self, material: Material) -> None:
+    def __init__(self, material: MotionInputs) -> None:
         self._material, self._layer, points = material, material.layer, material.points
         point_names = self._layer.points
         self._moved = [k for k, point in enumerate(points) if not point_names or point.name in point_names]
@@ -114,7 +114,7 @@ class _Solve:
         if self._layer.switches is not None:
             check_switches(self._layer.switches, len(self._take.turns))
 
-    def places(self, level: tuple[Coupling, ...] = (), known: Float | None = None) -> Float:
+    def solve_places(self, level: tuple[Coupling, ...] = (), known: Float | None = None) -> Float:
         """Solves the control points (F, P, 3) in the mesh's frame, metres. If ``level`` couples feet, the
         other points are copied from the ``known`` solution.
         """
@@ -124,14 +124,16 @@ class _Solve:
         control_points[:, self._moved] = self._mapping.solve(*solve_inputs, known=known_points)
         return control_points
 
-    def locate(self, places: Float, yaw: Float) -> PlacedMotion:
+    def place_in_world(self, places: Float, yaw: Float) -> PlacedMotion:
         """Returns the motion of control points (F, P, 3) in the world. Only the contact of the mesh's own
         feet moves the mesh."""
         mixed = self._rest + self._layer.weight * (places - self._rest)
         if self._performer_feet is None:
             no_root = np.zeros((len(places), 3))
             return PlacedMotion(rotate_about_y(mixed, yaw[:, None]), no_root, _no_anchors(places), ())
-        placed = self._performer_feet.locate(mixed, yaw, self._alternating_stance, self._layer.switches)
+        placed = self._performer_feet.place_in_world(
+            mixed, yaw, self._alternating_stance, self._layer.switches
+        )
         # The control points of the feet keep the height above the soles that they have in the rest pose.
         placed.root[:, 1] += self._rest[self._feet, 1].min()
         if self._travel.feet:
@@ -145,8 +147,8 @@ class _Solve:
     @cached_property
     def path(self) -> Complex:
         """The path on the floor that the mesh follows: (F,) complex numbers x + iz, metres."""
-        facing, mirrored = facing_of(self._take.skeleton), self._layer.mirrored
-        return self._layer.weight * self._travel.path_of(
+        facing, mirrored = find_facing(self._take.skeleton), self._layer.mirrored
+        return self._layer.weight * self._travel.compute_path(
             self.converted_take, facing, self._role.size, mirrored
         )
 
@@ -173,7 +175,7 @@ class _Solve:
         )
         offsets = self.path - (complex_from_floor(placed.root) - complex_from_floor(placed.root[0]))
         for frame, (offset, stands) in enumerate(zip(offsets.tolist(), standing.tolist(), strict=True)):
-            pull += following.next(offset - pull, stands)
+            pull += following.compute_correction(offset - pull, stands)
             pulls[frame], held[frame] = pull, following.held
         if self.converted_take.step < contact_settings.blend:
             # Fade the displacements of the feet to zero at the end. They are zero at the start too, so the
@@ -230,7 +232,7 @@ class _Solve:
     def _alternating_stance(self) -> Bool:
         """(F, K) True for alternating feet while they stand."""
         assert self._performer_feet is not None
-        return self._performer_feet.stands() & np.isin(self._feet, self._travel.feet)
+        return self._performer_feet.find_standing_feet() & np.isin(self._feet, self._travel.feet)
 
     def level_constraints(self, placed: PlacedMotion) -> tuple[Coupling, ...]:
         """Returns constraints that give two feet equal heights when the anchor changes. Constraints that
@@ -238,7 +240,7 @@ class _Solve:
         """
         if not self._layer.level_feet or not self._travel.feet:
             return ()
-        couplings = placed.couplings([point.name for point in self._material.points])
+        couplings = placed.create_level_constraints([point.name for point in self._material.points])
         problem_size = self.examples, len(self.converted_take.poses), self.converted_take.step
         if _constraints_agree((*self._asked, *couplings), *problem_size):
             return couplings
@@ -248,7 +250,7 @@ class _Solve:
                 accepted = (*accepted, coupling)
         return accepted
 
-    def motion(self, places: Float, placed: PlacedMotion | None, yaw: Float) -> PuppetMotion:
+    def create_motion(self, places: Float, placed: PlacedMotion | None, yaw: Float) -> PuppetMotion:
         """Returns the solved motion, with read-only arrays, since all callers share it."""
         no_root, path = np.zeros((len(places), 3)), floor_from_complex(self.path)
         world_path = (no_root, no_root, _no_anchors(places), ())

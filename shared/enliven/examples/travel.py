@@ -18,22 +18,30 @@ from itertools import combinations
 import numpy as np
 
 from enliven.arrays import Bool, Complex, Float
-from enliven.document import Clip, LocomotionSettings, Project, Puppet, PuppetLayer, Skeleton, Switch
+from enliven.document import (
+    Clip,
+    ExampleCharacter,
+    LocomotionSettings,
+    Project,
+    PuppetLayer,
+    Skeleton,
+    Switch,
+)
 from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
-from enliven.examples.performer import PerformerClip, performed
-from enliven.examples.performers import Role, match_performer
+from enliven.examples.performer import PerformerClip, extract_performer_clip
+from enliven.examples.performers import ReferenceConversion, match_performer
 from enliven.examples.poses import Examples
 from enliven.examples.puppet_examples import (
-    Material,
+    MotionInputs,
     build_examples,
-    collect_material,
+    collect_motion_inputs,
+    find_missing_examples,
     find_reference_skeleton,
-    missing,
 )
 from enliven.examples.spacetime.following import complex_from_floor
 from enliven.examples.spacetime.locomotion import PlacedMotion, find_switches, place_motion, standing_feet
-from enliven.skeletons.facing import facing_of, rotate_about_y
+from enliven.skeletons.facing import find_facing, rotate_about_y
 
 _CACHED_TRAVELS = 64
 """Number of results in the least-recently-used cache. Each edit of a puppet gives a new result."""
@@ -67,7 +75,9 @@ class PuppetTravel:
     feet: tuple[int, ...]
     stride: complex
 
-    def path_of(self, took: PerformerClip, facing: float, size: float, mirrored: bool = False) -> Complex:
+    def compute_path(
+        self, took: PerformerClip, facing: float, size: float, mirrored: bool = False
+    ) -> Complex:
         """Returns the path (F,) of the puppet for a performer's take: complex numbers x + iz in metres,
         starting at 0.
 
@@ -87,19 +97,19 @@ def floor_path(took: PerformerClip, facing: float, mirrored: bool = False) -> Co
     return -path.conj() if mirrored else path
 
 
-def find_travel(project: Project, puppet: Puppet) -> PuppetTravel:
+def find_travel(project: Project, puppet: ExampleCharacter) -> PuppetTravel:
     """Returns the feet and the stride of a puppet, from a cache if possible.
 
     Raises:
         InputError: if the puppet lacks data.
     """
-    lacking = missing(project, puppet)
+    lacking = find_missing_examples(project, puppet)
     if lacking:
         raise InputError("it cannot move yet", where=f"puppet {puppet.id!r}", remedy=" ".join(lacking))
-    return layer_travel(collect_material(project, puppet, PuppetLayer(puppet.poses[0].take)))
+    return layer_travel(collect_motion_inputs(project, puppet, PuppetLayer(puppet.poses[0].take)))
 
 
-def layer_travel(material: Material) -> PuppetTravel:
+def layer_travel(material: MotionInputs) -> PuppetTravel:
     """Returns the feet and the stride of a layer's puppet. The layer affects the result only by its
     mirroring.
 
@@ -132,10 +142,10 @@ def alternating_feet(targets: Float, feet: Sequence[int]) -> tuple[int, ...]:
     return tuple(sorted(alternating))
 
 
-def convert_take(clip: Clip, role: Role) -> PerformerClip:
+def convert_take(clip: Clip, role: ReferenceConversion) -> PerformerClip:
     """Converts a take to the performer of the key poses, including the size."""
-    took = performed(clip, role.joints)
-    return replace(took, poses=role.seen(took.poses))
+    took = extract_performer_clip(clip, role.joints)
+    return replace(took, poses=role.convert_poses(took.poses))
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,11 +166,11 @@ class PerformerFeet:
     step: float
     how: LocomotionSettings
 
-    def stands(self) -> Bool:
+    def find_standing_feet(self) -> Bool:
         """Returns (F, K) True for feet that stand."""
         return standing_feet(self.seen, self.step, self.legs, self.how)
 
-    def locate(
+    def place_in_world(
         self, places: Float, yaw: Float, stands: Bool, switches: Sequence[Switch] | None = None
     ) -> PlacedMotion:
         """Returns the motion of control points (F, P, 3) in the world. Only the contact of these feet moves
@@ -172,7 +182,7 @@ class PerformerFeet:
 
 def performer_feet(
     skeleton: Skeleton,
-    role: Role,
+    role: ReferenceConversion,
     took: PerformerClip,
     feet: Sequence[int],
     how: LocomotionSettings,
@@ -194,7 +204,7 @@ def performer_feet(
 
 
 @lru_cache(maxsize=_CACHED_TRAVELS)
-def _cached_travel(material: Material) -> PuppetTravel:
+def _cached_travel(material: MotionInputs) -> PuppetTravel:
     mesh, points, shown = material.mesh(), material.points, [load_clip() for load_clip in material.shown]
     examples = build_examples(material.puppet, mesh, points, material.poses, shown, material.symmetry)
     reference = find_reference_skeleton([clip.skeleton for clip in shown], examples.joints)
@@ -208,7 +218,7 @@ def _cached_travel(material: Material) -> PuppetTravel:
 
 
 def _fitted_stride(
-    material: Material,
+    material: MotionInputs,
     examples: Examples,
     reference: Skeleton,
     takes: Sequence[Clip],
@@ -230,8 +240,10 @@ def _fitted_stride(
         took = _resample_take(convert_take(clip, role))
         yaw = (-1.0 if mirrored else 1.0) * (took.yaw - took.yaw[0])
         stepper = performer_feet(clip.skeleton, role, took, feet, material.locomotion)
-        placed_motion = stepper.locate(mapping.solve(took.poses, took.step), yaw, stepper.stands())
-        performer_path = role.size * floor_path(took, facing_of(clip.skeleton), mirrored)
+        placed_motion = stepper.place_in_world(
+            mapping.solve(took.poses, took.step), yaw, stepper.find_standing_feet()
+        )
+        performer_path = role.size * floor_path(took, find_facing(clip.skeleton), mirrored)
         puppet_moves, performer_moves = (
             _path_displacements(path, took.step)
             for path in (complex_from_floor(placed_motion.root), performer_path)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Clip, CubicKeys, Layer, Project, Shape, Skeleton
+from enliven.document import Clip, CubicKeys, Layer, Project, RiggedCharacter, Skeleton
 from enliven.exporters.performance import Performance
 from enliven.rotation import IDENTITY, conjugate, from_matrix, multiply
 
@@ -27,7 +27,7 @@ _MAX_RIGID_STRETCH = 1e-6
 
 
 def find_file_keys(
-    project: Project, shape: Shape, performance: Performance, start: float
+    project: Project, shape: RiggedCharacter, performance: Performance, start: float
 ) -> tuple[CubicKeys, ...]:
     """Returns the cubic keys that move a shape, with times in seconds of its performance.
 
@@ -67,7 +67,7 @@ def _is_rigid(linear: Float) -> bool:
     return bool(np.abs(gram - np.eye(3)).max() <= _MAX_RIGID_STRETCH and (np.linalg.det(linear) > 0).all())
 
 
-def _only_clip(project: Project, shape: Shape) -> tuple[Clip | None, Layer | None]:
+def _only_clip(project: Project, shape: RiggedCharacter) -> tuple[Clip | None, Layer | None]:
     """Returns the clip that all bones of a shape play in the same way, and one of its layers, or (None, None)
     if they do not share a clip.
     """
@@ -112,7 +112,7 @@ def _playing_fields(layer: Layer) -> tuple[object, ...]:
     return time_fields + blend_fields
 
 
-def _is_posed(keys: CubicKeys, shape: Shape) -> bool:
+def _is_posed(keys: CubicKeys, shape: RiggedCharacter) -> bool:
     """Returns True if an artist has edited the bone of a curve, or has moved the root."""
     offset = np.abs(shape.modeling[keys.bone]) - IDENTITY if keys.turns else shape.place
     return bool(np.abs(offset).max() > _MAX_POSED_CHANGE)

@@ -156,7 +156,7 @@ def _part_from_character(
     lines.append("s 1\n")
     for number in np.unique(own.of):
         part_faces = own.of == number
-        lines.append(f"usemtl {names[number] if number >= 0 else materials.plain()}\n")
+        lines.append(f"usemtl {names[number] if number >= 0 else materials.add_plain_material()}\n")
         lines.append(_face_lines(faces[part_faces], None if numbers is None else numbers[part_faces]))
     return _Part(head, colours, "".join(lines), len(mesh.vertices)), count
 
@@ -189,7 +189,7 @@ class _MaterialFile:
         ]
         return [self._add_material(material, images) for material in plain_materials(mesh.materials)]
 
-    def plain(self) -> str:
+    def add_plain_material(self) -> str:
         """Returns the name of a white material, for faces without a material."""
         if "plain" not in self._names:
             self._names.add("plain")

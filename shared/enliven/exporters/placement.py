@@ -63,7 +63,7 @@ class ExportPlacement:
             remedy = f"Known: {', '.join(_UP_TURNS)}."
             raise InputError(f"the axis {self.up!r} cannot be vertical", where="--up", remedy=remedy)
 
-    def applied_to(self, performance: Performance) -> Performance:
+    def apply_to(self, performance: Performance) -> Performance:
         """Returns a performance with the scale, axes and root motion of this placement."""
         if self.in_place:
             performance = _without_travel(performance)

@@ -100,7 +100,7 @@ class Exporter:
             ResourceError: if the file cannot be written.
         """
         placement = ExportPlacement(**{key: value for key, value in options.items() if key in PLACEMENTS})
-        placed_performances = [placement.applied_to(performance) for performance in performances]
+        placed_performances = [placement.apply_to(performance) for performance in performances]
         self.write(Path(path), placed_performances, name, **self.own_options(options))
 
     def representation(self, morphs: bool = False) -> Representation:

@@ -15,10 +15,10 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import (
     Clip,
+    ExampleCharacter,
     Project,
-    Puppet,
     RigBase,
-    Shape,
+    RiggedCharacter,
     Skeleton,
     SkinWeights,
     closing_time,
@@ -78,23 +78,25 @@ def sample_performance(
     """
     rig = project.character(character) if isinstance(character, str) else character
     if end is None:
-        end, rate = _loop_end_time(project, rig, start, rate)
+        end, rate = _find_loop_end_and_rate(project, rig, start, rate)
     times = frame_times(start, end, rate, rig.id)
-    if keyed and isinstance(rig, Shape):
+    if keyed and isinstance(rig, RiggedCharacter):
         times = _add_key_times(project, rig, times)
     performance = _SAMPLER_BY_RIG.get(rig.kind, _sample_graph)(
         project, rig, times, how, settings or BakeSettings()
     )
-    if keyed and isinstance(rig, Shape):
+    if keyed and isinstance(rig, RiggedCharacter):
         performance = replace(performance, cubic=find_file_keys(project, rig, performance, start))
     return performance
 
 
-def _loop_end_time(project: Project, character: RigBase, start: float, rate: float) -> tuple[float, float]:
+def _find_loop_end_and_rate(
+    project: Project, character: RigBase, start: float, rate: float
+) -> tuple[float, float]:
     """Returns the time in seconds at which a character has played all layers, and a sampling rate (Hz) at
     which a frame is exactly at a loop's end."""
     active_layers = [layer for layer in character.playing if not layer.muted]
-    rounds = [layer.lasting(project.length_of(layer)) for layer in active_layers if layer.loop]
+    rounds = [layer.compute_loop_duration(project.length_of(layer)) for layer in active_layers if layer.loop]
     end = project.end_of(character)
     if not rounds:
         return end, rate
@@ -103,7 +105,7 @@ def _loop_end_time(project: Project, character: RigBase, start: float, rate: flo
     return end, (max(round((end - start) * rate), 1) / (end - start) if end > start else rate)
 
 
-def _add_key_times(project: Project, character: Shape, times: Float) -> Float:
+def _add_key_times(project: Project, character: RiggedCharacter, times: Float) -> Float:
     """Returns (T,) even times in seconds, plus the times at which keys of a character's clips are played.
 
     Evenly spaced times very close to a key are left out, so that a jump is sampled at exactly two times.
@@ -113,7 +115,7 @@ def _add_key_times(project: Project, character: Shape, times: Float) -> Float:
         clip = project.takes.get(layer.take)
         if not isinstance(clip, Clip) or clip.fine is None:
             continue
-        seconds, duration = clip.fine.seconds, layer.lasting(clip.duration)
+        seconds, duration = clip.fine.seconds, layer.compute_loop_duration(clip.duration)
         for segment in layer.clips(clip.duration):
             moments = segment.begin + (seconds - segment.first) / segment.speed
             moments = moments[(moments >= segment.begin) & (moments <= segment.end)]
@@ -158,7 +160,7 @@ def _performance_from_maps(
     return Performance(name, times - times[0], *parent_frame, mesh, skin, skeleton=skeleton, joints=joints)
 
 
-def _sample_shape(project: Project, shape: Shape, times: Float, *_: object) -> Performance:
+def _sample_shape(project: Project, shape: RiggedCharacter, times: Float, *_: object) -> Performance:
     player = Player(project, shape.id)
     turns, joints = player.sample(times)
     linear = player.linear(times, turns)
@@ -171,7 +173,9 @@ def _sample_shape(project: Project, shape: Shape, times: Float, *_: object) -> P
 def _sample_graph(project: Project, character: RigBase, times: Float, *_: object) -> Performance:
     """Returns the performance of any rig, as nodes with skin weights."""
     even_times = times if len(times) > 1 else np.append(times, times[0] + 1.0)
-    graph, stream = get_rig_edits(character).as_graph(project, character, even_times, character.id)[:2]
+    graph, stream = get_rig_edits(character).convert_to_graph_shape(
+        project, character, even_times, character.id
+    )[:2]
     linear, positions = stream.linear[: len(times)], stream.positions[: len(times)]
     axes = stretch_axes(linear)
     return Performance(
@@ -180,7 +184,7 @@ def _sample_graph(project: Project, character: RigBase, times: Float, *_: object
 
 
 def _sample_puppet(
-    project: Project, puppet: Puppet, times: Float, how: str, settings: BakeSettings
+    project: Project, puppet: ExampleCharacter, times: Float, how: str, settings: BakeSettings
 ) -> Performance:
     """Returns the performance of a puppet, baked in its own frame."""
     states, rotations, places = evaluate_states(project, puppet, times)
@@ -211,8 +215,8 @@ def _sample_puppet(
 
 
 _SAMPLER_BY_RIG: dict[str, Callable[..., Performance]] = {
-    Shape.kind: _sample_shape,
-    Puppet.kind: _sample_puppet,
+    RiggedCharacter.kind: _sample_shape,
+    ExampleCharacter.kind: _sample_puppet,
 }
 """Sampling functions by kind of rig, for rigs that also export a skeleton or morph targets. Other rigs use
 :func:`_sample_graph`."""

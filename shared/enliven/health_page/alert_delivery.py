@@ -30,7 +30,7 @@ MAX_RETRY_S = 300.0
 """Maximum delay between two attempts, in seconds."""
 GIVE_UP_AFTER_S = 3600.0
 """Time in seconds after which an undelivered alert is dropped, because it is outdated."""
-_MAX_WAITING = 200
+_MAX_QUEUED_ALERTS = 200
 """Maximum number of queued alerts. Further alerts are dropped."""
 _CLOSING_TIMEOUT_S = 2.0
 """Maximum time to wait for a running delivery when the program ends, in seconds."""
@@ -143,7 +143,7 @@ class CommandTarget:
             raise ResourceError(f"it ended with exit code {code}", where=self.name)
 
 
-class AlertCourier:
+class AlertSender:
     """A thread that delivers the alerts of one target in order.
 
     Attributes:
@@ -154,19 +154,23 @@ class AlertCourier:
 
     def __init__(self, target: AlertTarget) -> None:
         self._target = target
-        self._alerts: queue.Queue[Alert | None] = queue.Queue(_MAX_WAITING)
+        self._alerts: queue.Queue[Alert | None] = queue.Queue(_MAX_QUEUED_ALERTS)
         self._is_closing = threading.Event()
         self.sent = self.failures = 0
         self.fault = ""
-        self._thread = threading.Thread(target=self._run, name=f"alerts to {target.name}", daemon=True)
+        self._thread = threading.Thread(
+            target=self._send_queued_alerts, name=f"alerts to {target.name}", daemon=True
+        )
         self._thread.start()
 
-    def submit(self, alert: Alert) -> None:
+    def enqueue_alert(self, alert: Alert) -> None:
         """Adds an alert to the queue. Never blocks. If the queue is full, the alert is dropped."""
         try:
             self._alerts.put_nowait(alert)
         except queue.Full:
-            log.warning("%s: an alert was dropped, since %d wait already.", self._target.name, _MAX_WAITING)
+            log.warning(
+                "%s: an alert was dropped, since %d wait already.", self._target.name, _MAX_QUEUED_ALERTS
+            )
 
     def close(self) -> None:
         """Ends the thread. Queued alerts are dropped."""
@@ -175,13 +179,13 @@ class AlertCourier:
             self._alerts.put_nowait(None)
         self._thread.join(_CLOSING_TIMEOUT_S)
 
-    def _run(self) -> None:
+    def _send_queued_alerts(self) -> None:
         while not self._is_closing.is_set():
             alert = self._alerts.get()
             if alert is not None:
-                self._deliver(alert)
+                self._deliver_with_retries(alert)
 
-    def _deliver(self, alert: Alert) -> None:
+    def _deliver_with_retries(self, alert: Alert) -> None:
         """Delivers one alert. Retries until :data:`GIVE_UP_AFTER_S` has passed."""
         wait_s, end = FIRST_RETRY_S, time.monotonic() + GIVE_UP_AFTER_S
         while not self._is_closing.is_set():
@@ -222,7 +226,7 @@ def alert_targets(settings: AlertSettings) -> list[AlertTarget]:
     return targets
 
 
-def deliver_now(targets: Sequence[AlertTarget], alert: Alert) -> list[str]:
+def deliver_once(targets: Sequence[AlertTarget], alert: Alert) -> list[str]:
     """Delivers an alert to all targets without retries. Returns a sentence for each failure."""
     faults = []
     for target in targets:

@@ -78,7 +78,7 @@ def make_alert(event: Event, installation: str, problem: Problem, at_s: float) -
 
 
 @dataclass
-class _Watched:
+class _TrackedProblem:
     """The state of a problem that exists or existed.
 
     Attributes:
@@ -97,7 +97,7 @@ class _Watched:
     is_open: bool = False
 
 
-class AlertDesk:
+class AlertRules:
     """Applies the rules that decide which alerts are sent.
 
     Args:
@@ -107,7 +107,7 @@ class AlertDesk:
 
     def __init__(self, installation: str, quiet_s: float) -> None:
         self._installation, self._quiet_s = installation, quiet_s
-        self._watched: dict[tuple[str, str], _Watched] = {}
+        self._watched: dict[tuple[str, str], _TrackedProblem] = {}
 
     def update(self, problems: Iterable[Problem], clock_s: float, at_s: float) -> list[Alert]:
         """Updates the state of all problems. Returns the alerts to send.
@@ -119,7 +119,7 @@ class AlertDesk:
         """
         for problem in problems:
             if problem.alerts:
-                self._see(problem, clock_s)
+                self._record_problem(problem, clock_s)
         alerts = []
         for watched in self._watched.values():
             is_present = watched.seen_s == clock_s
@@ -129,10 +129,12 @@ class AlertDesk:
             elif watched.is_open and clock_s - watched.seen_s >= RECOVERED_AFTER_S:
                 watched.is_open = False
                 alerts.append(make_alert("recovered", self._installation, watched.problem, at_s))
-        self._watched = {key: each for key, each in self._watched.items() if self._matters(each, clock_s)}
+        self._watched = {
+            key: each for key, each in self._watched.items() if self._may_cause_alert(each, clock_s)
+        }
         return alerts
 
-    def _see(self, problem: Problem, clock_s: float) -> None:
+    def _record_problem(self, problem: Problem, clock_s: float) -> None:
         """Stores the state of a current problem."""
         key = (str(problem.kind), problem.subject)
         watched = self._watched.get(key)
@@ -141,14 +143,14 @@ class AlertDesk:
                 watched.begun_s = clock_s
             watched.problem, watched.seen_s = problem, clock_s
         elif len(self._watched) < _MAX_REMEMBERED:
-            self._watched[key] = _Watched(problem, clock_s, clock_s)
+            self._watched[key] = _TrackedProblem(problem, clock_s, clock_s)
 
-    def _is_due(self, watched: _Watched, clock_s: float) -> bool:
+    def _is_due(self, watched: _TrackedProblem, clock_s: float) -> bool:
         """Returns True if an alert about the begin of a current problem must be sent now."""
         is_quiet = watched.sent_s is not None and clock_s - watched.sent_s < self._quiet_s
         return not watched.is_open and not is_quiet and clock_s - watched.begun_s >= ALERT_AFTER_S
 
-    def _matters(self, watched: _Watched, clock_s: float) -> bool:
+    def _may_cause_alert(self, watched: _TrackedProblem, clock_s: float) -> bool:
         """Returns True if a stored problem may still cause or prevent an alert. Otherwise it can be
         deleted."""
         is_quiet = watched.sent_s is not None and clock_s - watched.sent_s < self._quiet_s

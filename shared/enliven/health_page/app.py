@@ -29,18 +29,18 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from enliven.errors import EnlivenError, InputError
 from enliven.files import read_file
 from enliven.health import Severity
-from enliven.health_page.alert_delivery import AlertCourier
-from enliven.health_page.alerts import AlertDesk
+from enliven.health_page.alert_delivery import AlertSender
+from enliven.health_page.alerts import AlertRules
 from enliven.health_page.collector import HealthCollector
 from enliven.health_page.log_tail import LogTail
 from enliven.health_page.machine import terminate_program
-from enliven.health_page.metrics import Counts, metrics_text
+from enliven.health_page.metrics import HealthCounters, metrics_text
 from enliven.health_page.page import PageWriter
 from enliven.health_page.report import REPORT_PATH, make_report
 from enliven.health_page.snapshot import Problem, ProblemKind
 from enliven.logs import escape_text
 from enliven.supervision.notify import Notifier
-from enliven.supervision.records import SCREEN_PICTURE, ServiceRecord, runtime_folder, write_service
+from enliven.supervision.records import SCREEN_PICTURE_FILE, ServiceRecord, runtime_folder, write_service
 from enliven.web_server.access import FormTokens, PasswordGate, is_same_origin, names_this_computer
 from enliven.wire import LearnRoom, send_order, show_pairing_code
 
@@ -68,13 +68,13 @@ _MAX_PICTURE_BYTES = 32 << 20
 """Maximum size in bytes of the picture of the screen."""
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 """First bytes of a PNG file."""
-_NOTICE_S = 60.0
+_NOTICE_DISPLAY_S = 60.0
 """Time in seconds for which the page shows a notice about an action."""
 _MAX_NOTICES = 5
 """Maximum number of notices that are shown."""
 _MIN_ACTION_INTERVAL_S = 3.0
 """Minimum time between two actions, in seconds. A double click must not restart a program twice."""
-_LOAD_AGAIN = "Load the page again."
+_RELOAD_ADVICE = "Load the page again."
 """The remedy for an invalid form."""
 _RECORD_INTERVAL_S = 10.0
 """Interval in seconds at which this program writes its service record."""
@@ -106,10 +106,10 @@ class GuardMiddleware:
                 MutableHeaders(scope=message).update(self._headers)
             await send(message)
 
-        refusal = self._refuse(Request(scope))
+        refusal = self._check_request(Request(scope))
         await (refusal or self._app)(scope, receive, send_with_headers)
 
-    def _refuse(self, request: Request) -> Response | None:
+    def _check_request(self, request: Request) -> Response | None:
         """Returns the response to a request with a wrong host or password. Returns None if the request is
         accepted."""
         if self._checks_host and not names_this_computer(request.headers.get("host", "")):
@@ -117,14 +117,14 @@ class GuardMiddleware:
         if self._gate is None:
             return None
         address = request.client.host if request.client else ""
-        wait_s = self._gate.locked_s(address)
+        wait_s = self._gate.remaining_lockout_s(address)
         if wait_s > 0.0:
             headers = {"Retry-After": str(round(wait_s) + 1)}
             text = f"Too many wrong passwords. Try again in {wait_s:.0f} s.\n"
             return PlainTextResponse(text, 429, headers)
         if self._gate.admits(address, request.headers.get("authorization", "")):
             return None
-        if self._gate.locked_s(address) > 0.0:
+        if self._gate.remaining_lockout_s(address) > 0.0:
             log.warning("%s: too many wrong passwords; it has to wait.", address)
         headers = {"WWW-Authenticate": 'Basic realm="enliven health", charset="UTF-8"'}
         return PlainTextResponse("The password is missing or wrong. Any user name will do.\n", 401, headers)
@@ -135,8 +135,8 @@ class HealthApplication:
 
     Args:
         collector: collects the state.
-        desk: decides which alerts are sent.
-        couriers: the threads that deliver the alerts.
+        alert_rules: decides which alerts are sent.
+        alert_senders: the threads that deliver the alerts.
         notifier: reports progress to the supervisor.
         should_stop: a function that returns True if the program must end, for example because its parent has
             ended.
@@ -146,13 +146,13 @@ class HealthApplication:
     def __init__(
         self,
         collector: HealthCollector,
-        desk: AlertDesk,
-        couriers: Sequence[AlertCourier] = (),
+        alert_rules: AlertRules,
+        alert_senders: Sequence[AlertSender] = (),
         notifier: Notifier | None = None,
         should_stop: Callable[[], bool] = lambda: False,
         stop: Callable[[], None] = lambda: None,
     ) -> None:
-        self._collector, self._desk, self._couriers = collector, desk, couriers
+        self._collector, self._alert_rules, self._alert_senders = collector, alert_rules, alert_senders
         self._notifier = notifier or Notifier("")
         self._should_stop, self._stop = should_stop, stop
         self._writer, self._tokens, self._log = PageWriter(), FormTokens(), LogTail()
@@ -162,7 +162,7 @@ class HealthApplication:
         # Use a single thread, because only one thread at a time may use a ZeroMQ socket.
         self._executor = ThreadPoolExecutor(1, "health")
 
-    def asgi(
+    def create_asgi_app(
         self, gate: PasswordGate | None = None, uses_tls: bool = False, checks_host: bool = True
     ) -> Starlette:
         """Returns the application for a server.
@@ -175,14 +175,14 @@ class HealthApplication:
         static = Path(__file__).parent / "static"
         middleware = [Middleware(GuardMiddleware, gate=gate, uses_tls=uses_tls, checks_host=checks_host)]
         routes = [
-            Route("/", self._page),
-            Route(REPORT_PATH, self._report),
-            Route("/metrics", self._metrics),
-            Route("/screen.png", self._picture),
-            Route("/confirm", self._confirm),
-            Route("/restart", self._restart, methods=["POST"]),
-            Route("/code", self._code, methods=["POST"]),
-            Route("/room", self._learn_room, methods=["POST"]),
+            Route("/", self._serve_page),
+            Route(REPORT_PATH, self._serve_report),
+            Route("/metrics", self._serve_metrics),
+            Route("/screen.png", self._serve_picture),
+            Route("/confirm", self._serve_confirmation),
+            Route("/restart", self._restart_program, methods=["POST"]),
+            Route("/code", self._serve_pairing_code, methods=["POST"]),
+            Route("/room", self._relearn_room, methods=["POST"]),
             Mount("/static", StaticFiles(directory=static)),
         ]
         return Starlette(routes=routes, middleware=middleware, lifespan=self._lifespan)
@@ -212,7 +212,7 @@ class HealthApplication:
                 )
                 self._send_alerts()
                 if has_read:
-                    self._notifier.progress(self._collector.snapshot.status)
+                    self._notifier.report_progress(self._collector.snapshot.status)
                     await loop.run_in_executor(self._executor, self._write_own_record)
             except Exception:
                 if not has_warned:
@@ -224,10 +224,10 @@ class HealthApplication:
     def _send_alerts(self) -> None:
         """Passes new alerts to the threads that deliver them."""
         snapshot = self._collector.snapshot
-        for alert in self._desk.update(snapshot.problems, time.monotonic(), snapshot.at_s):
+        for alert in self._alert_rules.update(snapshot.problems, time.monotonic(), snapshot.at_s):
             log.info("alert: %s: %s: %s", alert.event, alert.subject or "this computer", alert.message)
-            for courier in self._couriers:
-                courier.submit(alert)
+            for courier in self._alert_senders:
+                courier.enqueue_alert(alert)
 
     def _alert_faults(self) -> list[Problem]:
         """Returns a problem for each target to which the newest alert was not delivered."""
@@ -239,7 +239,7 @@ class HealthApplication:
                 f"Alerts are not delivered: {escape_text(courier.fault)}.",
                 "Check [alerts] in the profile. Try it: enliven health PROFILE --test-alert",
             )
-            for courier in self._couriers
+            for courier in self._alert_senders
             if courier.fault
         ]
 
@@ -261,34 +261,34 @@ class HealthApplication:
         except (EnlivenError, OSError) as error:
             log.warning("the program's own record cannot be written: %s", error)
 
-    async def _page(self, request: Request) -> Response:
+    async def _serve_page(self, request: Request) -> Response:
         return HTMLResponse(await run_in_threadpool(self._write_page))
 
     def _write_page(self) -> str:
         time_now = time.monotonic()
-        notices = [text for at_s, text in self._notices if time_now - at_s < _NOTICE_S]
+        notices = [text for at_s, text in self._notices if time_now - at_s < _NOTICE_DISPLAY_S]
         picture_at_s = None
         with contextlib.suppress(OSError, EnlivenError):
-            picture_at_s = (runtime_folder() / SCREEN_PICTURE).stat().st_mtime
-        return self._writer.health(
+            picture_at_s = (runtime_folder() / SCREEN_PICTURE_FILE).stat().st_mtime
+        return self._writer.render_health_page(
             self._collector.snapshot, self._collector.history, self._log.read(), notices, picture_at_s
         )
 
-    async def _report(self, request: Request) -> Response:
+    async def _serve_report(self, request: Request) -> Response:
         snapshot = self._collector.snapshot
         status = 503 if snapshot.severity is Severity.ERROR else 200
         return Response(msgspec.json.encode(make_report(snapshot)), status, media_type="application/json")
 
-    async def _metrics(self, request: Request) -> Response:
-        counts = Counts(
+    async def _serve_metrics(self, request: Request) -> Response:
+        counts = HealthCounters(
             dict(self._collector.restart_counts),
-            sum(courier.sent for courier in self._couriers),
-            sum(courier.failures for courier in self._couriers),
+            sum(courier.sent for courier in self._alert_senders),
+            sum(courier.failures for courier in self._alert_senders),
         )
         data, media_type = await run_in_threadpool(metrics_text, self._collector.snapshot, counts)
         return Response(data, headers={"Content-Type": media_type})
 
-    async def _picture(self, request: Request) -> Response:
+    async def _serve_picture(self, request: Request) -> Response:
         try:
             data = await run_in_threadpool(_read_picture)
         except (EnlivenError, OSError):
@@ -297,10 +297,10 @@ class HealthApplication:
             return PlainTextResponse("No window has stored a picture on this computer.\n", 404)
         return Response(data, media_type="image/png")
 
-    async def _confirm(self, request: Request) -> Response:
+    async def _serve_confirmation(self, request: Request) -> Response:
         """Returns the page that asks for confirmation of an action. It is used if JavaScript is disabled."""
         action, subject = request.query_params.get("action", ""), request.query_params.get("subject", "")
-        if action == "restart" and subject in self._pids():
+        if action == "restart" and subject in self._read_program_pids():
             question = (
                 f"{subject} ends, and its supervisor starts it again within seconds. An edge learns the room "
                 "again. Visitors see an interruption."
@@ -316,54 +316,56 @@ class HealthApplication:
             )
             texts = ("Learn the room again?", question, "Learn the room", "/room")
         else:
-            error = InputError("this program or edge is not known", remedy=_LOAD_AGAIN)
-            return self._failure(error, 404)
+            error = InputError("this program or edge is not known", remedy=_RELOAD_ADVICE)
+            return self._create_failure_page(error, 404)
         token = self._tokens.make(action, subject)
-        return HTMLResponse(self._writer.confirm(*texts, subject, token))
+        return HTMLResponse(self._writer.render_confirmation(*texts, subject, token))
 
-    async def _restart(self, request: Request) -> Response:
+    async def _restart_program(self, request: Request) -> Response:
         """Ends a program, so that its supervisor starts it again."""
         try:
             subject = await self._read_action(request, "restart")
-            pid = self._pids().get(subject)
+            pid = self._read_program_pids().get(subject)
             if pid is None:
-                raise InputError(f"{subject} is not known", remedy=_LOAD_AGAIN)
+                raise InputError(f"{subject} is not known", remedy=_RELOAD_ADVICE)
             await run_in_threadpool(terminate_program, subject, pid)
         except EnlivenError as error:
-            return self._failure(error)
+            return self._create_failure_page(error)
         address = request.client.host if request.client else "unknown"
         log.warning("%s restarts %s", address, subject)
         notice = f"{subject} was asked to restart by {address}."
         self._notices.append((time.monotonic(), escape_text(notice)))
         return Response(status_code=303, headers={"Location": "/"})
 
-    async def _code(self, request: Request) -> Response:
+    async def _serve_pairing_code(self, request: Request) -> Response:
         """Shows the pairing code of an edge. This program needs the role *operate* on the edge."""
         try:
             subject = await self._read_action(request, "code")
             endpoint = self._collector.endpoints.get(subject)
             if endpoint is None:
-                raise InputError(f"{subject} is not known", remedy=_LOAD_AGAIN)
+                raise InputError(f"{subject} is not known", remedy=_RELOAD_ADVICE)
             code, seconds = await run_in_threadpool(show_pairing_code, endpoint)
         except EnlivenError as error:
-            return self._failure(error)
+            return self._create_failure_page(error)
         log.warning("%s opens pairing on %s", request.client.host if request.client else "unknown", subject)
         if not code:
             text = f"There were too many tries. A new code follows in {seconds} s."
-            return HTMLResponse(self._writer.result(f"Pairing code of {subject}", text))
+            return HTMLResponse(self._writer.render_result(f"Pairing code of {subject}", text))
         text = f"It expires in {seconds} s. On the viewer's computer: enliven pair {endpoint.host} {code}"
-        return HTMLResponse(self._writer.result(f"Pairing code of {subject}", text, code=escape_text(code)))
+        return HTMLResponse(
+            self._writer.render_result(f"Pairing code of {subject}", text, code=escape_text(code))
+        )
 
-    async def _learn_room(self, request: Request) -> Response:
+    async def _relearn_room(self, request: Request) -> Response:
         """Makes an edge learn the room again. This program needs the role *operate* on the edge."""
         try:
             subject = await self._read_action(request, "room")
             endpoint = self._collector.endpoints.get(subject)
             if endpoint is None:
-                raise InputError(f"{subject} is not known", remedy=_LOAD_AGAIN)
+                raise InputError(f"{subject} is not known", remedy=_RELOAD_ADVICE)
             await run_in_threadpool(send_order, endpoint, LearnRoom())
         except EnlivenError as error:
-            return self._failure(error)
+            return self._create_failure_page(error)
         address = request.client.host if request.client else "unknown"
         log.warning("%s makes %s learn the room again", address, subject)
         notice = f"{subject} learns the room again, as {address} asked."
@@ -389,18 +391,18 @@ class HealthApplication:
         self._acted_s = time.monotonic()
         return subject
 
-    def _pids(self) -> dict[str, int]:
+    def _read_program_pids(self) -> dict[str, int]:
         """Returns the process ids of the programs by name."""
         return {program.record.name: program.record.pid for program in self._collector.snapshot.programs}
 
-    def _failure(self, error: EnlivenError, status: int = 409) -> Response:
+    def _create_failure_page(self, error: EnlivenError, status: int = 409) -> Response:
         """Returns the page about an action that failed."""
-        return HTMLResponse(self._writer.error(error), status)
+        return HTMLResponse(self._writer.render_error(error), status)
 
 
 def _read_picture() -> bytes:
     """Returns the bytes of the picture of the screen (PNG)."""
-    return read_file(runtime_folder() / SCREEN_PICTURE, _MAX_PICTURE_BYTES)
+    return read_file(runtime_folder() / SCREEN_PICTURE_FILE, _MAX_PICTURE_BYTES)
 
 
 async def _read_form(request: Request) -> dict[str, str]:
@@ -413,9 +415,9 @@ async def _read_form(request: Request) -> dict[str, str]:
     async for part in request.stream():
         data += part
         if len(data) > _MAX_FORM_BYTES:
-            raise InputError("the form is too long", remedy=_LOAD_AGAIN)
+            raise InputError("the form is too long", remedy=_RELOAD_ADVICE)
     try:
         fields = parse_qs(data.decode("utf-8", "replace"), keep_blank_values=True, max_num_fields=8)
     except ValueError:
-        raise InputError("the form has too many fields", remedy=_LOAD_AGAIN) from None
+        raise InputError("the form has too many fields", remedy=_RELOAD_ADVICE) from None
     return {name: values[0] for name, values in fields.items()}

@@ -25,12 +25,12 @@ from enliven.health_page.snapshot import (
     CertificateState,
     HealthSnapshot,
     MachineState,
+    MonitoredEdge,
     Problem,
     ProblemKind,
     ProgramState,
-    WatchedEdge,
 )
-from enliven.kiosk.profile import EdgeOfKiosk, KioskProfile
+from enliven.kiosk.profile import KioskEdge, KioskProfile
 from enliven.supervision.records import (
     RestartRecord,
     ServiceRecord,
@@ -88,7 +88,7 @@ class HealthCollector:
     def __init__(self, profile: KioskProfile, certificate: ServerCertificate | None = None) -> None:
         self._profile = profile
         self._certificate = certificate
-        self._edges = EdgeMonitor(profile.edges or {"edge": EdgeOfKiosk()})
+        self._edges = EdgeMonitor(profile.edges or {"edge": KioskEdge()})
         self._history_path = user_data_folder() / HISTORY_FILE
         self._known_restarts: set[RestartRecord] | None = None
         self._saved_s = time.monotonic()
@@ -117,9 +117,9 @@ class HealthCollector:
         at_s = time.time()
         problems = list(faults)
         records, restarts, has_records = self._read_records(problems)
-        programs = tuple(_program_state(record, restarts) for record in records)
+        programs = tuple(_create_program_state(record, restarts) for record in records)
         edges = tuple(_with_temperature(edge, records) for edge in self._edges.states())
-        machine = read_machine(self._measured_folder())
+        machine = read_machine(self._find_measured_folder())
         for edge in edges:
             problems += find_edge_problems(edge)
         care = self._profile.care
@@ -139,12 +139,12 @@ class HealthCollector:
             certificates=certificates,
         )
         self.history.add(at_s, _series_values(edges, programs, machine))
-        self._save_sometimes()
+        self._save_if_due()
         return heartbeats > 0 or has_records
 
     def close(self) -> None:
         """Writes the history, and closes all connections."""
-        self._save()
+        self._save_history()
         self._edges.close()
 
     def _read_records(self, problems: list[Problem]) -> tuple[list[ServiceRecord], list[RestartRecord], bool]:
@@ -193,17 +193,17 @@ class HealthCollector:
                 self.restart_counts[restart.name] = self.restart_counts.get(restart.name, 0) + 1
         self._known_restarts = present
 
-    def _measured_folder(self) -> Path:
+    def _find_measured_folder(self) -> Path:
         """Returns the folder on the disk that is measured: the folder of the recordings, or otherwise the
         user's data folder."""
         recordings = self._profile.care.recordings
         return Path(recordings) if recordings else user_data_folder()
 
-    def _save_sometimes(self) -> None:
+    def _save_if_due(self) -> None:
         if time.monotonic() - self._saved_s >= SAVE_INTERVAL_S:
-            self._save()
+            self._save_history()
 
-    def _save(self) -> None:
+    def _save_history(self) -> None:
         """Writes the history. A write error is logged once and is never fatal."""
         self._saved_s = time.monotonic()
         try:
@@ -214,7 +214,7 @@ class HealthCollector:
             self._has_warned = True
 
 
-def _program_state(record: ServiceRecord, restarts: Sequence[RestartRecord]) -> ProgramState:
+def _create_program_state(record: ServiceRecord, restarts: Sequence[RestartRecord]) -> ProgramState:
     """Returns the state of a program."""
     rss_mb = record.figures.get("rss_mb")
     rss_bytes = resident_bytes(record.pid)
@@ -224,7 +224,7 @@ def _program_state(record: ServiceRecord, restarts: Sequence[RestartRecord]) -> 
     return ProgramState(record, is_running(record.pid), rss_bytes, count)
 
 
-def _with_temperature(edge: WatchedEdge, records: Sequence[ServiceRecord]) -> WatchedEdge:
+def _with_temperature(edge: MonitoredEdge, records: Sequence[ServiceRecord]) -> MonitoredEdge:
     """Returns an edge's state with the temperature from the edge's service record."""
     names = {edge.name, f"edge {edge.name}"}
     for record in records:
@@ -234,7 +234,7 @@ def _with_temperature(edge: WatchedEdge, records: Sequence[ServiceRecord]) -> Wa
 
 
 def _series_values(
-    edges: Sequence[WatchedEdge], programs: Sequence[ProgramState], machine: MachineState
+    edges: Sequence[MonitoredEdge], programs: Sequence[ProgramState], machine: MachineState
 ) -> dict[str, float | None]:
     """Returns the current values of all series by name."""
     values: dict[str, float | None] = {

@@ -11,9 +11,9 @@ from typing import Any
 import zmq
 
 from enliven.errors import EnlivenError, InputError
-from enliven.health_page.snapshot import WatchedEdge
-from enliven.keys.client import ClientKeys, HandshakeWatch, handshake_advice
-from enliven.kiosk.profile import EdgeOfKiosk
+from enliven.health_page.snapshot import MonitoredEdge
+from enliven.keys.client import ClientKeys, HandshakeMonitor, handshake_advice
+from enliven.kiosk.profile import KioskEdge
 from enliven.logs import escape_text
 from enliven.wire import (
     BODIES,
@@ -48,7 +48,7 @@ _FRAME_PREFIX = BODIES.name.encode() + b"\0"
 people."""
 
 
-def edge_endpoint(edge: EdgeOfKiosk) -> Endpoint:
+def edge_endpoint(edge: KioskEdge) -> Endpoint:
     """Returns the address of an edge in a profile. A port in the address takes precedence over ``port``.
 
     Raises:
@@ -61,7 +61,7 @@ def edge_endpoint(edge: EdgeOfKiosk) -> Endpoint:
 
 
 @dataclass
-class _Link:
+class _EdgeConnection:
     """The connection to one edge.
 
     Attributes:
@@ -83,7 +83,7 @@ class _Link:
     endpoint: Endpoint
     since_s: float
     socket: zmq.Socket[bytes] | None = None
-    watch: HandshakeWatch | None = None
+    watch: HandshakeMonitor | None = None
     keys: ClientKeys | None = None
     checked_s: float = 0.0
     status: StatusMessage | None = None
@@ -105,13 +105,13 @@ class EdgeMonitor:
         InputError: if an address is invalid.
     """
 
-    def __init__(self, edges: Mapping[str, EdgeOfKiosk]) -> None:
+    def __init__(self, edges: Mapping[str, KioskEdge]) -> None:
         self._context: zmq.Context[Any] = zmq.Context.instance()
         time_now = time.monotonic()
-        self._links = [_Link(name, edge_endpoint(edge), time_now) for name, edge in edges.items()]
+        self._links = [_EdgeConnection(name, edge_endpoint(edge), time_now) for name, edge in edges.items()]
         self._poller = zmq.Poller()
         for link in self._links:
-            self._open(link)
+            self._open_connection(link)
 
     @property
     def endpoints(self) -> dict[str, Endpoint]:
@@ -126,16 +126,16 @@ class EdgeMonitor:
             ready = dict(self._poller.poll(max(0, min(round(remaining_ms), _POLL_SLICE_MS))))
             for link in self._links:
                 if link.socket is not None and link.socket in ready:
-                    heartbeats += self._read(link)
+                    heartbeats += self._read_messages(link)
             self._check_links()
             if remaining_ms <= 0.0:
                 return heartbeats
 
-    def states(self) -> tuple[WatchedEdge, ...]:
+    def states(self) -> tuple[MonitoredEdge, ...]:
         """Returns the state of each edge, in the order of the profile."""
         time_now = time.monotonic()
         return tuple(
-            WatchedEdge(
+            MonitoredEdge(
                 name=link.name,
                 address=str(link.endpoint),
                 status=link.status,
@@ -152,9 +152,9 @@ class EdgeMonitor:
     def close(self) -> None:
         """Closes all connections."""
         for link in self._links:
-            self._close(link)
+            self._close_connection(link)
 
-    def _read(self, link: _Link) -> int:
+    def _read_messages(self, link: _EdgeConnection) -> int:
         """Reads the messages of an edge that have arrived. Returns the number of heartbeats."""
         heartbeats = 0
         for _ in range(_MAX_READS_PER_POLL):
@@ -162,10 +162,10 @@ class EdgeMonitor:
                 data = b"".join(link.socket.recv_multipart(zmq.DONTWAIT)) if link.socket else b""
             except zmq.ZMQError:
                 break
-            heartbeats += self._take(link, data)
+            heartbeats += self._store_message(link, data)
         return heartbeats
 
-    def _take(self, link: _Link, data: bytes) -> bool:
+    def _store_message(self, link: _EdgeConnection, data: bytes) -> bool:
         """Stores one message. Returns True if it was a valid heartbeat."""
         if data.startswith(_FRAME_PREFIX):
             link.frame_s = time.monotonic()
@@ -205,7 +205,7 @@ class EdgeMonitor:
             if time_now - max(heard_s, link.checked_s) > _KEY_CHECK_INTERVAL_S:
                 self._renew_keys(link)
 
-    def _renew_keys(self, link: _Link) -> None:
+    def _renew_keys(self, link: _EdgeConnection) -> None:
         """Reconnects to a silent edge if its keys have changed."""
         link.checked_s = time.monotonic()
         try:
@@ -213,10 +213,10 @@ class EdgeMonitor:
         except InputError:
             has_changed = True
         if has_changed:
-            self._close(link)
-            self._open(link)
+            self._close_connection(link)
+            self._open_connection(link)
 
-    def _open(self, link: _Link) -> None:
+    def _open_connection(self, link: _EdgeConnection) -> None:
         """Connects to an edge. If its keys cannot be read, stores the reason instead."""
         link.checked_s = time.monotonic()
         try:
@@ -226,13 +226,13 @@ class EdgeMonitor:
             return
         link.fault = ("", "")
         socket = make_socket(self._context, zmq.SUB, _MAX_MESSAGE_BYTES, _MAX_UNREAD, link.keys)
-        link.socket, link.watch = socket, HandshakeWatch(socket, link.keys is not None)
+        link.socket, link.watch = socket, HandshakeMonitor(socket, link.keys is not None)
         for prefix in (_STATUS_PREFIX, _FRAME_PREFIX):
             socket.setsockopt(zmq.SUBSCRIBE, prefix)
         socket.connect(link.endpoint.stream_address)
         self._poller.register(socket, zmq.POLLIN)
 
-    def _close(self, link: _Link) -> None:
+    def _close_connection(self, link: _EdgeConnection) -> None:
         """Closes the connection to an edge."""
         if link.socket is not None and link.watch is not None:
             self._poller.unregister(link.socket)

@@ -13,9 +13,9 @@ import msgspec
 from enliven.errors import InputError
 from enliven.files import DECODE_ERRORS, read_file, write_file
 
-INTERVAL_S = 60.0
+SAMPLE_INTERVAL_S = 60.0
 """Time between two stored values, in seconds."""
-CAPACITY = 1440
+CAPACITY_MINUTES = 1440
 """Number of stored values of each series: one per minute for a day."""
 MAX_SERIES = 500
 """Maximum number of series. They take 3 MB in total. Further series are not stored."""
@@ -25,7 +25,7 @@ _VERSION = 1
 """Version of the file format. A file of another version is ignored and replaced."""
 _VALUE_BYTES = 4
 """Size of a stored value in bytes."""
-_MINUTE_BYTES = 8
+_TIMESTAMP_BYTES = 8
 """Size of a stored minute number in bytes."""
 _NO_MINUTE = -1
 """Minute number of a slot without values."""
@@ -47,7 +47,7 @@ class DayHistory:
     """
 
     def __init__(self) -> None:
-        self._minutes = array("q", [_NO_MINUTE]) * CAPACITY
+        self._minutes = array("q", [_NO_MINUTE]) * CAPACITY_MINUTES
         self._series: dict[str, array[float]] = {}
         self._sums: dict[str, tuple[float, int]] = {}
         self._minute = _NO_MINUTE
@@ -67,9 +67,9 @@ class DayHistory:
         Returns:
             True if a minute was stored.
         """
-        minute = math.floor(at_s / INTERVAL_S)
+        minute = math.floor(at_s / SAMPLE_INTERVAL_S)
         is_new = minute != self._minute
-        has_stored = is_new and self._store()
+        has_stored = is_new and self._store_minute()
         if is_new:
             self._minute = minute
         for name, value in values.items():
@@ -78,7 +78,7 @@ class DayHistory:
                 self._sums[name] = (total + value, count + 1)
         return has_stored
 
-    def read(self, name: str, at_s: float, points: int = CAPACITY) -> list[float]:
+    def read(self, name: str, at_s: float, points: int = CAPACITY_MINUTES) -> list[float]:
         """Returns the values of a series over the last day, the oldest first. NaN means that there is no
         value.
 
@@ -89,10 +89,12 @@ class DayHistory:
         values = self._series.get(name)
         if values is None:
             return [math.nan] * points
-        last = math.floor(at_s / INTERVAL_S)
-        span = CAPACITY // points
+        last = math.floor(at_s / SAMPLE_INTERVAL_S)
+        span = CAPACITY_MINUTES // points
         return [
-            _mean([self._value(values, last - CAPACITY + 1 + point * span + k) for k in range(span)])
+            _mean(
+                [self._get_value(values, last - CAPACITY_MINUTES + 1 + point * span + k) for k in range(span)]
+            )
             for point in range(points)
         ]
 
@@ -102,8 +104,12 @@ class DayHistory:
             content = msgspec.msgpack.decode(read_file(path, _MAX_FILE_BYTES), type=_HistoryFile)
         except (InputError, *DECODE_ERRORS):
             return
-        sizes = {len(data) for data in content.series.values()} | {CAPACITY * _VALUE_BYTES}
-        if content.version != _VERSION or len(content.minutes) != CAPACITY * _MINUTE_BYTES or len(sizes) != 1:
+        sizes = {len(data) for data in content.series.values()} | {CAPACITY_MINUTES * _VALUE_BYTES}
+        if (
+            content.version != _VERSION
+            or len(content.minutes) != CAPACITY_MINUTES * _TIMESTAMP_BYTES
+            or len(sizes) != 1
+        ):
             return
         self._minutes = array("q", content.minutes)
         self._series = {
@@ -116,32 +122,32 @@ class DayHistory:
         Raises:
             ResourceError: if the file cannot be written.
         """
-        self._store()
+        self._store_minute()
         self._series = {name: values for name, values in self._series.items() if not _is_empty(values)}
         series = {name: values.tobytes() for name, values in self._series.items()}
         path.parent.mkdir(parents=True, exist_ok=True)
         write_file(path, msgspec.msgpack.encode(_HistoryFile(_VERSION, self._minutes.tobytes(), series)))
 
-    def _store(self) -> bool:
+    def _store_minute(self) -> bool:
         """Stores the means of the current minute. Returns True if there were any values."""
         if not self._sums:
             return False
-        slot = self._minute % CAPACITY
+        slot = self._minute % CAPACITY_MINUTES
         if self._minutes[slot] != self._minute:
             self._minutes[slot] = self._minute
             for values in self._series.values():
                 values[slot] = math.nan
         for name, (total, count) in self._sums.items():
             if name not in self._series and len(self._series) < MAX_SERIES:
-                self._series[name] = array("f", [math.nan]) * CAPACITY
+                self._series[name] = array("f", [math.nan]) * CAPACITY_MINUTES
             if name in self._series:
                 self._series[name][slot] = total / count
         self._sums = {}
         return True
 
-    def _value(self, values: array[float], minute: int) -> float:
+    def _get_value(self, values: array[float], minute: int) -> float:
         """Returns the value of a minute, or NaN if none was stored."""
-        slot = minute % CAPACITY
+        slot = minute % CAPACITY_MINUTES
         return values[slot] if self._minutes[slot] == minute else math.nan
 
 

@@ -17,19 +17,19 @@ from pathlib import Path
 from enliven.errors import InputError, ResourceError
 from enliven.health_page.snapshot import MachineState
 
-_THERMAL = Path("/sys/class/thermal")
+_THERMAL_FOLDER = Path("/sys/class/thermal")
 """Linux folder with the temperatures of the thermal zones."""
-_PROC = Path("/proc")
+_PROC_FOLDER = Path("/proc")
 """Linux folder with information about processes and memory."""
 _MIN_TEMPERATURE_C = -40.0
 """Minimum plausible temperature in degrees Celsius. Sensors that are not connected report lower values."""
 _MAX_TEMPERATURE_C = 150.0
 """Maximum plausible temperature in degrees Celsius. Faulty sensors report higher values."""
-_PROGRAM_WORD = b"enliven"
+_PROGRAM_PATTERN = b"enliven"
 """Word that the command line of every enliven program contains."""
 
 
-def read_machine(folder: Path, thermal: Path = _THERMAL, proc: Path = _PROC) -> MachineState:
+def read_machine(folder: Path, thermal: Path = _THERMAL_FOLDER, proc: Path = _PROC_FOLDER) -> MachineState:
     """Returns the state of the computer.
 
     Args:
@@ -65,7 +65,10 @@ def is_running(pid: int) -> bool:
         return False
     with contextlib.suppress(OSError):
         # The state follows the process name in parentheses. The name may contain any character.
-        return (_PROC / str(pid) / "stat").read_bytes().rpartition(b")")[2].split()[0] not in (b"Z", b"X")
+        return (_PROC_FOLDER / str(pid) / "stat").read_bytes().rpartition(b")")[2].split()[0] not in (
+            b"Z",
+            b"X",
+        )
     if sys.platform in ("linux", "win32"):
         return False
     try:
@@ -80,7 +83,7 @@ def is_running(pid: int) -> bool:
 def resident_bytes(pid: int) -> float | None:
     """Returns the resident memory of a process in bytes, or None if it is unknown."""
     try:
-        pages = int((_PROC / str(pid) / "statm").read_bytes().split()[1])
+        pages = int((_PROC_FOLDER / str(pid) / "statm").read_bytes().split()[1])
     except (OSError, ValueError, IndexError):
         return None
     return float(pages * os.sysconf("SC_PAGE_SIZE"))
@@ -102,7 +105,10 @@ def terminate_program(name: str, pid: int) -> None:
     try:
         if hasattr(os, "pidfd_open"):
             descriptor = os.pidfd_open(pid)
-        if _PROC.is_dir() and _PROGRAM_WORD not in (_PROC / str(pid) / "cmdline").read_bytes():
+        if (
+            _PROC_FOLDER.is_dir()
+            and _PROGRAM_PATTERN not in (_PROC_FOLDER / str(pid) / "cmdline").read_bytes()
+        ):
             raise InputError(
                 f"process {pid} is not a program of enliven",
                 remedy=f"Restart {name} with its supervisor: systemd or enliven kiosk.",

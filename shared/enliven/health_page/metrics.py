@@ -87,12 +87,12 @@ METRICS = (
 
 Sample = tuple[str, tuple[str, ...], float]
 """A value: the metric's name, the values of its labels, and the number."""
-_MILLISECOND = 1e-3
+_SECONDS_PER_MILLISECOND = 1e-3
 """A millisecond in seconds."""
 
 
 @dataclass(frozen=True)
-class Counts:
+class HealthCounters:
     """Counters of the health page since its start.
 
     Attributes:
@@ -106,7 +106,7 @@ class Counts:
     alert_failures: int = 0
 
 
-def metrics_text(snapshot: HealthSnapshot, counts: Counts) -> tuple[bytes, str]:
+def metrics_text(snapshot: HealthSnapshot, counts: HealthCounters) -> tuple[bytes, str]:
     """Returns the metrics as text, and its media type."""
     from prometheus_client import CollectorRegistry
     from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
@@ -117,7 +117,7 @@ def metrics_text(snapshot: HealthSnapshot, counts: Counts) -> tuple[bytes, str]:
 
         def collect(self) -> Iterable[PrometheusMetric]:
             """Returns all metrics that have values."""
-            return _metric_families(_samples(snapshot, counts))
+            return _metric_families(_collect_samples(snapshot, counts))
 
     registry = CollectorRegistry(auto_describe=False)
     registry.register(SnapshotCollector())
@@ -156,7 +156,7 @@ def _metric_families(samples: Iterable[Sample]) -> Iterator[PrometheusMetric]:
         yield family
 
 
-def _samples(snapshot: HealthSnapshot, counts: Counts) -> Iterator[Sample]:
+def _collect_samples(snapshot: HealthSnapshot, counts: HealthCounters) -> Iterator[Sample]:
     """Yields the known values of all metrics."""
     yield "enliven_info", (__version__, snapshot.name), 1.0
     yield "enliven_status", (), float(snapshot.severity)
@@ -204,8 +204,16 @@ def _edge_samples(snapshot: HealthSnapshot) -> Iterator[Sample]:
             continue
         status = edge.status
         yield "enliven_edge_frames_per_second", name, status.fps
-        yield "enliven_edge_latency_seconds", (edge.name, "0.5"), status.latency_p50_ms * _MILLISECOND
-        yield "enliven_edge_latency_seconds", (edge.name, "0.99"), status.latency_p99_ms * _MILLISECOND
+        yield (
+            "enliven_edge_latency_seconds",
+            (edge.name, "0.5"),
+            status.latency_p50_ms * _SECONDS_PER_MILLISECOND,
+        )
+        yield (
+            "enliven_edge_latency_seconds",
+            (edge.name, "0.99"),
+            status.latency_p99_ms * _SECONDS_PER_MILLISECOND,
+        )
         yield "enliven_edge_people", name, float(status.performers)
         yield "enliven_edge_dropped_frames_total", name, float(status.dropped)
 

@@ -15,15 +15,15 @@ from enliven.errors import EnlivenError
 from enliven.health import HealthState, Severity
 from enliven.health_page.charts import HEIGHT, WIDTH, Chart, draw_chart
 from enliven.health_page.collector import EDGE_SERIES, MACHINE_SERIES, PROGRAM_SERIES
-from enliven.health_page.history import CAPACITY, DayHistory
+from enliven.health_page.history import CAPACITY_MINUTES, DayHistory
 from enliven.health_page.problems import find_edge_problems
-from enliven.health_page.snapshot import STATUS_WORDS, HealthSnapshot, ProblemKind, WatchedEdge
+from enliven.health_page.snapshot import STATUS_WORDS, HealthSnapshot, MonitoredEdge, ProblemKind
 from enliven.logs import escape_text
 from enliven.wire import messages_to_health
 
 _MAX_CHARTED_EDGES = 8
 """Maximum number of edges with charts. It keeps a page with 100 edges short and fast to render."""
-_MAX_OPEN_EDGES = 4
+_MAX_EXPANDED_EDGES = 4
 """Maximum number of edges with all sections expanded. If there are more edges, only edges with problems are
 expanded."""
 _MAX_RESTARTS = 30
@@ -32,9 +32,9 @@ _MAX_PROBLEMS = 200
 """Maximum number of problems on the page. The most severe are shown."""
 _PROGRAM_KINDS = (ProblemKind.PROGRAM_ENDED, ProblemKind.PROGRAM_FROZEN, ProblemKind.PROGRAM_RESTARTED)
 """Kinds of problems of programs. They distinguish a program from an edge with the same name."""
-_UNKNOWN = "unknown"
+_UNKNOWN_TEXT = "unknown"
 """Text for a value that the system does not provide."""
-_UNITS = {
+_DISPLAYED_UNITS = {
     "s": "s",
     "ms": "ms",
     "mb": "MB",
@@ -76,7 +76,7 @@ class PageWriter:
         )
         self._charts: tuple[float, list[tuple[str, list[Chart]]]] = (-1.0, [])
 
-    def health(
+    def render_health_page(
         self,
         snapshot: HealthSnapshot,
         history: DayHistory,
@@ -94,17 +94,17 @@ class PageWriter:
             picture_at_s: Unix time of the picture of the screen, in seconds. None without a picture.
         """
         problems = [problem for problem in snapshot.problems if problem.severity > Severity.NOTE]
-        return self._render(
+        return self._render_template(
             "page.html",
             title=f"{snapshot.status}: {snapshot.name}",
             state=snapshot,
             status=snapshot.status,
-            summary=_summary(len(problems)),
+            summary=_summarise_problems(len(problems)),
             host=platform.node(),
             version=__version__,
             notices=notices,
             problems=problems[:_MAX_PROBLEMS],
-            opens_edges=len(snapshot.edges) <= _MAX_OPEN_EDGES,
+            opens_edges=len(snapshot.edges) <= _MAX_EXPANDED_EDGES,
             machine=snapshot.machine,
             chart_groups=self._chart_groups(snapshot, history),
             chart_width=WIDTH,
@@ -119,9 +119,11 @@ class PageWriter:
             program_status=_program_statuses(snapshot).__getitem__,
         )
 
-    def confirm(self, title: str, question: str, label: str, action: str, subject: str, token: str) -> str:
+    def render_confirmation(
+        self, title: str, question: str, label: str, action: str, subject: str, token: str
+    ) -> str:
         """Returns the page that asks for confirmation of an action."""
-        return self._render(
+        return self._render_template(
             "confirm.html",
             title=title,
             question=question,
@@ -131,16 +133,16 @@ class PageWriter:
             token=token,
         )
 
-    def result(self, title: str, text: str, remedy: str = "", code: str = "") -> str:
+    def render_result(self, title: str, text: str, remedy: str = "", code: str = "") -> str:
         """Returns the page with the result of an action."""
-        return self._render("result.html", title=title, text=text, remedy=remedy, code=code)
+        return self._render_template("result.html", title=title, text=text, remedy=remedy, code=code)
 
-    def error(self, error: EnlivenError) -> str:
+    def render_error(self, error: EnlivenError) -> str:
         """Returns the page for an action that failed."""
         text = f"{error.where}: {error.what}." if error.where else f"{error.what}."
-        return self.result("This did not work", escape_text(text), escape_text(error.remedy))
+        return self.render_result("This did not work", escape_text(text), escape_text(error.remedy))
 
-    def _render(self, template: str, **values: Any) -> str:
+    def _render_template(self, template: str, **values: Any) -> str:
         return self._environment.get_template(template).render(**values)
 
     def _chart_groups(self, snapshot: HealthSnapshot, history: DayHistory) -> list[tuple[str, list[Chart]]]:
@@ -161,7 +163,7 @@ def confirm_url(action: str, subject: str) -> str:
 def format_age(seconds: float | None) -> str:
     """Returns a duration in words, such as "0.2 s", "12 s", "3 min" or "2 days 4 h"."""
     if seconds is None or not math.isfinite(seconds):
-        return _UNKNOWN
+        return _UNKNOWN_TEXT
     seconds = max(seconds, 0.0)
     if seconds < 10.0:
         return f"{seconds:.1f} s"
@@ -183,7 +185,11 @@ def _draw_groups(snapshot: HealthSnapshot, history: DayHistory) -> list[tuple[st
             draw_chart(
                 label or title,
                 unit,
-                history.read(f"{prefix}/{key}", snapshot.at_s, WIDTH if CAPACITY % WIDTH == 0 else CAPACITY),
+                history.read(
+                    f"{prefix}/{key}",
+                    snapshot.at_s,
+                    WIDTH if CAPACITY_MINUTES % WIDTH == 0 else CAPACITY_MINUTES,
+                ),
             )
             for key, title, unit in series
         ]
@@ -203,7 +209,7 @@ def _draw_groups(snapshot: HealthSnapshot, history: DayHistory) -> list[tuple[st
     return groups
 
 
-def _summary(problems: int) -> str:
+def _summarise_problems(problems: int) -> str:
     """Returns a summary of the state in a few words."""
     if problems == 0:
         return "All is well"
@@ -215,7 +221,7 @@ def _severity_class(severity: Severity) -> str:
     return STATUS_WORDS[severity]
 
 
-def _edge_severity(edge: WatchedEdge) -> str:
+def _edge_severity(edge: MonitoredEdge) -> str:
     """Returns the CSS class of an edge's most severe problem."""
     worst = max((problem.severity for problem in find_edge_problems(edge)), default=Severity.NOTE)
     return STATUS_WORDS[worst]
@@ -230,7 +236,7 @@ def _program_statuses(snapshot: HealthSnapshot) -> dict[str, str]:
     return {name: STATUS_WORDS[severity] for name, severity in worst.items()}
 
 
-def _edge_notes(edge: WatchedEdge) -> list[HealthState]:
+def _edge_notes(edge: MonitoredEdge) -> list[HealthState]:
     """Returns the health states of an edge that are not problems."""
     states = messages_to_health(edge.status.health) if edge.status is not None else []
     return [state for state in states if state.severity is Severity.NOTE]
@@ -243,7 +249,7 @@ def _format_people(count: int) -> str:
 def _format_number(value: float | None, digits: int = 0, unit: str = "") -> str:
     """Returns a number with its unit."""
     if value is None or not math.isfinite(value):
-        return _UNKNOWN
+        return _UNKNOWN_TEXT
     return f"{value:.{digits}f}{unit}"
 
 
@@ -257,7 +263,7 @@ def _format_short(value: float) -> str:
 def _format_bytes(value: float | None) -> str:
     """Returns a size in MB or GB."""
     if value is None or not math.isfinite(value):
-        return _UNKNOWN
+        return _UNKNOWN_TEXT
     return f"{value / 1e9:.1f} GB" if value >= 1e9 else f"{value / 1e6:.0f} MB"
 
 
@@ -267,7 +273,7 @@ def _format_figures(figures: Mapping[str, float]) -> list[tuple[str, str]]:
     result = []
     for name, value in sorted(figures.items())[:12]:
         words = re.split(r"[_\s]+", escape_text(name)[:40])
-        unit = _UNITS.get(words[-1].lower(), "") if len(words) > 1 else ""
+        unit = _DISPLAYED_UNITS.get(words[-1].lower(), "") if len(words) > 1 else ""
         if name == "rss_mb":
             continue
         title = " ".join(words[:-1] if unit else words)
@@ -275,7 +281,7 @@ def _format_figures(figures: Mapping[str, float]) -> list[tuple[str, str]]:
     return result
 
 
-def _moment(at_s: float) -> datetime:
+def _local_datetime(at_s: float) -> datetime:
     """Converts a Unix time in seconds to the time zone of this computer. Invalid times become 1970."""
     try:
         return datetime.fromtimestamp(at_s, tz=UTC).astimezone()
@@ -285,12 +291,12 @@ def _moment(at_s: float) -> datetime:
 
 def _format_clock(at_s: float) -> str:
     """Returns a Unix time in seconds as date and time of day."""
-    return _moment(at_s).strftime("%d %b, %H:%M:%S")
+    return _local_datetime(at_s).strftime("%d %b, %H:%M:%S")
 
 
 def _format_date(at_s: float) -> str:
-    return _moment(at_s).strftime("%Y-%m-%d")
+    return _local_datetime(at_s).strftime("%Y-%m-%d")
 
 
 def _format_iso(at_s: float) -> str:
-    return _moment(at_s).isoformat(timespec="seconds")
+    return _local_datetime(at_s).isoformat(timespec="seconds")

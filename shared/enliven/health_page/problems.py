@@ -10,10 +10,10 @@ from enliven.health_page.snapshot import (
     EDGE_SILENT_AFTER_S,
     CertificateState,
     MachineState,
+    MonitoredEdge,
     Problem,
     ProblemKind,
     ProgramState,
-    WatchedEdge,
 )
 from enliven.logs import escape_text
 from enliven.supervision.records import RestartRecord
@@ -25,25 +25,25 @@ send five frames per second."""
 FIRST_FRAME_AFTER_S = 180.0
 """Time after the first heartbeat, in seconds, after which an edge must have published a frame. On a new
 machine it compiles its kernels first, which takes two minutes."""
-RESTART_SHOWN_S = 600.0
+RESTART_DISPLAY_S = 600.0
 """Time in seconds for which a restart counts as a problem. After this time, the program counts as stable."""
 RECORD_INTERVAL_S = 60.0
 """Time in seconds that is added to ``frozen_after``. Programs write their records less often than they make
 progress, and the supervisor needs time to restart them."""
-HOT_C = 85.0
+MIN_HOT_TEMPERATURE_C = 85.0
 """Temperature limit of the computer, in degrees Celsius. Processors reduce their speed above it."""
 CERTIFICATE_WARNING_DAYS = 14.0
 """Number of days before the expiry of a TLS certificate at which the warnings start. An operator can still
 renew it after a week of holidays."""
 _CERTIFICATE_PROGRAMS = {"health": "the health page", "souvenirs": "enliven-souvenirs"}
 """The program that must be restarted after a certificate is renewed, by the use of the certificate."""
-_DAY_S = 86_400.0
+_SECONDS_PER_DAY = 86_400.0
 """Duration of a day in seconds."""
-_GIGABYTE = 1e9
+_BYTES_PER_GIGABYTE = 1e9
 """A gigabyte in bytes."""
 _NO_FRAME_KINDS = (HealthKind.NO_FRAMES, HealthKind.SENSOR_LOST, HealthKind.FROZEN)
 """Kinds of health states of an edge that imply that no frames arrive."""
-_ALERTED_KINDS = (*_NO_FRAME_KINDS, HealthKind.HOT)
+_ALERT_KINDS = (*_NO_FRAME_KINDS, HealthKind.HOT)
 """Kinds of health states of an edge that cause alerts at any severity."""
 
 
@@ -52,10 +52,10 @@ def sort_problems(problems: Sequence[Problem]) -> tuple[Problem, ...]:
     return tuple(sorted(problems, key=lambda p: (-p.severity, p.subject, p.kind)))
 
 
-def find_edge_problems(edge: WatchedEdge) -> Iterator[Problem]:
+def find_edge_problems(edge: MonitoredEdge) -> Iterator[Problem]:
     """Yields the problems of an edge: its silence, missing frames, and the health states that it reports."""
     if edge.waiting_s > EDGE_SILENT_AFTER_S:
-        yield _silence(edge)
+        yield _create_silence_problem(edge)
         return
     if edge.status is None:
         return
@@ -83,7 +83,7 @@ def find_edge_problems(edge: WatchedEdge) -> Iterator[Problem]:
     for state in states:
         kind = ProblemKind.NO_FRAMES if state.kind in _NO_FRAME_KINDS else escape_text(state.kind)
         is_alert = state.severity is Severity.ERROR or (
-            state.kind in _ALERTED_KINDS and state.severity > Severity.NOTE
+            state.kind in _ALERT_KINDS and state.severity > Severity.NOTE
         )
         yield Problem(kind, edge.name, state.severity, state.what, state.remedy, is_alert)
 
@@ -121,7 +121,7 @@ def find_program_problems(
             )
     newest = {restart.name: restart for restart in restarts}
     for restart in newest.values():
-        if 0.0 <= at_s - restart.at_s <= RESTART_SHOWN_S:
+        if 0.0 <= at_s - restart.at_s <= RESTART_DISPLAY_S:
             yield Problem(
                 ProblemKind.PROGRAM_RESTARTED,
                 restart.name,
@@ -135,16 +135,17 @@ def find_program_problems(
 def find_machine_problems(machine: MachineState, keep_free_gb: float) -> Iterator[Problem]:
     """Yields the problems of the computer: a full disk, and heat."""
     free = machine.disk_free_bytes
-    if free is not None and free < keep_free_gb * _GIGABYTE:
+    if free is not None and free < keep_free_gb * _BYTES_PER_GIGABYTE:
         yield Problem(
             ProblemKind.DISK_FULL,
             machine.disk_folder,
             Severity.WARNING,
-            f"The disk has {free / _GIGABYTE:.2f} GB left, and {keep_free_gb:g} GB should stay free.",
+            f"The disk has {free / _BYTES_PER_GIGABYTE:.2f} GB left, and {keep_free_gb:g} GB "
+            f"should stay free.",
             "Delete files that are not needed, or move recordings to another disk.",
             alerts=True,
         )
-    if machine.temperature_c is not None and machine.temperature_c > HOT_C:
+    if machine.temperature_c is not None and machine.temperature_c > MIN_HOT_TEMPERATURE_C:
         yield Problem(
             ProblemKind.MACHINE_HOT,
             "",
@@ -167,7 +168,7 @@ def find_certificate_problems(certificate: CertificateState, at_s: float) -> Ite
         kind = ProblemKind.CERTIFICATE_UNREADABLE
         message = f"The TLS certificate of {certificate.use} cannot be read: {certificate.fault}."
     else:
-        days = (certificate.end_s - at_s) / _DAY_S
+        days = (certificate.end_s - at_s) / _SECONDS_PER_DAY
         if days > CERTIFICATE_WARNING_DAYS:
             return
         date = datetime.fromtimestamp(certificate.end_s, tz=UTC).strftime("%Y-%m-%d")
@@ -181,7 +182,7 @@ def find_certificate_problems(certificate: CertificateState, at_s: float) -> Ite
     yield Problem(kind, certificate.path, severity, message, remedy, alerts=True)
 
 
-def _silence(edge: WatchedEdge) -> Problem:
+def _create_silence_problem(edge: MonitoredEdge) -> Problem:
     """Returns the problem of an edge without heartbeats, with the reason if it is known."""
     message = f"No heartbeat for {_describe_age(edge.waiting_s)} from {edge.address}."
     if edge.fault:
@@ -190,7 +191,7 @@ def _silence(edge: WatchedEdge) -> Problem:
     return Problem(ProblemKind.EDGE_SILENT, edge.name, Severity.ERROR, message, remedy, alerts=True)
 
 
-def _lacks_frames(edge: WatchedEdge) -> bool:
+def _lacks_frames(edge: MonitoredEdge) -> bool:
     """Returns True if an edge has not published a frame for some time, or has never published one since its
     start."""
     if edge.frame_age_s is None:

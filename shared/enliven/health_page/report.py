@@ -15,7 +15,7 @@ import msgspec
 from enliven import __version__
 from enliven.errors import InputError, ResourceError
 from enliven.files import DECODE_ERRORS
-from enliven.health_page.snapshot import STATUS_WORDS, HealthSnapshot, WatchedEdge
+from enliven.health_page.snapshot import STATUS_WORDS, HealthSnapshot, MonitoredEdge
 from enliven.keys.key_files import is_loopback
 from enliven.web_server.access import PASSWORD_VARIABLE
 
@@ -101,7 +101,7 @@ def make_report(snapshot: HealthSnapshot) -> HealthReport:
             )
             for problem in snapshot.problems
         ],
-        edges=[_report_edge(edge) for edge in snapshot.edges],
+        edges=[_create_edge_report(edge) for edge in snapshot.edges],
         programs=[
             ReportedProgram(
                 name=program.record.name,
@@ -117,7 +117,7 @@ def make_report(snapshot: HealthSnapshot) -> HealthReport:
     )
 
 
-def _report_edge(edge: WatchedEdge) -> ReportedEdge:
+def _create_edge_report(edge: MonitoredEdge) -> ReportedEdge:
     """Returns the report of one edge."""
     base = ReportedEdge(
         name=edge.name,

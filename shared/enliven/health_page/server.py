@@ -12,8 +12,8 @@ from pathlib import Path
 
 from enliven.errors import InputError, ResourceError
 from enliven.health import Severity
-from enliven.health_page.alert_delivery import AlertCourier, alert_targets, deliver_now
-from enliven.health_page.alerts import AlertDesk, make_alert
+from enliven.health_page.alert_delivery import AlertSender, alert_targets, deliver_once
+from enliven.health_page.alerts import AlertRules, make_alert
 from enliven.health_page.collector import HealthCollector
 from enliven.health_page.snapshot import Problem
 from enliven.keys.key_files import is_loopback
@@ -115,7 +115,7 @@ def serve_health(profile: KioskProfile, should_stop: Callable[[], bool] = lambda
     certificate = access.certificate
     with bind_port(settings.host, settings.port, _PORT_ADVICE) as listener:
         collector = HealthCollector(profile, certificate)
-        couriers = [AlertCourier(target) for target in targets]
+        couriers = [AlertSender(target) for target in targets]
         notifier = Notifier()
 
         def stop() -> None:
@@ -123,24 +123,24 @@ def serve_health(profile: KioskProfile, should_stop: Callable[[], bool] = lambda
 
         application = HealthApplication(
             collector,
-            AlertDesk(profile.name, profile.alerts.quiet),
+            AlertRules(profile.name, profile.alerts.quiet),
             couriers,
             notifier,
             should_stop,
             stop,
         )
         server = make_server(
-            application.asgi(access.gate, certificate is not None, access.is_local), certificate
+            application.create_asgi_app(access.gate, certificate is not None, access.is_local), certificate
         )
         scheme = "http" if certificate is None else "https"
         host = f"[{settings.host}]" if ":" in settings.host else settings.host
         address = f"{scheme}://{host}:{listener.getsockname()[1]}"
         log.info("the health page is at %s", address)
-        notifier.ready(f"at {address}")
+        notifier.report_ready(f"at {address}")
         try:
             server.run(sockets=[listener])
         finally:
-            notifier.stopping()
+            notifier.report_stopping()
             for courier in couriers:
                 courier.close()
             notifier.close()
@@ -161,7 +161,7 @@ def send_test_alert(profile: KioskProfile) -> list[str]:
             remedy="Set alerts.webhook or alerts.command.",
         )
     problem = Problem("test", "", Severity.NOTE, "This is a test.", "Nothing is to be done.")
-    faults = deliver_now(targets, make_alert("test", profile.name, problem, time.time()))
+    faults = deliver_once(targets, make_alert("test", profile.name, problem, time.time()))
     if faults:
         raise ResourceError("; ".join(faults), remedy="Check [alerts] in the profile.")
     return [target.name for target in targets]

@@ -55,7 +55,7 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class WatchedEdge:
+class MonitoredEdge:
     """The state of one edge.
 
     Attributes:
@@ -167,7 +167,7 @@ class HealthSnapshot:
 
     name: str
     at_s: float
-    edges: tuple[WatchedEdge, ...] = ()
+    edges: tuple[MonitoredEdge, ...] = ()
     programs: tuple[ProgramState, ...] = ()
     restarts: tuple[RestartRecord, ...] = ()
     machine: MachineState = field(default_factory=MachineState)

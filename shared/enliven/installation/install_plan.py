@@ -16,11 +16,11 @@ from enliven.kiosk.programs import local_edges
 
 from .profile_folder import list_profile_files
 
-CONFIGURATION = Path("/etc/enliven")
+CONFIGURATION_FOLDER = Path("/etc/enliven")
 """Folder of the installed profile and its files."""
-STATE = Path("/var/lib/enliven")
+STATE_FOLDER = Path("/var/lib/enliven")
 """Folder for all files that the programs write, and for the record of the installation."""
-RECORDINGS = STATE / "recordings"
+RECORDINGS_FOLDER = STATE_FOLDER / "recordings"
 """Folder of recordings if the profile contains a relative path."""
 PLACEMENTS = {
     "systemd/enliven-edge@.service": "/etc/systemd/system/enliven-edge@.service",
@@ -99,7 +99,7 @@ def create_plan(
         InputError: if the profile's folder cannot be installed.
         ResourceError: if the templates are missing.
     """
-    installed = CONFIGURATION / profile.name
+    installed = CONFIGURATION_FOLDER / profile.name
     recordings = _recordings_folder(settings)
     values = {
         "@ENLIVEN@": f"{_quote_for_systemd(python)} -m enliven",
@@ -113,8 +113,10 @@ def create_plan(
         "@READ_WRITE@": f"ReadWritePaths=-{_quote_for_systemd(str(recordings))}" if recordings else "",
     }
     files = [*_template_files(values, settings), *_profile_files(profile)]
-    if recordings == RECORDINGS:
-        files.append(PlannedFile(CONFIGURATION / settings.care.recordings, link=str(RECORDINGS)))
+    if recordings == RECORDINGS_FOLDER:
+        files.append(
+            PlannedFile(CONFIGURATION_FOLDER / settings.care.recordings, link=str(RECORDINGS_FOLDER))
+        )
     files += [PlannedFile(Path("/etc/systemd/system") / unit, link="/dev/null") for unit in _SLEEP_UNITS]
     return InstallPlan(
         tuple(files),
@@ -136,7 +138,7 @@ def _recordings_folder(settings: KioskProfile) -> Path | None:
     if not settings.care.recordings:
         return None
     configured = Path(settings.care.recordings)
-    return configured if configured.is_absolute() else RECORDINGS
+    return configured if configured.is_absolute() else RECORDINGS_FOLDER
 
 
 def _autostart_units(settings: KioskProfile) -> tuple[str, ...]:
@@ -170,7 +172,7 @@ def _profile_files(profile: Path) -> list[PlannedFile]:
     """Returns copies of all files in a profile's folder."""
     folder = profile.absolute().parent
     return [
-        PlannedFile(CONFIGURATION / path.relative_to(folder), source=path, is_secret=is_secret)
+        PlannedFile(CONFIGURATION_FOLDER / path.relative_to(folder), source=path, is_secret=is_secret)
         for path, is_secret in list_profile_files(profile)
     ]
 

@@ -16,18 +16,18 @@ import msgspec
 from enliven.errors import InputError, ResourceError
 from enliven.files import DECODE_ERRORS, read_file, write_file
 
-from .install_plan import CONFIGURATION, STATE, InstallPlan, PlannedFile, command_line
+from .install_plan import CONFIGURATION_FOLDER, STATE_FOLDER, InstallPlan, PlannedFile, command_line
 
-USER = "enliven"
+KIOSK_USER = "enliven"
 """Name of the user that runs all programs of a kiosk."""
-_RECORD_FILE = STATE / "installed.json"
+_RECORD_FILE = STATE_FOLDER / "installed.json"
 """Path of the file that lists all changes of an installation."""
 _MAX_RECORD_FILE_BYTES = 1 << 26
 """Maximum size in bytes of this file. It contains the content of the files that the installation has
 replaced."""
 
 
-class _Replaced(msgspec.Struct, frozen=True):
+class _ReplacedFile(msgspec.Struct, frozen=True):
     """A file that an installation has written.
 
     Attributes:
@@ -54,7 +54,7 @@ class _Manifest(msgspec.Struct, frozen=True):
         recordings: folder of recordings, which is not removed. Empty if the kiosk does not record.
     """
 
-    files: list[_Replaced] = []
+    files: list[_ReplacedFile] = []
     folders: list[str] = []
     units: list[str] = []
     made_user: bool = False
@@ -67,18 +67,18 @@ class Installer:
     Args:
         root: root folder of the system. "/" is the running system. In another system, no programs are
             started.
-        say: a function that prints each step.
+        report: a function that prints each step.
     """
 
-    def __init__(self, root: Path = Path("/"), say: Callable[[str], None] = print) -> None:
-        self._root, self._say = root, say
+    def __init__(self, root: Path = Path("/"), report: Callable[[str], None] = print) -> None:
+        self._root, self._say = root, report
 
     @property
     def is_installed(self) -> bool:
         """True if a kiosk is installed."""
         return self._target_path(_RECORD_FILE).is_file()
 
-    def show(self, plan: InstallPlan) -> None:
+    def print_plan(self, plan: InstallPlan) -> None:
         """Prints all files with their content, and all commands, without changing anything."""
         for file in plan.files:
             if file.content is not None:
@@ -89,7 +89,7 @@ class Installer:
             else:
                 self._say(f"# copy {file.source} -> {file.place}")
         if plan.recordings is not None:
-            self._say(f"# make {plan.recordings}, which belongs to {USER}")
+            self._say(f"# make {plan.recordings}, which belongs to {KIOSK_USER}")
         for words in self._all_commands(plan):
             self._say(command_line(words))
 
@@ -106,11 +106,13 @@ class Installer:
         planned_places = {str(file.place) for file in plan.files}
         old_units = [unit for unit in before.units if unit not in plan.units]
         if old_units:
-            self._disable(old_units)
+            self._disable_units(old_units)
         for entry in before.files:
             if entry.place not in planned_places:
-                self._restore(entry)
-        files = [kept_entries.get(str(file.place)) or self._state_before(file.place) for file in plan.files]
+                self._restore_file(entry)
+        files = [
+            kept_entries.get(str(file.place)) or self._record_original_file(file.place) for file in plan.files
+        ]
         missing_folders = self._missing_folders(plan)
         folders = [*before.folders, *(folder for folder in missing_folders if folder not in before.folders)]
         recordings = "" if plan.recordings is None else str(plan.recordings)
@@ -118,13 +120,13 @@ class Installer:
         manifest = _Manifest(files, folders, list(plan.units), made_user, recordings)
         write_file(self._target_path(_RECORD_FILE), msgspec.json.encode(manifest))
         for file in plan.files:
-            self._write(file)
+            self._write_planned_file(file)
         for words in plan.setup_commands:
-            self._run(self._command_in_root(words))
+            self._run_command(self._command_in_root(words))
         self._give_to_user(plan)
         for words in self._all_commands(plan)[len(plan.setup_commands) :]:
             try:
-                self._run(words)
+                self._run_command(words)
             except ResourceError as error:
                 if words not in plan.apply_commands:
                     raise
@@ -144,9 +146,9 @@ class Installer:
         if not self.is_installed:
             raise InputError("no kiosk is installed", where=str(self._target_path(_RECORD_FILE)))
         manifest = self._read_manifest()
-        self._disable(manifest.units)
+        self._disable_units(manifest.units)
         for entry in reversed(manifest.files):
-            self._restore(entry)
+            self._restore_file(entry)
         kept_folders = self._keep_recordings(manifest)
         self._remove_state(kept_folders)
         for folder in sorted(manifest.folders, key=len, reverse=True):
@@ -154,10 +156,10 @@ class Installer:
             with contextlib.suppress(OSError):
                 self._target_path(Path(folder)).rmdir()
         if self._is_running:
-            self._run(("systemctl", "daemon-reload"))
-            self._run(("udevadm", "control", "--reload"))
+            self._run_command(("systemctl", "daemon-reload"))
+            self._run_command(("udevadm", "control", "--reload"))
         if manifest.made_user and self._has_user():
-            self._run(self._command_in_root(("userdel", USER)))
+            self._run_command(self._command_in_root(("userdel", KIOSK_USER)))
         return [str(folder) for folder in kept_folders]
 
     @property
@@ -187,7 +189,7 @@ class Installer:
         option = f"--prefix={self._root}" if words[0] == "userdel" else f"--root={self._root}"
         return (words[0], option, *words[1:])
 
-    def _run(self, words: tuple[str, ...]) -> None:
+    def _run_command(self, words: tuple[str, ...]) -> None:
         """Runs a command.
 
         Raises:
@@ -206,23 +208,23 @@ class Installer:
                 remedy="enliven install-kiosk --remove undoes all steps.",
             )
 
-    def _disable(self, units: list[str]) -> None:
+    def _disable_units(self, units: list[str]) -> None:
         """Stops and disables systemd units. Missing units are ignored."""
         words = ("systemctl", "disable", "--now", *units)
         if not self._is_running:
             words = ("systemctl", f"--root={self._root}", "disable", *units)
         with contextlib.suppress(ResourceError):
-            self._run(words)
+            self._run_command(words)
 
-    def _state_before(self, place: Path) -> _Replaced:
+    def _record_original_file(self, place: Path) -> _ReplacedFile:
         """Returns the record of the file at a path before the installation."""
         path = self._target_path(place)
         if path.is_symlink():
-            return _Replaced(str(place), link=os.readlink(path))
+            return _ReplacedFile(str(place), link=os.readlink(path))
         if path.is_file():
             mode = stat.S_IMODE(path.stat().st_mode)
-            return _Replaced(str(place), base64.b64encode(path.read_bytes()).decode(), mode)
-        return _Replaced(str(place))
+            return _ReplacedFile(str(place), base64.b64encode(path.read_bytes()).decode(), mode)
+        return _ReplacedFile(str(place))
 
     def _missing_folders(self, plan: InstallPlan) -> list[str]:
         """Returns the folders that the installation will create."""
@@ -232,7 +234,7 @@ class Installer:
         }
         return sorted(str(folder) for folder in folders)
 
-    def _write(self, file: PlannedFile) -> None:
+    def _write_planned_file(self, file: PlannedFile) -> None:
         """Writes one file or link."""
         path = self._target_path(file.place)
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -258,7 +260,7 @@ class Installer:
             if not folder.is_dir():
                 folder.mkdir(parents=True, mode=0o750)
             os.chown(folder, *owner)
-        os.chown(self._target_path(STATE), *owner)
+        os.chown(self._target_path(STATE_FOLDER), *owner)
 
     def _user_and_group(self) -> tuple[int, int]:
         """Returns the kiosk's user and group.
@@ -268,9 +270,9 @@ class Installer:
         """
         for line in self._target_path(Path("/etc/passwd")).read_text().splitlines():
             fields = line.split(":")
-            if fields[0] == USER:
+            if fields[0] == KIOSK_USER:
                 return int(fields[2]), int(fields[3])
-        raise ResourceError(f"the user {USER} could not be made", where="systemd-sysusers")
+        raise ResourceError(f"the user {KIOSK_USER} could not be made", where="systemd-sysusers")
 
     def _has_user(self) -> bool:
         """Returns True if the kiosk's user exists."""
@@ -280,7 +282,7 @@ class Installer:
             return False
         return True
 
-    def _restore(self, entry: _Replaced) -> None:
+    def _restore_file(self, entry: _ReplacedFile) -> None:
         """Restores the replaced file, or removes the installed file if there was none."""
         path = self._target_path(Path(entry.place))
         if entry.content is not None:
@@ -310,7 +312,7 @@ class Installer:
 
     def _remove_state(self, kept: list[Path]) -> None:
         """Removes all files that the programs wrote, except recordings."""
-        state = self._target_path(STATE)
+        state = self._target_path(STATE_FOLDER)
         if not state.is_dir():
             return
         for path in state.iterdir():
@@ -338,5 +340,5 @@ class Installer:
             raise InputError(
                 "the record of the installation is damaged",
                 where=str(path),
-                remedy=f"Delete it and {CONFIGURATION}, and install the kiosk again.",
+                remedy=f"Delete it and {CONFIGURATION_FOLDER}, and install the kiosk again.",
             ) from None

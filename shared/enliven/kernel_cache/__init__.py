@@ -16,7 +16,7 @@ Private interfaces of Numba that are used, all in this package and in ``kernels.
 
 - ``Dispatcher._cache``: the one place where Numba asks for compiled code; there is no public hook.
 - ``numba.core.caching._Cache``: the interface that Numba expects there.
-- ``CompileResult._reduce`` and ``_rebuild``: the serialised form of machine code.
+- ``CompileResult._reduce`` and ``_rebuild_player``: the serialised form of machine code.
 - ``JITCodeLibrary`` and ``JitEngine._defined_symbols``: machine code that is loaded without its bitcode.
 - ``environment._rebuild_env`` and ``Environment._memo``: the serialised form of a function's globals.
 - ``cpu_target._toplevel_target_context``: exists if Numba has already chosen its processor level.

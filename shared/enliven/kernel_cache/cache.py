@@ -22,7 +22,7 @@ from enliven.kernel_cache.target import is_native_session, processor_levels
 from enliven.kernel_cache.versions import CODE_VERSIONS
 
 
-def keep(kernel: Any) -> Any:
+def cache_kernel_on_disk(kernel: Any) -> Any:
     """Enables the disk cache for a kernel, so that later processes load its machine code from disk.
 
     Returns:
@@ -46,7 +46,7 @@ class KernelCache(_Cache):  # type: ignore[misc]
         return self._kernel.py_func.__module__, self._kernel.py_func.__qualname__
 
     @functools.cached_property
-    def _stem(self) -> str:
+    def _file_stem(self) -> str:
         """The kernel's name, and a hash of everything that its code depends on except the argument types.
 
         It is computed at the first call, because globals that the file defines after the kernel do not exist
@@ -63,8 +63,8 @@ class KernelCache(_Cache):  # type: ignore[misc]
             signature: the argument types.
             target: LLVM's names of the platform, the processor and its features.
         """
-        parts = repr(signature), repr(list(_fields(signature))), repr(target)
-        return f"{self._stem}-{_hash(parts)}.kernel"
+        parts = repr(signature), repr(list(_iterate_field_names(signature))), repr(target)
+        return f"{self._file_stem}-{_hash(parts)}.kernel"
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Returns the compiled kernel for argument types, or None if no folder contains it.
@@ -107,16 +107,16 @@ class KernelCache(_Cache):  # type: ignore[misc]
         """Does nothing: files are never outdated."""
 
 
-def _fields(signature: Iterable[Any]) -> Iterator[tuple[str, ...]]:
+def _iterate_field_names(signature: Iterable[Any]) -> Iterator[tuple[str, ...]]:
     """Yields the field names of all named tuples in argument types. They must be part of the hash, because
     kernels read fields by position."""
     for kind in signature:
         if isinstance(kind, types.NamedTuple | types.NamedUniTuple):
             yield kind.fields
         if isinstance(kind, types.BaseTuple):
-            yield from _fields(kind)
+            yield from _iterate_field_names(kind)
         if isinstance(kind, types.StructRef):
-            yield from _fields(kind.field_dict.values())
+            yield from _iterate_field_names(kind.field_dict.values())
 
 
 def _hash(parts: tuple[str, ...]) -> str:

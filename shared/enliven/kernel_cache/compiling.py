@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from numba.core import event
 
 log = logging.getLogger(__name__)
-_QUIET_S = 5.0
+_MAX_UNEXPLAINED_S = 5.0
 """Duration of compilation in seconds after which a log message explains the delay. Compiling a few kernels
 takes less time.
 """
@@ -20,7 +20,7 @@ _EVENT = "numba:compile"
 event."""
 
 
-class _Compilations(event.Listener):  # type: ignore[misc]
+class _CompilationCounter(event.Listener):  # type: ignore[misc]
     """A listener that counts the compiled functions of this process. Numba compiles in one thread at a time,
     under a lock.
 
@@ -43,7 +43,7 @@ class _Compilations(event.Listener):  # type: ignore[misc]
         current count.
         """
         if self._depth == 0:
-            self._explain()
+            self._log_compilation()
             self._started = time.perf_counter()
             self._collects = gc.isenabled()
             gc.disable()
@@ -61,14 +61,14 @@ class _Compilations(event.Listener):  # type: ignore[misc]
         if self._collects:
             gc.enable()
 
-    def _explain(self) -> None:
+    def _log_compilation(self) -> None:
         """Logs once that kernels are being compiled, unless a caller shows the progress itself."""
-        if self._seconds > _QUIET_S and not self._has_explained and not self.callbacks:
+        if self._seconds > _MAX_UNEXPLAINED_S and not self._has_explained and not self.callbacks:
             self._has_explained = True
             log.info("compiling kernels; this takes a minute or two, once on this machine")
 
 
-_compilations = _Compilations()
+_compilations = _CompilationCounter()
 
 
 def listen_to_compiler() -> None:

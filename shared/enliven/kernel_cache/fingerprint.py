@@ -20,18 +20,30 @@ from numba.core import types
 from numba.core.dispatcher import Dispatcher
 from numba.core.extending import _Intrinsic
 
-_CONSTANTS = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), range, slice, np.generic)
+_REPRESENTABLE_TYPES = (
+    bool,
+    int,
+    float,
+    complex,
+    str,
+    bytes,
+    type(None),
+    type(Ellipsis),
+    range,
+    slice,
+    np.generic,
+)
 """Types with a ``repr`` that represents the whole value."""
 _LIBRARIES = ("numba", "numpy", "scipy", "llvmlite", "builtins", "math")
 """Packages with functions that are hashed by name only, because the package versions are part of every file
 name."""
-_FUNCTION = 0x3
+_FUNCTION_CODE_FLAGS = 0x3
 """Flags ``CO_OPTIMIZED | CO_NEWLOCALS`` of a code object. Only the code of functions has them, not that of
 modules and classes.
 """
-_HAS_DOCSTRING = 0x4000000
+_DOCSTRING_CODE_FLAG = 0x4000000
 """Flag of a code object that has a docstring as its first constant, since Python 3.13."""
-_GENERATORS = ("kernels.py", "lanes.py", "lane_blocks.py")
+_CODE_GENERATOR_FILES = ("kernels.py", "lanes.py", "lane_blocks.py")
 """Files next to this package that define overloads and intrinsics, which generate code for all kernels."""
 
 
@@ -59,7 +71,7 @@ def _hash_function(function: FunctionType) -> tuple[str, tuple[FunctionType, ...
         *(_describe_value(value, reached_functions) for value in values),
         *(
             f"{name}={_describe_value(value, reached_functions)}"
-            for name, value in sorted(_globals_of(function))
+            for name, value in sorted(_iterate_globals(function))
         ),
     ]
     return _hash("\n".join(parts)), tuple(reached_functions)
@@ -82,9 +94,9 @@ def describe_code(code: CodeType) -> str:
 def _starts_with_docstring(code: CodeType) -> bool:
     """Returns True if the first constant is a docstring, or None in place of a docstring."""
     if sys.version_info >= (3, 13):
-        return bool(code.co_flags & _HAS_DOCSTRING)
+        return bool(code.co_flags & _DOCSTRING_CODE_FLAG)
     is_named = not code.co_name.startswith("<") or code.co_name == "<lambda>"
-    return code.co_flags & _FUNCTION == _FUNCTION and is_named
+    return code.co_flags & _FUNCTION_CODE_FLAGS == _FUNCTION_CODE_FLAGS and is_named
 
 
 def _describe_constant(value: object) -> str:
@@ -100,10 +112,10 @@ def _describe_constant(value: object) -> str:
     return repr(value)
 
 
-def _globals_of(function: FunctionType) -> Iterator[tuple[str, object]]:
+def _iterate_globals(function: FunctionType) -> Iterator[tuple[str, object]]:
     """Yields names and values of the globals that a function may read, directly or as attributes of
     modules."""
-    names = set(_names_of(function.__code__))
+    names = set(_iterate_global_names(function.__code__))
     for name in names & function.__globals__.keys():
         value = function.__globals__[name]
         yield name, value
@@ -111,12 +123,12 @@ def _globals_of(function: FunctionType) -> Iterator[tuple[str, object]]:
             yield from ((f"{name}.{inner}", vars(value)[inner]) for inner in names & vars(value).keys())
 
 
-def _names_of(code: CodeType) -> Iterator[str]:
+def _iterate_global_names(code: CodeType) -> Iterator[str]:
     """Yields the names of globals and attributes in a code object and in the functions inside it."""
     yield from code.co_names
     for value in code.co_consts:
         if isinstance(value, CodeType):
-            yield from _names_of(value)
+            yield from _iterate_global_names(value)
 
 
 def _describe_value(value: Any, reached: list[FunctionType]) -> str:
@@ -142,7 +154,7 @@ def _describe_value(value: Any, reached: list[FunctionType]) -> str:
         return f"array {value.dtype} {value.shape} {_hash(np.ascontiguousarray(value).tobytes())}"
     if isinstance(value, type):
         return f"class {value.__module__}.{value.__qualname__} {getattr(value, '_fields', '')}"
-    if isinstance(value, (*_CONSTANTS, types.Type, np.dtype)):
+    if isinstance(value, (*_REPRESENTABLE_TYPES, types.Type, np.dtype)):
         return repr(value)
     return f"{type(value).__name__} {getattr(value, '__name__', '')}"
 
@@ -169,7 +181,7 @@ def _hash_generators() -> str:
     """Returns the hash of the modules that generate code for all kernels, and of their compiler options."""
     folder = Path(__file__).parents[1]
     texts = []
-    for name in _GENERATORS:
+    for name in _CODE_GENERATOR_FILES:
         path = folder / name
         texts.append(describe_code(compile(path.read_bytes(), name, "exec", dont_inherit=True)))
     return _hash("\n".join(texts))

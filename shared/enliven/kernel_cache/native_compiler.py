@@ -29,30 +29,30 @@ if sys.platform == "win32":
 else:
     import fcntl
 
-Wanted = dict[str, tuple[str, str, bytes]]
+MissingKernel = dict[str, tuple[str, str, bytes]]
 """The kernels to compile. Maps the file name of the native kernel to its module, its name in the module, and
 its pickled argument types.
 """
-_LATER = 3
+_RETRY_LATER_EXIT_CODE = 3
 """Exit code if another process is already compiling, or the computer runs on battery."""
 _NICENESS = 19
 """The lowest priority of POSIX."""
 _IOPRIO_SET = {"x86_64": 251, "aarch64": 30}
 """Number of Linux's system call ``ioprio_set``, by machine. The C library has no function for it."""
-_IDLE_IO = 3 << 13
+_IDLE_IO_CLASS = 3 << 13
 """Linux's I/O priority class "idle", in which disk access waits for all other processes."""
 
 
 def main(program: str) -> int:
     """Compiles the kernels on the standard input for this processor. Returns the exit code."""
     lower_priority()
-    wanted: Wanted = pickle.load(sys.stdin.buffer)
+    wanted: MissingKernel = pickle.load(sys.stdin.buffer)
     threading.Thread(target=_end_with_input, daemon=True).start()
     folder = user_folder()
     if folder is None:
         return 0
-    with _lock(folder) as has_lock:
-        return compile_missing(program, wanted, folder) if has_lock else _LATER
+    with _lock_compilation(folder) as has_lock:
+        return compile_missing(program, wanted, folder) if has_lock else _RETRY_LATER_EXIT_CODE
 
 
 def lower_priority() -> None:
@@ -64,10 +64,10 @@ def lower_priority() -> None:
         with contextlib.suppress(OSError):
             os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
         if platform.machine() in _IOPRIO_SET:
-            ctypes.CDLL(None).syscall(_IOPRIO_SET[platform.machine()], 1, 0, _IDLE_IO)
+            ctypes.CDLL(None).syscall(_IOPRIO_SET[platform.machine()], 1, 0, _IDLE_IO_CLASS)
 
 
-def compile_missing(program: str, wanted: Wanted, folder: Path) -> int:
+def compile_missing(program: str, wanted: MissingKernel, folder: Path) -> int:
     """Compiles the kernels in sequence, and stores the state after each kernel. Returns the exit code."""
     stored_set = NativeSet.load(program)
     compiled_names = [name for name in stored_set.kernels if (folder / name).exists()]
@@ -80,7 +80,7 @@ def compile_missing(program: str, wanted: Wanted, folder: Path) -> int:
     state.save()
     for name in missing_names:
         if runs_on_battery():
-            return _LATER
+            return _RETRY_LATER_EXIT_CODE
         failed = state.failed if _compile(name, *wanted[name]) else (*state.failed, name)
         if name not in failed and not (folder / name).exists():
             return 0  # The disk is full, or the folder cannot be written.
@@ -112,7 +112,7 @@ def _end_with_input() -> None:
 
 
 @contextlib.contextmanager
-def _lock(folder: Path) -> Iterator[bool]:
+def _lock_compilation(folder: Path) -> Iterator[bool]:
     """Yields True if no other process compiles native code into this folder. The system releases the lock
     when this process ends.
     """

@@ -25,12 +25,12 @@ from enliven.kernel_cache.target import has_chosen_target, host_processor
 
 log = logging.getLogger(__name__)
 
-QUIET_S = 60.0
+MIN_IDLE_S = 60.0
 """Time in seconds without a new kernel after which the compilation starts. It is longer than the start of a
 program."""
-_COMPILER = "enliven.kernel_cache.native_compiler"
+_COMPILER_MODULE = "enliven.kernel_cache.native_compiler"
 """Module that the process with the lowest priority runs."""
-_POWER_SUPPLIES = Path("/sys/class/power_supply")
+_POWER_SUPPLY_FOLDER = Path("/sys/class/power_supply")
 """Linux's folder of batteries and power supplies."""
 
 
@@ -52,20 +52,20 @@ def record_use(cache: _Cache, signature: Any, platform: str) -> None:
         signature: argument types of the kernel.
         platform: LLVM's name of the platform.
     """
-    schedule = _schedule()
+    schedule = _get_schedule()
     if schedule is not None:
         schedule.record(cache, signature, platform)
 
 
 @functools.cache
-def _schedule() -> Schedule | None:
+def _get_schedule() -> CompilationSchedule | None:
     """Returns this process's schedule, or None if this program does not compile native code."""
     if not has_chosen_target() or not uses_native_code():
         return None
-    return Schedule(os.environ[PROGRAM_VARIABLE])
+    return CompilationSchedule(os.environ[PROGRAM_VARIABLE])
 
 
-class Schedule:
+class CompilationSchedule:
     """The kernels of this session, and a thread that compiles native code for them after a minute without new
     kernels.
 
@@ -97,8 +97,8 @@ class Schedule:
     def _run(self) -> None:
         """Runs the compilation after each minute without new kernels, until the program ends."""
         count = 0
-        while not self._ends.wait(QUIET_S):
-            is_quiet = time.monotonic() - self._last_use >= QUIET_S
+        while not self._ends.wait(MIN_IDLE_S):
+            is_quiet = time.monotonic() - self._last_use >= MIN_IDLE_S
             if not is_quiet or count == len(self._used) or runs_on_battery():
                 continue
             used_kernels = self._used[:]
@@ -131,7 +131,7 @@ class Schedule:
             return 0
         environment = {**os.environ, "NUMBA_CPU_NAME": name, "NUMBA_CPU_FEATURES": features}
         environment.pop(PROGRAM_VARIABLE, None)
-        command = [sys.executable, "-m", _COMPILER, self._program]
+        command = [sys.executable, "-m", _COMPILER_MODULE, self._program]
         priority = subprocess.IDLE_PRIORITY_CLASS if sys.platform == "win32" else 0
         quiet = subprocess.DEVNULL
         log.debug("compiling kernels of %s for %s in the background", self._program, name)
@@ -156,7 +156,7 @@ def runs_on_battery() -> bool:
     with contextlib.suppress(OSError):
         return any(
             (supply / "status").read_text().strip() == "Discharging"
-            for supply in _POWER_SUPPLIES.iterdir()
+            for supply in _POWER_SUPPLY_FOLDER.iterdir()
             if (supply / "status").exists()
         )
     return False

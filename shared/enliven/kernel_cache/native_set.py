@@ -30,31 +30,31 @@ from enliven.kernel_cache.versions import CODE_VERSIONS
 
 _MODE_VARIABLE = "ENLIVEN_NATIVE_KERNELS"
 """Environment variable that disables native code, or enables it on every processor."""
-_GAINING_FEATURES = ("avx512f", "avx512vl")
+_FASTER_FEATURES = ("avx512f", "avx512vl")
 """Processor features (LLVM's names) that make native code faster than code for x86-64-v3.
 
 docs/releasing.md contains the measurements. Processors without these features were not measured.
 """
 
 
-def wants_native_code() -> bool:
+def is_native_code_enabled() -> bool:
     """Returns True if native code is enabled for programs on this machine that have called
     :func:`name_program`."""
     mode = os.environ.get(_MODE_VARIABLE, "")
     if mode == "off" or user_folder() is None:
         return False
-    return mode == "on" or (gains_from_native_code() and not os.environ.get("CI"))
+    return mode == "on" or (is_native_code_faster() and not os.environ.get("CI"))
 
 
 def uses_native_code() -> bool:
     """Returns True if this program uses and compiles native code on this machine."""
-    return bool(os.environ.get(PROGRAM_VARIABLE)) and wants_native_code()
+    return bool(os.environ.get(PROGRAM_VARIABLE)) and is_native_code_enabled()
 
 
-def gains_from_native_code() -> bool:
+def is_native_code_faster() -> bool:
     """Returns True if native code is faster on this processor than code for its level."""
     features = llvmlite.binding.get_host_cpu_features()
-    return all(features.get(name) for name in _GAINING_FEATURES)
+    return all(features.get(name) for name in _FASTER_FEATURES)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -117,14 +117,14 @@ class NativeSet:
         return f"{self.program} compiles code for {processor} in the background ({count} of {total} kernels)"
 
 
-def stored_sets() -> list[NativeSet]:
+def list_stored_sets() -> list[NativeSet]:
     """Returns the sets of all programs on this processor, by name."""
     folder = user_folder()
     paths = [] if folder is None else sorted(folder.glob(f"native-*-{_processor_key()}.json"))
     return [NativeSet.load(path.name.removeprefix("native-").rpartition("-")[0]) for path in paths]
 
 
-def begins_native_session() -> bool:
+def should_begin_native_session() -> bool:
     """Returns True if this process should use native code from its start, because its program has a complete
     set."""
     if not uses_native_code() or not can_choose_target():

@@ -16,13 +16,13 @@ from typing import Any
 
 import zstandard
 
-_LEVEL = 9
+_COMPRESSION_LEVEL = 9
 """Compression level of Zstandard. It reduces the size to 40 % in 2 ms per kernel. Higher levels save 5 %
 more, but they are slow.
 """
 _MAX_UNUSED_S = 60 * 86400.0
 """Time in seconds after which an unused file in the user's folder is deleted (two months)."""
-_SHIPPED = "enliven_kernels"
+_SHIPPED_PACKAGE = "enliven_kernels"
 """Name of the Python package with the compiled kernels of a release. Its folder ``kernels`` has the same
 format as the user's folder.
 """
@@ -32,7 +32,7 @@ format as the user's folder.
 def shipped_folders() -> tuple[Path, ...]:
     """Returns the folder of the installed package ``enliven-kernels``. The result is empty if it is not
     installed."""
-    spec = importlib.util.find_spec(_SHIPPED)
+    spec = importlib.util.find_spec(_SHIPPED_PACKAGE)
     return (
         tuple(Path(folder) / "kernels" for folder in (spec.submodule_search_locations or ())) if spec else ()
     )
@@ -85,7 +85,9 @@ def save_kernel(name: str, data: Any) -> None:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         _delete_unused(folder)
         # The checksum detects damaged files, which must not be executed as machine code.
-        compressed = zstandard.ZstdCompressor(level=_LEVEL, write_checksum=True).compress(dumps(data))
+        compressed = zstandard.ZstdCompressor(level=_COMPRESSION_LEVEL, write_checksum=True).compress(
+            dumps(data)
+        )
         handle, part = tempfile.mkstemp(dir=folder, suffix=".part")
         try:
             with os.fdopen(handle, "wb") as file:

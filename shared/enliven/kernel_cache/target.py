@@ -8,7 +8,7 @@ import llvmlite.binding
 import numba.core.config
 from numba.core.registry import cpu_target
 
-_LEVELS = {
+_PROCESSOR_LEVELS = {
     "x86-64-v3": ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe"),
     "x86-64-v2": ("cx16", "popcnt", "sse3", "sse4.1", "sse4.2", "ssse3"),
 }
@@ -17,10 +17,10 @@ _LEVELS = {
 See the x86-64 psABI, section 3.1.1. Level 4 (AVX-512) is left out, because LLVM uses 256-bit vectors on it,
 too.
 """
-_ARM = "generic"
+_ARM_PROCESSOR = "generic"
 """LLVM's name for ARMv8-A with Neon, which every 64-bit ARM processor has."""
 
-_choice: dict[str, bool] = {}
+_chosen_target: dict[str, bool] = {}
 """The choice of this process. The key ``native`` is True for this exact processor. Empty if no choice was
 made.
 """
@@ -31,13 +31,13 @@ def processor_levels() -> tuple[str, ...]:
     other architectures."""
     machine = platform.machine().lower()
     if machine in ("aarch64", "arm64"):
-        return (_ARM,)
+        return (_ARM_PROCESSOR,)
     if machine not in ("x86_64", "amd64"):
         return ()
     features = llvmlite.binding.get_host_cpu_features()
     return tuple(
         level
-        for level, needed_features in _LEVELS.items()
+        for level, needed_features in _PROCESSOR_LEVELS.items()
         if all(features.get(name) for name in needed_features)
     )
 
@@ -60,12 +60,12 @@ def can_choose_target() -> bool:
 
 def is_native_session() -> bool:
     """Returns True if :func:`choose_target` has chosen this exact processor."""
-    return _choice.get("native", False)
+    return _chosen_target.get("native", False)
 
 
 def has_chosen_target() -> bool:
     """Returns True if :func:`choose_target` has chosen a level or this exact processor."""
-    return bool(_choice)
+    return bool(_chosen_target)
 
 
 def choose_target(*, native: bool) -> None:
@@ -75,6 +75,6 @@ def choose_target(*, native: bool) -> None:
         native: True for this exact processor, False for the processor's best level.
     """
     if can_choose_target():
-        _choice["native"] = native
+        _chosen_target["native"] = native
         name, features = host_processor() if native else (processor_levels()[0], "")
         numba.core.config.CPU_NAME, numba.core.config.CPU_FEATURES = name, features

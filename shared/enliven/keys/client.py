@@ -41,7 +41,7 @@ class ClientKeys:
     server: bytes
     key_pair: KeyPair
 
-    def apply(self, socket: zmq.Socket[Any]) -> None:
+    def encrypt_socket(self, socket: zmq.Socket[Any]) -> None:
         """Enables encryption on a socket, and makes it accept only the edge with the expected key. Call it
         before the socket connects."""
         socket.curve_serverkey = z85.encode(self.server)
@@ -62,7 +62,7 @@ def find_client_keys(host: str, control_port: int, folder: Path | None = None) -
     server = store.server_key(host, control_port)
     if server is None:
         return None
-    own_keys = store.own()
+    own_keys = store.load_own_pair()
     if own_keys is None:
         raise InputError(
             f"the edge at {host} is paired, but the own keys are missing",
@@ -72,7 +72,7 @@ def find_client_keys(host: str, control_port: int, folder: Path | None = None) -
     return ClientKeys(server, own_keys)
 
 
-class HandshakeWatch:
+class HandshakeMonitor:
     """A monitor that reports why the connections of a viewer's socket fail. Create it before the socket
     connects.
 

@@ -21,11 +21,11 @@ from enliven.keys.key_files import KEY_BYTES, KeyPair
 COMMAND_FLAG = 2
 """Flag inside an encrypted message that contains a protocol command. The flag 1 means that more parts
 follow."""
-OVERHEAD = 33
+OVERHEAD_BYTES = 33
 """Number of bytes that encryption adds to a message: name, nonce, authenticator and flags."""
-UNKNOWN_VIEWER = b"400"
+UNKNOWN_VIEWER_STATUS = b"400"
 """Status in the ERROR command for a viewer that is not paired. libzmq reports it to the viewer."""
-OTHER_EDGE_KEY = b"500"
+OTHER_EDGE_KEY_STATUS = b"500"
 """Status in the ERROR command for a viewer that expects another key of this edge."""
 
 _HELLO, _INITIATE, _MESSAGE = b"\x05HELLO", b"\x08INITIATE", b"\x07MESSAGE"
@@ -34,12 +34,12 @@ _HELLO_BYTES = 200
 request."""
 _COOKIE_BYTES = 96
 """Size in bytes of the cookie that WELCOME contains and INITIATE returns."""
-_SHORT_NONCE = 8
+_SHORT_NONCE_BYTES = 8
 """Size in bytes of a counter nonce. It follows a prefix of 16 bytes, which depends on command and side."""
-_LONG_NONCE = 16
+_LONG_NONCE_BYTES = 16
 """Size in bytes of a random nonce. It follows a prefix of 8 bytes."""
-_VOUCH_BYTES = _LONG_NONCE + 80
-_MIN_INITIATE_BYTES = 9 + _COOKIE_BYTES + _SHORT_NONCE + 16 + KEY_BYTES + _VOUCH_BYTES
+_VOUCH_BYTES = _LONG_NONCE_BYTES + 80
+_MIN_INITIATE_BYTES = 9 + _COOKIE_BYTES + _SHORT_NONCE_BYTES + 16 + KEY_BYTES + _VOUCH_BYTES
 _MAX_COUNT = 2**64 - 1
 """Maximum message count. A connection ends when it is reached, because counts must never repeat."""
 
@@ -110,19 +110,19 @@ class CurveChannel:
         if len(data) != _HELLO_BYTES or data[6:8] != b"\x01\x00":
             raise CurveError("HELLO has another form")
         client_once, count = data[80:112], data[112:120]
-        self._count(count)
+        self._check_count(count)
         secret = self._server.keys.secret
         try:
             zeros = sodium.crypto_box_open(data[120:], b"CurveZMQHELLO---" + count, client_once, secret)
         except CryptoError:
-            raise CurveError("the viewer expects another key of this edge", OTHER_EDGE_KEY) from None
+            raise CurveError("the viewer expects another key of this edge", OTHER_EDGE_KEY_STATUS) from None
         if zeros != bytes(64):
             raise CurveError("HELLO has another form")
         self._client_once = client_once
         self._public_once, self._secret_once = sodium.crypto_box_keypair()
         # In the specification, the cookie contains the encrypted state, so that a server need not store it.
         # Here the connection stores the state, so a random cookie is enough.
-        self._cookie, nonce = secrets.token_bytes(_COOKIE_BYTES), secrets.token_bytes(_LONG_NONCE)
+        self._cookie, nonce = secrets.token_bytes(_COOKIE_BYTES), secrets.token_bytes(_LONG_NONCE_BYTES)
         plain = self._public_once + self._cookie
         return b"\x07WELCOME" + nonce + sodium.crypto_box(plain, b"WELCOME-" + nonce, client_once, secret)
 
@@ -133,48 +133,48 @@ class CurveChannel:
         if not hmac.compare_digest(data[9 : 9 + _COOKIE_BYTES], self._cookie):
             raise CurveError("the cookie is another one")
         vouch_box = data[9 + _COOKIE_BYTES :]
-        count, box = vouch_box[:_SHORT_NONCE], vouch_box[_SHORT_NONCE:]
-        self._count(count)
+        count, box = vouch_box[:_SHORT_NONCE_BYTES], vouch_box[_SHORT_NONCE_BYTES:]
+        self._check_count(count)
         shared_key = sodium.crypto_box_beforenm(self._client_once, self._secret_once)
         plain = sodium.crypto_box_open_afternm(box, b"CurveZMQINITIATE" + count, shared_key)
-        client, nonce = plain[:KEY_BYTES], plain[KEY_BYTES : KEY_BYTES + _LONG_NONCE]
-        vouch = plain[KEY_BYTES + _LONG_NONCE : KEY_BYTES + _VOUCH_BYTES]
+        client, nonce = plain[:KEY_BYTES], plain[KEY_BYTES : KEY_BYTES + _LONG_NONCE_BYTES]
+        vouch = plain[KEY_BYTES + _LONG_NONCE_BYTES : KEY_BYTES + _VOUCH_BYTES]
         proof = sodium.crypto_box_open(vouch, b"VOUCH---" + nonce, client, self._secret_once)
         if not hmac.compare_digest(proof, self._client_once + self._server.keys.public):
             raise CurveError("the viewer vouches for another connection")
         if not self._server.admits(client):
-            raise CurveError("the viewer is not paired", UNKNOWN_VIEWER)
+            raise CurveError("the viewer is not paired", UNKNOWN_VIEWER_STATUS)
         self.client, self._shared = client, shared_key
-        count = struct.pack(">Q", self.reserve())
+        count = struct.pack(">Q", self.reserve_count())
         return b"\x05READY" + count + self._encrypt(metadata, b"CurveZMQREADY---" + count)
 
-    def reserve(self) -> int:
+    def reserve_count(self) -> int:
         """Reserves the count of the next message to send. Messages must be sent in the order of their
         counts."""
         self._sent += 1
         return self._sent
 
-    def seal(self, data: bytes, flags: int = 0, count: int = 0) -> bytes:
+    def encrypt(self, data: bytes, flags: int = 0, count: int = 0) -> bytes:
         """Encrypts a message. May be called on another thread if ``count`` is given.
 
         Args:
             flags: 1 if more parts follow, :data:`COMMAND_FLAG` for a command.
-            count: the message's count from :meth:`reserve`. 0 means the next count.
+            count: the message's count from :meth:`reserve_count`. 0 means the next count.
         """
-        number = struct.pack(">Q", count or self.reserve())
+        number = struct.pack(">Q", count or self.reserve_count())
         plain = b"".join((bytes([flags]), data))
         return b"".join((_MESSAGE, number, self._encrypt(plain, b"CurveZMQMESSAGES" + number)))
 
-    def open(self, data: bytes) -> tuple[int, bytes]:
+    def decrypt(self, data: bytes) -> tuple[int, bytes]:
         """Decrypts a received message. Returns its flags and its content.
 
         Raises:
             CurveError: if the message was changed, repeated or reordered, or is not a message.
         """
-        if not data.startswith(_MESSAGE) or len(data) < OVERHEAD:
+        if not data.startswith(_MESSAGE) or len(data) < OVERHEAD_BYTES:
             raise CurveError("this is not a sealed message")
         count = data[8:16]
-        self._count(count)
+        self._check_count(count)
         try:
             plain = sodium.crypto_box_open_afternm(data[16:], b"CurveZMQMESSAGEC" + count, self._shared)
         except CryptoError:
@@ -184,7 +184,7 @@ class CurveChannel:
     def _encrypt(self, plain: bytes, nonce: bytes) -> bytes:
         return sodium.crypto_box_afternm(plain, nonce, self._shared)
 
-    def _count(self, count: bytes) -> None:
+    def _check_count(self, count: bytes) -> None:
         """Raises CurveError unless a received count is higher than all earlier counts. A repeated message is
         an attack.
         """

@@ -2,7 +2,7 @@
 
 The folder ``enliven/keys`` in the user's configuration folder contains:
 
-- ``own.toml``: the key pair of this user on this computer, for the edge and for viewers
+- ``load_own_pair.toml``: the key pair of this user on this computer, for the edge and for viewers
 - ``viewers/FINGERPRINT.toml``: a viewer that may connect to edges of this user, with its role
 - ``edges/FINGERPRINT.ADDRESS.toml``: an edge that this user has paired with, with its address
 
@@ -42,11 +42,13 @@ _MAX_PEERS = 1000
 """Maximum number of paired viewers, and of paired edges, that are read."""
 _MAX_NAME_LENGTH = 64
 """Maximum length of a peer's name in characters."""
-_OTHERS = stat.S_IRWXG | stat.S_IRWXO
+_OTHER_USERS_MODE_MASK = stat.S_IRWXG | stat.S_IRWXO
 """Permission bits of the group and of all other users."""
-_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0)
+_NEW_FILE_FLAGS = (
+    os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0)
+)
 """Flags that create a new file. They prevent opening an existing file and following a link."""
-_NEW_KEYS = "Make new keys with: enliven keys make --overwrite. Then pair again with each peer."
+_NEW_KEYS_ADVICE = "Make new keys with: enliven keys make --overwrite. Then pair again with each peer."
 
 
 @dataclass(frozen=True)
@@ -125,7 +127,7 @@ class KeyStore:
         """The path of the file with the user's own key pair."""
         return self.folder / "own.toml"
 
-    def own(self) -> KeyPair | None:
+    def load_own_pair(self) -> KeyPair | None:
         """Returns the user's own key pair, or None if there is none.
 
         Raises:
@@ -133,7 +135,7 @@ class KeyStore:
         """
         import zmq
 
-        table = _read_private(self.own_path, _NEW_KEYS)
+        table = _read_private(self.own_path, _NEW_KEYS_ADVICE)
         if table is None:
             return None
         keys = KeyPair(
@@ -141,11 +143,13 @@ class KeyStore:
         )
         if zmq.curve_public(_z85_text(keys.secret)) != _z85_text(keys.public):
             raise InputError(
-                "its secret key does not belong to its public key", where=str(self.own_path), remedy=_NEW_KEYS
+                "its secret key does not belong to its public key",
+                where=str(self.own_path),
+                remedy=_NEW_KEYS_ADVICE,
             )
         return keys
 
-    def make(self, *, overwrite: bool = False) -> KeyPair:
+    def create_own_pair(self, *, overwrite: bool = False) -> KeyPair:
         """Creates a new key pair and stores it. Raises the errors of :meth:`store_own`."""
         pair = make_key_pair()
         self.store_own(pair, overwrite=overwrite)
@@ -164,7 +168,7 @@ class KeyStore:
         }
         _write_private(self.own_path, _toml_text(lines), overwrite=overwrite)
 
-    def viewers(self, problems: list[str] | None = None) -> dict[bytes, PairedViewer]:
+    def load_viewers(self, problems: list[str] | None = None) -> dict[bytes, PairedViewer]:
         """Returns the paired viewers by public key.
 
         Args:
@@ -181,8 +185,8 @@ class KeyStore:
         ]
         return {viewer.public: viewer for viewer in viewers if viewer is not None}
 
-    def edges(self, problems: list[str] | None = None) -> list[PairedEdge]:
-        """Returns the paired edges. Arguments and errors are those of :meth:`viewers`."""
+    def load_edges(self, problems: list[str] | None = None) -> list[PairedEdge]:
+        """Returns the paired edges. Arguments and errors are those of :meth:`load_viewers`."""
         tables = self._read_tables("edges", problems)
         edges = [
             _read_checked(path, problems, lambda p=path, t=table: _edge_from_table(t, p))
@@ -190,14 +194,14 @@ class KeyStore:
         ]
         return [edge for edge in edges if edge is not None]
 
-    def edge_at(self, host: str, control_port: int) -> PairedEdge | None:
+    def find_edge(self, host: str, control_port: int) -> PairedEdge | None:
         """Returns the edge that was paired at an address, or None.
 
         Raises:
-            InputError: in the cases of :meth:`edges`.
+            InputError: in the cases of :meth:`load_edges`.
         """
         place = (host.lower(), control_port)
-        return next((e for e in self.edges() if (e.host.lower(), e.control_port) == place), None)
+        return next((e for e in self.load_edges() if (e.host.lower(), e.control_port) == place), None)
 
     def server_key(self, host: str, control_port: int) -> bytes | None:
         """Returns the expected public key of the edge at an address, or None if the edge uses no keys.
@@ -205,12 +209,12 @@ class KeyStore:
         An edge on this computer uses the user's own key pair if there is one.
 
         Raises:
-            InputError: in the cases of :meth:`own` and :meth:`edges`.
+            InputError: in the cases of :meth:`load_own_pair` and :meth:`load_edges`.
         """
-        edge = self.edge_at(host, control_port)
+        edge = self.find_edge(host, control_port)
         if edge is not None:
             return edge.public
-        own_keys = self.own() if is_loopback(host) else None
+        own_keys = self.load_own_pair() if is_loopback(host) else None
         return None if own_keys is None else own_keys.public
 
     def add_viewer(self, viewer: PairedViewer) -> None:
@@ -220,7 +224,7 @@ class KeyStore:
             ResourceError: if the file cannot be written.
         """
         lines: dict[str, str | int] = {"public": _z85_text(viewer.public).decode(), "name": viewer.name}
-        lines |= {"role": viewer.role, "paired": viewer.paired or _today()}
+        lines |= {"role": viewer.role, "paired": viewer.paired or _date_of_today()}
         path = self.folder / "viewers" / f"{fingerprint(viewer.public)}.toml"
         _write_private(path, _toml_text(lines), overwrite=True)
 
@@ -234,7 +238,7 @@ class KeyStore:
         place = f"{edge.host.lower()}:{edge.control_port}"
         lines: dict[str, str | int] = {"public": _z85_text(edge.public).decode(), "name": edge.name}
         lines |= {"host": edge.host, "control_port": edge.control_port}
-        lines |= {"role": edge.role, "paired": edge.paired or _today()}
+        lines |= {"role": edge.role, "paired": edge.paired or _date_of_today()}
         place_hash = hashlib.sha256(place.encode()).hexdigest()[:8]
         path = self.folder / "edges" / f"{fingerprint(edge.public)}.{place_hash}.toml"
         _write_private(path, _toml_text(lines), overwrite=True)
@@ -248,7 +252,7 @@ class KeyStore:
         Raises:
             InputError: if no peer matches, or if several match.
         """
-        peers: list[PairedViewer | PairedEdge] = [*self.viewers([]).values(), *self.edges([])]
+        peers: list[PairedViewer | PairedEdge] = [*self.load_viewers([]).values(), *self.load_edges([])]
         start = which.lower().replace("-", "")
         matches = [
             peer
@@ -265,7 +269,7 @@ class KeyStore:
             self._remove("viewers" if isinstance(peer, PairedViewer) else "edges", peer.public)
         return matches
 
-    def stamp(self) -> int:
+    def read_change_counter(self) -> int:
         """Returns a number that changes when a viewer is added or removed."""
         try:
             return (self.folder / "viewers").stat().st_mtime_ns
@@ -308,7 +312,7 @@ def _read_checked(path: Path, problems: list[str] | None, read: Any) -> Any:
 def _viewer_from_table(table: dict[str, Any], path: Path) -> PairedViewer:
     public = _key_from_table(table, "public", path)
     return PairedViewer(
-        public, _name(table, path), _role_from_table(table, path), str(table.get("paired", ""))
+        public, _name_from_table(table, path), _role_from_table(table, path), str(table.get("paired", ""))
     )
 
 
@@ -320,7 +324,7 @@ def _edge_from_table(table: dict[str, Any], path: Path) -> PairedEdge:
     return PairedEdge(peer.public, peer.name, host, port, peer.role, peer.paired)
 
 
-def _name(table: dict[str, Any], path: Path) -> str:
+def _name_from_table(table: dict[str, Any], path: Path) -> str:
     name = table.get("name")
     if not isinstance(name, str) or not 0 < len(name) <= _MAX_NAME_LENGTH:
         raise _damaged_file_error(path, "its name is missing or too long")
@@ -350,7 +354,7 @@ def _damaged_file_error(path: Path, what: str) -> InputError:
     return InputError(
         f"this is not a key file, or it is damaged ({what})",
         where=str(path),
-        remedy=_NEW_KEYS if is_own else f"Remove it with: rm {path}. Then pair again.",
+        remedy=_NEW_KEYS_ADVICE if is_own else f"Remove it with: rm {path}. Then pair again.",
     )
 
 
@@ -372,7 +376,7 @@ def _read_private(path: Path, remedy: str) -> dict[str, Any] | None:
     if sys.platform != "win32":
         if state.st_uid != os.getuid():
             raise InputError("it belongs to another user", where=str(path), remedy=remedy)
-        if state.st_mode & _OTHERS:
+        if state.st_mode & _OTHER_USERS_MODE_MASK:
             raise InputError(
                 f"other users may read or change this key file (mode {stat.S_IMODE(state.st_mode):04o})",
                 where=str(path),
@@ -396,7 +400,7 @@ def _write_private(path: Path, text: str, *, overwrite: bool) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         # The file is created with its final mode, so that it is private from its first byte.
-        descriptor = os.open(part, _NEW, 0o600)
+        descriptor = os.open(part, _NEW_FILE_FLAGS, 0o600)
         try:
             with os.fdopen(descriptor, "w", encoding="utf-8", newline="\n") as file:
                 file.write(text)
@@ -441,7 +445,7 @@ def clean_name(name: str) -> str:
     return re.sub(r"\s+", " ", "".join(c for c in name if c.isprintable())).strip()[:_MAX_NAME_LENGTH] or "?"
 
 
-def _today() -> str:
+def _date_of_today() -> str:
     return time.strftime("%Y-%m-%d")
 
 

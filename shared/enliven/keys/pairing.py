@@ -39,7 +39,7 @@ MAX_TRIES_PER_CODE = 3
 FIRST_PAUSE_S = 30.0
 """Pause in seconds after too many tries. During it, a code is not shown. The pause doubles with each further
 code that is used up."""
-LONGEST_PAUSE_S = 900.0
+MAX_PAUSE_S = 900.0
 """Maximum pause in seconds after too many tries. With it, an attacker has 288 guesses per day, and a chance
 of 1 in 3,500 to guess a code.
 """
@@ -70,7 +70,7 @@ class Introduction:
     role: Role
 
 
-class ViewerExchange:
+class ViewerPairing:
     """The viewer's side of one pairing.
 
     Args:
@@ -93,7 +93,7 @@ class ViewerExchange:
         self.message: bytes = self._spake.start()
         self._key = b""
 
-    def introduce(self, answer: bytes, introduction: Introduction) -> bytes:
+    def encrypt_introduction(self, answer: bytes, introduction: Introduction) -> bytes:
         """Returns the box with the viewer's introduction, after the edge's SPAKE2 message.
 
         Raises:
@@ -102,17 +102,17 @@ class ViewerExchange:
         self._key = _agree_on_key(self._spake, answer)
         return _encrypt_box(self._key, _VIEWER, introduction)
 
-    def read(self, box: bytes) -> Introduction:
+    def decrypt_introduction(self, box: bytes) -> Introduction:
         """Returns the edge's introduction.
 
         Raises:
             PairingError: if the sender of the box did not know the code.
         """
-        return _open(self._key, _EDGE, box)
+        return _decrypt_box(self._key, _EDGE, box)
 
 
-class EdgeExchange:
-    """The edge's side of one pairing. Create it by :meth:`PairingDesk.start`."""
+class EdgePairing:
+    """The edge's side of one pairing. Create it by :meth:`PairingDesk.start_pairing`."""
 
     def __init__(self, code: str, message: bytes) -> None:
         from spake2 import SPAKE2_B
@@ -121,32 +121,34 @@ class EdgeExchange:
         self.message: bytes = spake.start()
         self._key = _agree_on_key(spake, message)
 
-    def read(self, box: bytes) -> Introduction:
+    def decrypt_introduction(self, box: bytes) -> Introduction:
         """Returns the viewer's introduction.
 
         Raises:
             PairingError: if the viewer did not know the code.
         """
-        return _open(self._key, _VIEWER, box)
+        return _decrypt_box(self._key, _VIEWER, box)
 
-    def introduce(self, introduction: Introduction) -> bytes:
+    def encrypt_introduction(self, introduction: Introduction) -> bytes:
         """Returns the box with the edge's introduction."""
         return _encrypt_box(self._key, _EDGE, introduction)
 
 
-class PairingDesk:
+class PairingCodes:
     """Manages the pairing code of an edge. A code expires and allows few tries. After too many tries, a new
     code follows after a pause.
 
     Args:
-        show: a function that is called with each new code.
+        show_code: a function that is called with each new code.
         clock: a function that returns the time in seconds. Tests replace it.
     """
 
     def __init__(
-        self, show: Callable[[str], None] = lambda code: None, clock: Callable[[], float] = time.monotonic
+        self,
+        show_code: Callable[[str], None] = lambda code: None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._show, self._clock = show, clock
+        self._show, self._clock = show_code, clock
         self._code = ""
         self._tries = self._used_up = 0
         self._until = self._expires = self._paused_until = 0.0
@@ -182,7 +184,7 @@ class PairingDesk:
             self._tries, self._expires = 0, min(now + CODE_LIFETIME_S, self._until)
             self._show(self._code)
 
-    def start(self, message: bytes) -> EdgeExchange:
+    def start_pairing(self, message: bytes) -> EdgePairing:
         """Begins an exchange with the current code. Each exchange counts as a try, even if it is not
         finished.
 
@@ -196,10 +198,10 @@ class PairingDesk:
         if self._tries >= MAX_TRIES_PER_CODE:
             # This exchange may still succeed. Later exchanges need a new code.
             self._code = ""
-            pause = min(FIRST_PAUSE_S * 2**self._used_up, LONGEST_PAUSE_S)
+            pause = min(FIRST_PAUSE_S * 2**self._used_up, MAX_PAUSE_S)
             self._used_up = min(self._used_up + 1, 16)
             self._paused_until = self._clock() + pause
-        return EdgeExchange(code, message)
+        return EdgePairing(code, message)
 
     def finish_pairing(self) -> None:
         """Invalidates the code after a successful pairing. The next code is shown immediately."""
@@ -237,7 +239,7 @@ def _encrypt_box(key: bytes, sender: bytes, introduction: Introduction) -> bytes
     return bytes(SecretBox(_side_key(key, sender)).encrypt(data))
 
 
-def _open(key: bytes, sender: bytes, box: bytes) -> Introduction:
+def _decrypt_box(key: bytes, sender: bytes, box: bytes) -> Introduction:
     from nacl.exceptions import CryptoError
     from nacl.secret import SecretBox
 

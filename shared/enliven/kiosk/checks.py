@@ -15,17 +15,17 @@ from typing import Any
 from enliven.errors import EnlivenError, InputError, ResourceError
 from enliven.settings import load_settings, read_toml
 from enliven.space.space_file import load_space
-from enliven.supervision.schedule import minute_of_day
+from enliven.supervision.schedule import parse_time_of_day
 
 from .mounts import find_mount
 from .profile import KioskCharacter, KioskProfile, load_profile
 from .programs import BUILT_IN_MESHES, local_edges
 from .souvenir_address import check_souvenir_address
 
-_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
+_NAME_PATTERN = re.compile(r"[A-Za-z0-9_-]{1,40}")
 """Pattern of the names of edges and characters. They become parts of file names and of the names of systemd
 units."""
-_SIZE = re.compile(r"[1-9]\d{1,4}x[1-9]\d{1,4}")
+_SIZE_PATTERN = re.compile(r"[1-9]\d{1,4}x[1-9]\d{1,4}")
 """Pattern of the window's size, such as 1920x1080."""
 _TABLES_OF_TABLES = ("edges", "characters")
 """Keys of a profile that have tables by name as values."""
@@ -44,7 +44,7 @@ def find_mistakes(path: Path, *, starts_here: bool = True) -> list[EnlivenError]
         profile = load_profile(path)
     except EnlivenError as error:
         return _find_wrong_tables(path) or [error]
-    return list(_find(profile, path, starts_here))
+    return list(_find_profile_mistakes(profile, path, starts_here))
 
 
 def _find_wrong_tables(path: Path) -> list[EnlivenError]:
@@ -61,16 +61,18 @@ def _find_wrong_tables(path: Path) -> list[EnlivenError]:
             parts += [{key: {inner: entry}} for inner, entry in value.items()]
         else:
             parts.append({key: value})
-    loads = (_mistake(lambda part=part: load_settings(KioskProfile, part, where=str(path))) for part in parts)
+    loads = (
+        _catch_error(lambda part=part: load_settings(KioskProfile, part, where=str(path))) for part in parts
+    )
     return [error for error in loads if error is not None]
 
 
-def _find(profile: KioskProfile, path: Path, starts_here: bool) -> Iterator[EnlivenError]:
+def _find_profile_mistakes(profile: KioskProfile, path: Path, starts_here: bool) -> Iterator[EnlivenError]:
     """Yields the mistakes in a profile without unknown keys."""
     folder = path.parent
     for kind, names in (("an edge", profile.edges), ("a character", profile.characters)):
         for name in names:
-            if not _NAME.fullmatch(name):
+            if not _NAME_PATTERN.fullmatch(name):
                 remedy = "Use up to 40 letters, digits, '-' and '_'."
                 yield InputError(f"{name!r} cannot be the name of {kind}", where=str(path), remedy=remedy)
     for name, character in profile.characters.items():
@@ -79,7 +81,7 @@ def _find(profile: KioskProfile, path: Path, starts_here: bool) -> Iterator[Enli
     yield from _find_missing_files(profile, path)
     yield from _find_space_mistakes(profile, path)
     yield from _find_wrong_words(profile, path)
-    error = _mistake(lambda: check_souvenir_address(profile.souvenir, str(path)))
+    error = _catch_error(lambda: check_souvenir_address(profile.souvenir, str(path)))
     if error is not None:
         yield error
     if starts_here:
@@ -99,7 +101,7 @@ def _find_character_mistakes(name: str, character: KioskCharacter, path: Path) -
 
     if character.parts:
         words = [part.strip() for part in character.parts.split("/")]
-        error = _mistake(lambda: parse_parts(words))
+        error = _catch_error(lambda: parse_parts(words))
         if error is not None:
             yield InputError(error.what, where=f"{path}, characters.{name}.parts", remedy=error.remedy)
 
@@ -118,7 +120,7 @@ def _find_edge_mistakes(profile: KioskProfile, path: Path) -> Iterator[EnlivenEr
             )
         elif importlib.util.find_spec("enliven_edge") is not None:
             kind = importlib.import_module("enliven_edge.settings").EdgeSettings
-            error = _mistake(lambda settings=settings, kind=kind: load_settings(kind, settings))
+            error = _catch_error(lambda settings=settings, kind=kind: load_settings(kind, settings))
             if error is not None:
                 yield error
 
@@ -174,10 +176,10 @@ def _find_wrong_words(profile: KioskProfile, path: Path) -> Iterator[EnlivenErro
             remedy = f"Known: {', '.join(languages)}."
             yield InputError(f"story.language is {language!r}", where=str(path), remedy=remedy)
     size = profile.screen.size
-    if size and not _SIZE.fullmatch(size):
+    if size and not _SIZE_PATTERN.fullmatch(size):
         yield InputError(f"screen.size is {size!r}", where=str(path), remedy="Write it as 1920x1080.")
     if profile.care.restart_at:
-        error = _mistake(lambda: minute_of_day(profile.care.restart_at))
+        error = _catch_error(lambda: parse_time_of_day(profile.care.restart_at))
         if error is not None:
             yield InputError(error.what, where=f"{path}, {error.where}", remedy=error.remedy)
 
@@ -243,7 +245,7 @@ def _is_free(host: str, port: int) -> bool:
     return True
 
 
-def _mistake(check: Callable[[], object]) -> EnlivenError | None:
+def _catch_error(check: Callable[[], object]) -> EnlivenError | None:
     """Returns the error that a check raises, or None."""
     try:
         check()

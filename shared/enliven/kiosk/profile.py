@@ -20,7 +20,7 @@ MAX_SOUVENIR_AGE_S = 86_400.0
 
 
 @dataclass(frozen=True)
-class EdgeOfKiosk:
+class KioskEdge:
     """One edge of a kiosk: ``[edges.NAME]``. If it has an address, it runs on another computer."""
 
     settings: str = setting("", "File of the edge's settings (TOML). Empty: the defaults.")
@@ -190,7 +190,7 @@ class KioskProfile:
     """All settings of a kiosk."""
 
     name: str = setting("kiosk", "Name of the kiosk, for operators.")
-    edges: dict[str, EdgeOfKiosk] = field(
+    edges: dict[str, KioskEdge] = field(
         default_factory=dict, metadata={"doc": "The edges, by name. None: one with the defaults."}
     )
     characters: dict[str, KioskCharacter] = field(
@@ -213,7 +213,7 @@ def load_profile(path: Path) -> KioskProfile:
             edges of this computer have the same port.
     """
     profile = load_settings(KioskProfile, path)
-    edges: Mapping[str, EdgeOfKiosk] = profile.edges or {"edge": EdgeOfKiosk()}
+    edges: Mapping[str, KioskEdge] = profile.edges or {"edge": KioskEdge()}
     characters = profile.characters or {"chair": KioskCharacter()}
     ports = [(edge.port, name) for name, edge in sorted(edges.items()) if not edge.address]
     for (port, name), (other_port, other) in zip(sorted(ports), sorted(ports)[1:], strict=False):

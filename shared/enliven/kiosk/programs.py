@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from .profile import EdgeOfKiosk, KioskCharacter, KioskProfile
+from .profile import KioskCharacter, KioskEdge, KioskProfile
 
 BUILT_IN_MESHES = frozenset({"chair", "lamp", "cactus"})
 """Names of the characters that are built into enliven. They need no file."""
@@ -12,7 +12,7 @@ PART_MINUTES = 30
 """Duration of one file of a recording, in minutes. When the disk is full, the oldest files are deleted."""
 _ALL_PARTS = "all"
 """Body parts of a character without this setting, if another character in the profile has it."""
-_USUAL_DRIVE = "graph"
+_DEFAULT_DRIVE = "graph"
 """Drive of a character without this setting, if another character in the profile has it. This drive can move
 every mesh."""
 
@@ -48,7 +48,7 @@ def character_arguments(profile: KioskProfile, folder: Path) -> list[str]:
             words += ["--parts", character.parts or _ALL_PARTS]
     if any(character.drive for character in characters.values()):
         for character in characters.values():
-            words += ["--drive", character.drive or _USUAL_DRIVE]
+            words += ["--drive", character.drive or _DEFAULT_DRIVE]
     return words
 
 
@@ -72,7 +72,7 @@ def mesh_path(character: KioskCharacter, folder: Path) -> str:
     return character.mesh if character.mesh in BUILT_IN_MESHES else str(folder / character.mesh)
 
 
-def local_edges(profile: KioskProfile) -> dict[str, EdgeOfKiosk]:
+def local_edges(profile: KioskProfile) -> dict[str, KioskEdge]:
     """Returns the edges of a profile that run on this computer, by name."""
     return {name: edge for name, edge in profile.edges.items() if not edge.address}
 

@@ -10,12 +10,12 @@ from enliven.web_server.listening import format_address
 
 from .profile import SouvenirSettings
 
-_MAX_LENGTH = 100
+_MAX_ADDRESS_LENGTH = 100
 """Maximum length of the start of an address. With a longer address, phones cannot read the QR code from 2
 m."""
-_FORM = "Write it as http://kiosk.example:5592/, without a question mark, a hash or a password."
+_ADDRESS_ADVICE = "Write it as http://kiosk.example:5592/, without a question mark, a hash or a password."
 """The remedy for an invalid address."""
-_REACHABLE = (
+_REACHABILITY_ADVICE = (
     'Set souvenir.host = "0.0.0.0", and souvenir.address if phones reach this computer by another address.'
 )
 """The remedy for an address that no phone can open."""
@@ -38,7 +38,7 @@ def check_souvenir_address(settings: SouvenirSettings, where: str) -> None:
         )
     if settings.certificate and settings.address.startswith("http://"):
         raise InputError(
-            f"souvenir.address is {settings.address[:_MAX_LENGTH]}, but the server uses TLS",
+            f"souvenir.address is {settings.address[:_MAX_ADDRESS_LENGTH]}, but the server uses TLS",
             where=where,
             remedy="Write the address with https://.",
         )
@@ -47,15 +47,16 @@ def check_souvenir_address(settings: SouvenirSettings, where: str) -> None:
             raise InputError(
                 f"phones cannot open souvenir.host = {settings.host}, which is only this computer",
                 where=where,
-                remedy=_REACHABLE,
+                remedy=_REACHABILITY_ADVICE,
             )
         return
     name = _host_of(settings.address)
     if not name:
         raise InputError(
-            f"souvenir.address is {settings.address[:_MAX_LENGTH]!r}, which is not the start of an address",
+            f"souvenir.address is {settings.address[:_MAX_ADDRESS_LENGTH]!r}, which is not the "
+            f"start of an address",
             where=where,
-            remedy=_FORM,
+            remedy=_ADDRESS_ADVICE,
         )
     if is_loopback(name):
         problem = f"phones cannot open souvenir.address = {settings.address}, which is only this computer"
@@ -73,7 +74,12 @@ def find_souvenir_address(settings: SouvenirSettings) -> str:
 
 def _host_of(address: str) -> str:
     """Returns the host name in the start of an address, or an empty string if the address is invalid."""
-    if len(address) > _MAX_LENGTH or not address.isascii() or not address.isprintable() or " " in address:
+    if (
+        len(address) > _MAX_ADDRESS_LENGTH
+        or not address.isascii()
+        or not address.isprintable()
+        or " " in address
+    ):
         return ""
     try:
         parts = urlsplit(address)

@@ -11,13 +11,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from enliven.kiosk.profile import StorySettings, ZoneSettings
-from enliven.kiosk.spot import LeaveCharacter, Press, Spot, StoryRequest, Surroundings, TakeCharacter
-from enliven.kiosk.story_table import PHASE_TEXTS, SHOWN_FIRST, Phase
-from enliven.kiosk.visitors import Attendance, Place, Visit, Visitor
+from enliven.kiosk.spot import LeaveCharacter, Press, Spot, SpotInput, StoryRequest, TakeCharacter
+from enliven.kiosk.story_table import PHASE_TEXTS, PHASES_BY_PRIORITY, Phase
+from enliven.kiosk.visitors import Place, Visit, VisitList, Visitor
 
 MAX_STEP_S = 0.5
 """Maximum time step in seconds. Otherwise, all rings would be full after the computer was suspended."""
-SETTLING_S = 1.5
+MAX_REPORT_DELAY_S = 1.5
 """Time in seconds after a request for which a contradicting report of the edge is ignored."""
 ENDING_SOON_S = 10.0
 """Duration in seconds of the last part of a session, in which the remaining time is displayed."""
@@ -128,7 +128,7 @@ class Story:
 
     def __init__(self, settings: StorySettings, zone: ZoneSettings, characters: Sequence[str]) -> None:
         self._settings, self._characters = settings, tuple(characters)
-        self._attendance = Attendance(zone, settings.lost)
+        self._attendance = VisitList(zone, settings.lost)
         count = max(min(settings.performers, len(self._characters)), 1)
         self._spots = [
             Spot(place, zone.spot, settings, self._characters[k] if self._characters else "")
@@ -162,7 +162,7 @@ class Story:
                 self._forget_visitors(frame.now)
         for request in requests:
             self._requested[request.character] = frame.now
-        return self._view(frame, requests)
+        return self._create_view(frame, requests)
 
     def _advance_spot(
         self, spot: Spot, frame: StoryInput, elapsed: float, presses: Sequence[Press]
@@ -170,12 +170,12 @@ class Story:
         """Processes one frame of a spot. After a session, the visitor is moved to the end of the queue."""
         others = [other for other in self._spots if other is not spot]
         served = {other.visit for other in others if other.visit is not None}
-        line = [visit for visit in self._attendance.waiting() if visit.number not in served]
+        line = [visit for visit in self._attendance.list_waiting_visits() if visit.number not in served]
         taken = {other.character for other in others}
         free = [name for name in self._characters if name in frame.available and name not in taken]
         performer, was_performing = self._attendance.find(spot.visit), spot.phase is Phase.POSSESSED
         requests = spot.advance(
-            Surroundings(frame.now, elapsed, self._attendance, line, presses, frame.holders, free)
+            SpotInput(frame.now, elapsed, self._attendance, line, presses, frame.holders, free)
         )
         if was_performing and spot.phase is not Phase.POSSESSED and performer is not None:
             performer.queued_s = frame.now
@@ -203,21 +203,21 @@ class Story:
         for character, bodies in frame.holders.items():
             if character not in self._characters or not bodies:
                 continue
-            if frame.now - self._requested.get(character, -SETTLING_S) < SETTLING_S:
+            if frame.now - self._requested.get(character, -MAX_REPORT_DELAY_S) < MAX_REPORT_DELAY_S:
                 continue
             expected = next((s for s in self._spots if s.is_busy and s.character == character), None)
             if expected is None:
-                if not self._adopt(character, bodies, frame.now):
+                if not self._adopt_hold(character, bodies, frame.now):
                     requests.append(LeaveCharacter(character))
             elif set(bodies) != {expected.body}:
                 requests.append(TakeCharacter(character, expected.body))
         return requests
 
-    def _adopt(self, character: str, bodies: tuple[int, ...], now: float) -> bool:
+    def _adopt_hold(self, character: str, bodies: tuple[int, ...], now: float) -> bool:
         """Starts a session on a free spot for the visitor in the zone that possesses a character. Returns
         False if that is not possible."""
         served = {spot.visit for spot in self._spots if spot.visit is not None and spot.is_busy}
-        visit = next((v for v in self._attendance.waiting() if (v.body,) == tuple(bodies)), None)
+        visit = next((v for v in self._attendance.list_waiting_visits() if (v.body,) == tuple(bodies)), None)
         elsewhere = {s.character for s in self._spots if s.is_busy}
         spot = next((s for s in self._spots if not s.is_busy and s.phase is not Phase.FAREWELL), None)
         if visit is None or spot is None or visit.number in served or character in elsewhere:
@@ -227,7 +227,7 @@ class Story:
                 other.character = spot.character
             if other is not spot and other.visit == visit.number:
                 other.visit = None
-        spot.adopt(character, visit, now)
+        spot.take_over_hold(character, visit, now)
         return True
 
     def _forget_visitors(self, now: float) -> None:
@@ -236,11 +236,11 @@ class Story:
         for spot in self._spots:
             spot.lose_edge(now)
 
-    def _view(self, frame: StoryInput, requests: list[StoryRequest]) -> StoryView:
+    def _create_view(self, frame: StoryInput, requests: list[StoryRequest]) -> StoryView:
         spots = tuple(self._spot_view(spot, frame) for spot in self._spots)
-        shown = min(range(len(spots)), key=lambda k: SHOWN_FIRST.index(spots[k].phase))
+        shown = min(range(len(spots)), key=lambda k: PHASES_BY_PRIORITY.index(spots[k].phase))
         served = {spot.visit for spot in self._spots} | {spot.former for spot in self._spots}
-        queue = tuple(v.body for v in self._attendance.waiting() if v.number not in served)
+        queue = tuple(v.body for v in self._attendance.list_waiting_visits() if v.number not in served)
         phase = spots[shown].phase
         title, hint = self._choose_texts(spots[shown], queue)
         sound = PHASE_TEXTS[phase].sound if phase is not self._phase else ""
@@ -272,7 +272,7 @@ class Story:
     def _find_looked_at(self, spot: Spot) -> Visit | None:
         """Returns the nearest waiting visitor, to whom the character turns."""
         served = {s.visit for s in self._spots if s.visit is not None}
-        waiting = [v for v in self._attendance.waiting() if v.number not in served]
+        waiting = [v for v in self._attendance.list_waiting_visits() if v.number not in served]
         return min(waiting, key=lambda visit: visit.distance(spot.place), default=None)
 
     def _choose_texts(self, spot: SpotView, queue: tuple[int, ...]) -> tuple[str, str]:

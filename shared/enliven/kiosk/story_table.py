@@ -36,7 +36,7 @@ class Event(StrEnum):
     EDGE_GONE = "the edge is gone"
 
 
-_FREE = (Phase.ATTRACT, Phase.NOTICED, Phase.DWELL, Phase.CHOOSE)
+_UNHELD_PHASES = (Phase.ATTRACT, Phase.NOTICED, Phase.DWELL, Phase.CHOOSE)
 TRANSITIONS: Mapping[tuple[Phase, Event], Phase] = MappingProxyType(
     {
         (Phase.ATTRACT, Event.ENTERED): Phase.NOTICED,
@@ -46,8 +46,8 @@ TRANSITIONS: Mapping[tuple[Phase, Event], Phase] = MappingProxyType(
         (Phase.DWELL, Event.OFF_SPOT): Phase.NOTICED,
         (Phase.CHOOSE, Event.ON_SPOT): Phase.DWELL,
         (Phase.CHOOSE, Event.CHOICE_OVER): Phase.NOTICED,
-        **{(phase, Event.ZONE_EMPTY): Phase.ATTRACT for phase in _FREE},
-        **{(phase, Event.HELD): Phase.POSSESSED for phase in _FREE},
+        **{(phase, Event.ZONE_EMPTY): Phase.ATTRACT for phase in _UNHELD_PHASES},
+        **{(phase, Event.HELD): Phase.POSSESSED for phase in _UNHELD_PHASES},
         (Phase.POSSESSED, Event.LOST): Phase.FAREWELL,
         (Phase.POSSESSED, Event.SESSION_OVER): Phase.FAREWELL,
         (Phase.POSSESSED, Event.RELEASED): Phase.FAREWELL,
@@ -84,7 +84,7 @@ PHASE_TEXTS: Mapping[Phase, PhaseTexts] = MappingProxyType(
     }
 )
 """The texts of each state. :mod:`enliven_viewer.kiosk` translates the keys."""
-SHOWN_FIRST = (
+PHASES_BY_PRIORITY = (
     Phase.DWELL,
     Phase.CHOOSE,
     Phase.FAREWELL,

@@ -28,7 +28,7 @@ tracking."""
 _MATCH_RADIUS_M = 0.6
 """Maximum distance in metres between a new id and the visitor who was just lost. It is less than the
 distance between two visitors side by side."""
-_WALKING_SPEED = 1.2
+_MATCH_RADIUS_GROWTH_M_S = 1.2
 """Increase of this distance while a visitor is lost, in metres per second."""
 _MAX_MATCH_RADIUS_M = 1.5
 """Upper limit of this distance in metres. Beyond it, the new id may as well be another visitor."""
@@ -62,8 +62,8 @@ def visitor_from_body(body: Body) -> Visitor | None:
     hips = body.joints[Joint.HIP_CENTER]
     if not np.isfinite(hips).all():
         return None
-    left = _raised_fraction(body, Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.WRIST_LEFT)
-    right = _raised_fraction(body, Joint.SHOULDER_RIGHT, Joint.ELBOW_RIGHT, Joint.WRIST_RIGHT)
+    left = _measure_raised_fraction(body, Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.WRIST_LEFT)
+    right = _measure_raised_fraction(body, Joint.SHOULDER_RIGHT, Joint.ELBOW_RIGHT, Joint.WRIST_RIGHT)
     height = body.height
     return Visitor(
         body.id,
@@ -75,7 +75,7 @@ def visitor_from_body(body: Body) -> Visitor | None:
     )
 
 
-def _raised_fraction(body: Body, shoulder: Joint, elbow: Joint, wrist: Joint) -> float:
+def _measure_raised_fraction(body: Body, shoulder: Joint, elbow: Joint, wrist: Joint) -> float:
     """Returns the height of a wrist above its shoulder, divided by the arm's length. Returns -1 if it is
     unknown."""
     points = body.joints[[shoulder, elbow, wrist]]
@@ -116,7 +116,7 @@ class Visit:
         return math.dist(self.visitor.position, place)
 
 
-class Attendance:
+class VisitList:
     """The visits in progress.
 
     Args:
@@ -138,7 +138,7 @@ class Attendance:
         """Returns a visit by its number, or None if it is over."""
         return None if number is None else self._visits.get(number)
 
-    def waiting(self) -> list[Visit]:
+    def list_waiting_visits(self) -> list[Visit]:
         """Returns the visits in the zone in the order of their turns."""
         inside = [visit for visit in self._visits.values() if visit.in_zone]
         return sorted(inside, key=lambda visit: (visit.queued_s, visit.number))
@@ -149,7 +149,7 @@ class Attendance:
         for visit in self._visits.values():
             visit.seen = visit.body in present
             if visit.seen:
-                self._measure(visit, present.pop(visit.body), now)
+                self._store_measurement(visit, present.pop(visit.body), now)
         self._continue_lost_visits(present, now)
         for visitor in present.values():
             self._last += 1
@@ -184,9 +184,9 @@ class Attendance:
         for _, number, body in pairs:
             visit = self._visits[number]
             if not visit.seen and body in present:
-                self._measure(visit, present.pop(body), now)
+                self._store_measurement(visit, present.pop(body), now)
 
-    def _measure(self, visit: Visit, visitor: Visitor, now: float) -> None:
+    def _store_measurement(self, visit: Visit, visitor: Visitor, now: float) -> None:
         """Stores a visitor's newest measurement in the visit."""
         visit.visitor, visit.seen_s, visit.seen = visitor, now, True
         inside = self.is_inside(visitor.position, ZONE_MARGIN_M if visit.in_zone else 0.0)
@@ -197,7 +197,7 @@ class Attendance:
 
 def _match_radius(lost_s: float) -> float:
     """Returns the search radius in metres for a visitor who was lost ``lost_s`` seconds ago."""
-    return min(_MATCH_RADIUS_M + _WALKING_SPEED * lost_s, _MAX_MATCH_RADIUS_M)
+    return min(_MATCH_RADIUS_M + _MATCH_RADIUS_GROWTH_M_S * lost_s, _MAX_MATCH_RADIUS_M)
 
 
 def _is_usable(visitor: Visitor) -> bool:

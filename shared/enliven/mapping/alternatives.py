@@ -6,11 +6,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from enliven.document import Shape
+from enliven.document import RiggedCharacter
 from enliven.mapping.automatic_mapping import RetargetedShape, retarget
 from enliven.mapping.ground import stands_on_floor
 from enliven.mapping.plan import Plan
-from enliven.mapping.quality import MotionQuality, quality_of
+from enliven.mapping.quality import MotionQuality, measure_quality
 from enliven.mapping.softening import soften_plan
 
 _MAX_FAULT_RATIO = 0.8
@@ -34,7 +34,9 @@ class NextBest:
     quality: MotionQuality
 
 
-def find_better_mapping(retargeted: RetargetedShape, shape: Shape, quality: MotionQuality) -> NextBest | None:
+def find_better_mapping(
+    retargeted: RetargetedShape, shape: RiggedCharacter, quality: MotionQuality
+) -> NextBest | None:
     """Returns the best mapping that differs from the current one in one choice.
 
     Returns None if all measures of the current mapping are within their bounds, or if no alternative is
@@ -45,7 +47,7 @@ def find_better_mapping(retargeted: RetargetedShape, shape: Shape, quality: Moti
         shape: the shape at rest.
         quality: the measures of ``retargeted``.
     """
-    if quality.beyond == 0.0:
+    if quality.total_excess == 0.0:
         return None
     alternatives = [
         NextBest(how, plan, _measured_quality(retargeted, shape, plan))
@@ -55,14 +57,14 @@ def find_better_mapping(retargeted: RetargetedShape, shape: Shape, quality: Moti
     return best if best.quality.faults < _MAX_FAULT_RATIO * quality.faults else None
 
 
-def _measured_quality(retargeted: RetargetedShape, shape: Shape, plan: Plan) -> MotionQuality:
+def _measured_quality(retargeted: RetargetedShape, shape: RiggedCharacter, plan: Plan) -> MotionQuality:
     alternative = retarget(shape, retargeted.clip, plan, clips=retargeted.clips)
-    return quality_of(
+    return measure_quality(
         alternative.project, alternative.shape_id, retargeted.clip, alternative.duration, alternative.plan
     )
 
 
-def _other_mappings(retargeted: RetargetedShape, shape: Shape) -> Iterator[tuple[str, Plan]]:
+def _other_mappings(retargeted: RetargetedShape, shape: RiggedCharacter) -> Iterator[tuple[str, Plan]]:
     """Yields each mapping that differs from the current one in one choice, with a description of the
     difference."""
     plan, clip = retargeted.plan, retargeted.clip

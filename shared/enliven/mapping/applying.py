@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Clip, Layer, Project, Shape, Skeleton, unused
+from enliven.document import Clip, Layer, Project, RiggedCharacter, Skeleton, unused
 from enliven.errors import InputError
 from enliven.mapping.ground import level_root
 from enliven.mapping.plan import ChainPlan, Plan, Rest
@@ -61,7 +61,7 @@ def source_anatomy(clip: Clip) -> Anatomy:
     return replace(at_rest, facing=at_rest.facing + 2.0 * float(np.arctan2(heading[2], heading[0])))
 
 
-def initial_facings(clip: Clip, shape: Shape, plan: Plan) -> tuple[float, float]:
+def initial_facings(clip: Clip, shape: RiggedCharacter, plan: Plan) -> tuple[float, float]:
     """Returns the initial facing of the performer, and the facing of the model, in radians about +Y from
     +Z."""
     first, ours = plan.take_facing, plan.model_facing
@@ -123,7 +123,7 @@ class _AxesConversion:
         return model_directions * _MIRROR_SIGNS if pair.plan.mirrored else model_directions
 
 
-def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[Project, Clip]:
+def apply_plan(project: Project, shape: RiggedCharacter, clip: Clip, plan: Plan) -> tuple[Project, Clip]:
     """Returns a project in which the take moves the shape, and a copy of the take that is relative to its new
     rest pose.
 
@@ -152,7 +152,7 @@ def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[
         project, shape.id, [pair.target_joints for pair in pairs if pair.plan.carries]
     )
     if plan.travel:
-        project = _follow_take_root(project, shape.id, first, axes, plan.stride)
+        project = _make_root_follow_take(project, shape.id, first, axes, plan.stride)
     return project, first
 
 
@@ -239,7 +239,7 @@ def _lies_on_floor(skeleton: Skeleton, chain: tuple[int, ...]) -> bool:
 
 
 def _bind_pair(
-    project: Project, shape: Shape, take: Clip, pair: _ChainPair, basis: Float, stretch: bool
+    project: Project, shape: RiggedCharacter, take: Clip, pair: _ChainPair, basis: Float, stretch: bool
 ) -> Project:
     chain = pair.plan
     stretch_option: dict[str, Any] = {"stretch": True} if stretch and take.tracks else {}
@@ -416,7 +416,7 @@ def _yaw_rotation(angle: float) -> Float:
     return from_rotation_vector(np.array([0.0, angle, 0.0]))
 
 
-def _follow_take_root(
+def _make_root_follow_take(
     project: Project, shape_id: str, take: Clip, axes: _AxesConversion, stride: float
 ) -> Project:
     """Returns a project in which the shape's root follows the path of the take's root, scaled by

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Clip, ContactSettings, Project, Shape, Skeleton
+from enliven.document import Clip, ContactSettings, Project, RiggedCharacter, Skeleton
 from enliven.errors import InputError
 from enliven.formats.rig.rig import play_clip
 from enliven.mapping.applying import apply_plan, initial_facings, source_anatomy
@@ -88,7 +88,7 @@ _MAX_UPRIGHT_ANGLE = np.radians(45.0)
 """Maximum angle (radians) between the vertical and the line from root to head of an upright body."""
 
 
-def automatic(clip: Clip, shape: Shape) -> Plan:
+def create_automatic_plan(clip: Clip, shape: RiggedCharacter) -> Plan:
     """Returns the automatic mapping of a whole body.
 
     The model gets the performer's pose (mode "pose") if both bodies have the same numbers of leg and arm
@@ -168,7 +168,7 @@ def _is_moving_finger(clip: Clip, finger: Sequence[int]) -> bool:
     return bool(2.0 * np.arccos(min(float(cosine), 1.0)) > _MIN_FINGER_BEND)
 
 
-def idle_limbs(clip: Clip, plan: Plan) -> tuple[str, ...]:
+def list_idle_limbs(clip: Clip, plan: Plan) -> tuple[str, ...]:
     """Returns the names of the performer's arms and legs that no chain of the plan uses, such as "left
     arm"."""
     skeleton, moving = clip.skeleton, set[int]()
@@ -258,7 +258,7 @@ def _trunk_direction(skeleton: Skeleton, anatomy: Anatomy) -> Float:
 
 def pin_all_feet(
     project: Project,
-    shape: Shape,
+    shape: RiggedCharacter,
     steps: Mapping[SkeletonLimb, float] | None = None,
     level: bool = False,
     above: bool = False,
@@ -379,7 +379,7 @@ def _end_names(skeleton: Skeleton, chain: tuple[int, ...]) -> tuple[str, ...]:
     return (skeleton.names[chain[0]], skeleton.names[chain[-1]])
 
 
-def play_own_take(shape: Shape, clip: Clip, project: Project | None = None) -> RetargetedShape:
+def play_own_take(shape: RiggedCharacter, clip: Clip, project: Project | None = None) -> RetargetedShape:
     """Returns a shape that plays one of its own takes joint by joint, including travel through the world.
 
     Args:
@@ -394,14 +394,14 @@ def play_own_take(shape: Shape, clip: Clip, project: Project | None = None) -> R
         raise InputError(
             "the clip has another skeleton than the model", where=f"clip {clip.id!r}", remedy="Retarget it."
         )
-    plan = replace(automatic(clip, shape), travel=True, floor=False)
+    plan = replace(create_automatic_plan(clip, shape), travel=True, floor=False)
     new_project, _ = play_clip(project or Project(), shape, clip)
     take_facing, model_facing = initial_facings(clip, shape, plan)
     return RetargetedShape(new_project, shape.id, clip, plan, clip.duration, model_facing, take_facing)
 
 
 def retarget(
-    shape: Shape,
+    shape: RiggedCharacter,
     clip: Clip,
     plan: Plan | None = None,
     project: Project | None = None,
@@ -412,7 +412,7 @@ def retarget(
     Args:
         shape: the shape.
         clip: the take.
-        plan: the mapping. If None, :func:`automatic` finds one.
+        plan: the mapping. If None, :func:`create_automatic_plan` finds one.
         project: the project with the shape, and with takes that already move the shape. If None, a new
             project is created.
         clips: the model's own clips, which define the ranges of its joints.
@@ -420,7 +420,7 @@ def retarget(
     Raises:
         InputError: see :func:`apply_plan`; also if no part of the shape can be driven.
     """
-    plan = automatic(clip, shape) if plan is None else plan
+    plan = create_automatic_plan(clip, shape) if plan is None else plan
     if not plan.chains:
         remedy = "Write a mapping file: --write-map writes one that you can edit."
         raise InputError("no chain of the take matches a chain of the model", where="mapping", remedy=remedy)

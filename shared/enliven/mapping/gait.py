@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 
 from enliven.arrays import Float
-from enliven.document import Clip, Shape, Skeleton, joint_places
+from enliven.document import Clip, RiggedCharacter, Skeleton, joint_places
 from enliven.mapping.applying import initial_facings, source_anatomy
 from enliven.mapping.ground import floor_height_under, foot_contact_weights
 from enliven.mapping.plan import Mode, Plan
@@ -79,18 +79,18 @@ class LegStep:
         return self.source.proper[len(self.source_leg) :]
 
 
-def legs_that_step(shape: Shape, clip: Clip, plan: Plan) -> tuple[SkeletonLimb, ...]:
+def legs_that_step(shape: RiggedCharacter, clip: Clip, plan: Plan) -> tuple[SkeletonLimb, ...]:
     """Returns the legs of a shape that follow the steps of the performer's feet, instead of copying leg
     angles."""
     return tuple(step.limb for step in find_stepping_legs(shape, clip, plan))
 
 
-def posed_legs_that_step(shape: Shape, clip: Clip, plan: Plan) -> tuple[SkeletonLimb, ...]:
+def posed_legs_that_step(shape: RiggedCharacter, clip: Clip, plan: Plan) -> tuple[SkeletonLimb, ...]:
     """Returns the legs of a shape that step and keep the performer's pose."""
     return tuple(step.limb for step in find_stepping_legs(shape, clip, plan) if step.posed)
 
 
-def bones_that_only_step(shape: Shape, clip: Clip, plan: Plan) -> set[int]:
+def bones_that_only_step(shape: RiggedCharacter, clip: Clip, plan: Plan) -> set[int]:
     """Returns the bones of the stepping legs, except legs that the performer's arm may drive."""
     return {
         bone
@@ -105,7 +105,9 @@ def leg_length(skeleton: Skeleton, leg: Sequence[int]) -> float:
     return max(float(skeleton.lengths[list(leg[1:])].sum()), 1e-9)
 
 
-def step_sizes(shape: Shape, clip: Clip, rebased_clip: Clip, plan: Plan) -> dict[SkeletonLimb, float]:
+def step_sizes(
+    shape: RiggedCharacter, clip: Clip, rebased_clip: Clip, plan: Plan
+) -> dict[SkeletonLimb, float]:
     """Returns the legs that step, each with the size of its steps in metres.
 
     The size is the performer's leg length, scaled to the model. A model with long legs that takes short steps
@@ -118,7 +120,7 @@ def step_sizes(shape: Shape, clip: Clip, rebased_clip: Clip, plan: Plan) -> dict
     }
 
 
-def step_scale(shape: Shape, clip: Clip, rebased_clip: Clip, plan: Plan) -> float:
+def step_scale(shape: RiggedCharacter, clip: Clip, rebased_clip: Clip, plan: Plan) -> float:
     """Returns the step scale: the distance in metres that a foot of the shape moves per metre of the
     performer's foot.
 
@@ -139,7 +141,7 @@ def _limb_length(skeleton: Skeleton, limb: SkeletonLimb) -> float:
     return max(float(skeleton.lengths[list(limb.proper[1:])].sum()), 1e-9)
 
 
-def find_stepping_legs(shape: Shape, clip: Clip, plan: Plan) -> list[LegStep]:
+def find_stepping_legs(shape: RiggedCharacter, clip: Clip, plan: Plan) -> list[LegStep]:
     """Returns the legs of a shape that step, the rearmost first. The list is empty if the mapping disables
     steps."""
     model, performer = find_anatomy(shape.skeleton), source_anatomy(clip)
@@ -173,7 +175,7 @@ def _posed_leg(limb: SkeletonLimb, posed: Collection[int]) -> tuple[int, ...]:
 
 
 def _performed_leg(
-    shape: Shape, clip: Clip, plan: Plan, leg: tuple[int, ...], source: SkeletonLimb
+    shape: RiggedCharacter, clip: Clip, plan: Plan, leg: tuple[int, ...], source: SkeletonLimb
 ) -> tuple[int, ...]:
     """Returns the joints of the performer's leg down to the joint that drives the end of a posed leg."""
     end_name = shape.skeleton.names[leg[-1]]
@@ -247,7 +249,7 @@ class PerformerGait:
     """
 
     def __init__(
-        self, shape: Shape, clip: Clip, rebased_clip: Clip, plan: Plan, times: Float, scale: float
+        self, shape: RiggedCharacter, clip: Clip, rebased_clip: Clip, plan: Plan, times: Float, scale: float
     ) -> None:
         take_facing, model_facing = initial_facings(clip, shape, plan)
         rest = rebased_clip.skeleton.positions
@@ -271,13 +273,13 @@ class PerformerGait:
         self.offsets = rotate_about_y(interpolated, model_facing - take_facing)
         self.root_height = np.interp(times, frame_times, clip.root[:, 1]) - floor_height
 
-    def floor(self, shape: Shape, root: Float) -> Float:
+    def compute_floor_height(self, shape: RiggedCharacter, root: Float) -> Float:
         """Returns the height (T,) in metres of the floor under a posed shape with the root heights ``root``
         (T,)."""
         standing = shape.skeleton.positions[0, 1] + shape.place[1] - floor_height_under(shape)
         return np.asarray(root - standing - self.scale * (self.root_height + self.posed[:, 1].min()))
 
-    def foot(self, leg: SkeletonLimb) -> int:
+    def find_foot_joint(self, leg: SkeletonLimb) -> int:
         """Returns the joint of a leg's foot that moves least vertically while the foot stands."""
         height = self.skeleton.positions[:, 1]
         max_height = height.min() + _MAX_FOOT_HEIGHT * np.ptp(height)
@@ -285,7 +287,7 @@ class PerformerGait:
         vertical_motion = np.abs(np.diff(self.offsets[:, foot_joints, 1] + self.root_height[:, None], axis=0))
         return foot_joints[int(np.percentile(vertical_motion, 100.0 - _STANDING_PERCENT, axis=0).argmin())]
 
-    def home(self, foot: int, heading: Float) -> Float:
+    def neutral_foot_position(self, foot: int, heading: Float) -> Float:
         """Returns the neutral position (3,) of a foot in metres from the root, for a body that faces +Z.
 
         If the mapping names a reference time in the take, the result is the position at this time. Otherwise
@@ -310,7 +312,7 @@ class PerformerGait:
         stands or raises the arm."""
         drop = self.offsets[:, arm.proper[0], 1] - self.offsets[:, arm.proper[-1], 1]
         drop /= _limb_length(self.skeleton, arm)
-        left, right = (self.offsets[:, self.foot(leg)] for leg in self._legs)
+        left, right = (self.offsets[:, self.find_foot_joint(leg)] for leg in self._legs)
         speed = np.linalg.norm(np.gradient(left - right, self.step, axis=0), axis=1)
         speed /= _limb_length(self.skeleton, self._legs[0])
         speed = scipy.ndimage.maximum_filter1d(speed, max(round(STRIDE_S / self.step), 1), mode="nearest")

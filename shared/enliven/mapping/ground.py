@@ -14,7 +14,16 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Bool, Float
 from enliven.deformation.skinning import skin_vertices
-from enliven.document import Clip, Layer, Project, Shape, Skeleton, character_of, joint_places, unused
+from enliven.document import (
+    Clip,
+    Layer,
+    Project,
+    RiggedCharacter,
+    Skeleton,
+    character_of,
+    joint_places,
+    unused,
+)
 from enliven.mapping.resting import heading_from_rotation
 from enliven.motion.layers.evaluate import Player, pose_from
 from enliven.motion.layers.retarget import set_travel
@@ -49,7 +58,7 @@ _MIN_TWIST_NORM = 0.2
 and its heading is undefined."""
 
 
-def body_points(shape: Shape) -> Bool:
+def body_points(shape: RiggedCharacter) -> Bool:
     """Returns (V,) True for the points of a shape's surface that belong to its body.
 
     All other points belong to an object in a hand: the joint that moves them has the name of an object, or
@@ -81,19 +90,19 @@ def body_points(shape: Shape) -> Bool:
     return np.asarray(~is_object if not is_object.all() else np.ones_like(is_object))
 
 
-def stands_on_floor(shape: Shape) -> bool:
+def stands_on_floor(shape: RiggedCharacter) -> bool:
     """Returns True if a shape has legs, or if its lowest point at rest is on the floor."""
     rest = _body_at_rest(shape)
     lowest, height = float(rest[:, 1].min()), float(np.ptp(rest[:, 1]))
     return abs(lowest) < _MAX_FLOOR_DISTANCE * height or bool(find_anatomy(shape.skeleton).legs)
 
 
-def floor_height_under(shape: Shape) -> float:
+def floor_height_under(shape: RiggedCharacter) -> float:
     """Returns the height in metres of the floor under a shape that stands in its rest pose."""
     return float(_body_at_rest(shape)[:, 1].min() + shape.place[1])
 
 
-def _body_at_rest(shape: Shape) -> Float:
+def _body_at_rest(shape: RiggedCharacter) -> Float:
     """Returns the points (V, 3) in metres of a shape's body at rest."""
     rest = shape.skeleton.positions if shape.mesh is None else shape.mesh.vertices
     return np.asarray(rest[body_points(shape)])

@@ -16,7 +16,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Clip, Layer, Project, Shape, Skeleton, unused
+from enliven.document import Clip, Layer, Project, RiggedCharacter, Skeleton, unused
 from enliven.mapping.ground import sample_times
 from enliven.mapping.model_clips import is_own_take
 from enliven.mapping.plan import Plan
@@ -149,7 +149,7 @@ def limit_pose(
     return limited_turns, limited_bones
 
 
-def _bone_fractions(project: Project, shape: Shape, clip: Clip, plan: Plan) -> dict[int, float]:
+def _bone_fractions(project: Project, shape: RiggedCharacter, clip: Clip, plan: Plan) -> dict[int, float]:
     """Returns the bones that may be limited, each with its length as a fraction of its chain's length.
 
     These are the bones that chains of mode "move" drive at the take's own speed. The result is empty for
@@ -188,7 +188,7 @@ def _is_played_once(layer: Layer) -> bool:
     return (layer.offset, layer.speed, layer.loop) == (0.0, 1.0, False)
 
 
-def _following_bones(shape: Shape, bones: Collection[int]) -> dict[int, int]:
+def _following_bones(shape: RiggedCharacter, bones: Collection[int]) -> dict[int, int]:
     """Returns the bones that copy the motion of a sibling in ``bones``, such as twist bones.
 
     Each bone is mapped to the sibling that it copies.

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Clip, Layer, Project, Shape, Skeleton, joint_places
+from enliven.document import Clip, Layer, Project, RiggedCharacter, Skeleton, joint_places
 from enliven.errors import InputError
 from enliven.formats.rig.rig import play_clip
 
@@ -28,7 +28,7 @@ _SEAM_FRAMES = 1.5
 is above 1, because not all files repeat the first frame at the end."""
 
 
-def is_own_take(clip: Clip, shape: Shape) -> bool:
+def is_own_take(clip: Clip, shape: RiggedCharacter) -> bool:
     """Returns True if a take has the shape's own skeleton: the same joints at the same rest positions."""
     return _is_same(clip.skeleton, shape.skeleton)
 
@@ -43,7 +43,7 @@ def _is_same(first: Skeleton, second: Skeleton) -> bool:
     return bool(offset < _MAX_JOINT_DIFFERENCE * float(np.ptp(second.positions, axis=0).max()))
 
 
-def own_clips(project: Project, shape: Shape) -> tuple[str, ...]:
+def own_clips(project: Project, shape: RiggedCharacter) -> tuple[str, ...]:
     """Returns the names of the takes that were recorded on a shape's own skeleton.
 
     These takes can be played joint by joint, without retargeting. This also works if the shape has been
@@ -60,7 +60,7 @@ def own_clips(project: Project, shape: Shape) -> tuple[str, ...]:
     )
 
 
-def played_clip(project: Project, shape: Shape) -> str | None:
+def played_clip(project: Project, shape: RiggedCharacter) -> str | None:
     """Returns the name of the model's own clip that the shape plays, or None. Keys are ignored."""
     joint_layers = _joint_layers(project, shape)
     return joint_layers[0].take if joint_layers and not joint_layers[0].muted else None
@@ -77,7 +77,7 @@ def is_looping(clip: Clip) -> bool:
     return seam <= max(_MAX_STILL_MOTION * _clip_size(clip), _SEAM_FRAMES * float(np.median(steps)))
 
 
-def clip_to_open(shape: Shape, clips: Sequence[Clip]) -> Clip | None:
+def clip_to_open(shape: RiggedCharacter, clips: Sequence[Clip]) -> Clip | None:
     """Returns the clip that a model plays when it is opened, or None if no clip moves.
 
     A looping clip with "idle" in its name is preferred, then any looping clip, then any moving clip.
@@ -111,7 +111,9 @@ def play_own_clip(project: Project, shape_id: str, name: str | None) -> Project:
     return loop_takes(project, shape_id) if is_looping(project.takes[name]) else project
 
 
-def _replace_clip(project: Project, shape: Shape, joint_layers: Sequence[Layer], name: str | None) -> Project:
+def _replace_clip(
+    project: Project, shape: RiggedCharacter, joint_layers: Sequence[Layer], name: str | None
+) -> Project:
     """Returns a project in which the layers of a shape's own clip play the clip ``name`` instead, or are
     muted if ``name`` is None."""
     other_layers = [layer for layer in shape.layers if layer not in joint_layers]
@@ -119,11 +121,11 @@ def _replace_clip(project: Project, shape: Shape, joint_layers: Sequence[Layer],
     if name is not None:
         clip = project.takes[name]
         changes = {"take": name, "muted": False, "loop": is_looping(clip), "stretch": bool(clip.tracks)}
-        new_layers = [replace(layer.timeless(), **changes) for layer in joint_layers]
+        new_layers = [replace(layer.with_default_timing(), **changes) for layer in joint_layers]
     return project.with_characters(shape.with_changes(layers=(*new_layers, *other_layers)))
 
 
-def _joint_layers(project: Project, shape: Shape) -> tuple[Layer, ...]:
+def _joint_layers(project: Project, shape: RiggedCharacter) -> tuple[Layer, ...]:
     """Returns the layers that play a shape's own clip joint by joint, or none if it plays no clip of its own.
 
     If the shape was rotated as a whole, an additional layer plays the path of its root.

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int
-from enliven.document import Shape
+from enliven.document import RiggedCharacter
 from enliven.kernels import njit
 
 _TESTED_FACES = 3000
@@ -34,10 +34,10 @@ _MAX_CELLS = 256
 """Maximum number of cells along a side of the ray grid. It limits the grid's indices to 512 KB."""
 
 
-class Overlap:
+class SelfIntersectionTest:
     """A test for self-intersection: the tested faces of a shape, and the faces that are inside at rest."""
 
-    def __init__(self, shape: Shape) -> None:
+    def __init__(self, shape: RiggedCharacter) -> None:
         assert shape.mesh is not None and shape.skin is not None
         self.faces = shape.mesh.faces
         self.tested_faces = np.arange(0, len(self.faces), max(len(self.faces) // _TESTED_FACES, 1))
@@ -46,7 +46,7 @@ class Overlap:
         self._adjacent = _adjacent_bones(shape)
         self._rest = self._faces_inside(shape.mesh.vertices)[0]
 
-    def at(self, vertices: Float) -> tuple[float, dict[tuple[int, int], float]]:
+    def measure_overlap(self, vertices: Float) -> tuple[float, dict[tuple[int, int], float]]:
         """Returns the fraction of the surface that is inside other parts, in total and for each pair (inner
         bone, outer bone)."""
         inside, outer_faces = self._faces_inside(vertices)
@@ -73,7 +73,9 @@ class Overlap:
         numbers = np.empty((3, len(points)), np.int64)
         exits, exit_distances = np.full(len(points), -1), np.full(len(points), np.inf)
         for axis in range(3):
-            wind(points, corners, self.bone, axis, cells, numbers[axis], exits, exit_distances)
+            compute_winding_numbers(
+                points, corners, self.bone, axis, cells, numbers[axis], exits, exit_distances
+            )
         inside = (np.median(numbers, axis=0) >= 1) & (exits >= 0)
         inner_bones, outer_bones = self.bone[self.tested_faces], self.bone[np.maximum(exits, 0)]
         return inside & ~self._adjacent[inner_bones, outer_bones], exits
@@ -84,7 +86,7 @@ def _face_areas(corners: Float) -> Float:
     return np.asarray(np.linalg.norm(vectors, axis=1) / 2.0)
 
 
-def _face_bones(shape: Shape) -> Int:
+def _face_bones(shape: RiggedCharacter) -> Int:
     """Returns (F,) the bone with the largest total skin weight on the corners of each face."""
     assert shape.mesh is not None and shape.skin is not None
     indices, weights = (
@@ -94,12 +96,12 @@ def _face_bones(shape: Shape) -> Int:
     return np.asarray(np.take_along_axis(indices, total.argmax(1)[:, None], 1)[:, 0], np.int64)
 
 
-def _skin_arrays(shape: Shape) -> tuple[Int, Float]:
+def _skin_arrays(shape: RiggedCharacter) -> tuple[Int, Float]:
     assert shape.skin is not None
     return np.asarray(shape.skin.indices, np.int64), np.asarray(shape.skin.weights, np.float64)
 
 
-def _adjacent_bones(shape: Shape) -> Bool:
+def _adjacent_bones(shape: RiggedCharacter) -> Bool:
     """Returns (N, N) True for pairs of bones that share a joint, where the surface may fold, and for each
     bone with itself."""
     skeleton, count = shape.skeleton, len(shape.skeleton)
@@ -110,7 +112,7 @@ def _adjacent_bones(shape: Shape) -> Bool:
 
 
 @njit(cache=True, nogil=True)
-def wind(points, corners, bones, axis, cells, numbers, exits, ways):
+def compute_winding_numbers(points, corners, bones, axis, cells, numbers, exits, ways):
     """Computes the winding numbers of the surface about points, along rays parallel to an axis.
 
     Args:

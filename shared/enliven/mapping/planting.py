@@ -27,8 +27,8 @@ import numpy as np
 import scipy
 
 from enliven.arrays import AnyArray, Float, Int
-from enliven.document import Shape
-from enliven.motion.contact.contacts import find_runs, touching
+from enliven.document import RiggedCharacter
+from enliven.motion.contact.contacts import detect_contact_frames, find_runs
 from enliven.rotation import rotate
 
 Spans = tuple[tuple[int, int], ...]
@@ -197,7 +197,7 @@ def standing_spans(foot: Float, root: Float, step: float, length: float) -> Span
         speed = np.linalg.norm(np.gradient(joint, step, axis=0), axis=1)
         height = joint[:, 1] - np.percentile(joint[:, 1], _STANDING_PERCENTILE)
         joint_stands = np.empty(len(foot), np.bool_)
-        touching(
+        detect_contact_frames(
             height, speed / speed_limit, _MAX_STANDING_HEIGHT * length, 1.0, _RELEASE_FACTOR, joint_stands
         )
         is_standing |= joint_stands
@@ -212,7 +212,7 @@ class Sole:
         bones: the bones of the foot.
     """
 
-    def __init__(self, shape: Shape, bones: Sequence[int]) -> None:
+    def __init__(self, shape: RiggedCharacter, bones: Sequence[int]) -> None:
         self._skeleton = shape.skeleton
         self._points, self._bones, self._weights = _foot_surface(shape, bones)
         foot_length = max(float(np.ptp(self._points[:, [0, 2]], axis=0).max()), _MIN_FOOT_LENGTH)
@@ -241,7 +241,7 @@ class Sole:
             offset, lowest = offset + path[-1], [*lowest, height if not start else height[1:]]
         return np.concatenate(rolled), np.concatenate(lowest)
 
-    def spin(self, turns: Float, joints: Float) -> Float:
+    def compute_accumulated_rotation(self, turns: Float, joints: Float) -> Float:
         """Returns the accumulated rotation (T,) of the touching part about +Y, in radians.
 
         A foot that rolls without sliding rotates about horizontal axes only. Rotation about +Y makes it
@@ -295,7 +295,7 @@ class Sole:
         return np.concatenate(lowest, axis=1)
 
 
-def _foot_surface(shape: Shape, bones: Sequence[int]) -> tuple[Float, AnyArray, AnyArray]:
+def _foot_surface(shape: RiggedCharacter, bones: Sequence[int]) -> tuple[Float, AnyArray, AnyArray]:
     """Returns the outermost points (P, 3) of a foot in metres, and the bones (P, K) that move them with their
     weights (P, K).
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Clip, Layer, Project, Shape, joint_places
+from enliven.document import Clip, Layer, Project, RiggedCharacter, joint_places
 from enliven.mapping.applying import apply_plan, source_anatomy
 from enliven.mapping.gait import legs_that_step, posed_legs_that_step
 from enliven.mapping.plan import Plan
@@ -82,7 +82,7 @@ def limb_errors(
 
 
 def _driven_segments(
-    project: Project, shape: Shape, clip: Clip, without: set[tuple[int, ...]]
+    project: Project, shape: RiggedCharacter, clip: Clip, without: set[tuple[int, ...]]
 ) -> Iterator[tuple[str, Layer, tuple[int, ...]]]:
     """Yields the name, layer and joints of each limb segment that one layer of the performer's take drives.
 
@@ -115,7 +115,9 @@ def _segment_name(limb: SkeletonLimb, number: int, segment: int, count: int) -> 
     return f"{kind} {number}" if count == 1 else f"{kind} {number}, segment {segment + 1}"
 
 
-def _bone_layers(project: Project, shape: Shape, clip: Clip, chain: tuple[int, ...]) -> list[Layer | None]:
+def _bone_layers(
+    project: Project, shape: RiggedCharacter, clip: Clip, chain: tuple[int, ...]
+) -> list[Layer | None]:
     """Returns the layer of the take for each bone of a chain, or None if another layer moves the bone."""
     sole_layers = list[Layer | None]()
     for bone in chain[1:]:
@@ -133,7 +135,7 @@ def _plays_unchanged(project: Project, layer: Layer, clip: Clip) -> bool:
 
 
 def _expected_directions(
-    take: Clip, layer: Layer, starts: set[int], shape: Shape, chain: tuple[int, ...], times: Float
+    take: Clip, layer: Layer, starts: set[int], shape: RiggedCharacter, chain: tuple[int, ...], times: Float
 ) -> Float:
     """Returns (T, 3) directions that a chain of the shape should point in, in the shape's axes.
 

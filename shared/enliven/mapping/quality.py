@@ -18,7 +18,7 @@ import numpy as np
 import scipy
 
 from enliven.arrays import Bool, Float, Int32
-from enliven.document import Clip, Project, Shape
+from enliven.document import Clip, Project, RiggedCharacter
 from enliven.mapping.ground import (
     body_points,
     floor_height_under,
@@ -26,7 +26,7 @@ from enliven.mapping.ground import (
     posed_surfaces,
     stands_on_floor,
 )
-from enliven.mapping.overlap import Overlap
+from enliven.mapping.overlap import SelfIntersectionTest
 from enliven.mapping.plan import Plan
 from enliven.mapping.pose_error import LimbError, limb_errors
 from enliven.motion.layers.evaluate import Player
@@ -121,15 +121,15 @@ class MotionQuality:
         return tuple(sorted(beyond, key=lambda limb: -limb.median))
 
     @property
-    def beyond(self) -> float:
+    def total_excess(self) -> float:
         """The sum of the relative excess of all measures over their bounds, or 0 if no measure exceeds its
         bound."""
         return sum(max(ratio - 1.0, 0.0) for ratio in self._bound_ratios)
 
     @property
     def faults(self) -> float:
-        """``beyond``, plus a small term that compares motions within all bounds. Less is better."""
-        return self.beyond + _WITHIN_BOUND_WEIGHT * sum(min(ratio, 1.0) for ratio in self._bound_ratios)
+        """``total_excess``, plus a small term that compares motions within all bounds. Less is better."""
+        return self.total_excess + _WITHIN_BOUND_WEIGHT * sum(min(ratio, 1.0) for ratio in self._bound_ratios)
 
     @property
     def _bound_ratios(self) -> tuple[float, ...]:
@@ -171,7 +171,7 @@ class MotionQuality:
         return "; ".join([*phrases, f"{self.through:.1%} of the surface goes through another part at most"])
 
 
-def visible_edges(shape: Shape) -> tuple[Int32, Float]:
+def visible_edges(shape: RiggedCharacter) -> tuple[Int32, Float]:
     """Returns the edges (E, 2) of a mesh with visible stretch, and their lengths (E,) in metres at rest.
 
     Very short edges, and edges that belong only to slivers or tiny parts, are excluded. The result is empty
@@ -222,7 +222,7 @@ def stretch_over_time(project: Project, shape_id: str, duration: float) -> tuple
     )
 
 
-def quality_of(
+def measure_quality(
     project: Project, shape_id: str, clip: Clip, duration: float, plan: Plan | None = None
 ) -> MotionQuality:
     """Returns the quality of a shape's motion.
@@ -272,11 +272,13 @@ def quality_of(
     )
 
 
-def _self_intersection(shape: Shape, moments: Sequence[Float]) -> tuple[float, tuple[str, ...]]:
+def _self_intersection(shape: RiggedCharacter, moments: Sequence[Float]) -> tuple[float, tuple[str, ...]]:
     """Returns the largest fraction over time of a surface inside other parts, and the pairs of parts that
     intersect at that time."""
-    overlap = Overlap(shape)
-    through, parts = max((overlap.at(surface) for surface in moments), key=lambda result: result[0])
+    overlap = SelfIntersectionTest(shape)
+    through, parts = max(
+        (overlap.measure_overlap(surface) for surface in moments), key=lambda result: result[0]
+    )
     names, parents = shape.skeleton.names, np.maximum(shape.skeleton.parents, 0)
     share_by_pair: dict[str, float] = {}
     for (a, b), fraction in parts.items():
@@ -289,19 +291,19 @@ def _edge_lengths(vertices: Float, edges: Int32) -> Float:
     return np.asarray(np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1))
 
 
-def _overstretched_joints(shape: Shape, edges: Int32, stretch: Float) -> tuple[str, ...]:
+def _overstretched_joints(shape: RiggedCharacter, edges: Int32, stretch: Float) -> tuple[str, ...]:
     """Returns the joints of the bones that move the most ends of overstretched edges."""
     overstretched_counts = np.repeat((stretch > MAX_STRETCH).sum(0), 2).astype(float)
     return _joints_that_move(shape, np.asarray(np.bincount(edges.ravel(), overstretched_counts), np.float64))
 
 
-def _lowest_joints(shape: Shape, vertices: Float, body_height: float) -> tuple[str, ...]:
+def _lowest_joints(shape: RiggedCharacter, vertices: Float, body_height: float) -> tuple[str, ...]:
     """Returns the joints of the bones that move the lowest vertices of a shape, given its vertices (V, 3)."""
     lowest = float(vertices[:, 1].min())
     return _joints_that_move(shape, (vertices[:, 1] < lowest + _ON_FLOOR_HEIGHT * body_height).astype(float))
 
 
-def _joints_that_move(shape: Shape, count: Float) -> tuple[str, ...]:
+def _joints_that_move(shape: RiggedCharacter, count: Float) -> tuple[str, ...]:
     """Returns the joints of the bones that move most of the vertices.
 
     Args:
@@ -318,7 +320,7 @@ def _joints_that_move(shape: Shape, count: Float) -> tuple[str, ...]:
     return tuple(dict.fromkeys(shape.skeleton.names[j] for j in parents))
 
 
-def _slide_speed(project: Project, shape: Shape, clip: Clip, times: Float) -> float:
+def _slide_speed(project: Project, shape: RiggedCharacter, clip: Clip, times: Float) -> float:
     """Returns the mean sliding speed in cm/s of the slowest vertices near the floor, which are in standing
     feet."""
     body_height = 1.0 if shape.mesh is None else float(np.ptp(shape.mesh.vertices[:, 1]))

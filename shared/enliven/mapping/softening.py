@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Bool, Int32
-from enliven.document import Clip, Project, Shape
+from enliven.document import Clip, Project, RiggedCharacter
 from enliven.mapping.applying import apply_plan
 from enliven.mapping.gait import legs_that_step
 from enliven.mapping.plan import ChainPlan, Plan
@@ -32,7 +32,7 @@ _MAX_ROUNDS = 12
 """Maximum number of times that the mapping is changed."""
 
 
-def soften_plan(plan: Plan, clip: Clip, shape: Shape) -> Plan:
+def soften_plan(plan: Plan, clip: Clip, shape: RiggedCharacter) -> Plan:
     """Returns the mapping with reduced weights for limbs that would stretch the surface beyond the bound."""
     # Length changes that the take itself contains are intended, so they are not measured.
     plan_in_place = replace(plan, travel=False, stretch=False)
@@ -76,7 +76,7 @@ def limb_name(chain: ChainPlan) -> str:
     return " ".join(words)
 
 
-def _stepping_roles(plan: Plan, clip: Clip, shape: Shape) -> set[str]:
+def _stepping_roles(plan: Plan, clip: Clip, shape: RiggedCharacter) -> set[str]:
     """Returns the limb names of the chains that drive stepping legs."""
     legs = {joint for limb in legs_that_step(shape, clip, plan) for joint in limb.proper[1:]}
     return {limb_name(c) for c in plan.chains if shape.skeleton.index(c.target[-1]) in legs}
@@ -90,7 +90,9 @@ def _limb_weight(plan: Plan, role: str) -> float:
     return min(chain.weight for chain in plan.chains if limb_name(chain) == role)
 
 
-def _overstretched_edges(plan: Plan, shape: Shape, edges: Int32, is_overstretched: Bool) -> dict[str, float]:
+def _overstretched_edges(
+    plan: Plan, shape: RiggedCharacter, edges: Int32, is_overstretched: Bool
+) -> dict[str, float]:
     """Returns the number of overstretched edges at the bones of each limb. ``is_overstretched`` (T, E) marks
     these edges over time."""
     skeleton, skin = shape.skeleton, shape.skin

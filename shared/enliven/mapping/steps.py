@@ -22,7 +22,7 @@ import numpy as np
 import scipy
 
 from enliven.arrays import Float
-from enliven.document import Clip, Project, Shape, Skeleton, unused
+from enliven.document import Clip, Project, RiggedCharacter, Skeleton, unused
 from enliven.mapping.gait import (
     STRIDE_S,
     LegStep,
@@ -143,7 +143,7 @@ def apply_steps(project: Project, shape_id: str, clip: Clip, rebased_clip: Clip,
     return project.with_characters(new_shape.with_changes(spans=tuple(spans)))
 
 
-def _sibling_bones(shape: Shape, chains: Sequence[Sequence[int]]) -> Iterator[tuple[int, int]]:
+def _sibling_bones(shape: RiggedCharacter, chains: Sequence[Sequence[int]]) -> Iterator[tuple[int, int]]:
     """Yields (bone of a chain, sibling bone) for each sibling that copies the bone's motion, such as a twist
     bone."""
     chain_bones = {bone for chain in chains for bone in chain}
@@ -162,7 +162,7 @@ def _rotation_chains(skeleton: Skeleton, step: LegStep) -> list[tuple[int, ...]]
 
 
 def _plant_feet(
-    shape: Shape, steps: Sequence[LegStep], performer: PerformerGait, turns: Float, joints: Float
+    shape: RiggedCharacter, steps: Sequence[LegStep], performer: PerformerGait, turns: Float, joints: Float
 ) -> None:
     """Moves the body and bends posed legs so that standing feet are still. Changes ``turns`` and ``joints``
     in place."""
@@ -170,7 +170,7 @@ def _plant_feet(
     # First put the performer's floor at the height of the model's floor. If no foot ever stands, this is the
     # final result.
     corrected_root = root.copy()
-    corrected_root[:, 1] += floor - np.median(performer.floor(shape, root[:, 1]))
+    corrected_root[:, 1] += floor - np.median(performer.compute_floor_height(shape, root[:, 1]))
     soles = [_foot_part(shape, step) for step in steps]
     contacts = [_contact_spans(shape.skeleton, step, performer, root) for step in steps]
     for step in steps:
@@ -255,7 +255,7 @@ def _pelvis_bones(skeleton: Skeleton, steps: Sequence[LegStep]) -> list[tuple[in
 
 
 def _correct_soles(
-    shape: Shape,
+    shape: RiggedCharacter,
     steps: Sequence[LegStep],
     soles: Sequence[Sole],
     legs: Sequence[PosedLeg],
@@ -278,7 +278,9 @@ def _correct_soles(
     for _ in range(_SOLE_PASSES):
         for step, sole, leg, spin in zip(steps, soles, legs, spins, strict=True):
             if step.toes:
-                excess = remove_spin(sole.spin(turns, joints) - spin, leg.spans, performer.step)
+                excess = remove_spin(
+                    sole.compute_accumulated_rotation(turns, joints) - spin, leg.spans, performer.step
+                )
                 _turn_about_vertical(skeleton, step.leg[-1], excess, turns, joints)
         bent_legs = _update_rolling(legs, soles, turns, joints)
         offsets = remaining_offsets(bent_legs, np.zeros_like(joints[:, 0]), performer.step, floor)
@@ -288,7 +290,7 @@ def _correct_soles(
             _bend_leg(skeleton, step, performer, joints[:, step.leg[-1]] + offset, turns, joints)
 
 
-def _foot_part(shape: Shape, step: LegStep) -> Sole:
+def _foot_part(shape: RiggedCharacter, step: LegStep) -> Sole:
     """Returns the part of a leg that may touch the floor: its foot, or the end of its shin if it has no
     foot."""
     return Sole(shape, shape.skeleton.below(step.leg[-1])[1:] or [step.leg[-1]])
@@ -372,7 +374,7 @@ def _hold_heading(
     Returns:
         (T,) radians, the intended rotation of the sole about +Y.
     """
-    spin = sole.spin(turns, joints)
+    spin = sole.compute_accumulated_rotation(turns, joints)
     if not step.toes:
         return spin
     correction = remove_spin(spin, spans, step_s)
@@ -428,15 +430,17 @@ def _tilt_foot(
     _turn_foot(skeleton, ankle, from_rotation_vector(angles[:, None] * axes), turns, joints)
 
 
-def _end_targets(shape: Shape, step: LegStep, performer: PerformerGait, turns: Float, joints: Float) -> Float:
+def _end_targets(
+    shape: RiggedCharacter, step: LegStep, performer: PerformerGait, turns: Float, joints: Float
+) -> Float:
     """Returns the target positions (T, 3) in metres for the end of a leg, in the current pose of the
     model.
 
     While the performer's foot stands, the end of the leg stands too, even if the body turns.
     """
-    skeleton, ankle, foot = shape.skeleton, step.leg[-1], performer.foot(step.source)
+    skeleton, ankle, foot = shape.skeleton, step.leg[-1], performer.find_foot_joint(step.source)
     heading, scale = heading_from_rotation(turns[:, 0]), performer.scale
-    foot_mean = performer.home(foot, heading)
+    foot_mean = performer.neutral_foot_position(foot, heading)
     rest = skeleton.positions[ankle] - skeleton.positions[0]
     angles = _smooth_headings(heading, round(STRIDE_S / performer.step))
     if shape.travel is not None:
@@ -492,7 +496,7 @@ def _bend_limb(
 
 
 def _lift_forelegs(
-    shape: Shape,
+    shape: RiggedCharacter,
     clip: Clip,
     steps: Sequence[LegStep],
     performer: PerformerGait,
@@ -528,7 +532,7 @@ def _lift_forelegs(
 
 
 def _floor_under_feet(
-    shape: Shape, clip: Clip, performer: PerformerGait, times: Float, joints: Float, lowest: Float
+    shape: RiggedCharacter, clip: Clip, performer: PerformerGait, times: Float, joints: Float, lowest: Float
 ) -> Float:
     """Returns the height (T,) in metres below which no foreleg may reach.
 
@@ -542,7 +546,7 @@ def _floor_under_feet(
         lowest: (T,) metres, the lowest point of the feet that no arm drives.
     """
     standing = np.interp(times, np.arange(len(clip.turns)) * clip.step, standing_on_feet(clip))
-    floor = performer.floor(shape, joints[:, 0, 1])
+    floor = performer.compute_floor_height(shape, joints[:, 0, 1])
     floor += np.median((lowest - floor)[standing >= min(0.5, standing.max())])
     return standing * lowest + (1.0 - standing) * np.minimum(lowest, floor)
 

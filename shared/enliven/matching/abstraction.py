@@ -93,7 +93,7 @@ def _reduced_positions(positions: Float, neighbours: list[list[int]], root: int 
                 return Abstraction(branch_node, tuple(candidates))
             leaves.append(branch_node)
         for branch_node in leaves:
-            tree.collapse(branch_node)
+            tree.collapse_to_leaf(branch_node)
     central_joint = tree.nearest_to_centre_of_mass(neighbours, leaves[0] if leaves else 0)
     if not candidates and len(neighbours) > 1:
         return _reduced_positions(positions, neighbours, central_joint)

@@ -77,7 +77,7 @@ class Reduction:
         """Returns the branches of a branch node, ordered by their first joint."""
         return tuple(sorted(self._done[node], key=lambda branch: branch.chain[1]))
 
-    def collapse(self, node: int) -> None:
+    def collapse_to_leaf(self, node: int) -> None:
         """Turns the sub-tree at a branch node into a leaf (step 4)."""
         branches = self.branches(node)
         shares = _normalized_weights({i: branch.length for i, branch in enumerate(branches)})

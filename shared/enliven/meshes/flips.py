@@ -35,24 +35,24 @@ def slot(row, value):
 
 
 @njit(cache=True, nogil=True)
-def flip(triangles, beside, t, k):
+def flip(triangles, neighbours, t, k):
     """Flips the edge opposite to corner k of triangle t, in place (kernel). The edge is replaced by the other
     diagonal of t and its neighbour.
 
     Args:
         triangles: (T, 3) vertices, counter-clockwise. The edge has a triangle on both sides.
-        beside: (T, 3) neighbours of each triangle; see the module's docstring.
+        neighbours: (T, 3) neighbours of each triangle; see the module's docstring.
     """
-    u = beside[t, k]
-    m = slot(beside[u], t)
+    u = neighbours[t, k]
+    m = slot(neighbours[u], t)
     a, b, c, d = triangles[t, k], triangles[t, (k + 1) % 3], triangles[t, (k + 2) % 3], triangles[u, m]
-    over_b, over_c = beside[t, (k + 1) % 3], beside[t, (k + 2) % 3]
-    under_c, under_b = beside[u, slot(triangles[u], c)], beside[u, slot(triangles[u], b)]
+    over_b, over_c = neighbours[t, (k + 1) % 3], neighbours[t, (k + 2) % 3]
+    under_c, under_b = neighbours[u, slot(triangles[u], c)], neighbours[u, slot(triangles[u], b)]
     triangles[t, 0], triangles[t, 1], triangles[t, 2] = a, b, d
     triangles[u, 0], triangles[u, 1], triangles[u, 2] = a, d, c
-    beside[t, 0], beside[t, 1], beside[t, 2] = under_c, u, over_c
-    beside[u, 0], beside[u, 1], beside[u, 2] = under_b, over_b, t
+    neighbours[t, 0], neighbours[t, 1], neighbours[t, 2] = under_c, u, over_c
+    neighbours[u, 0], neighbours[u, 1], neighbours[u, 2] = under_b, over_b, t
     if under_c >= 0:
-        beside[under_c, slot(beside[under_c], u)] = t
+        neighbours[under_c, slot(neighbours[under_c], u)] = t
     if over_b >= 0:
-        beside[over_b, slot(beside[over_b], t)] = u
+        neighbours[over_b, slot(neighbours[over_b], t)] = u

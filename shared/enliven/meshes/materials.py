@@ -89,7 +89,7 @@ class MeshMaterials:
         if problem:
             raise InputError(problem, where="materials", remedy=_EXPORT_ADVICE)
 
-    def taken(self, faces: Int | Bool) -> MeshMaterials:
+    def select_faces(self, faces: Int | Bool) -> MeshMaterials:
         """Returns the materials of the selected ``faces`` (numbers or mask)."""
         tints = None if self.tints is None else self.tints[faces]
         return replace(self, of=self.of[faces], uvs=self.uvs[faces], tints=tints)

@@ -82,7 +82,7 @@ class Mesh:
 
     def with_faces(self, keep: Bool | Int) -> Mesh:
         """Returns the mesh with all its vertices, but only the faces in ``keep`` (mask or numbers)."""
-        materials = None if self.materials is None else self.materials.taken(keep)
+        materials = None if self.materials is None else self.materials.select_faces(keep)
         return replace(self, faces=self.faces[keep], materials=materials)
 
     def turned(self, which: Bool | None = None) -> Mesh:

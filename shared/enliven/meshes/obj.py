@@ -31,7 +31,7 @@ _DEFAULT_GREY = 200
 _SPACE_BYTES = (ord(" "), ord("\t"))
 
 
-class _WrongLine(Exception):
+class _LineError(Exception):
     """An error in a line of the file. It stores the byte offset of the line's start."""
 
     def __init__(self, offset: int, what: str) -> None:
@@ -99,7 +99,7 @@ def read_obj(data: bytes, beside: ReferencedFiles, name: str = "mesh") -> tuple[
         # Join continued lines without changing their length, so that offsets still point to lines of the
         # file.
         return _read_mesh(text.replace(b"\\\n", b"  "), beside, name)
-    except _WrongLine as error:
+    except _LineError as error:
         raise DamagedMeshError(f"line {text.count(bytes([10]), 0, error.offset) + 1}: {error}") from None
 
 
@@ -112,7 +112,7 @@ def _read_mesh(text: bytes, beside: ReferencedFiles, name: str) -> tuple[Mesh, l
     if len(invalid_corners):
         polygon = np.searchsorted(np.cumsum(sizes), invalid_corners[0], "right")
         problem = f"a face refers to vertex {corners[invalid_corners[0], 0] + 1} of {faces.vertex_count}"
-        raise _WrongLine(int(_concatenate_parts(faces.offsets, (0,))[polygon]), problem)
+        raise _LineError(int(_concatenate_parts(faces.offsets, (0,))[polygon]), problem)
     is_used = np.zeros(faces.vertex_count, bool)
     is_used[corners[:, 0]] = True
     vertices, colours = _read_vertices(text, is_used, faces.vertices_in_block)
@@ -223,7 +223,7 @@ def _read_polygons(chunk: bytes, offsets: Int, element_counts: Int) -> tuple[Int
     try:
         numbers = parse_numbers(chunk.replace(b"/", b" "), np.int64)
     except WrongWordError as error:
-        raise _WrongLine(int(offsets[error.line]), error.what) from None
+        raise _LineError(int(offsets[error.line]), error.what) from None
     first_parts = np.cumsum(part_counts) - part_counts
     corners = np.full((len(starts), 3), -1, np.int64)
     for column in range(3):
@@ -236,7 +236,7 @@ def _read_polygons(chunk: bytes, offsets: Int, element_counts: Int) -> tuple[Int
         if wrong.any():
             wrong_corner = int(np.argmax(wrong))
             problem = "numbers begin at 1" if indices[wrong_corner] == 0 else "fewer vertices precede it"
-            raise _WrongLine(
+            raise _LineError(
                 int(offsets[polygon[wrong_corner]]),
                 f"a face refers to vertex {indices[wrong_corner]}, and {problem}",
             )
@@ -264,11 +264,11 @@ def _read_vertices(text: bytes, is_used: Bool, in_block: list[int]) -> tuple[Flo
         counts = np.bincount(word_lines(chunk, starts), minlength=len(offsets))
         if counts.min() < 3:
             problem = f"a vertex has {counts.min()} numbers, expected 3"
-            raise _WrongLine(int(offsets[np.argmin(counts)]), problem)
+            raise _LineError(int(offsets[np.argmin(counts)]), problem)
         try:
             numbers = parse_numbers(chunk)
         except WrongWordError as error:
-            raise _WrongLine(int(offsets[error.line]), error.what) from None
+            raise _LineError(int(offsets[error.line]), error.what) from None
         first = np.cumsum(counts) - counts
         vertices.append(numbers[first[:, None] + np.arange(3)])
         has = counts >= 6
@@ -300,7 +300,7 @@ def _read_palette(faces: _Faces, beside: ReferencedFiles, notes: list[str]) -> U
     colours_by_name: dict[str, tuple[float, float, float]] = {}
     for library in faces.libraries:
         try:
-            colours_by_name.update(_read_materials(decode_text(beside.file(decode_text(library)))))
+            colours_by_name.update(_read_materials(decode_text(beside.read_named_file(decode_text(library)))))
         except InputError as error:
             notes.append(f"its materials are not read: {error.what}")
     palette = np.full((len(faces.names) + 1, 3), _DEFAULT_GREY, np.uint8)

@@ -51,7 +51,7 @@ def repair_winding(mesh: Mesh) -> tuple[Mesh, list[str]]:
         return mesh, []
     welded, _ = weld(mesh)
     vertices, faces = welded.vertices, welded.faces
-    edges = _edges_of(faces, len(vertices))
+    edges = _collect_edges(faces, len(vertices))
     pair = np.flatnonzero(edges.counts == 2)
     first_side, second_side = edges.starts[pair], edges.starts[pair] + 1
     agree = edges.forward[first_side] != edges.forward[second_side]
@@ -86,7 +86,7 @@ def repair_winding(mesh: Mesh) -> tuple[Mesh, list[str]]:
     return mesh.turned(flip), notes
 
 
-def _edges_of(faces: Int32, vertex_count: int) -> _Edges:
+def _collect_edges(faces: Int32, vertex_count: int) -> _Edges:
     ends = np.stack([faces, np.roll(faces, -1, 1)], -1).reshape(-1, 2).astype(np.int64)
     key = ends.min(1) * vertex_count + ends.max(1)
     order = np.argsort(key, kind="stable")

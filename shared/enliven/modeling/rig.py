@@ -11,7 +11,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.deformation.skinning import skin_vertices
-from enliven.document import Character, GraphShape, MotionKey, Pose, PoseStream, Project
+from enliven.document import Character, GraphCharacter, MotionKey, Pose, PoseStream, Project
 from enliven.errors import InputError
 from enliven.modeling.mesh.cut_surfaces import CutSurface
 from enliven.modeling.mesh.seam import SeamSettings
@@ -68,11 +68,11 @@ class RigEdits(ABC):
 
     Edits of the placement have the same effect at every time. Let c be the ``centre``, and x the vertices
     before the edit. Then ``moved`` gives turn (x - about) + about + offset, ``scaled`` gives c + factor (x -
-    c), and ``mirrored`` gives c + M (x - c), at every time.
+    c), and ``mirror`` gives c + M (x - c), at every time.
 
     Attributes:
-        frames: sampling rate of :meth:`as_graph` in frames per second, high enough that interpolation between
-            two frames shows no visible error.
+        frames: sampling rate of :meth:`convert_to_graph_shape` in frames per second, high enough that
+            interpolation between two frames shows no visible error.
     """
 
     frames = 60.0
@@ -96,16 +96,16 @@ class RigEdits(ABC):
         """Returns the mesh and its pivots in the form that viewers and the network protocol use."""
 
     @abstractmethod
-    def player(self, project: Project, character: Any, /) -> Player:
+    def create_player(self, project: Project, character: Any, /) -> Player:
         """Returns a function from a time of the project to the transforms of the pivots, and the handles."""
 
     def surface(self, project: Project, character: Any, /) -> Callable[[float], Float]:
         """Returns a function from a time to the vertices (V, 3), in metres in the world. It is fast enough to
         be called for every frame."""
-        player, drawn = self.player(project, character), self.drawn(character)
+        player, drawn = self.create_player(project, character), self.drawn(character)
         return lambda time: np.asarray(skin_vertices(drawn, player(time).pose), np.float64)
 
-    def lacking(self, project: Project, character: Any, /) -> tuple[str, ...]:
+    def find_missing_data(self, project: Project, character: Any, /) -> tuple[str, ...]:
         """Returns sentences about the data that the character still needs before it can move, or () if it can
         move.
         """
@@ -115,7 +115,9 @@ class RigEdits(ABC):
         """Raises an error if the changed layers ``numbers`` cannot be played."""
         return
 
-    def dragged(self, project: Project, character: Any, handle: int, place: Float, time: float, /) -> Project:
+    def drag_handle(
+        self, project: Project, character: Any, handle: int, place: Float, time: float, /
+    ) -> Project:
         """Poses the character by hand: moves a handle to ``place`` (3,), metres in the world, at a time."""
         remedy = "Move or rotate the whole character, or perform it again."
         raise InputError("a recorded motion cannot be posed by hand", where=character.where, remedy=remedy)
@@ -164,14 +166,14 @@ class RigEdits(ABC):
         """Returns the character scaled about its centre."""
 
     @abstractmethod
-    def mirrored(self, project: Project, character: Any, axes: Any, /) -> Any:
+    def mirror(self, project: Project, character: Any, axes: Any, /) -> Any:
         """Returns the character with its shape and motion reflected. ``axes`` is the reflection, an
         :class:`~enliven.modeling.rigged.axes.Axes`."""
 
     @abstractmethod
-    def as_graph(
+    def convert_to_graph_shape(
         self, project: Project, character: Any, times: Float, stream_id: str, /
-    ) -> tuple[GraphShape, PoseStream, str]:
+    ) -> tuple[GraphCharacter, PoseStream, str]:
         """Converts the motion at evenly spaced times (T,) to a deformation graph.
 
         Returns:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from enliven.arrays import AnyArray
 from enliven.document import Clip, Project, unused
 from enliven.errors import InputError
-from enliven.examples.puppet_examples import missing
+from enliven.examples.puppet_examples import find_missing_examples
 from enliven.meshes import Mesh
 from enliven.modeling.puppet.edits import make_puppet, play_take
 from enliven.modeling.puppet.points import add_point
@@ -47,6 +47,6 @@ def fit_examples(
         project = add_point(project, name, vertex, point, joint)
     for seconds, places in poses.items():
         project = add_key_pose(project, name, take.id, seconds, places)
-    if sentences := missing(project, project.puppets[name]):
+    if sentences := find_missing_examples(project, project.puppets[name]):
         raise InputError("the examples do not determine a motion", where=name, remedy=" ".join(sentences))
     return play_take(project, name, (plays or take).id), name

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from enliven.document import Character, Clip, Pose, Project, RigBase, Shape, unused
+from enliven.document import Character, Clip, Pose, Project, RigBase, RiggedCharacter, unused
 from enliven.errors import InputError
 from enliven.exporters import Performance, Representation, performance_of_clip, sample_performance
 from enliven.formats.gltf.read import read_gltf
@@ -101,12 +101,12 @@ def _exportables_from_project(project: Project) -> list[Exportable]:
     """Returns the rigged shapes, possessed meshes and puppets with motion, followed by the takes."""
     exportables = list[Exportable]()
     for character in project.characters.values():
-        if not get_rig_edits(character).lacking(project, character):
+        if not get_rig_edits(character).find_missing_data(project, character):
             exportables.append(_exportable_character(project, character))
     return [*exportables, *(_exportable_from_clip(clip, 1) for clip in project.takes.values())]
 
 
-def _exportables_from_model(shape: Shape, clips: tuple[Clip, ...]) -> list[Exportable]:
+def _exportables_from_model(shape: RiggedCharacter, clips: tuple[Clip, ...]) -> list[Exportable]:
     """Returns the animations of a model in order, or the static model if it has no animations."""
     if not clips:
         return [_exportable_character(Project().with_characters(shape), shape)]

@@ -15,7 +15,7 @@ from enliven.person import Body, parse_parts
 from enliven.possession import ActorSettings
 from enliven.takes.body_takes import body_take_from_frames
 
-_FIXED_PLACE_SETTINGS = ActorSettings(place="fixed", fade=0.0)
+_ATTACHED_IN_PLACE_SETTINGS = ActorSettings(place="fixed", fade=0.0)
 """Settings for a mesh that stays at its modeled position and follows the performer without easing."""
 
 
@@ -27,7 +27,7 @@ def possess(
     parts: str = "all",
     nodes: int = 128,
     holds: Sequence[HoldChange] = (),
-    settings: ActorSettings = _FIXED_PLACE_SETTINGS,
+    settings: ActorSettings = _ATTACHED_IN_PLACE_SETTINGS,
     project: Project | None = None,
 ) -> tuple[Project, str]:
     """Adds a mesh that moves with a performer, attached in the first frame.

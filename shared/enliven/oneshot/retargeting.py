@@ -10,7 +10,12 @@ from enliven.document import Clip
 from enliven.exporters import exporter_of, sample_performance
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import Rig
-from enliven.mapping.automatic_mapping import RetargetedShape, automatic, idle_limbs, play_own_take
+from enliven.mapping.automatic_mapping import (
+    RetargetedShape,
+    create_automatic_plan,
+    list_idle_limbs,
+    play_own_take,
+)
 from enliven.mapping.automatic_mapping import retarget as retarget_shape
 from enliven.mapping.model_clips import is_looping, is_own_take
 from enliven.mapping.plan import Plan
@@ -21,7 +26,7 @@ from enliven.mapping.quality import (
     MAX_SLIDE_CM_S,
     MAX_STRETCH,
     MotionQuality,
-    quality_of,
+    measure_quality,
 )
 from enliven.mapping.softening import soften_plan
 from enliven.settings import load_settings, setting
@@ -86,8 +91,8 @@ class RetargetedFile:
         """A sentence for each visible fault of the motion, with the affected joints."""
         if self.quality is None:
             return []
-        idle = idle_limbs(self.retargeted.clip, self.retargeted.plan)
-        return [f"the performer's {limb} drives nothing" for limb in idle] + exceeded_bounds(
+        idle = list_idle_limbs(self.retargeted.clip, self.retargeted.plan)
+        return [f"the performer's {limb} drives nothing" for limb in idle] + describe_exceeded_bounds(
             self.quality, self.retargeted.plan.pin
         )
 
@@ -115,7 +120,7 @@ def retarget_file(
     if is_own:
         retargeted = play_own_take(rig.shape, clip)
     else:
-        retargeted = retarget_shape(rig.shape, clip, _plan_with(options, rig, clip), clips=rig.clips)
+        retargeted = retarget_shape(rig.shape, clip, _choose_plan(options, rig, clip), clips=rig.clips)
     performance = sample_performance(
         retargeted.project,
         retargeted.shape_id,
@@ -125,11 +130,11 @@ def retarget_file(
         keyed=is_own and exporter.keyed and options.rate is None,
     )
     exporter.save(output, [performance], f"{take.stem} on {model.stem}")
-    quality = None if is_own else _measure(retargeted)
+    quality = None if is_own else _measure_quality(retargeted)
     return RetargetedFile(retargeted, rig, is_own, (*take_notes, *rig.notes), quality)
 
 
-def exceeded_bounds(quality: MotionQuality, pinned: bool) -> list[str]:
+def describe_exceeded_bounds(quality: MotionQuality, pinned: bool) -> list[str]:
     """Returns a sentence for each exceeded bound, with the affected joints.
 
     Args:
@@ -155,9 +160,9 @@ def _has_no_mapping(options: RetargetOptions) -> bool:
     return not (options.mapping or options.rest or options.mode != "auto" or options.soften)
 
 
-def _plan_with(options: RetargetOptions, rig: Rig, clip: Clip) -> Plan:
+def _choose_plan(options: RetargetOptions, rig: Rig, clip: Clip) -> Plan:
     """Returns the mapping from the file, or an automatic mapping, changed by the options."""
-    plan = read_plan(options.mapping) if options.mapping else automatic(clip, rig.shape)
+    plan = read_plan(options.mapping) if options.mapping else create_automatic_plan(clip, rig.shape)
     changes: dict[str, Any] = {
         name: getattr(options, name) or getattr(plan, name) for name in ("travel", "pin", "stretch")
     }
@@ -183,8 +188,8 @@ def _output_rate(options: RetargetOptions, clip: Clip, duration: float) -> float
     return rate
 
 
-def _measure(retargeted: RetargetedShape) -> MotionQuality:
-    return quality_of(
+def _measure_quality(retargeted: RetargetedShape) -> MotionQuality:
+    return measure_quality(
         retargeted.project, retargeted.shape_id, retargeted.clip, retargeted.duration, retargeted.plan
     )
 

@@ -20,7 +20,7 @@ from enliven.rotation import (
     swing,
     unit,
 )
-from enliven.skeletons.facing import facing_of
+from enliven.skeletons.facing import find_facing
 from enliven.skeletons.human_names import HumanJoints, HumanLimb, finger_joints, human_joints
 
 _DOWN = np.array([0.0, -1.0, 0.0])
@@ -90,7 +90,7 @@ class _Mapping:
 
     def __init__(self, skeleton: Skeleton, human: HumanJoints) -> None:
         self._skeleton, self._human = skeleton, human
-        self._facing = facing_of(skeleton)
+        self._facing = find_facing(skeleton)
         self._front = from_rotation_vector(np.array([0.0, -self._facing, 0.0]))
         self._nodes: list[HumanoidNode] = []
 

@@ -43,7 +43,7 @@ class JsonTemplate:
         self._decimals = np.array(np.broadcast_to(decimals, self.count), np.int64)
         self._out = np.empty(len(self._text) + _MAX_NUMBER_BYTES * self.count, np.uint8)
 
-    def filled(self, numbers: AnyArray) -> bytes:
+    def fill_numbers(self, numbers: AnyArray) -> bytes:
         """Returns the text with ``numbers`` (``count``,). Values that are not finite become 0."""
         values = np.ascontiguousarray(numbers, np.float64)
         return self._out[: _write(self._text, self._ends, values, self._decimals, self._out)].tobytes()

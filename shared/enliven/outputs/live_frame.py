@@ -187,7 +187,7 @@ class LiveFrame:
     @cached_property
     def rows(self) -> StageRows:
         """The position and rotation of everything on the stage."""
-        return rows_of(self)
+        return compute_stage_rows(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,7 +224,7 @@ class StageRows:
         return [slice(*pair) for pair in pairwise(ends)]
 
 
-def rows_of(frame: LiveFrame) -> StageRows:
+def compute_stage_rows(frame: LiveFrame) -> StageRows:
     """Returns the position and rotation of everything on the stage of a frame."""
     placed = frame.posed
     infos = tuple(info for info, _ in placed)
@@ -304,6 +304,6 @@ class PerformerSlots:
         self._seen_ns = {body: self._seen_ns[body] for body in self._numbers}
         return dict(sorted(numbered.items())), events
 
-    def of(self, body: int) -> int:
+    def find_number(self, body: int) -> int:
         """Returns the number of the performer with this tracker id, or 0 if the id is unknown."""
         return self._numbers.get(body, 0)

@@ -127,7 +127,7 @@ class OscOutput(LiveOutput):
         self._trees: dict[Hashable, tuple[list[OscMessage], Int]] = {}
         self._first_ns: int | None = None
 
-    def packets(self, frame: LiveFrame) -> list[bytes]:
+    def encode_packets(self, frame: LiveFrame) -> list[bytes]:
         if self._first_ns is None or frame.time_ns < self._first_ns:
             self._first_ns = frame.time_ns
         rows = frame.rows

@@ -10,7 +10,7 @@ from enliven.outputs.live_frame import CharacterInfo, LiveFrame
 class LiveOutput:
     """A protocol that converts frames to UDP packets. It must be used from one thread only."""
 
-    def packets(self, frame: LiveFrame) -> list[bytes]:
+    def encode_packets(self, frame: LiveFrame) -> list[bytes]:
         """Returns the packets of one frame, in the order in which they are sent."""
         raise NotImplementedError
 

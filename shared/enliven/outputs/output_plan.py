@@ -79,7 +79,7 @@ class OutputPlan:
         output, trial = self.convert(), self.convert()
         assert output is not None and trial is not None
         # Warm up a second converter, because a converter counts its time from its first frame.
-        trial.packets(sample_frame())
+        trial.encode_packets(sample_frame())
         return UdpSender(self.name, output, self.family, self.place)
 
 

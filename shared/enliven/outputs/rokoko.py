@@ -65,7 +65,7 @@ class RokokoOutput(LiveOutput):
         self._first_ns: int | None = None
         self._last_ns = 0
 
-    def packets(self, frame: LiveFrame) -> list[bytes]:
+    def encode_packets(self, frame: LiveFrame) -> list[bytes]:
         humans, rows = frame.humans, frame.rows
         shapes = (
             None if frame.props is None else (frame.props.shapes.tobytes(), frame.props.colours.tobytes())
@@ -143,7 +143,7 @@ class _Scene:
             actors[:, 0], actors[:, 1] = heights.max(1) - lowest, heights[:, 0] - lowest
             actors[:, 2:] = placed.reshape(len(humans), -1)
         write_unity_rows(rows.values, self._rows, numbers[end:].reshape(-1, 7))
-        return self._template.filled(numbers)
+        return self._template.fill_numbers(numbers)
 
 
 def _other_rows(rows: StageRows) -> tuple[list[range], list[int]]:

@@ -31,7 +31,7 @@ class LiveOutputSettings:
     )
 
 
-def outputs_of(
+def collect_output_settings(
     words: Sequence[str], settings: Mapping[str, LiveOutputSettings]
 ) -> dict[str, LiveOutputSettings]:
     """Merges the outputs in the settings with those of the command line option ``--out``. Returns them by

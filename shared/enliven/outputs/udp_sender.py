@@ -37,7 +37,7 @@ class UdpSender(Sender):
         self._socket.close()
 
     def _send(self, frame: LiveFrame) -> None:
-        for packet in self._output.packets(frame):
+        for packet in self._output.encode_packets(frame):
             self._send_packet(packet)
 
     def _send_packet(self, packet: bytes) -> None:

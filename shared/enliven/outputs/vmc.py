@@ -62,7 +62,7 @@ class VmcOutput(LiveOutput):
             where = f"vmc output of {self._source!r}"
             raise InputError("this character has no humanoid bones", where=where, remedy=remedy)
 
-    def packets(self, frame: LiveFrame) -> list[bytes]:
+    def encode_packets(self, frame: LiveFrame) -> list[bytes]:
         if self._first_ns is None or frame.time_ns < self._first_ns:
             self._first_ns = frame.time_ns
         human, rows = frame.human(self._source), frame.rows

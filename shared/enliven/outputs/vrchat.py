@@ -55,7 +55,7 @@ class VrchatOutput(LiveOutput):
         self._source, self._height = source, height
         self._templates = OscTemplates()
 
-    def packets(self, frame: LiveFrame) -> list[bytes]:
+    def encode_packets(self, frame: LiveFrame) -> list[bytes]:
         number = (
             int(self._source.removeprefix(PERFORMER)) if self._source else min(frame.performers, default=0)
         )

@@ -16,7 +16,7 @@ import zmq
 
 from enliven.errors import EnlivenError
 from enliven.keys.client import ClientKeys
-from enliven.peers.clock_sync import ClockSync, Exchange
+from enliven.peers.clock_sync import ClockExchange, ClockSync
 from enliven.wire import (
     REPLY,
     Endpoint,
@@ -126,7 +126,7 @@ class ClockProbe:
     def _step(self, socket: zmq.Socket[bytes]) -> None:
         """Sends a probe that is due, and waits for an answer or for the next probe."""
         now = time.monotonic_ns()
-        if self.sync.probes_due(now):
+        if self.sync.take_due_probe(now):
             self._send(socket)
         wait_ms = (self.sync.next_due_ns(now) - time.monotonic_ns()) // 1_000_000
         if not socket.poll(min(max(wait_ms, 0) + 1, _MAX_WAIT_MS)):
@@ -140,7 +140,7 @@ class ClockProbe:
         sent_ns = self._sent.pop(reply.id, None)
         if sent_ns is not None and isinstance(reply.body, Pong):
             arrived_ns = reply.body.arrived_ns or reply.body.edge_ns
-            self.sync.add(Exchange(sent_ns, arrived_ns, reply.body.edge_ns, received_ns))
+            self.sync.add(ClockExchange(sent_ns, arrived_ns, reply.body.edge_ns, received_ns))
 
     def _send(self, socket: zmq.Socket[bytes]) -> None:
         self._number += 1

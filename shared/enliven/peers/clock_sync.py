@@ -37,7 +37,7 @@ _NS_PER_S = 1_000_000_000
 
 
 @dataclass(frozen=True)
-class Exchange:
+class ClockExchange:
     """The times of a probe and its answer, in nanoseconds. Local times are from the monotonic clock, and the
     edge's times from its wall clock.
 
@@ -67,7 +67,7 @@ class Exchange:
 
 
 @dataclass(frozen=True)
-class _Slew:
+class _OffsetSlew:
     """An offset that moves gradually from ``start_ns`` to ``end_ns``, beginning at the local time
     ``since_ns``."""
 
@@ -90,10 +90,10 @@ class ClockSync:
     """
 
     def __init__(self) -> None:
-        self._slew: _Slew | None = None
+        self._slew: _OffsetSlew | None = None
         self._burst_ns: int | None = None
         self._sent, self._is_finished = 0, False
-        self._answers: list[Exchange] = []
+        self._answers: list[ClockExchange] = []
         self._round_trips: deque[int] = deque(maxlen=_RECENT_BURSTS)
         self.failed_bursts = 0
         """Number of successive bursts with too few answers."""
@@ -113,7 +113,7 @@ class ClockSync:
         known yet."""
         return 0 if self._slew is None else self._slew.at(local_ns)
 
-    def probes_due(self, local_ns: int) -> bool:
+    def take_due_probe(self, local_ns: int) -> bool:
         """Returns True if a probe must be sent now, and counts this probe. Also ends a burst when its time is
         over."""
         if self._burst_ns is None:
@@ -130,7 +130,7 @@ class ClockSync:
         return False
 
     def next_due_ns(self, local_ns: int) -> int:
-        """Returns the local time at which :meth:`probes_due` must be called next."""
+        """Returns the local time at which :meth:`take_due_probe` must be called next."""
         if self._burst_ns is None:
             return local_ns
         if self._sent < PROBES_PER_BURST:
@@ -139,7 +139,7 @@ class ClockSync:
             return self._end_ns(self._burst_ns)
         return self._burst_ns + round(BURST_INTERVAL_S * _NS_PER_S)
 
-    def add(self, exchange: Exchange) -> None:
+    def add(self, exchange: ClockExchange) -> None:
         """Adds an exchange. An impossible exchange, with an answer earlier than its probe, is dropped."""
         is_current = self._burst_ns is not None and exchange.sent_ns >= self._burst_ns
         if not is_current or exchange.round_trip_ns < 0 or exchange.answered_ns < exchange.arrived_ns:
@@ -158,17 +158,17 @@ class ClockSync:
         answers, self._answers = self._answers, []
         if len(answers) >= MIN_ANSWERS:
             self.failed_bursts = 0
-            self._use(min(answers, key=lambda a: a.round_trip_ns), now_ns)
+            self._apply_exchange(min(answers, key=lambda a: a.round_trip_ns), now_ns)
         elif not self._is_finished:
             self.failed_bursts += 1
         self._is_finished = True
 
-    def _use(self, best: Exchange, now: int) -> None:
+    def _apply_exchange(self, best: ClockExchange, now: int) -> None:
         """Moves the offset towards the best exchange of a burst, from now on."""
         round_trip = best.round_trip_ns
         self._round_trips.append(round_trip)
         if self._slew is None:
-            self._slew = _Slew(now, best.offset_ns, best.offset_ns)
+            self._slew = _OffsetSlew(now, best.offset_ns, best.offset_ns)
             return
         current = self._slew.at(now)
         error = best.offset_ns - current
@@ -176,8 +176,8 @@ class ClockSync:
             # The old offset is outside the possible range, so one of the clocks was set.
             self._round_trips.clear()
             self._round_trips.append(round_trip)
-            self._slew = _Slew(now, best.offset_ns, best.offset_ns)
+            self._slew = _OffsetSlew(now, best.offset_ns, best.offset_ns)
             return
         # A burst with long round trips has a larger error, so it gets a lower weight.
         weight = max(min(self._round_trips), 1) / max(round_trip, 1)
-        self._slew = _Slew(now, current, current + round(weight * error))
+        self._slew = _OffsetSlew(now, current, current + round(weight * error))

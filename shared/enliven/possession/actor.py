@@ -155,7 +155,7 @@ class Actor:
         holders = {hold.body for hold in self.holds}
         return [body for body in bodies if body.id not in holders and body.id not in self.busy]
 
-    def _need_holder(self, body: int | None, verb: tuple[str, str]) -> None:
+    def _require_holder(self, body: int | None, verb: tuple[str, str]) -> None:
         """Raises InputError if a performer is not attached to this character. Does nothing if ``body`` is
         None.
 

@@ -149,7 +149,7 @@ class EmbeddedActor(Actor):
         Raises:
             InputError: if that performer is not attached to this mesh.
         """
-        self._need_holder(body, ("hold", "held"))
+        self._require_holder(body, ("hold", "held"))
         remaining = [hold for hold in self.holds if body is not None and hold.body != body]
         if remaining:
             self._replace_holds(remaining, self._solver.state() if self._solver is not None else None)
@@ -179,7 +179,7 @@ class EmbeddedActor(Actor):
     def exaggerate(self, exaggeration: float | None) -> None:
         """Sets the factor on the overshoot of soft parts that swing. None uses the value in the settings."""
         self.exaggeration = exaggeration
-        self._swing.exaggerate(self.settings.exaggeration if exaggeration is None else exaggeration)
+        self._swing.set_exaggeration(self.settings.exaggeration if exaggeration is None else exaggeration)
 
     def hand_over(self, former: int, body: Body) -> None:
         """Transfers the attachment of the performer ``former`` to another performer, starting from the same

@@ -53,7 +53,7 @@ class FollowThrough:
         self._exaggeration = exaggeration
         self.restart()
 
-    def exaggerate(self, exaggeration: float) -> None:
+    def set_exaggeration(self, exaggeration: float) -> None:
         """Changes the exaggeration. A swing in progress continues. If the exaggeration was 0, the model
         restarts.
         """

@@ -82,8 +82,8 @@ class LimbRetargeting:
         self.turns: Float = np.tile(np.eye(3), (J - 1, 1, 1))
         self._home = self._rest[_HIP_JOINT].copy()
         measure = scale
-        if np.isfinite(likeness.leg):
-            of_legs = BodyInMesh(self._rest, 0.0).leg / likeness.leg
+        if np.isfinite(likeness.leg_length):
+            of_legs = BodyInMesh(self._rest, 0.0).leg_length / likeness.leg_length
             measure = float(np.clip(of_legs, scale / 5, 5 * scale))
         over_floor = travel / (scale if inside else measure)
         self._steps = np.array([over_floor, 1.0 / measure, over_floor])

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.deformation.graph.sampling import scatter
+from enliven.deformation.graph.sampling import sample_uniform_points
 from enliven.meshes import Mesh
 from enliven.person import PARENTS, Joint
 from enliven.possession.placement import rotation_about_y
@@ -115,12 +115,12 @@ def fit_figures(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, flo
         The rotation about +Y (radians), the move (3,) (metres), and the score from 0 to 1.
     """
     unit = (float(np.ptp(mesh.vertices[:, 1])) or 1.0) / _PERSON_HEIGHT_M
-    samples = scatter(mesh, 8000, np.random.default_rng(0))
+    samples = sample_uniform_points(mesh, 8000, np.random.default_rng(0))
     points = samples.positions
     # Precompute the nearness fields of the surface and of the figures' bones.
-    surface_field = _Nearness(points, _BONE_DISTANCE_M * unit, _CELL_M * unit, samples.normals)
+    surface_field = _ProximityGrid(points, _BONE_DISTANCE_M * unit, _CELL_M * unit, samples.normals)
     bone_fields = [
-        _Nearness(_bone_points(figure), _SURFACE_DISTANCE_M * unit, _CELL_M * unit) for figure in figures
+        _ProximityGrid(_bone_points(figure), _SURFACE_DISTANCE_M * unit, _CELL_M * unit) for figure in figures
     ]
     low, high = mesh.bounds
     # Try the positions of a grid over the floor area of the mesh.
@@ -129,7 +129,7 @@ def fit_figures(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, flo
     shifts = np.stack(np.meshgrid(*steps, indexing="ij"), -1).reshape(-1, 2)
     floor = np.insert(shifts, 1, 0.0, axis=1)
     pieces = points[::27]
-    own_nearness = float(surface_field.over(pieces, np.zeros((1, 3))).mean())
+    own_nearness = float(surface_field.sample_shifted(pieces, np.zeros((1, 3))).mean())
     head = points[points[:, 1] >= low[1] + _HEAD_HEIGHT_FRACTION * (high[1] - low[1])].mean(0)[[0, 2]]
     best_score, stand = -np.inf, (0.0, np.zeros(3), 0.0)
     # For each yaw, score all floor positions at once. The score rewards bones near the surface, surface near
@@ -140,10 +140,12 @@ def fit_figures(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, flo
             [_figure_scores(surface_field, figure @ rotation_matrix.T, floor) for figure in figures], axis=0
         )
         rotated_pieces, rotated_floor = pieces @ rotation_matrix, -floor @ rotation_matrix
-        scores *= np.max([field.over(rotated_pieces, rotated_floor) for field in bone_fields], axis=0).mean(1)
+        scores *= np.max(
+            [field.sample_shifted(rotated_pieces, rotated_floor) for field in bone_fields], axis=0
+        ).mean(1)
         if len(figures) == 1:
             mirror = rotation_matrix @ np.diag([-1.0, 1.0, 1.0]) @ rotation_matrix.T
-            mirror_values = surface_field.over(pieces @ mirror, floor - floor @ mirror)
+            mirror_values = surface_field.sample_shifted(pieces @ mirror, floor - floor @ mirror)
             scores *= (mirror_values.mean(1) / own_nearness) ** 2
         # Prefer yaws for which the head of the mesh is ahead or, without a head, its centre. The reported
         # score does not include this preference.
@@ -166,7 +168,7 @@ def _bone_points(joints: Float) -> Float:
     return np.asarray((starts * (1 - along) + ends * along).reshape(-1, 3))
 
 
-class _Nearness:
+class _ProximityGrid:
     """A grid of nearness values exp(-(d / near)^2), in which d is the distance to the nearest of the given
     points.
 
@@ -195,7 +197,7 @@ class _Nearness:
         # Add a border of zeros, so that the lookup of every point outside the grid gives zero.
         self._values = np.pad(np.exp(-((length / near) ** 2)).reshape(shape), 1)
 
-    def over(self, points: Float, shifts: Float) -> Float:
+    def sample_shifted(self, points: Float, shifts: Float) -> Float:
         """Returns the nearness (S, P) at points (P, 3) that are moved by shifts (S, 3) over the floor. It is
         0 outside the grid.
         """
@@ -207,7 +209,7 @@ class _Nearness:
         return np.asarray(self._values.ravel()[cell_index])
 
 
-def _figure_scores(near: _Nearness, joints: Float, shifts: Float) -> Float:
+def _figure_scores(near: _ProximityGrid, joints: Float, shifts: Float) -> Float:
     """Returns the scores (S,) of a figure with joints (20, 3) that is moved by each of the shifts (S, 3),
     metres, over the floor.
     """
@@ -216,7 +218,7 @@ def _figure_scores(near: _Nearness, joints: Float, shifts: Float) -> Float:
         child = Joint[name]
         along = (np.arange(_POINTS_PER_BONE) + 0.5)[:, None] / _POINTS_PER_BONE
         points = joints[PARENTS[child]] * (1 - along) + joints[child] * along
-        return np.asarray(near.over(points, shifts).mean(1))
+        return np.asarray(near.sample_shifted(points, shifts).mean(1))
 
     total = np.zeros(len(shifts))
     for name, weight in _PAIRED_BONES:

@@ -84,9 +84,9 @@ def open_container(path: Path) -> Container:
             raise _foreign_file_error(path, start)
         size = file.seek(0, 2)
         try:
-            return _from_index(path, file, size)
+            return _read_indexed(path, file, size)
         except (Damage, *DAMAGE):
-            return _from_records(path, file, size)
+            return _scan_records(path, file, size)
 
 
 def check_version(container: Container) -> None:
@@ -98,7 +98,7 @@ def check_version(container: Container) -> None:
     refuse_later_version(int(stated), RECORDING_VERSION, str(container.path), container.library)
 
 
-def _from_index(path: Path, file: BinaryIO, size: int) -> Container:
+def _read_indexed(path: Path, file: BinaryIO, size: int) -> Container:
     """Reads the container from the summary at the end of a file that was closed properly."""
     if size < len(MAGIC) + _FOOTER_BYTES:
         raise Damage("no footer")
@@ -153,7 +153,7 @@ def _add_indexed(container: Container, record: Any, file: BinaryIO, size: int) -
         container.add(record)
 
 
-def _from_records(path: Path, file: BinaryIO, size: int) -> Container:
+def _scan_records(path: Path, file: BinaryIO, size: int) -> Container:
     """Reads the container of a truncated file: all complete records from its start."""
     container = Container(path)
     at = len(MAGIC)

@@ -16,14 +16,14 @@ from enliven.arrays import AnyArray, UInt8, UInt16
 from enliven.kernels import njit
 from enliven.recording.depth_kernels import predict_level
 
-SURROUNDINGS = 12 * 625
+CONTEXT_COUNT = 12 * 625
 """Number of contexts of a pixel: 12 classes of recent errors times 5^4 patterns of differences between
 neighbours."""
-QUESTIONS = 15
+STATES_PER_CONTEXT = 15
 """Number of questions about a residual that have a separate probability in each context. Large residuals use
 further questions.
 """
-UNARY = 12
+MAX_UNARY_LENGTH = 12
 """Number of residual sizes with a separate question. Larger sizes are coded in bits. Part of
 :data:`~enliven.recording.depth_codec.LAYOUT`.
 """
@@ -31,9 +31,9 @@ _HOLE_STATES = 64
 """Number of states of the question "is it a hole?". There is one for each of the 2^6 patterns of six known or
 unknown neighbours.
 """
-_LARGE_STATES_START = _HOLE_STATES + SURROUNDINGS * QUESTIONS
+_LARGE_STATES_START = _HOLE_STATES + CONTEXT_COUNT * STATES_PER_CONTEXT
 _TABLE_STATES_START = _LARGE_STATES_START + 20
-_STATE_COUNT = _TABLE_STATES_START + 4 * QUESTIONS
+_STATE_COUNT = _TABLE_STATES_START + 4 * STATES_PER_CONTEXT
 _ADAPTING_ANSWERS = 60
 """Number of answers after which a question's probability adapts at a constant rate, so that it follows a
 changing image. It is part of the layout."""
@@ -106,7 +106,7 @@ def _decode_residual(coder: AnyArray, data: UInt8, states: AnyArray, base: int) 
     if _decode_with_state(coder, data, states, base):
         return 0
     negative = _decode_with_state(coder, data, states, base + 1)
-    for m in range(1, UNARY + 1):
+    for m in range(1, MAX_UNARY_LENGTH + 1):
         if _decode_with_state(coder, data, states, base + 1 + m):
             return -m if negative else m
     bits, value = 0, 1
@@ -114,7 +114,7 @@ def _decode_residual(coder: AnyArray, data: UInt8, states: AnyArray, base: int) 
         bits += 1
     for _ in range(bits):
         value = (value << 1) | _decode_bit(coder, data, 32768)
-    size = value + UNARY
+    size = value + MAX_UNARY_LENGTH
     return -size if negative else size
 
 
@@ -123,7 +123,7 @@ def _read_table(values: UInt16, data: UInt8, coder: AnyArray, states: AnyArray) 
     """Decodes the ascending ``values`` (P + 1,). Each step is predicted to equal the previous step."""
     former, size = 1, 0
     for level in range(1, values.size):
-        r = _decode_residual(coder, data, states, _TABLE_STATES_START + size * QUESTIONS)
+        r = _decode_residual(coder, data, states, _TABLE_STATES_START + size * STATES_PER_CONTEXT)
         step = former + r
         value = int(np.int64(values[level - 1])) + step
         if step < 1 or value > 65535:
@@ -156,7 +156,10 @@ def _read_image(depth: UInt16, values: UInt16, data: UInt8, coder: AnyArray, sta
             p = predict_level(w, n, nw, ne, last)
             recent = error[x - 1] + former[x] + ((former[x - 1] + former[x + 1]) >> 1)
             r = _decode_residual(
-                coder, data, states, _HOLE_STATES + _context_index(w, ww, n, ne, p, recent) * QUESTIONS
+                coder,
+                data,
+                states,
+                _HOLE_STATES + _context_index(w, ww, n, ne, p, recent) * STATES_PER_CONTEXT,
             )
             v = p + r
             v = v - count if v > count else (v + count if v < 1 else v)

@@ -29,7 +29,7 @@ _OWN_PARTS = {"lamp": "hip and right arm"}
 used."""
 
 
-def parts_for(mesh: str) -> str:
+def default_parts(mesh: str) -> str:
     """Returns the body parts that attach to a mesh by default. They depend on the name or path of the
     mesh."""
     return _OWN_PARTS.get(mesh, "all")

@@ -29,15 +29,15 @@ class BlockTable:
         count: the number of blocks.
         places: (C, 3) int32 positions of the blocks, in blocks from the origin; only the first ``count`` rows
             are used.
-        beside: (C, 8) int32 numbers of the next blocks in positive directions. Column 1 is the neighbour
-            along +x, 2 along +y and 4 along +z; diagonal neighbours have the sum, for example 3 for +x +y.
-            Column 0 is the block's own number. -1 marks a missing neighbour.
+        neighbour_blocks: (C, 8) int32 numbers of the next blocks in positive directions. Column 1 is the
+            neighbour along +x, 2 along +y and 4 along +z; diagonal neighbours have the sum, for example 3
+            for +x +y. Column 0 is the block's own number. -1 marks a missing neighbour.
     """
 
     def __init__(self) -> None:
         self.count = 0
         self.places: Int32 = np.zeros((_INITIAL_CAPACITY_BLOCKS, 3), np.int32)
-        self.beside: Int32 = np.full((_INITIAL_CAPACITY_BLOCKS, 8), -1, np.int32)
+        self.neighbour_blocks: Int32 = np.full((_INITIAL_CAPACITY_BLOCKS, 8), -1, np.int32)
         self.keys: Int = np.full(2 * _INITIAL_CAPACITY_BLOCKS, -1, np.int64)
         self.slots: Int32 = np.full(2 * _INITIAL_CAPACITY_BLOCKS, -1, np.int32)
 
@@ -50,17 +50,17 @@ class BlockTable:
         """Enlarges the table by the factor ``_CAPACITY_GROWTH``."""
         capacity = int(self.capacity * _CAPACITY_GROWTH)
         self.places = grow_array(self.places, capacity, 0)
-        self.beside = grow_array(self.beside, capacity, -1)
+        self.neighbour_blocks = grow_array(self.neighbour_blocks, capacity, -1)
         if capacity > _MAX_LOAD_FACTOR * len(self.keys):
             self._rebuild_hash_table(2 * len(self.keys))
 
-    def retain(self, numbers: Int) -> None:
+    def keep_blocks(self, numbers: Int) -> None:
         """Keeps only the blocks with these ``numbers`` (K,), and renumbers them from 0 to K - 1."""
         self.places[: len(numbers)] = self.places[numbers]
         self.count = len(numbers)
         self._rebuild_hash_table(len(self.keys))
-        self.beside[:] = -1
-        link(self.keys, self.slots, self.places, self.beside, 0, self.count)
+        self.neighbour_blocks[:] = -1
+        link_neighbours(self.keys, self.slots, self.places, self.neighbour_blocks, 0, self.count)
 
     def find(self, places: Int32) -> Int32:
         """Returns (N,) int32 numbers of the blocks at (N, 3) positions, -1 for a missing block."""
@@ -91,7 +91,7 @@ def key_of(x, y, z):
 
 
 @njit(cache=True, nogil=True, forceinline=True)
-def _home_slot(key, size):
+def _initial_slot(key, size):
     """Returns the slot at which the search for a key begins, in a table with ``size`` slots (a power of
     two).
     """
@@ -102,7 +102,7 @@ def _home_slot(key, size):
 @njit(cache=True, nogil=True)
 def find(keys, slots, key):
     """Returns the number of the block with a key, or -1 if no block has this key."""
-    at = _home_slot(key, len(keys))
+    at = _initial_slot(key, len(keys))
     while keys[at] != -1:
         if keys[at] == key:
             return slots[at]
@@ -113,24 +113,24 @@ def find(keys, slots, key):
 @njit(cache=True, nogil=True)
 def insert(keys, slots, key, number):
     """Stores the block number of a key that is not in the table yet."""
-    at = _home_slot(key, len(keys))
+    at = _initial_slot(key, len(keys))
     while keys[at] != -1:
         at = (at + 1) & (len(keys) - 1)
     keys[at], slots[at] = key, number
 
 
 @njit(cache=True, nogil=True)
-def link(keys, slots, places, beside, first, last):
+def link_neighbours(keys, slots, places, neighbour_blocks, first, last):
     """Stores the neighbours of the blocks ``first`` to ``last``, and these blocks as the neighbours of their
     neighbours."""
     for b in range(first, last):
         x, y, z = places[b, 0], places[b, 1], places[b, 2]
         for k in range(8):
             dx, dy, dz = k & 1, (k >> 1) & 1, k >> 2
-            beside[b, k] = find(keys, slots, key_of(x + dx, y + dy, z + dz))
+            neighbour_blocks[b, k] = find(keys, slots, key_of(x + dx, y + dy, z + dz))
             before = find(keys, slots, key_of(x - dx, y - dy, z - dz))
             if before >= 0:
-                beside[before, k] = b
+                neighbour_blocks[before, k] = b
 
 
 @njit(cache=True, nogil=True)

@@ -262,7 +262,7 @@ def _fit_planes(inverse, across, down, limits, points, normals, worth, first, la
             points[v, u, 0], points[v, u, 1], points[v, u, 2] = x0 * z, y0 * z, z
             normals[v, u, 0], normals[v, u, 1], normals[v, u, 2] = -a / length, -b / length, -c / length
             share = n / np.float32(9.0)
-            worth[v, u] = facing * share * share * certainty(limits, z)
+            worth[v, u] = facing * share * share * compute_relative_certainty(limits, z)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -307,7 +307,7 @@ def _add_neighbours(inverse, v, across, down, sums):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def certainty(limits, z):
+def compute_relative_certainty(limits, z):
     """Returns the weight of a depth z (m), at most 1: the depth variance at the best depth divided by the
     variance at z."""
     beyond = z - limits[4]

@@ -10,7 +10,14 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.kernels import run_in_pieces
 from enliven.scanning.depth_view import DepthView
-from enliven.scanning.icp import BINS, MAX_CHORD, MOMENTS, SQUARES, SUMS, residuals
+from enliven.scanning.icp import (
+    BIN_COUNT,
+    MAX_CHORD,
+    MOMENT_COUNT,
+    SQUARE_COUNT,
+    SUM_COUNT,
+    accumulate_normal_equations,
+)
 from enliven.scanning.rigid import cross_matrix, move_pose
 from enliven.scanning.settings import TrackingSettings
 from enliven.scanning.tsdf_volume import TsdfVolume
@@ -123,7 +130,7 @@ class CameraTracker:
         pose = start.copy()
         for _ in range(_MAX_EXACT_STEPS):
             sums = self._normal_equations(view, pose, 0, closely=True)
-            move = self._gauss_newton_step(sums, pose, up, _normal_matrix(sums[SQUARES + 1 :]))
+            move = self._gauss_newton_step(sums, pose, up, _normal_matrix(sums[SQUARE_COUNT + 1 :]))
             pose = move_pose(pose, move)
             if np.linalg.norm(move) < _MIN_ALIGNMENT_STEP:
                 break
@@ -149,10 +156,10 @@ class CameraTracker:
         return Alignment(pose, float(agreeing), float(overlap), error, information)
 
     def _normal_equations(self, view: DepthView, pose: Float, level: int, *, closely: bool = False) -> Float:
-        """Returns the (SUMS,) sums of the normal equations over all points, as described at ``SUMS``. Each
-        point uses the finest volume that covers its depth, starting with volume ``level``.
+        """Returns the (SUMS,) sums of the normal equations over all points, as described at ``SUM_COUNT``.
+        Each point uses the finest volume that covers its depth, starting with volume ``level``.
         """
-        total = np.zeros(SUMS)
+        total = np.zeros(SUM_COUNT)
         stride = self.settings.fine_stride if level == 0 else _COARSE_STRIDE_PX
         nearest = 0.0
         for index in range(level, len(self.volumes)):
@@ -162,9 +169,9 @@ class CameraTracker:
             span = np.array([nearest, volume.reach if index + 1 < len(self.volumes) else np.inf])
             nearest = volume.reach
             rows = -(-view.points.shape[0] // stride)
-            sums = np.empty((rows, SUMS))
+            sums = np.empty((rows, SUM_COUNT))
             run_in_pieces(
-                residuals, rows, _ROWS_PER_PIECE, view.point_arrays, stride, span, pose,
+                accumulate_normal_equations, rows, _ROWS_PER_PIECE, view.point_arrays, stride, span, pose,
                 _ROBUST_WIDTH_VOXELS * volume.band.voxel, volume.field, closely, sums,
             )  # fmt: skip
             total += sums.sum(0)
@@ -218,7 +225,7 @@ def _denoised_matrix(sums: Float) -> Float:
     estimated from the angles between the surface's slopes and the image's normals. These angles contain the
     noise of both, so the correction is slightly too large.
     """
-    x, y, z, xx, xy, xz, yy, yz, zz = sums[MOMENTS : MOMENTS + 9]
+    x, y, z, xx, xy, xz, yy, yz, zz = sums[MOMENT_COUNT : MOMENT_COUNT + 9]
     weight, matrix = sums[28], _normal_matrix(sums)
     mean_cross, products = (
         cross_matrix(np.array([x, y, z])),
@@ -228,15 +235,15 @@ def _denoised_matrix(sums: Float) -> Float:
     isotropic = np.block(
         [[weight * np.eye(3), mean_cross.T], [mean_cross, np.trace(products) * np.eye(3) - products]]
     )
-    return np.asarray(matrix - _slope_variance(sums[MOMENTS + 9 : SQUARES]) * (isotropic - matrix))
+    return np.asarray(matrix - _slope_variance(sums[MOMENT_COUNT + 9 : SQUARE_COUNT]) * (isotropic - matrix))
 
 
 def _denoised_close_matrix(sums: Float, independent: float) -> Float:
     """Returns the (6, 6) matrix of products of slopes and normals, minus the noise that remains in its sums.
     ``independent`` is the fraction of the points that have independent noise.
     """
-    matrix, noise_free = _normal_matrix(sums), _normal_matrix(sums[SQUARES + 1 :])
-    count = sums[28] ** 2 / max(sums[SQUARES], 1e-12)
+    matrix, noise_free = _normal_matrix(sums), _normal_matrix(sums[SQUARE_COUNT + 1 :])
+    count = sums[28] ** 2 / max(sums[SQUARE_COUNT], 1e-12)
     return np.asarray(noise_free - (matrix - noise_free) / np.sqrt(max(independent * count, 1.0)))
 
 
@@ -251,5 +258,5 @@ def _slope_variance(weights: Float) -> float:
     total = np.concatenate([[0.0], np.cumsum(weights)])
     if total[-1] <= 0.0:
         return 0.0
-    edges = (MAX_CHORD * np.square(np.arange(BINS + 1) / BINS)) ** 2
+    edges = (MAX_CHORD * np.square(np.arange(BIN_COUNT + 1) / BIN_COUNT)) ** 2
     return float(np.interp(0.5 * total[-1], total, edges) / (2.0 * np.log(2.0)))

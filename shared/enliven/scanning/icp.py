@@ -9,15 +9,15 @@ import numpy as np
 from enliven.kernels import njit
 from enliven.scanning.blocks import SIDE, find, key_of
 
-MOMENTS = 32
+MOMENT_COUNT = 32
 """Index of the first sum that is used to estimate the noise of the slopes."""
-BINS = 16
+BIN_COUNT = 16
 """Number of histogram bins for the angle between the image's normal and the surface's normal. Bin edges grow
 quadratically."""
-SQUARES = MOMENTS + 9 + BINS
+SQUARE_COUNT = MOMENT_COUNT + 9 + BIN_COUNT
 """Index of the sum of squared weights. The 21 sums after it are the upper half of the products of the
 surface's slopes and the image's normals, row by row. They are computed only on request."""
-SUMS = SQUARES + 22
+SUM_COUNT = SQUARE_COUNT + 22
 """Length of a row of sums. Elements 0 to 20 are the upper half of the normal matrix, row by row, and 21 to 26
 the gradient. Then follow the weighted squared distances (27), the weights (28), and three weighted counts:
 points on the surface (29), all valid points (30), and points in observed space (31). From MOMENTS on follow
@@ -32,7 +32,7 @@ angle (``_MIN_NORMAL_COSINE``)."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def look_up(field, x, y, z, found, last):
+def interpolate_field(field, x, y, z, found, last):
     """Interpolates the signed distance and its gradient at a point of the world, trilinearly between voxels.
 
     Args:
@@ -43,7 +43,7 @@ def look_up(field, x, y, z, found, last):
     Returns:
         True if all eight voxels around the point were observed.
     """
-    voxel, beside = field.band.voxel, field.beside
+    voxel, beside = field.band.voxel, field.neighbour_blocks
     gx, gy, gz = x / voxel, y / voxel, z / voxel
     cx, cy, cz = int(np.floor(gx)), int(np.floor(gy)), int(np.floor(gz))
     bx, by, bz = cx >> 3, cy >> 3, cz >> 3
@@ -80,7 +80,7 @@ def look_up(field, x, y, z, found, last):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def residuals(points, stride, span, pose, soft, field, closely, sums, first, last):
+def accumulate_normal_equations(points, stride, span, pose, soft, field, closely, sums, first, last):
     """Accumulates the normal equations of the points in some rows of a half-size image.
 
     The residual of a point is the volume's signed distance at the point. The derivative for a motion of the
@@ -112,7 +112,7 @@ def residuals(points, stride, span, pose, soft, field, closely, sums, first, las
             qx = pose[0, 0] * px + pose[0, 1] * py + pose[0, 2] * z
             qy = pose[1, 0] * px + pose[1, 1] * py + pose[1, 2] * z
             qz = pose[2, 0] * px + pose[2, 1] * py + pose[2, 2] * z
-            if not look_up(field, qx + pose[0, 3], qy + pose[1, 3], qz + pose[2, 3], sample, cache):
+            if not interpolate_field(field, qx + pose[0, 3], qy + pose[1, 3], qz + pose[2, 3], sample, cache):
                 continue
             sums[r, 31] += points.worth[v, u]
             d, gx, gy, gz = sample[0], sample[1], sample[2], sample[3]
@@ -144,26 +144,26 @@ def residuals(points, stride, span, pose, soft, field, closely, sums, first, las
             sums[r, 27] += w * d * d
             sums[r, 28] += w
             sums[r, 29] += points.worth[v, u] * robust
-            sums[r, MOMENTS] += w * qx
-            sums[r, MOMENTS + 1] += w * qy
-            sums[r, MOMENTS + 2] += w * qz
-            sums[r, MOMENTS + 3] += w * qx * qx
-            sums[r, MOMENTS + 4] += w * qx * qy
-            sums[r, MOMENTS + 5] += w * qx * qz
-            sums[r, MOMENTS + 6] += w * qy * qy
-            sums[r, MOMENTS + 7] += w * qy * qz
-            sums[r, MOMENTS + 8] += w * qz * qz
+            sums[r, MOMENT_COUNT] += w * qx
+            sums[r, MOMENT_COUNT + 1] += w * qy
+            sums[r, MOMENT_COUNT + 2] += w * qz
+            sums[r, MOMENT_COUNT + 3] += w * qx * qx
+            sums[r, MOMENT_COUNT + 4] += w * qx * qy
+            sums[r, MOMENT_COUNT + 5] += w * qx * qz
+            sums[r, MOMENT_COUNT + 6] += w * qy * qy
+            sums[r, MOMENT_COUNT + 7] += w * qy * qz
+            sums[r, MOMENT_COUNT + 8] += w * qz * qz
             # Add to the histogram of the angle between the normal of the image and the gradient of the
             # surface.
             chord = np.sqrt(2.0 - 2.0 * min(along / max(slope, 1e-12), 1.0)) / MAX_CHORD
-            sums[r, MOMENTS + 9 + min(int(BINS * np.sqrt(chord)), BINS - 1)] += w
+            sums[r, MOMENT_COUNT + 9 + min(int(BIN_COUNT * np.sqrt(chord)), BIN_COUNT - 1)] += w
             # Add the symmetrised products of surface gradients and image normals. The noise of the two is
             # independent, so it averages out in these products.
             if closely:
                 m[0], m[1], m[2] = slope * mx, slope * my, slope * mz
                 m[3], m[4], m[5] = qy * m[2] - qz * m[1], qz * m[0] - qx * m[2], qx * m[1] - qy * m[0]
-                sums[r, SQUARES] += w * w
-                at = SQUARES + 1
+                sums[r, SQUARE_COUNT] += w * w
+                at = SQUARE_COUNT + 1
                 for a in range(6):
                     for b in range(a, 6):
                         sums[r, at] += 0.5 * w * (j[a] * m[b] + m[a] * j[b])

@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.kernels import njit
 from enliven.scanning.blocks import SIDE, VOXELS, find, insert, key_of
-from enliven.scanning.depth_view import TILE, certainty
+from enliven.scanning.depth_view import TILE, compute_relative_certainty
 
 _MAX_BANDS_BEHIND = 2.0
 """Maximum distance of a voxel behind a surface along the ray, in truncation bands, for any slant of the
@@ -40,7 +40,7 @@ NEAR = 2
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def allocate(points, stride, phase, reach, turn, place, band, keys, slots, places, count):
+def allocate_blocks(points, stride, phase, reach, turn, place, band, keys, slots, places, count):
     """Allocates the missing blocks around the points of a half-size image.
 
     Args:
@@ -80,7 +80,7 @@ def allocate(points, stride, phase, reach, turn, place, band, keys, slots, place
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def classify(places, band, camera, tiles, shape, state, first, last):
+def classify_blocks(places, band, camera, tiles, shape, state, first, last):
     """Sets the ``state`` of some blocks (unseen, free or near) from the depth of the image tiles that they
     cover.
     """
@@ -117,7 +117,7 @@ def classify(places, band, camera, tiles, shape, state, first, last):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def integrate(jobs, state, places, band, camera, image, voxels, first, last):
+def integrate_image(jobs, state, places, band, camera, image, voxels, first, last):
     """Integrates an image (:class:`ImageArrays`) into the voxels of some blocks as a running average of
     distances.
 
@@ -135,7 +135,7 @@ def integrate(jobs, state, places, band, camera, image, voxels, first, last):
     sizes[0], sizes[1] = band.front, band.behind
     for j in range(first, last):
         b = jobs[j]
-        sizes[2] = certainty(camera.limits, _depth_of(places, b, band, camera))
+        sizes[2] = compute_relative_certainty(camera.limits, _depth_of(places, b, band, camera))
         if state[b] == FREE:
             voxels.solid[b] = (
                 _average_free_space(voxels.distance[b], voxels.weight[b], sizes[0], sizes[2]) > 0

@@ -82,14 +82,14 @@ class FieldArrays(NamedTuple):
 
     Attributes:
         keys: (S,), slots: (S,) of the hash table of blocks.
-        beside: (C, 8) neighbours of each block, as in a :class:`BlockTable`.
+        neighbour_blocks: (C, 8) neighbours of each block, as in a :class:`BlockTable`.
         distance: (C, 512), weight: (C, 512) of its voxels.
         band: the voxel size and truncation distances.
     """
 
     keys: Int
     slots: Int32
-    beside: Int32
+    neighbour_blocks: Int32
     distance: Float32
     weight: Float32
     band: DistanceBand

@@ -27,7 +27,7 @@ def extract_surface(volume: TsdfVolume, support: float = _MIN_VOXEL_WEIGHT) -> M
         support: minimum sum of weights of a voxel.
     """
     count = volume.blocks.count
-    neighbours, solid = volume.blocks.beside[:count], volume.solid[:count]
+    neighbours, solid = volume.blocks.neighbour_blocks[:count], volume.solid[:count]
     is_active = solid | (solid[np.maximum(neighbours, 0)] & (neighbours >= 0)).any(1)
     rows = np.full(count, -1, np.int64)
     # The edges of a cell begin in its own block or in a neighbouring block.
@@ -62,14 +62,14 @@ def _fill_colours(vertices: Float, colours: UInt8, has_colour: Bool) -> UInt8:
 
 
 @njit(cache=True, nogil=True)
-def _gather_distances(b, beside, distance, weight, support, cells):
+def _gather_distances(b, neighbour_blocks, distance, weight, support, cells):
     """Gathers (9, 9, 9) signed distances into ``cells``: those of block ``b``, and of the adjacent layer of
     its neighbours. Voxels with a weight below ``support`` get NaN.
     """
     for z in range(SIDE + 1):
         for y in range(SIDE + 1):
             for x in range(SIDE + 1):
-                other = beside[b, (x >> 3) + 2 * (y >> 3) + 4 * (z >> 3)]
+                other = neighbour_blocks[b, (x >> 3) + 2 * (y >> 3) + 4 * (z >> 3)]
                 i = (x & 7) + SIDE * (y & 7) + SIDE * SIDE * (z & 7)
                 is_known = other >= 0 and weight[other, i] >= support
                 cells[z, y, x] = distance[other, i] if is_known else np.float32(np.nan)
@@ -88,23 +88,23 @@ def _cell_case(cells, x, y, z):
 
 
 @njit(cache=True, nogil=True)
-def _edge_at(b, beside, x, y, z, edge):
+def _locate_edge(b, neighbour_blocks, x, y, z, edge):
     """Returns where edge ``edge`` of the cell (x, y, z) of block ``b`` begins, as block and voxel number, and
     its axis."""
     axis, corner = edge // 4, _EDGE_STARTS[edge // 4, edge % 4]
     x, y, z = x + (corner & 1), y + ((corner >> 1) & 1), z + (corner >> 2)
-    owner = beside[b, (x >> 3) + 2 * (y >> 3) + 4 * (z >> 3)]
+    owner = neighbour_blocks[b, (x >> 3) + 2 * (y >> 3) + 4 * (z >> 3)]
     return owner, (x & 7) + SIDE * (y & 7) + SIDE * SIDE * (z & 7), axis
 
 
 @njit(cache=True, nogil=True)
-def _number_vertices(blocks, beside, distance, weight, support, table, rows, numbers):
+def _number_vertices(blocks, neighbour_blocks, distance, weight, support, table, rows, numbers):
     """Numbers the voxel edges that the surface crosses, and writes the vertex numbers into ``numbers``.
     Returns the numbers of faces and vertices."""
     cells = np.empty((SIDE + 1, SIDE + 1, SIDE + 1), np.float32)
     faces, vertices = 0, 0
     for b in blocks:
-        _gather_distances(b, beside, distance, weight, support, cells)
+        _gather_distances(b, neighbour_blocks, distance, weight, support, cells)
         for z in range(SIDE):
             for y in range(SIDE):
                 for x in range(SIDE):
@@ -113,7 +113,7 @@ def _number_vertices(blocks, beside, distance, weight, support, table, rows, num
                         continue
                     k = 0
                     while table[case, k] >= 0:
-                        owner, i, axis = _edge_at(b, beside, x, y, z, table[case, k])
+                        owner, i, axis = _locate_edge(b, neighbour_blocks, x, y, z, table[case, k])
                         if numbers[rows[owner], i, axis] < 0:
                             numbers[rows[owner], i, axis] = vertices
                             vertices += 1
@@ -123,9 +123,11 @@ def _number_vertices(blocks, beside, distance, weight, support, table, rows, num
 
 
 @njit(cache=True, nogil=True)
-def _place_vertices(owners, numbers, beside, places, distance, hue, voxel, vertices, colours, told):
-    """Computes the vertex positions on the numbered edges, their colours, and ``told``: True for each vertex
-    with a colour.
+def _place_vertices(
+    owners, numbers, neighbour_blocks, places, distance, hue, voxel, vertices, colours, has_colour
+):
+    """Computes the vertex positions on the numbered edges, their colours, and ``has_colour``: True for each
+    vertex with a colour.
     """
     for row in range(len(owners)):
         b = owners[row]
@@ -136,7 +138,7 @@ def _place_vertices(owners, numbers, beside, places, distance, hue, voxel, verti
                     continue
                 x, y, z = i & 7, (i >> 3) & 7, i >> 6
                 ex, ey, ez = x + (axis == 0), y + (axis == 1), z + (axis == 2)
-                other = beside[b, (ex >> 3) + 2 * (ey >> 3) + 4 * (ez >> 3)]
+                other = neighbour_blocks[b, (ex >> 3) + 2 * (ey >> 3) + 4 * (ez >> 3)]
                 first = distance[b, i]
                 beyond = (ex & 7) + SIDE * (ey & 7) + SIDE * SIDE * (ez & 7)
                 second = distance[other, beyond]
@@ -151,16 +153,16 @@ def _place_vertices(owners, numbers, beside, places, distance, hue, voxel, verti
                     far_colour = hue[other, beyond, c] if hue[other, beyond, c] > 0 else near_colour
                     mixed = near_colour + share * (float(far_colour) - near_colour)
                     colours[number, c] = np.uint8(min(mixed / 256.0 + 0.5, 255.0))
-                    told[number] = near_colour > 0
+                    has_colour[number] = near_colour > 0
 
 
 @njit(cache=True, nogil=True)
-def _write_faces(blocks, beside, distance, weight, support, table, rows, numbers, faces):
+def _write_faces(blocks, neighbour_blocks, distance, weight, support, table, rows, numbers, faces):
     """Writes the faces of all cells into ``faces`` (F, 3)."""
     cells = np.empty((SIDE + 1, SIDE + 1, SIDE + 1), np.float32)
     face = 0
     for b in blocks:
-        _gather_distances(b, beside, distance, weight, support, cells)
+        _gather_distances(b, neighbour_blocks, distance, weight, support, cells)
         for z in range(SIDE):
             for y in range(SIDE):
                 for x in range(SIDE):
@@ -169,7 +171,7 @@ def _write_faces(blocks, beside, distance, weight, support, table, rows, numbers
                         continue
                     k = 0
                     while table[case, k] >= 0:
-                        owner, i, axis = _edge_at(b, beside, x, y, z, table[case, k])
+                        owner, i, axis = _locate_edge(b, neighbour_blocks, x, y, z, table[case, k])
                         faces[face + k // 3, k % 3] = numbers[rows[owner], i, axis]
                         k += 1
                     face += k // 3

@@ -79,7 +79,7 @@ class PieceSums:
 def sum_pieces(volume: TsdfVolume) -> PieceSums:
     """Returns a summary of each piece of a volume. A changed summary shows that the piece has changed."""
     count = volume.blocks.count
-    neighbours, solid = volume.blocks.beside[:count], volume.solid[:count]
+    neighbours, solid = volume.blocks.neighbour_blocks[:count], volume.solid[:count]
     # A cell begins in its own block, but its far corners may lie in neighbouring blocks.
     blocks = np.flatnonzero((solid[np.maximum(neighbours, 0)] & (neighbours >= 0)).any(1))
     weights = np.empty(len(blocks))
@@ -99,7 +99,7 @@ def extract_piece(volume: TsdfVolume, place: tuple[int, int, int], blocks: Int) 
     colours = np.zeros((max_corners if len(volume.hue) else 0, 3), np.uint8)
     corner = np.array(place, np.int64) * PIECE
     used = _write_corners(
-        blocks, volume.blocks.beside, volume.blocks.places, corner, volume.distance, volume.weight,
+        blocks, volume.blocks.neighbour_blocks, volume.blocks.places, corner, volume.distance, volume.weight,
         volume.hue, triangle_table(), places, colours, certainties,
     )  # fmt: skip
     coordinates = places[:used].astype(np.int64)
@@ -125,16 +125,16 @@ def _sum_weights(blocks, weight, sums):
 
 
 @njit(cache=True, nogil=True)
-def _block_and_voxel(b, x, y, z, beside):
+def _block_and_voxel(b, x, y, z, neighbour_blocks):
     """Returns the block and the voxel number at the voxel position (x, y, z) relative to block ``b``. The
     position may be in the next block.
     """
-    other = beside[b, (x >> 3) + 2 * (y >> 3) + 4 * (z >> 3)]
+    other = neighbour_blocks[b, (x >> 3) + 2 * (y >> 3) + 4 * (z >> 3)]
     return other, (x & 7) + SIDE * (y & 7) + SIDE * SIDE * (z & 7)
 
 
 @njit(cache=True, nogil=True)
-def _cell_case(b, x, y, z, beside, distance, weight):
+def _cell_case(b, x, y, z, neighbour_blocks, distance, weight):
     """Returns the case of a cell (its row in the triangle table), or 0 if a corner is unknown."""
     case = 0
     for k in range(8):
@@ -143,7 +143,7 @@ def _cell_case(b, x, y, z, beside, distance, weight):
             y + _VOXELS_PER_CELL * ((k >> 1) & 1),
             z + _VOXELS_PER_CELL * (k >> 2),
         )
-        other, i = _block_and_voxel(b, at[0], at[1], at[2], beside)
+        other, i = _block_and_voxel(b, at[0], at[1], at[2], neighbour_blocks)
         if other < 0 or weight[other, i] < _MIN_VOXEL_WEIGHT:
             return 0
         case |= (1 << k) if distance[other, i] < 0.0 else 0
@@ -151,7 +151,7 @@ def _cell_case(b, x, y, z, beside, distance, weight):
 
 
 @njit(cache=True, nogil=True)
-def _write_corners(blocks, beside, at, corner, distance, weight, hue, table, places, colours, seen):
+def _write_corners(blocks, neighbour_blocks, at, corner, distance, weight, hue, table, places, colours, seen):
     """Writes the corners of the triangles in the given ``blocks``, three per triangle. Returns the number of
     corners."""
     used = 0
@@ -163,7 +163,7 @@ def _write_corners(blocks, beside, at, corner, distance, weight, hue, table, pla
                 _VOXELS_PER_CELL * (cell // _CELLS_PER_BLOCK % _CELLS_PER_BLOCK),
             )
             z = _VOXELS_PER_CELL * (cell // _CELLS_PER_BLOCK**2)
-            case = _cell_case(b, x, y, z, beside, distance, weight)
+            case = _cell_case(b, x, y, z, neighbour_blocks, distance, weight)
             if case == 0 or case == 255:
                 continue
             k = 0
@@ -174,9 +174,9 @@ def _write_corners(blocks, beside, at, corner, distance, weight, hue, table, pla
                     y + _VOXELS_PER_CELL * ((start >> 1) & 1),
                 )
                 place[2] = z + _VOXELS_PER_CELL * (start >> 2)
-                first_block, i = _block_and_voxel(b, place[0], place[1], place[2], beside)
+                first_block, i = _block_and_voxel(b, place[0], place[1], place[2], neighbour_blocks)
                 place[axis] += _VOXELS_PER_CELL
-                second_block, j = _block_and_voxel(b, place[0], place[1], place[2], beside)
+                second_block, j = _block_and_voxel(b, place[0], place[1], place[2], neighbour_blocks)
                 place[axis] -= _VOXELS_PER_CELL
                 share = distance[first_block, i] / (distance[first_block, i] - distance[second_block, j])
                 for c in range(3):

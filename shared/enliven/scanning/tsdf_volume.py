@@ -8,9 +8,9 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Float32, Int, UInt8, UInt16
 from enliven.kernels import run_in_pieces
-from enliven.scanning.blocks import VOXELS, BlockTable, grow_array, link
+from enliven.scanning.blocks import VOXELS, BlockTable, grow_array, link_neighbours
 from enliven.scanning.depth_view import DepthView
-from enliven.scanning.integration import FREE, NEAR, allocate, classify, integrate
+from enliven.scanning.integration import FREE, NEAR, allocate_blocks, classify_blocks, integrate_image
 from enliven.scanning.kernel_arguments import (
     CameraArrays,
     DistanceBand,
@@ -82,7 +82,7 @@ class TsdfVolume:
             self.weight,
             self.hue,
             self.blocks.places,
-            self.blocks.beside,
+            self.blocks.neighbour_blocks,
             self.blocks.keys,
         )
         return sum(array.nbytes for array in arrays) * 1e-6
@@ -99,7 +99,15 @@ class TsdfVolume:
         state: UInt8 = np.empty(count, np.uint8)
         blocks = self.blocks
         run_in_pieces(
-            classify, count, 1024, blocks.places, self.band, camera, view.tiles, view.weights.shape, state
+            classify_blocks,
+            count,
+            1024,
+            blocks.places,
+            self.band,
+            camera,
+            view.tiles,
+            view.weights.shape,
+            state,
         )
         block_numbers: Int = np.flatnonzero((state == NEAR) | ((state == FREE) & self.solid[:count]))
         image = ImageArrays(
@@ -107,7 +115,7 @@ class TsdfVolume:
         )
         voxels = VoxelArrays(self.distance, self.weight, self.solid, self.hue)
         run_in_pieces(
-            integrate,
+            integrate_image,
             len(block_numbers),
             _BLOCKS_PER_PIECE,
             block_numbers,
@@ -131,7 +139,7 @@ class TsdfVolume:
         translation = world_from_camera[:3, 3].astype(np.float32)
         phase, had_memory = self._images * 3 % _PIXEL_STRIDE**2, True
         while True:
-            blocks.count = allocate(
+            blocks.count = allocate_blocks(
                 points, _PIXEL_STRIDE, phase, self.reach, rotation_matrix, translation, self.band,
                 blocks.keys, blocks.slots, blocks.places, blocks.count,
             )  # fmt: skip
@@ -140,7 +148,9 @@ class TsdfVolume:
             if not self._make_room():
                 had_memory = False
                 break
-        link(blocks.keys, blocks.slots, blocks.places, blocks.beside, old_count, blocks.count)
+        link_neighbours(
+            blocks.keys, blocks.slots, blocks.places, blocks.neighbour_blocks, old_count, blocks.count
+        )
         return had_memory
 
     def _image_arrays(self, view: DepthView) -> UInt8:
@@ -170,7 +180,7 @@ class TsdfVolume:
     def field(self) -> FieldArrays:
         """The signed distances as an argument of kernels."""
         b = self.blocks
-        return FieldArrays(b.keys, b.slots, b.beside, self.distance, self.weight, self.band)
+        return FieldArrays(b.keys, b.slots, b.neighbour_blocks, self.distance, self.weight, self.band)
 
     def _camera_arrays(self, view: DepthView, world_from_camera: Float) -> CameraArrays:
         """Returns the camera as an argument of kernels."""
@@ -187,7 +197,7 @@ class TsdfVolume:
         """Empties the volume, but keeps the allocated memory for reuse."""
         for array in (self.distance, self.weight, self.solid, self.hue):
             array[: self.blocks.count] = 0
-        self.blocks.retain(np.empty(0, np.int64))
+        self.blocks.keep_blocks(np.empty(0, np.int64))
         self._images = 0
 
     def clean(self) -> int:
@@ -196,7 +206,7 @@ class TsdfVolume:
         is_kept = self.solid[:count].copy()
         # Also keep the neighbours of each block, because a surface continues from one block into the next.
         for k in range(1, 8):
-            neighbours = self.blocks.beside[:count, k]
+            neighbours = self.blocks.neighbour_blocks[:count, k]
             exists = neighbours >= 0
             is_kept[:count][exists] |= self.solid[neighbours[exists]]
             is_kept[neighbours[exists]] |= self.solid[:count][exists]
@@ -204,5 +214,5 @@ class TsdfVolume:
         for array in (self.distance, self.weight, self.solid, *([self.hue] if len(self.hue) else [])):
             array[: len(kept_blocks)] = array[kept_blocks]
             array[len(kept_blocks) : count] = 0
-        self.blocks.retain(kept_blocks)
+        self.blocks.keep_blocks(kept_blocks)
         return count - len(kept_blocks)

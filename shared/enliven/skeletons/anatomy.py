@@ -19,7 +19,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven.document import Skeleton
-from enliven.skeletons.facing import facing_of, rotate_about_y, separate_words, side_from_name
+from enliven.skeletons.facing import find_facing, rotate_about_y, separate_words, side_from_name
 from enliven.skeletons.human_names import HumanJoints, HumanLimb, human_joints, longest_branch
 from enliven.skeletons.weak_cache import cache_while_alive
 
@@ -221,7 +221,7 @@ def find_anatomy(skeleton: Skeleton, facing: float | None = None) -> Anatomy:
 @cache_while_alive
 def _detect_anatomy(skeleton: Skeleton) -> Anatomy:
     """Finds the parts of a skeleton, with the detected heading of its front."""
-    return _find_anatomy(skeleton, facing_of(skeleton))
+    return _find_anatomy(skeleton, find_facing(skeleton))
 
 
 def _find_anatomy(skeleton: Skeleton, facing: float) -> Anatomy:

@@ -24,7 +24,7 @@ _MAX_FOOT_HEIGHT = 0.12
 """Maximum height of a foot above the floor, as a fraction of the skeleton's height."""
 
 
-def facing_of(skeleton: Skeleton) -> float:
+def find_facing(skeleton: Skeleton) -> float:
     """Returns the angle of the skeleton's front about +Y from +Z at rest, in radians.
 
     The front is computed from pairs of joint names that differ only in left and right. Without such names, it

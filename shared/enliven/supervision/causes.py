@@ -10,13 +10,13 @@ from pathlib import Path
 INTERRUPTED_EXIT_CODE = 130
 """Exit code of a program that was ended by Ctrl-C or SIGTERM: 128 + SIGINT (2), by the convention of
 shells."""
-OUT_OF_MEMORY = "killed by the kernel, because the memory was used up"
+OUT_OF_MEMORY_CAUSE = "killed by the kernel, because the memory was used up"
 """Cause of a program that Linux killed to free memory."""
 _CGROUP_ROOT = Path("/sys/fs/cgroup")
 """Mount point of Linux's control groups (version 2), which limit the memory of services."""
 
 
-def exit_cause(code: int) -> str:
+def describe_exit(code: int) -> str:
     """Returns the reason for the end of a program: its exit code, or the signal if the code is negative."""
     if code >= 0:
         return f"exit code {code}"

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from .causes import OUT_OF_MEMORY, count_memory_kills, exit_cause
+from .causes import OUT_OF_MEMORY_CAUSE, count_memory_kills, describe_exit
 from .lifetime import start_child
 from .notify import MAX_NOTIFICATION_BYTES, SOCKET_VARIABLE, WATCHDOG_VARIABLE, read_notification
 from .records import ServiceRecord
@@ -70,7 +70,7 @@ class Program:
         return self.ready is None or self.ready()
 
 
-class Child:
+class SupervisedProcess:
     """The process of a supervised program. Times are in seconds of the monotonic clock, unless stated
     otherwise.
 
@@ -91,7 +91,7 @@ class Child:
         self._is_ready, self._status = False, ""
         self._end_reason, self._kill_at_s = "", 0.0
         self._memory_kills = 0
-        self._socket, self._address = _bind(socket_path)
+        self._socket, self._address = _bind_socket(socket_path)
 
     @property
     def socket(self) -> socket.socket | None:
@@ -130,7 +130,7 @@ class Child:
         self._started_before, self.due_s, self.exit_code = True, None, None
         self.process = start_child(restart_command or program.command, environment, is_bound=True)
 
-    def end(self, reason: str, now_s: float, grace_s: float) -> None:
+    def terminate(self, reason: str, now_s: float, grace_s: float) -> None:
         """Terminates the program, so that it is restarted. Kills it if it still runs after ``grace_s``
         seconds.
         """
@@ -139,7 +139,7 @@ class Child:
         self._end_reason, self._kill_at_s = reason, now_s + grace_s
         self.process.terminate()
 
-    def poll(self, now_s: float) -> str | None:
+    def check_process(self, now_s: float) -> str | None:
         """Reads reports, watches the progress, and kills a process that does not end.
 
         Returns:
@@ -151,12 +151,12 @@ class Child:
         code = self.process.poll()
         if code is not None:
             self.process, self.exit_code = None, code
-            return self._end_reason or self._exit_cause(code)
+            return self._end_reason or self._find_exit_cause(code)
         if self._end_reason:
             if now_s >= self._kill_at_s:
                 self.process.kill()
         elif self._is_watched and now_s >= self._deadline_s:
-            self.end(self._silence_reason(), now_s, FROZEN_GRACE_S)
+            self.terminate(self._find_silence_reason(), now_s, FROZEN_GRACE_S)
         return None
 
     def plan_restart(self, now_s: float, *, is_failure: bool = True) -> float:
@@ -169,7 +169,7 @@ class Child:
         self.due_s = now_s + wait_s
         return wait_s
 
-    def record(self, now_s: float, unix_s: float) -> ServiceRecord:
+    def create_record(self, now_s: float, unix_s: float) -> ServiceRecord:
         """Returns the state of the program.
 
         Args:
@@ -179,7 +179,7 @@ class Child:
             wait_s = max(0.0, (self.due_s or now_s) - now_s)
             return ServiceRecord(self.program.name, 0, 0.0, 0.0, f"ended, starts again in {wait_s:.0f} s")
         progress_s = unix_s - (now_s - self._progress_s) if self._progress_s else 0.0
-        rss_mb = _resident_mb(self.process.pid)
+        rss_mb = _read_resident_mb(self.process.pid)
         figures = {} if rss_mb is None else {"rss_mb": round(rss_mb, 1)}
         started_s = unix_s - (now_s - self._started_s)
         return ServiceRecord(
@@ -197,7 +197,7 @@ class Child:
         as frozen.
         """
         for _ in range(_MAX_NOTIFICATIONS):
-            data = self._receive()
+            data = self._receive_report()
             if data is None:
                 return
             fields = read_notification(data)
@@ -209,7 +209,7 @@ class Child:
                 self._is_ready, self._progress_s = True, now_s
                 self._deadline_s = now_s + (self.program.frozen_after_s or 0.0)
 
-    def _receive(self) -> bytes | None:
+    def _receive_report(self) -> bytes | None:
         """Returns one report, or None if there is none."""
         if self._socket is None:
             return None
@@ -220,23 +220,23 @@ class Child:
     def _drop_notifications(self) -> None:
         """Removes the notifications of the previous process, which must not count for the next process."""
         for _ in range(_MAX_NOTIFICATIONS):
-            if self._receive() is None:
+            if self._receive_report() is None:
                 return
 
-    def _silence_reason(self) -> str:
+    def _find_silence_reason(self) -> str:
         """Returns the reason for ending a program that does not report progress."""
         if self._is_ready:
             return f"no progress for {self.program.frozen_after_s:g} s"
         return f"not ready after {self._deadline_s - self._started_s:.0f} s"
 
-    def _exit_cause(self, code: int) -> str:
+    def _find_exit_cause(self, code: int) -> str:
         """Returns the reason why the process ended without being ended by the supervisor."""
         if code == _SIGKILL_CODE and count_memory_kills() > self._memory_kills:
-            return OUT_OF_MEMORY
-        return exit_cause(code)
+            return OUT_OF_MEMORY_CAUSE
+        return describe_exit(code)
 
 
-def _bind(path: Path) -> tuple[socket.socket | None, str]:
+def _bind_socket(path: Path) -> tuple[socket.socket | None, str]:
     """Returns a socket for reports and its address, or None and "" if this system has no such sockets."""
     if not hasattr(socket, "AF_UNIX") or sys.platform == "win32":
         return None, ""
@@ -252,7 +252,7 @@ def _bind(path: Path) -> tuple[socket.socket | None, str]:
     return endpoint, str(path)
 
 
-def _resident_mb(pid: int) -> float | None:
+def _read_resident_mb(pid: int) -> float | None:
     """Returns the resident memory of a process in megabytes. Returns None if it is unknown, as always on
     systems other than Linux.
     """

@@ -52,30 +52,30 @@ class Notifier:
         """True if a supervisor receives this program's reports."""
         return self._socket is not None
 
-    def ready(self, status: str = "") -> None:
+    def report_ready(self, status: str = "") -> None:
         """Reports that the program has started. ``status`` is a sentence for operators."""
-        self._send(READY="1", STATUS=_one_line(status))
+        self._send_fields(READY="1", STATUS=_join_lines(status))
 
-    def progress(self, status: str = "") -> None:
+    def report_progress(self, status: str = "") -> None:
         """Reports visible progress, at most twice per second. Call it after every frame or picture."""
         now = time.monotonic()
         if now - self._reported_at < _MIN_INTERVAL_S:
             return
         self._reported_at = now
-        self._send(WATCHDOG="1", STATUS=_one_line(status))
+        self._send_fields(WATCHDOG="1", STATUS=_join_lines(status))
 
-    def status(self, status: str) -> None:
+    def report_status(self, status: str) -> None:
         """Reports a sentence for operators. It does not count as progress."""
-        self._send(STATUS=_one_line(status))
+        self._send_fields(STATUS=_join_lines(status))
 
     def extend_timeout(self, seconds: float) -> None:
-        """Requests more time until :meth:`ready`, for example because kernels are compiled or the camera is
-        not ready."""
-        self._send(EXTEND_TIMEOUT_USEC=str(round(seconds * 1e6)))
+        """Requests more time until :meth:`report_ready`, for example because kernels are compiled or the
+        camera is not ready."""
+        self._send_fields(EXTEND_TIMEOUT_USEC=str(round(seconds * 1e6)))
 
-    def stopping(self) -> None:
+    def report_stopping(self) -> None:
         """Reports that the program ends intentionally."""
-        self._send(STOPPING="1")
+        self._send_fields(STOPPING="1")
 
     def close(self) -> None:
         """Closes the connection to the supervisor."""
@@ -83,7 +83,7 @@ class Notifier:
             self._socket.close()
             self._socket = None
 
-    def _send(self, **fields: str) -> None:
+    def _send_fields(self, **fields: str) -> None:
         """Sends the fields that are not empty as one notification. Drops it if the supervisor does not
         read."""
         if self._socket is None:
@@ -100,6 +100,6 @@ def read_notification(data: bytes) -> Mapping[str, str]:
     return {key: value for key, separator, value in (line.partition("=") for line in lines) if separator}
 
 
-def _one_line(text: str) -> str:
+def _join_lines(text: str) -> str:
     """Returns a text without line breaks, which would begin another field."""
     return " ".join(text.split())

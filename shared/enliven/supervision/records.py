@@ -25,7 +25,7 @@ from enliven.files import DECODE_ERRORS, read_file, user_data_folder, write_file
 
 RUNTIME_VARIABLE = "ENLIVEN_RUNTIME"
 """Environment variable with the runtime folder. All programs of a kiosk must agree on it."""
-SCREEN_PICTURE = "screen.png"
+SCREEN_PICTURE_FILE = "screen.png"
 """Name in the runtime folder of a recent picture of the kiosk's window."""
 MAX_RESTARTS = 1000
 """Maximum number of stored restarts. Because of the back-off, a program that always fails writes one line
@@ -35,9 +35,9 @@ _MAX_RECORD_BYTES = 1 << 20
 150,000 bytes."""
 _MAX_CAUSE_LENGTH = 500
 """Maximum length of a cause in characters. Longer error messages are truncated."""
-_SERVICES = "services"
+_SERVICES_FOLDER = "services"
 """Name of the folder for program states in the runtime folder."""
-_RESTARTS = "restarts.jsonl"
+_RESTARTS_FILE = "restarts.jsonl"
 """Name of the file with the history of restarts in the user's data folder."""
 
 T = TypeVar("T", bound=msgspec.Struct)
@@ -106,18 +106,18 @@ def write_service(record: ServiceRecord, folder: Path | None = None) -> None:
     Raises:
         ResourceError: if it cannot be written.
     """
-    services = (folder or runtime_folder()) / _SERVICES
+    services = (folder or runtime_folder()) / _SERVICES_FOLDER
     services.mkdir(mode=0o700, parents=True, exist_ok=True)
-    write_file(services / f"{_file_name(record.name)}.json", msgspec.json.encode(record), durable=False)
+    write_file(services / f"{_make_file_name(record.name)}.json", msgspec.json.encode(record), durable=False)
 
 
 def read_services(folder: Path | None = None) -> list[ServiceRecord]:
     """Returns the states of all programs, sorted by name. Damaged files are left out."""
-    services = (folder or runtime_folder()) / _SERVICES
+    services = (folder or runtime_folder()) / _SERVICES_FOLDER
     records = []
     for path in services.glob("*.json"):
         try:
-            records.append(_decode(read_file(path, _MAX_RECORD_BYTES), ServiceRecord))
+            records.append(_decode_record(read_file(path, _MAX_RECORD_BYTES), ServiceRecord))
         except InputError:
             # The file is missing, because the program has ended since the folder was listed, or it is too
             # large for a record.
@@ -134,7 +134,7 @@ def append_restart(record: RestartRecord, folder: Path | None = None) -> None:
     Raises:
         ResourceError: if it cannot be written.
     """
-    place = (folder or user_data_folder()) / _RESTARTS
+    place = (folder or user_data_folder()) / _RESTARTS_FILE
     place.parent.mkdir(parents=True, exist_ok=True)
     record = RestartRecord(record.name, record.at_s, record.cause[:_MAX_CAUSE_LENGTH])
     kept_restarts = [*read_restarts(folder), record][-MAX_RESTARTS:]
@@ -144,19 +144,19 @@ def append_restart(record: RestartRecord, folder: Path | None = None) -> None:
 def read_restarts(folder: Path | None = None) -> list[RestartRecord]:
     """Returns the history of restarts, the oldest first. Lines damaged by a power cut are left out."""
     try:
-        lines = read_file((folder or user_data_folder()) / _RESTARTS, _MAX_RECORD_BYTES).splitlines()
+        lines = read_file((folder or user_data_folder()) / _RESTARTS_FILE, _MAX_RECORD_BYTES).splitlines()
     except InputError:
         return []
-    records = (_decode(line, RestartRecord) for line in lines)
+    records = (_decode_record(line, RestartRecord) for line in lines)
     return [record for record in records if record is not None]
 
 
-def _file_name(name: str) -> str:
+def _make_file_name(name: str) -> str:
     """Returns a program's name as a valid file name, without path separators."""
     return re.sub(r"[^A-Za-z0-9_.-]+", "-", name).lstrip(".") or "unnamed"
 
 
-def _decode(data: bytes, kind: type[T]) -> T | None:
+def _decode_record(data: bytes, kind: type[T]) -> T | None:
     """Returns a record, or None if the data is damaged."""
     try:
         return msgspec.json.decode(data, type=kind)

@@ -22,7 +22,7 @@ skips."""
 _MIN_NIGHTLY_INTERVAL_S = 3 * 3600.0
 """Minimum time between two nightly restarts, in seconds. It covers the window and the hour that daylight
 saving time repeats."""
-_TIME_OF_DAY = re.compile(r"([01]\d|2[0-3]):([0-5]\d)")
+_TIME_OF_DAY_PATTERN = re.compile(r"([01]\d|2[0-3]):([0-5]\d)")
 
 
 class RestartBackoff:
@@ -59,7 +59,7 @@ class NightlyRestart:
     """
 
     def __init__(self, time_of_day: str, monotonic_s: float) -> None:
-        self._minute = minute_of_day(time_of_day) if time_of_day else None
+        self._minute = parse_time_of_day(time_of_day) if time_of_day else None
         self._last_s = monotonic_s
 
     def is_due(self, monotonic_s: float, unix_s: float) -> bool:
@@ -79,13 +79,13 @@ class NightlyRestart:
         return True
 
 
-def minute_of_day(text: str) -> int:
+def parse_time_of_day(text: str) -> int:
     """Returns a time of day such as "04:00" in minutes since midnight.
 
     Raises:
         InputError: if it is not of the form HH:MM.
     """
-    match = _TIME_OF_DAY.fullmatch(text)
+    match = _TIME_OF_DAY_PATTERN.fullmatch(text)
     if match is None:
         raise InputError(
             f"{text!r} is not a time of day", where="care.restart_at", remedy="Write it as 04:00."

@@ -13,14 +13,14 @@ from collections.abc import Mapping
 
 from enliven.errors import EnlivenError
 
-from .causes import OUT_OF_MEMORY, exit_cause
+from .causes import OUT_OF_MEMORY_CAUSE, describe_exit
 from .records import RestartRecord, append_restart
 
 _SIGNAL_BASE = 128
 """By the convention of shells, an exit code above this number means the signal with the number of the
 difference."""
-_CAUSES = {
-    "oom-kill": OUT_OF_MEMORY,
+_CAUSE_BY_RESULT = {
+    "oom-kill": OUT_OF_MEMORY_CAUSE,
     "watchdog": "no progress for too long",
     "timeout": "not ready or not ended in time",
     "protocol": "ended before it was ready",
@@ -28,7 +28,7 @@ _CAUSES = {
     "start-limit-hit": "started too often",
 }
 """Causes by value of systemd's ``SERVICE_RESULT`` (systemd.exec). Exit codes and signals are described by
-:func:`exit_cause`.
+:func:`describe_exit`.
 """
 
 
@@ -45,13 +45,13 @@ def cause_from_systemd(variables: Mapping[str, str]) -> str:
     if result == "exit-code" and status.isdecimal():
         # If a signal ended the window, the compositor returns an exit code above 128, like a shell.
         code = int(status)
-        return exit_cause(_SIGNAL_BASE - code if code > _SIGNAL_BASE else code)
+        return describe_exit(_SIGNAL_BASE - code if code > _SIGNAL_BASE else code)
     if result in ("signal", "core-dump"):
         return f"signal SIG{status.removeprefix('SIG')}"
-    return _CAUSES.get(result, result)
+    return _CAUSE_BY_RESULT.get(result, result)
 
 
-def service_from_words(words: list[str]) -> str:
+def service_from_arguments(words: list[str]) -> str:
     """Returns the name of a service for operators: "window", "edge NAME", or "edge" for the default edge."""
     return " ".join(words if words[1:] != ["edge"] else words[:1])
 
@@ -61,7 +61,7 @@ def main(words: list[str]) -> int:
     cause = cause_from_systemd(os.environ)
     if words and cause:
         try:
-            append_restart(RestartRecord(service_from_words(words), time.time(), cause))
+            append_restart(RestartRecord(service_from_arguments(words), time.time(), cause))
         except EnlivenError as error:
             sys.stderr.write(f"enliven: {error}\n")
     return 0

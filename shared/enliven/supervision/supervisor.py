@@ -19,7 +19,7 @@ from enliven.errors import EnlivenError
 from enliven.files import TemporaryFolder
 
 from .causes import INTERRUPTED_EXIT_CODE, exit_code_from_status
-from .child import Child, Program
+from .child import Program, SupervisedProcess
 from .lifetime import TERMINATION_GRACE_S, end_children
 from .records import RestartRecord, ServiceRecord, append_restart, read_services, write_service
 from .schedule import NightlyRestart, RestartBackoff
@@ -81,12 +81,12 @@ class Supervisor:
         self._programs, self._folders, self._backoff = programs, folders, backoff
         self._nightly = NightlyRestart(restart_at, time.monotonic())
         self.exit_codes: dict[str, int] = {}
-        self._children: list[Child] = []
+        self._children: list[SupervisedProcess] = []
         self._selector = selectors.DefaultSelector()
-        self._end_descriptors: dict[Child, int] = {}
+        self._end_descriptors: dict[SupervisedProcess, int] = {}
         self._is_stopped = False
         self._exit_code: int | None = None
-        self._starting: Child | None = None
+        self._starting: SupervisedProcess | None = None
         self._recorded_s = -_RECORD_INTERVAL_S
         self._unwritable: set[str] = set()
         self._records: dict[str, ServiceRecord] = {}
@@ -104,7 +104,7 @@ class Supervisor:
         """
         with TemporaryFolder("supervisor") as folder, self._handle_signals(), self._selector:
             self._children = [
-                Child(program, Path(folder) / str(number), self._backoff())
+                SupervisedProcess(program, Path(folder) / str(number), self._backoff())
                 for number, program in enumerate(self._programs)
             ]
             try:
@@ -121,8 +121,8 @@ class Supervisor:
         while self._exit_code is None and not self._is_stopped:
             started_count = self._start_next(started_count)
             for child in self._children[:started_count]:
-                self._check(child)
-            self._restart_nightly()
+                self._restart_if_ended(child)
+            self._restart_if_night()
             self._write_records()
             if self._selector.get_map():
                 self._selector.select(POLL_INTERVAL_S)
@@ -138,25 +138,25 @@ class Supervisor:
             child = self._children[started_count]
             self._starting = None if child.program.ready is None else child
             started_count += 1
-            self._start(child)
+            self._start_program(child)
         if self._starting is not None and self._starting.program.is_ready():
             self._starting = None
         return started_count
 
-    def _check(self, child: Child) -> None:
+    def _restart_if_ended(self, child: SupervisedProcess) -> None:
         """Restarts a program if it has ended."""
         now_s, was_ready = time.monotonic(), child.is_ready
-        cause = child.poll(now_s)
+        cause = child.check_process(now_s)
         if child.is_ready != was_ready:
             # Write the records immediately, so that the health page shows the change.
             self._recorded_s = -_RECORD_INTERVAL_S
         if cause is not None:
-            self._unwatch_end(child)
+            self._close_end_descriptor(child)
             self._handle_end(child, cause, now_s)
         if child.process is None and child.due_s is not None and now_s >= child.due_s:
-            self._start(child)
+            self._start_program(child)
 
-    def _start(self, child: Child) -> None:
+    def _start_program(self, child: SupervisedProcess) -> None:
         """Starts a program. A failure to start is treated like its end."""
         now_s = time.monotonic()
         try:
@@ -165,9 +165,9 @@ class Supervisor:
             child.exit_code = _FAILED_START_CODE
             self._handle_end(child, f"cannot be started ({error.strerror or error})", now_s)
             return
-        self._watch_end(child)
+        self._wake_at_end(child)
 
-    def _watch_end(self, child: Child) -> None:
+    def _wake_at_end(self, child: SupervisedProcess) -> None:
         """Makes the end of the program interrupt the wait between two checks (Linux)."""
         if child.process is None or sys.platform != "linux":
             return
@@ -176,26 +176,26 @@ class Supervisor:
             self._end_descriptors[child] = descriptor
             self._selector.register(descriptor, selectors.EVENT_READ)
 
-    def _unwatch_end(self, child: Child) -> None:
+    def _close_end_descriptor(self, child: SupervisedProcess) -> None:
         """Closes the descriptor of a program that has ended."""
         descriptor = self._end_descriptors.pop(child, None)
         if descriptor is not None:
             self._selector.unregister(descriptor)
             os.close(descriptor)
 
-    def _handle_end(self, child: Child, cause: str, now_s: float) -> None:
+    def _handle_end(self, child: SupervisedProcess, cause: str, now_s: float) -> None:
         """Schedules the restart of a program that has ended, or ends the run."""
         code, program = child.exit_code or 0, child.program
         is_planned = program.restart == "never" or (program.restart == "failure" and code == 0)
         if is_planned or child is self._starting:
-            self._finish(child, cause)
+            self._end_run_if_needed(child, cause)
             return
         wait_s = child.plan_restart(now_s, is_failure=cause != NIGHTLY_CAUSE)
         wait_text = f"in {wait_s:g} s" if wait_s else "at once"
         log.warning("the %s has ended: %s. It starts again %s.", program.name, cause, wait_text)
-        self._write("restart", lambda folders: _append(folders, program.name, cause))
+        self._write_record("restart", lambda folders: _append_restart(folders, program.name, cause))
 
-    def _finish(self, child: Child, cause: str) -> None:
+    def _end_run_if_needed(self, child: SupervisedProcess, cause: str) -> None:
         """Ends all programs after a program has ended. Does nothing if a program that does not lead has ended
         without a failure.
         """
@@ -206,12 +206,12 @@ class Supervisor:
         if program.leads or code or child is self._starting:
             self._exit_code = exit_code_from_status(code)
 
-    def _restart_nightly(self) -> None:
+    def _restart_if_night(self) -> None:
         """Ends all programs at the time of the nightly restart. They are then started again."""
         now_s = time.monotonic()
         if self._nightly.is_due(now_s, time.time()):
             for child in self._children:
-                child.end(NIGHTLY_CAUSE, now_s, TERMINATION_GRACE_S)
+                child.terminate(NIGHTLY_CAUSE, now_s, TERMINATION_GRACE_S)
 
     def _write_records(self) -> None:
         """Writes the state of each program, at a limited rate."""
@@ -223,11 +223,11 @@ class Supervisor:
             return
         stored_records = {record.name: record for record in read_services(self._folders.runtime)}
         for child in self._children:
-            record = child.record(now_s, time.time())
+            record = child.create_record(now_s, time.time())
             if child.is_over or self._is_recorded_by_itself(record, stored_records.get(record.name)):
                 continue
             self._records[record.name] = record
-            self._write("state", lambda folders, record=record: write_service(record, folders.runtime))
+            self._write_record("state", lambda folders, record=record: write_service(record, folders.runtime))
 
     def _is_recorded_by_itself(self, record: ServiceRecord, present: ServiceRecord | None) -> bool:
         """Returns True if a running program writes its own state record, which contains more than the
@@ -236,7 +236,7 @@ class Supervisor:
         is_of_process = present is not None and record.pid != 0 and present.pid == record.pid
         return is_of_process and present != self._records.get(record.name)
 
-    def _write(self, kind: str, write: Callable[[RecordFolders], None]) -> None:
+    def _write_record(self, kind: str, write: Callable[[RecordFolders], None]) -> None:
         """Writes a record. Failures, such as a full disk, must not end the supervision, so they are only
         logged, once per kind of record.
         """
@@ -258,7 +258,7 @@ class Supervisor:
         end_children(list(running.values()), TERMINATION_GRACE_S)
         self.exit_codes = {name: process.returncode for name, process in running.items()}
         for child in self._children:
-            self._unwatch_end(child)
+            self._close_end_descriptor(child)
             child.close()
 
     @contextlib.contextmanager
@@ -279,6 +279,6 @@ class Supervisor:
                 signal.signal(number, handler)
 
 
-def _append(folders: RecordFolders, name: str, cause: str) -> None:
+def _append_restart(folders: RecordFolders, name: str, cause: str) -> None:
     """Adds a restart to the history."""
     append_restart(RestartRecord(name, time.time(), cause), folders.history)

@@ -8,12 +8,12 @@ from enliven.arrays import Bool, Float
 from enliven.formats.motion.capture import Capture
 from enliven.person import Limb
 from enliven.rotation import nearest_rotation, rotate, swing, unit
-from enliven.takes.capture_roles import Roles
+from enliven.takes.capture_roles import JointRoles
 
 _UP, _DOWN, _FORWARD = np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
-def find_limb_rotations(capture: Capture, roles: Roles) -> tuple[Float, Bool]:
+def find_limb_rotations(capture: Capture, roles: JointRoles) -> tuple[Float, Bool]:
     """Returns the rotation from each limb to the world in every frame (F, 16, 3, 3), and (F, 2) True for each
     standing foot."""
     p = capture.positions

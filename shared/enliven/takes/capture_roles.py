@@ -22,7 +22,7 @@ _SIDES = (("left", "l"), ("right", "r"))
 
 
 @dataclass(frozen=True)
-class Roles:
+class JointRoles:
     """Indices of a capture's joints by role. In a pair, the left joint comes first.
 
     Attributes:
@@ -45,7 +45,7 @@ class Roles:
     toes: tuple[int, int]
 
 
-def find_roles(capture: Capture) -> Roles:
+def find_roles(capture: Capture) -> JointRoles:
     """Finds the roles of a capture's joints.
 
     Raises:
@@ -65,7 +65,7 @@ def find_roles(capture: Capture) -> Roles:
     ankles = _matching_children(capture, names, knees, _ANKLES)
     trunk = _common_ancestors(capture, (*shoulders, head))
     root = _common_ancestors(capture, (*hips, trunk[-1]))[-1]
-    return Roles(
+    return JointRoles(
         root=root,
         spine=tuple(trunk[trunk.index(root) :]),
         head=head,

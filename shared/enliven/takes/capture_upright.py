@@ -17,7 +17,7 @@ from enliven.formats.motion.bvh import read_bvh
 from enliven.formats.motion.capture import UNITS, Capture, guess_unit
 from enliven.formats.motion.expmap import read_expmap
 from enliven.rotation import unit
-from enliven.takes.capture_roles import Roles, find_roles
+from enliven.takes.capture_roles import JointRoles, find_roles
 
 _Y_FROM = {
     "+Y": np.eye(3),
@@ -79,7 +79,7 @@ def turn_upright(capture: Capture) -> Capture:
     )
 
 
-def leg_length(capture: Capture, roles: Roles) -> float:
+def leg_length(capture: Capture, roles: JointRoles) -> float:
     """Returns the length of the left leg from hip to ankle in the file's unit, median over the frames."""
     p = capture.positions
     upper = np.linalg.norm(p[:, roles.hips[0]] - p[:, roles.knees[0]], axis=-1)
@@ -95,7 +95,7 @@ def metres_per_unit_from_legs(capture: Capture) -> float | None:
     return None if roles is None else UNITS[guess_unit(leg_length(capture, roles))]
 
 
-def _joint_roles(capture: Capture) -> Roles | None:
+def _joint_roles(capture: Capture) -> JointRoles | None:
     try:
         return find_roles(capture)
     except InputError:
@@ -127,7 +127,7 @@ def _up_axis(capture: Capture) -> str:
     return resting if is_lying or not is_steady else axis
 
 
-def _up_vectors(capture: Capture, roles: Roles | None, positions: Float) -> Float:
+def _up_vectors(capture: Capture, roles: JointRoles | None, positions: Float) -> Float:
     """Returns vectors (F, 3) that point up: from the ankles to the head, or along an animal's legs. They are
     zero if unknown.
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Clip, Pose, Project, Shape, unused
+from enliven.document import Clip, Pose, Project, RiggedCharacter, unused
 from enliven.motion.layers.evaluate import Player, pose_from
 from enliven.motion.layers.retarget import bind_chain, clear_chain
 from enliven.rotation import IDENTITY, conjugate, from_matrix, multiply
@@ -56,12 +56,12 @@ class LiveLayer:
         return Pose(shape.id, live.time_ns, pose.linear, moved_positions), own_pose.joints + shift
 
 
-def single_bone_chain(shape: Shape, joint: int) -> tuple[int, ...]:
+def single_bone_chain(shape: RiggedCharacter, joint: int) -> tuple[int, ...]:
     """Returns the chain of a single bone: its parent and the joint, or the root."""
     return (int(shape.skeleton.parents[joint]), joint) if joint else (0,)
 
 
-def local_rotations(shape: Shape, turns: Float) -> Float:
+def local_rotations(shape: RiggedCharacter, turns: Float) -> Float:
     """Computes the rotations (G, N, 4) that the layers of each bone must produce to reach the world rotations
     ``turns`` (G, N, 4).
     """

@@ -16,8 +16,8 @@ import scipy
 from enliven.arrays import Float, Int
 from enliven.document import (
     Character,
+    GraphCharacter,
     GraphLayer,
-    GraphShape,
     Pose,
     PoseStream,
     Project,
@@ -34,7 +34,7 @@ _SAME_NODE_M = 2e-3
 """Maximum distance, metres, between two equal nodes. It allows for the quantization of transmitted poses."""
 
 
-def has_motion(project: Project, shape: GraphShape) -> bool:
+def has_motion(project: Project, shape: GraphCharacter) -> bool:
     """Returns True if a possessed mesh has earlier motion that can be overdubbed."""
     return any(project.streams[layer.take].duration > 0.0 for layer in (*shape.parts, *shape.over))
 
@@ -47,7 +47,7 @@ class OverdubTransfer:
         character: the mesh on the stage.
     """
 
-    def __init__(self, shape: GraphShape, character: Character) -> None:
+    def __init__(self, shape: GraphCharacter, character: Character) -> None:
         pivots = np.asarray(character.pivots, np.float64)
         surface = np.asarray(character.vertices, np.float64)
         vertices = np.asarray(shape.mesh.vertices)
@@ -120,7 +120,7 @@ class LiveOverdub:
 
 def add_overdub_layer(
     project: Project,
-    shape: GraphShape,
+    shape: GraphCharacter,
     key: tuple[str, int],
     character: Character,
     poses: list[Pose],
@@ -149,9 +149,15 @@ def add_overdub_layer(
     if holds is not None and possession is not None:
         project = project.with_bodies(holds.take)
     nodes = np.arange(len(shape.positions))
-    span = punch or PunchIn.of(project, float(grid[0]), float(grid[-1]))
+    span = punch or PunchIn.from_interval(project, float(grid[0]), float(grid[-1]))
     layer = GraphLayer(
-        stream.id, nodes, nodes, shape.positions, possession=possession, offset=float(grid[0]), **span.played
+        stream.id,
+        nodes,
+        nodes,
+        shape.positions,
+        possession=possession,
+        offset=float(grid[0]),
+        **span.playback_settings,
     )
     if punch is not None:
         parts = (punch(project, part) or replace(part, muted=True) for part in shape.parts)

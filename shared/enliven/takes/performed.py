@@ -20,12 +20,12 @@ import numpy as np
 from enliven.document import (
     Character,
     Clip,
-    GraphShape,
+    ExampleCharacter,
+    GraphCharacter,
     Pose,
     Project,
-    Puppet,
     PuppetLayer,
-    Shape,
+    RiggedCharacter,
     unused,
 )
 from enliven.formats.rig.rig import play_clip
@@ -84,7 +84,7 @@ class PerformedMotion:
     characters: dict[Key, Character] = field(default_factory=dict)
     poses: dict[Key, list[Pose]] = field(default_factory=dict)
 
-    def until(self, time_ns: int) -> PerformedMotion:
+    def cut_at(self, time_ns: int) -> PerformedMotion:
         """Returns the part of the performance up to a time of the sensor's clock, nanoseconds."""
         poses = {
             key: [pose for pose in track if pose.time_ns <= time_ns] for key, track in self.poses.items()
@@ -97,7 +97,7 @@ class PerformedMotion:
         )
 
     @property
-    def moved(self) -> list[Key]:
+    def moved_characters(self) -> list[Key]:
         """The characters that moved."""
         return [key for key, poses in self.poses.items() if len(poses) >= _MIN_POSES and _is_moving(poses)]
 
@@ -133,7 +133,7 @@ class PerformedCharacter:
     def span(self, project: Project) -> PunchIn:
         """Returns the time span of the motion, in seconds of the project."""
         first, last = (1e-9 * (pose.time_ns - self.begin) for pose in (self.poses[0], self.poses[-1]))
-        return PunchIn.of(project, first, last)
+        return PunchIn.from_interval(project, first, last)
 
 
 def add_performance(
@@ -161,7 +161,7 @@ def add_performance(
     for clip in _performer_clips(merged_performers, performed):
         project = project.with_takes(replace(clip, id=unused(clip.id, project.takes)))
         new_ids.append(list(project.takes)[-1])
-    for key in performed.moved:
+    for key in performed.moved_characters:
         motion = PerformedCharacter(key, performed, merged_performers, begin, replaces)
         existing = project.characters.get(key[0])
         add = None if existing is None else RECORDERS.get(existing.kind)
@@ -187,7 +187,9 @@ def _performer_clips(merged: MergedPerformers, performed: PerformedMotion) -> li
     actors = [performer for performer in merged.person_ids if performer in holding or not holding]
     others = [performer for performer in merged.person_ids if performer not in actors]
     clips_by_person = {
-        performer: clips_of_frames(merged.alone(performer), performed.name, _UNSPLIT_TAKE_SETTINGS)[:1]
+        performer: clips_of_frames(
+            merged.select_person_frames(performer), performed.name, _UNSPLIT_TAKE_SETTINGS
+        )[:1]
         for performer in actors + others
     }
     clips = list[Clip]()
@@ -200,7 +202,7 @@ def _performer_clips(merged: MergedPerformers, performed: PerformedMotion) -> li
     return clips
 
 
-def _add_node_motion(project: Project, shape: GraphShape, motion: PerformedCharacter) -> Project | None:
+def _add_node_motion(project: Project, shape: GraphCharacter, motion: PerformedCharacter) -> Project | None:
     """Adds the new motion of a possessed mesh to its earlier motion. Returns None if no earlier motion
     remains.
     """
@@ -229,7 +231,7 @@ def _is_moving(poses: Sequence[Pose]) -> bool:
     )
 
 
-def _add_bone_layers(project: Project, shape: Shape, motion: PerformedCharacter) -> Project | None:
+def _add_bone_layers(project: Project, shape: RiggedCharacter, motion: PerformedCharacter) -> Project | None:
     """Adds a layer to those bones of a shape that moved. Returns None if the performed character has another
     skeleton.
     """
@@ -254,14 +256,14 @@ def _add_bone_layers(project: Project, shape: Shape, motion: PerformedCharacter)
         float(grid[1] - grid[0]),
     )
     project = project.with_takes(take)
-    punch = PunchIn.of(project, float(grid[0]), float(grid[-1]))
+    punch = PunchIn.from_interval(project, float(grid[0]), float(grid[-1]))
     keeps_some = replaces and punch.moves_outside(project, shape.layers)
     for chain in chains:
         if replaces:
             project = punch_bones(project, shape.id, chain, punch)
         layer = unused(f"{take.id}: {shape.skeleton.names[chain[-1]]}", project.layer_names)
         layer_settings = {"basis": IDENTITY, "layer_id": layer, "offset": float(grid[0])}
-        played = punch.played if keeps_some else {}
+        played = punch.playback_settings if keeps_some else {}
         project = bind_chain(project, shape.id, chain, take.id, chain, **layer_settings, **played)
     if travels and chains and ((replaces and not keeps_some) or shape.travel is None):
         last = project.shape(shape.id).layers[-len(chains)].id
@@ -269,7 +271,7 @@ def _add_bone_layers(project: Project, shape: Shape, motion: PerformedCharacter)
     return project
 
 
-def _moved_limbs(shape: Shape, moved: Sequence[int]) -> list[tuple[int, ...]]:
+def _moved_limbs(shape: RiggedCharacter, moved: Sequence[int]) -> list[tuple[int, ...]]:
     """Returns the chains of the bones that moved. A chain continues while exactly one child bone moved."""
     chains, child_bones = list[tuple[int, ...]](), shape.skeleton.children
     for joint in moved:
@@ -285,7 +287,9 @@ def _moved_limbs(shape: Shape, moved: Sequence[int]) -> list[tuple[int, ...]]:
     return chains
 
 
-def _add_puppet_layer(project: Project, puppet: Puppet, motion: PerformedCharacter) -> Project | None:
+def _add_puppet_layer(
+    project: Project, puppet: ExampleCharacter, motion: PerformedCharacter
+) -> Project | None:
     """Adds a layer to a puppet, with the take of the performer who moved it last. Returns None if performers
     were attached to its surface.
     """
@@ -294,7 +298,7 @@ def _add_puppet_layer(project: Project, puppet: Puppet, motion: PerformedCharact
         return None
     holders = [event.body for event in performed.events if event.character == puppet.id and event.body >= 0]
     performer = merged.people.get(holders[-1]) if holders else None
-    frames = merged.frames if performer is None else merged.alone(performer)
+    frames = merged.frames if performer is None else merged.select_person_frames(performer)
     clips = clips_of_frames(frames, f"{performed.name} in {puppet.id}", _UNSPLIT_TAKE_SETTINGS)
     if not clips:
         return project
@@ -303,11 +307,11 @@ def _add_puppet_layer(project: Project, puppet: Puppet, motion: PerformedCharact
     layer = PuppetLayer(take.id, offset=(first - motion.begin) * 1e-9)
     layers: tuple[PuppetLayer, ...] = (*puppet.layers, layer)
     if motion.replaces:
-        punch = PunchIn.of(project, layer.offset, layer.end(take.duration))
+        punch = PunchIn.from_interval(project, layer.offset, layer.end(take.duration))
         remaining = [
             silenced for old_layer in puppet.layers if (silenced := punch(project, old_layer)) is not None
         ]
-        played = punch.played if punch.moves_outside(project, puppet.layers) else {}
+        played = punch.playback_settings if punch.moves_outside(project, puppet.layers) else {}
         layers = (*remaining, replace(layer, **played))
     return project.with_takes(take).with_characters(puppet.with_changes(layers=layers))
 
@@ -338,9 +342,9 @@ def _add_character(project: Project, motion: PerformedCharacter) -> tuple[Projec
 
 
 RECORDERS: dict[str, Callable[[Project, Any, PerformedCharacter], Project | None]] = {
-    Shape.kind: _add_bone_layers,
-    GraphShape.kind: _add_node_motion,
-    Puppet.kind: _add_puppet_layer,
+    RiggedCharacter.kind: _add_bone_layers,
+    GraphCharacter.kind: _add_node_motion,
+    ExampleCharacter.kind: _add_puppet_layer,
 }
 """For each kind of rig, the function that adds a performance to a character of the project. The function
 returns None if the performance does not match the character. Then the performed character is added as a new

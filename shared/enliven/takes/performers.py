@@ -43,7 +43,7 @@ class MergedPerformers:
     frames: list[BodyFrame]
     people: dict[int, int] = field(default_factory=dict)
 
-    def alone(self, person: int) -> list[BodyFrame]:
+    def select_person_frames(self, person: int) -> list[BodyFrame]:
         """Returns the frames with all other people removed."""
         return [replace(f, bodies=[b for b in f.bodies if b.id == person]) for f in self.frames]
 

@@ -17,7 +17,7 @@ from enliven.arrays import AnyArray, Bool, Float
 from enliven.document import Skeleton
 from enliven.kernels import njit
 from enliven.motion.kinematics.quaternions import load, mul, store, turn
-from enliven.motion.kinematics.vectors import about, cross, dot, length, minus, row, swing_to
+from enliven.motion.kinematics.vectors import cross, dot, length, rotation_about, row, subtract, swing_to
 from enliven.rotation import nearest_quaternion
 
 _MIN_DIRECTION_LENGTH_M = 1e-6
@@ -102,18 +102,20 @@ def point_bones(parents, vectors, positions, known, turns):
             if has_known:
                 q = load(known[f], j)
             elif parents[j] < 0:
-                q = root_turn(parents, vectors, positions[f])
+                q = fit_root_rotation(parents, vectors, positions[f])
             else:
                 q = load(turns[f], parents[j])
             if parents[j] >= 0:
-                q = swung(q, row(vectors, j), minus(row(positions[f], j), row(positions[f], parents[j])))
+                q = swing_to_direction(
+                    q, row(vectors, j), subtract(row(positions[f], j), row(positions[f], parents[j]))
+                )
                 if not has_known:
-                    q = twisted(parents, vectors, positions[f], j, q)
+                    q = add_twist(parents, vectors, positions[f], j, q)
             store(turns[f], j, q)
 
 
 @njit(cache=True, nogil=True)
-def root_turn(parents, vectors, positions):
+def fit_root_rotation(parents, vectors, positions):
     """Returns the rotation that best fits the bones that begin at the root (Kabsch algorithm). If there is a
     single bone, returns its shortest swing.
     """
@@ -130,11 +132,11 @@ def root_turn(parents, vectors, positions):
     identity = (1.0, 0.0, 0.0, 0.0)
     if count == 0:
         return identity
-    return swung(identity, row(vectors, only), minus(row(positions, only), row(positions, 0)))
+    return swing_to_direction(identity, row(vectors, only), subtract(row(positions, only), row(positions, 0)))
 
 
 @njit(cache=True, nogil=True)
-def swung(q, rest, now):
+def swing_to_direction(q, rest, now):
     """Returns ``q`` followed by the shortest rotation that points ``rest`` along ``now``.
 
     If a joint coincides with its parent, the direction is undefined, and the bone keeps ``q``.
@@ -145,7 +147,7 @@ def swung(q, rest, now):
 
 
 @njit(cache=True, nogil=True)
-def twisted(parents, vectors, positions, joint, q):
+def add_twist(parents, vectors, positions, joint, q):
     """Returns ``q`` with an additional twist about its bone, so that the child bones fit best. There is no
     twist unless there are several child bones.
 
@@ -163,9 +165,9 @@ def twisted(parents, vectors, positions, joint, q):
         if parents[child] == joint:
             count += 1
             a = turn(q, vectors[child, 0], vectors[child, 1], vectors[child, 2])
-            b = minus(row(positions, child), row(positions, joint))
+            b = subtract(row(positions, child), row(positions, joint))
             sine += dot(cross(a, b), n)
             cosine += dot(a, b) - dot(a, n) * dot(b, n)
     if count < 2 or (sine == 0.0 and cosine == 0.0):
         return q
-    return mul(about(n, math.atan2(sine, cosine)), q)
+    return mul(rotation_about(n, math.atan2(sine, cosine)), q)

@@ -21,13 +21,13 @@ from enliven.document import (
     BodyTake,
     Character,
     ControlPoint,
-    GraphShape,
+    ExampleCharacter,
+    GraphCharacter,
     HoldChange,
     Pose,
     PoseStream,
     Possession,
     Project,
-    Puppet,
     graph_shape_from_poses,
     unused,
 )
@@ -190,7 +190,7 @@ def _bake_puppet(
     grid: Float,
     ids: tuple[str, str],
     notes: list[str],
-) -> tuple[GraphShape, PoseStream]:
+) -> tuple[GraphCharacter, PoseStream]:
     """Bakes a puppet to a graph shape and a stream. Its surface is solved at the times ``grid`` (G,),
     seconds."""
     turns = from_matrix(np.array([pose.linear[0] for pose in poses], np.float64))
@@ -208,7 +208,7 @@ def _bake_puppet(
     return graph_from_baked_surface(puppet.mesh, surface, turns, roots, step, ids, float(seconds[0]))
 
 
-def _puppet_from_character(character: Character) -> Puppet:
+def _puppet_from_character(character: Character) -> ExampleCharacter:
     """Converts a character back to a puppet: its mesh with its control points, without layers."""
     assert character.held is not None
     pulls = np.zeros(len(character.held)) if character.pulls is None else character.pulls
@@ -218,4 +218,4 @@ def _puppet_from_character(character: Character) -> Puppet:
     )
     vertices = character.vertices.astype(np.float64)
     mesh = Mesh(vertices, character.faces, character.id, character.colours)
-    return Puppet(character.id, mesh, points, surface=character.surface or ArapSettings())
+    return ExampleCharacter(character.id, mesh, points, surface=character.surface or ArapSettings())

@@ -34,7 +34,7 @@ class PunchIn:
     until: float
 
     @classmethod
-    def of(cls, project: Project, begin: float, end: float) -> PunchIn:
+    def from_interval(cls, project: Project, begin: float, end: float) -> PunchIn:
         """Creates a time span in a project. ``until`` is set to the end of all content of the project."""
         end_times = (project.end_of(character) for character in project.characters.values())
         return cls(begin, end, max([end, *end_times]))
@@ -50,7 +50,10 @@ class PunchIn:
             return layer
         if layer.weights or layer.speeds:
             even = replace(
-                self, begin=layer.even(self.begin), end=layer.even(self.end), until=layer.even(self.until)
+                self,
+                begin=layer.to_unwarped_time(self.begin),
+                end=layer.to_unwarped_time(self.end),
+                until=layer.to_unwarped_time(self.until),
             )
             kept_lane: list[_Layer | None] = []
 
@@ -89,7 +92,7 @@ class PunchIn:
         return any(not layer.muted and self(project, layer) is not None for layer in layers)
 
     @property
-    def played(self) -> dict[str, Any]:
+    def playback_settings(self) -> dict[str, Any]:
         """The time map fields of a recording's layer that plays only within the span."""
         return {"hold": False, "ease": min(FADE_S, self._half_length)}
 
@@ -103,7 +106,7 @@ class PunchIn:
         """
         clips = list(layer.clips(length))
         if layer.loop:
-            lasts = layer.lasting(length)
+            lasts = layer.compute_loop_duration(length)
             start, ease = clips[0].begin, ease + _MIN_CLIP_S
             first = math.floor((-ease - start) / lasts) if layer.hold and lasts > 0.0 else 0
             rounds = range(first, math.ceil((self.until + ease - start) / lasts)) if lasts > 0.0 else (0,)

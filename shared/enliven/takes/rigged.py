@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Character, Clip, Pose, Shape, Skeleton, still_shape
+from enliven.document import Character, Clip, Pose, RiggedCharacter, Skeleton, still_shape
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.rotation import from_matrix, remove_sign_jumps
@@ -21,7 +21,7 @@ from enliven.takes.possessed import even_times, interpolate_linearly
 
 def shape_and_clip_from_poses(
     character: Character, poses: Sequence[Pose], begin: int = 0
-) -> tuple[Shape, Clip, float]:
+) -> tuple[RiggedCharacter, Clip, float]:
     """Converts a rigged character to a shape and a clip with evenly spaced frames. Also returns the time in
     seconds at which the clip begins.
 

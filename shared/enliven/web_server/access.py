@@ -27,20 +27,20 @@ MIN_PASSWORD_LENGTH = 10
 """Minimum length of the password. With the rate limit, a random password of this length cannot be guessed."""
 MAX_FAILURES = 5
 """Number of wrong passwords from one address after which the address is locked."""
-LOCK_S = 60.0
+LOCKOUT_S = 60.0
 """Time in seconds for which an address is locked. After that, each wrong password locks it again."""
 _MAX_ADDRESSES = 1000
 """Maximum number of stored addresses that sent wrong passwords."""
 _MAX_PASSWORD_BYTES = 4096
 """Maximum size of a password file in bytes."""
-_OTHERS = stat.S_IRWXG | stat.S_IRWXO
+_OTHER_USERS_MODE_MASK = stat.S_IRWXG | stat.S_IRWXO
 """Permission bits of users other than the owner."""
 _IPV6_PREFIX = 64
 """Number of bits in the network prefix of an IPv6 address. A computer can choose the remaining bits
 itself."""
 _TOKEN_BYTES = 16
 """Number of random bytes of a token in a URL. A token of this length cannot be guessed."""
-_TOKEN = re.compile(r"[A-Za-z0-9_-]{22}")
+_TOKEN_PATTERN = re.compile(r"[A-Za-z0-9_-]{22}")
 """Pattern of a token: 16 bytes in URL-safe base64."""
 
 
@@ -85,7 +85,7 @@ def _refuse_other_users(path: Path, content: str, state: os.stat_result) -> None
         raise InputError(
             "it belongs to another user", where=str(path), remedy=f"Make a {content} of your own."
         )
-    if state.st_mode & _OTHERS:
+    if state.st_mode & _OTHER_USERS_MODE_MASK:
         raise InputError(
             f"other users may read or change this {content} (mode {stat.S_IMODE(state.st_mode):04o})",
             where=str(path),
@@ -126,12 +126,12 @@ class PasswordGate:
         self._digest = _hash_password(password.encode())
         self._failures: OrderedDict[str, tuple[int, float]] = OrderedDict()
 
-    def locked_s(self, address: str) -> float:
+    def remaining_lockout_s(self, address: str) -> float:
         """Returns the remaining seconds for which an address is locked, or 0 if it is not locked."""
         count, last_s = self._failures.get(_address_network(address), (0, 0.0))
         if count < MAX_FAILURES:
             return 0.0
-        return max(0.0, last_s + LOCK_S - time.monotonic())
+        return max(0.0, last_s + LOCKOUT_S - time.monotonic())
 
     def admits(self, address: str, authorization: str) -> bool:
         """Checks the "Authorization" header of a request. A wrong password counts as a failure.
@@ -140,7 +140,7 @@ class PasswordGate:
             True if the password is correct and the address is not locked. A correct password is refused
             during the lock, so that a guess cannot be confirmed.
         """
-        if self.locked_s(address) > 0.0:
+        if self.remaining_lockout_s(address) > 0.0:
             return False
         password = _basic_password(authorization)
         if password is not None and hmac.compare_digest(_hash_password(password), self._digest):
@@ -207,7 +207,7 @@ def make_token() -> str:
 
 def is_token(text: str) -> bool:
     """Returns True if a text has the form of a token."""
-    return _TOKEN.fullmatch(text) is not None
+    return _TOKEN_PATTERN.fullmatch(text) is not None
 
 
 def tokens_match(given: str, token: str) -> bool:

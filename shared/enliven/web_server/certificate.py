@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _MAX_PEM_BYTES = 1 << 20
 """Maximum size in bytes of a file with certificates or a key. A certificate chain has about 10,000 bytes."""
-_NEW_CERTIFICATE = "docs/health.md shows how to make a new one."
+_NEW_CERTIFICATE_ADVICE = "docs/health.md shows how to make a new one."
 """The remedy for an invalid certificate."""
 
 
@@ -53,7 +53,7 @@ def load_certificate(path: Path, key: Path, at_s: float) -> ServerCertificate:
     valid_from, end = certificate.not_valid_before_utc, certificate.not_valid_after_utc
     if at_s >= end.timestamp():
         raise InputError(
-            f"the certificate expired on {_format_date(end)}", where=str(path), remedy=_NEW_CERTIFICATE
+            f"the certificate expired on {_format_date(end)}", where=str(path), remedy=_NEW_CERTIFICATE_ADVICE
         )
     if at_s < valid_from.timestamp():
         raise InputError(
@@ -82,7 +82,7 @@ def _read_certificate(path: Path) -> Certificate:
         return x509.load_pem_x509_certificate(pem)
     except ValueError:
         raise InputError(
-            "it does not contain a certificate (PEM)", where=str(path), remedy=_NEW_CERTIFICATE
+            "it does not contain a certificate (PEM)", where=str(path), remedy=_NEW_CERTIFICATE_ADVICE
         ) from None
 
 
@@ -105,9 +105,9 @@ def _load_context(path: Path, key: Path) -> ssl.SSLContext:
         if has_passphrase:
             problem, remedy = "the key has a passphrase", f"Remove it: openssl pkey -in {key} -out NEW_KEY"
         elif getattr(error, "reason", "") == "KEY_VALUES_MISMATCH":
-            problem, remedy = f"the key does not belong to the certificate {path}", _NEW_CERTIFICATE
+            problem, remedy = f"the key does not belong to the certificate {path}", _NEW_CERTIFICATE_ADVICE
         else:
-            problem, remedy = "it does not contain a key (PEM)", _NEW_CERTIFICATE
+            problem, remedy = "it does not contain a key (PEM)", _NEW_CERTIFICATE_ADVICE
         raise InputError(problem, where=str(key), remedy=remedy) from None
     return context
 

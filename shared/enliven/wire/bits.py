@@ -2,9 +2,9 @@
 
 An integer n is folded to u = 2n or -2n - 1, so that small magnitudes stay small (zigzag). It is written as u
 >> k ones, a zero, and the low k bits of u (Rice, "Some practical universal noiseless coding techniques", JPL
-79-22, 1979). If the code begins with ``ESCAPE`` ones, the integer follows as ``ESCAPE_BITS`` raw bits, which
-bounds the code's length. All numbers in a column use the same k, which is chosen for the fewest bits. The
-value ``ALL_ZERO`` instead of k means that the whole column is zero.
+79-22, 1979). If the code begins with ``ESCAPE_LENGTH`` ones, the integer follows as ``ESCAPE_BITS`` raw
+bits, which bounds the code's length. All numbers in a column use the same k, which is chosen for the fewest
+bits. The value ``ALL_ZERO_PARAMETER`` instead of k means that the whole column is zero.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ import numpy as np
 from enliven.arrays import Int32, UInt8
 from enliven.kernels import njit
 
-ESCAPE: Any = np.int64(12)
+ESCAPE_LENGTH: Any = np.int64(12)
 """Number of consecutive ones before a raw number."""
 ESCAPE_BITS: Any = np.int64(22)
-LIMIT = int(2 ** (ESCAPE_BITS - 1) - 1)
+MAX_VALUE = int(2 ** (ESCAPE_BITS - 1) - 1)
 """The largest magnitude that can be encoded."""
-ALL_ZERO = 15
+ALL_ZERO_PARAMETER = 15
 """Value of the parameter k for a column of zeros. No further bits follow."""
 PARAMETER_BITS: Any = np.int64(4)
 """Number of bits of a parameter k. It is an int64, because Numba would compile the code again for a plain
@@ -30,18 +30,18 @@ int.
 
 
 @njit(cache=True, nogil=True)
-def best_parameter(column: Int32) -> tuple[int, int]:
+def find_best_parameter(column: Int32) -> tuple[int, int]:
     """Returns the Rice parameter k that needs the fewest bits for a column (N,), and the number of bits
     including the parameter.
     """
     if not column.any():
-        return ALL_ZERO, PARAMETER_BITS
+        return ALL_ZERO_PARAMETER, PARAMETER_BITS
     best, best_cost = 0, 2**62
-    for k in range(ALL_ZERO):
+    for k in range(ALL_ZERO_PARAMETER):
         cost = PARAMETER_BITS
         for n in column:
             quotient = (2 * n if n >= 0 else -2 * n - 1) >> k
-            cost += quotient + 1 + k if quotient < ESCAPE else ESCAPE + ESCAPE_BITS
+            cost += quotient + 1 + k if quotient < ESCAPE_LENGTH else ESCAPE_LENGTH + ESCAPE_BITS
         if cost < best_cost:
             best, best_cost = k, cost
     return best, best_cost
@@ -72,24 +72,24 @@ def encode_columns(table: Int32) -> UInt8:
     parameters = np.empty(columns, np.int64)
     total = 0
     for c in range(columns):
-        parameters[c], cost = best_parameter(table[:, c])
+        parameters[c], cost = find_best_parameter(table[:, c])
         total += cost
     out = np.zeros((total + 7) // 8, np.uint8)
     at: Any = np.int64(0)
     for c in range(columns):
         k = parameters[c]
         at = _write_bits(out, at, k, PARAMETER_BITS)
-        if k == ALL_ZERO:
+        if k == ALL_ZERO_PARAMETER:
             continue
         for r in range(rows):
             n = np.int64(table[r, c])
             folded = 2 * n if n >= 0 else -2 * n - 1
             quotient = folded >> k
-            if quotient < ESCAPE:
+            if quotient < ESCAPE_LENGTH:
                 at = _write_bits(out, at, (1 << (quotient + 1)) - 2, quotient + 1)
                 at = _write_bits(out, at, folded, k)
             else:
-                at = _write_bits(out, at, (1 << ESCAPE) - 1, ESCAPE)
+                at = _write_bits(out, at, (1 << ESCAPE_LENGTH) - 1, ESCAPE_LENGTH)
                 at = _write_bits(out, at, folded, ESCAPE_BITS)
     return out
 
@@ -123,20 +123,20 @@ def decode_columns(data: UInt8, table: Int32) -> bool:
         k = _read_bits(data, at, PARAMETER_BITS)
         at += PARAMETER_BITS
         for r in range(rows):
-            if k == ALL_ZERO:
+            if k == ALL_ZERO_PARAMETER:
                 table[r, c] = 0
                 continue
             quotient = 0
-            while quotient < ESCAPE and at < end and _read_bits(data, at, once):
+            while quotient < ESCAPE_LENGTH and at < end and _read_bits(data, at, once):
                 quotient += 1
                 at += 1
             count = ESCAPE_BITS
-            if quotient < ESCAPE:
+            if quotient < ESCAPE_LENGTH:
                 at, count = at + 1, k
             if at + count > end:
                 return False
             folded = _read_bits(data, at, count)
-            if quotient < ESCAPE:
+            if quotient < ESCAPE_LENGTH:
                 folded |= quotient << k
             at += count
             table[r, c] = folded >> 1 if folded & 1 == 0 else -(folded >> 1) - 1

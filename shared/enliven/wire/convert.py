@@ -98,14 +98,14 @@ def _pack_body(body: Body) -> PackedBody:
     return PackedBody(
         int(body.id),
         np.clip(steps, -32768, 32767).astype("<i2").tobytes(),
-        _fraction_bytes(confidence),
+        _quantise_fractions(confidence),
         b"" if body.orientations is None else pack_quaternions(body.orientations),
-        b"" if body.contacts is None else _fraction_bytes(np.nan_to_num(body.contacts)),
+        b"" if body.contacts is None else _quantise_fractions(np.nan_to_num(body.contacts)),
         round(min(max(stature, 0.0), 10.0) * 1000),
     )
 
 
-def _fraction_bytes(values: AnyArray) -> bytes:
+def _quantise_fractions(values: AnyArray) -> bytes:
     """Encodes numbers in [0, 1] as bytes, with 255 for 1."""
     return bytes(np.rint(np.clip(values, 0, 1) * 255).astype(np.uint8).tobytes())
 

@@ -124,7 +124,7 @@ def check_character(character: Character) -> None:
     except (OverflowError, ValueError):
         raise InputError(_UNENCODABLE_REASON, where=where, remedy=remedy) from None
     try:
-        message = _checking_decoder(CharacterMessage, ()).decode(data)
+        message = _create_checking_decoder(CharacterMessage, ()).decode(data)
     except (msgspec.MsgspecError, ValueError) as error:
         raise InputError(_reason_sentence(str(error)), where=where, remedy=remedy) from None
     message_to_character(message)
@@ -230,13 +230,13 @@ def _decode_checked(topic: Topic, data: bytes) -> Any:
         raise MalformedMessageError(topic.name, f"{len(data) - 1} bytes are more than {topic.max_bytes}")
     try:
         requests = tuple(REQUESTS) if topic is REQUEST else ()
-        return _checking_decoder(topic.type, requests).decode(memoryview(data)[1:])
+        return _create_checking_decoder(topic.type, requests).decode(memoryview(data)[1:])
     except (msgspec.MsgspecError, ValueError, RecursionError) as error:
         raise MalformedMessageError(topic.name, str(error)) from None
 
 
 @functools.cache
-def _checking_decoder(kind: Any, bodies: tuple[type[Any], ...]) -> msgspec.msgpack.Decoder[Any]:
+def _create_checking_decoder(kind: Any, bodies: tuple[type[Any], ...]) -> msgspec.msgpack.Decoder[Any]:
     """Returns a decoder of a message class that checks types and ranges.
 
     ``bodies`` are the classes of the bodies that a request may contain.

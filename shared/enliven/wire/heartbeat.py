@@ -8,13 +8,13 @@ from typing import Any
 import zmq
 
 from enliven.errors import ResourceError
-from enliven.keys.client import HandshakeWatch, handshake_advice
+from enliven.keys.client import HandshakeMonitor, handshake_advice
 from enliven.wire.envelope import MalformedMessageError, OtherVersionError, unpack_stream
 from enliven.wire.sockets import MAX_UNREAD_STREAMS, Endpoint, make_socket
 from enliven.wire.streams import StatusMessage
 from enliven.wire.topics import MAX_STREAM_BYTES, STATUS
 
-_LOOK_INTERVAL_MS = 100
+_POLL_INTERVAL_MS = 100
 """Interval in milliseconds at which the state of the connection is checked while waiting for a message."""
 
 
@@ -32,7 +32,7 @@ def receive_heartbeat(endpoint: Endpoint, seconds: float) -> StatusMessage:
     context: zmq.Context[Any] = zmq.Context.instance()
     keys = endpoint.find_keys()
     socket, other_version = make_socket(context, zmq.SUB, MAX_STREAM_BYTES, MAX_UNREAD_STREAMS, keys), ""
-    watch = HandshakeWatch(socket, keys is not None)
+    watch = HandshakeMonitor(socket, keys is not None)
     try:
         socket.setsockopt(zmq.SUBSCRIBE, b"")
         socket.connect(endpoint.stream_address)
@@ -41,7 +41,7 @@ def receive_heartbeat(endpoint: Endpoint, seconds: float) -> StatusMessage:
             watch.poll()
             if watch.problem:
                 break
-            if not socket.poll(min(max(round(1000 * remaining), 1), _LOOK_INTERVAL_MS)):
+            if not socket.poll(min(max(round(1000 * remaining), 1), _POLL_INTERVAL_MS)):
                 continue
             try:
                 topic, message = unpack_stream(b"".join(socket.recv_multipart(zmq.DONTWAIT)))

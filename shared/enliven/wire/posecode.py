@@ -24,18 +24,18 @@ from enliven.document import Character, Pose
 from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.rotation import rotation_matrix
-from enliven.wire.bits import LIMIT, decode_columns, encode_columns
+from enliven.wire.bits import MAX_VALUE, decode_columns, encode_columns
 from enliven.wire.fields import MAX_TRANSFORMS
 from enliven.wire.quantize import (
-    LARGEST_LINEAR,
+    MAX_LINEAR_ENTRY,
     POSITION_STEP,
     ROTATION_STEP,
     STRETCH_STEP,
+    apply_stretch_entries,
+    compute_stretch,
     nearest_rotation,
+    rotate_by_vector,
     rotation_vector,
-    stretch_of,
-    stretched,
-    turned_by,
 )
 
 COLUMNS = 12
@@ -196,13 +196,13 @@ def _decode_linear(
     """
     before = quaternions[parent] if parent >= 0 else quaternions[len(linear)]
     step = ROTATION_STEP
-    turned_by(before, row[3] * step, row[4] * step, row[5] * step, quaternions[i])
+    rotate_by_vector(before, row[3] * step, row[4] * step, row[5] * step, quaternions[i])
     stretch = room[3]
     for c in range(6):
         stretches[i, c] = row[6 + c] + (stretches[parent, c] if parent >= 0 else 0)
         stretch[c] = stretches[i, c] * STRETCH_STEP
     rotation_matrix(quaternions[i], room[:3, :3])
-    stretched(room[:3, :3], stretch, linear[i])
+    apply_stretch_entries(room[:3, :3], stretch, linear[i])
 
 
 @njit(cache=True, nogil=True)
@@ -223,7 +223,7 @@ def _difference_linear(
     nearest_rotation(relative, rooms[:2, :, :4], q)
     rotation_vector(q, turn)
     rotation_matrix(q, rotation)
-    stretch_of(relative, rotation, stretch)
+    compute_stretch(relative, rotation, stretch)
     for c in range(3):
         row[3 + c] = int(np.floor(turn[c] / ROTATION_STEP + 0.5))
     for c in range(6):
@@ -233,7 +233,7 @@ def _difference_linear(
 
 @njit(cache=True, nogil=True)
 def _limit_linear_part(source: Float, a: Float) -> bool:
-    """Copies a linear part from ``source`` to ``a``. Scales it down if an entry exceeds ``LARGEST_LINEAR``.
+    """Copies a linear part from ``source`` to ``a``. Scales it down if an entry exceeds ``MAX_LINEAR_ENTRY``.
 
     Returns True if it was scaled.
     """
@@ -242,8 +242,8 @@ def _limit_linear_part(source: Float, a: Float) -> bool:
         for c in range(3):
             a[r, c] = source[r, c]
             largest = max(largest, abs(a[r, c]))
-    if largest > LARGEST_LINEAR:
-        a *= LARGEST_LINEAR / largest
+    if largest > MAX_LINEAR_ENTRY:
+        a *= MAX_LINEAR_ENTRY / largest
         return True
     return False
 
@@ -293,8 +293,8 @@ def _prediction_residuals(
         for c in range(3):
             if finite:
                 off = (positions[i, c] - expected[c]) / POSITION_STEP
-                changed = changed or abs(off) > LIMIT
-                row[c] = int(np.floor(min(max(off, -float(LIMIT)), float(LIMIT)) + 0.5))
+                changed = changed or abs(off) > MAX_VALUE
+                row[c] = int(np.floor(min(max(off, -float(MAX_VALUE)), float(MAX_VALUE)) + 0.5))
             seen_positions[i, c] = expected[c] + row[c] * POSITION_STEP
         clamped += changed
     return table, clamped

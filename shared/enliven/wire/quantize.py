@@ -40,7 +40,7 @@ ROTATION_ERROR = ROTATION_STEP * math.sqrt(3.0) / 2
 """Maximum rotation error, in radians."""
 STRETCH_ERROR = STRETCH_STEP / 2
 """Maximum error of each entry of S."""
-LARGEST_LINEAR = 64.0
+MAX_LINEAR_ENTRY = 64.0
 """Maximum absolute value of an entry of a linear part. Larger linear parts are scaled down to it."""
 
 
@@ -57,7 +57,7 @@ def rotation_vector(q: Float, out: Float) -> None:
 
 
 @njit(cache=True, nogil=True)
-def turned_by(a: Float, x: float, y: float, z: float, out: Float) -> None:
+def rotate_by_vector(a: Float, x: float, y: float, z: float, out: Float) -> None:
     """Writes the unit quaternion a exp(v) with w >= 0 to ``out`` (4,), for the rotation vector v = (x, y,
     z)."""
     angle = math.sqrt(x * x + y * y + z * z)
@@ -85,7 +85,7 @@ def nearest_rotation(a: Float, room: Float, out: Float) -> None:
         a: (3, 3) finite.
         room: (2, 4, 4) work space.
     """
-    if _polar_by_newton(a, room[0]):
+    if _iterate_polar_newton(a, room[0]):
         _quaternion_of_matrix(room[0], out)
     else:
         w, x, y, z = nearest_quaternion(a)
@@ -94,7 +94,7 @@ def nearest_rotation(a: Float, room: Float, out: Float) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _polar_by_newton(a: Float, x: Float) -> bool:
+def _iterate_polar_newton(a: Float, x: Float) -> bool:
     """Computes the rotation of A's polar decomposition, and writes it to x[:3, :3].
 
     Returns False if A is reflected or nearly singular.
@@ -154,7 +154,7 @@ def _quaternion_of_matrix(m: Float, out: Float) -> None:
 
 
 @njit(cache=True, nogil=True)
-def stretch_of(a: Float, rotation: Float, out: Float) -> None:
+def compute_stretch(a: Float, rotation: Float, out: Float) -> None:
     """Writes the entries 00, 11, 22, 01, 02, 12 of the symmetric part of Q^T A - I to ``out`` (6,)."""
     for c in range(6):
         i, j = (c, c) if c < 3 else (0, c - 2) if c < 5 else (1, 2)
@@ -165,8 +165,8 @@ def stretch_of(a: Float, rotation: Float, out: Float) -> None:
 
 
 @njit(cache=True, nogil=True)
-def stretched(rotation: Float, s: Float, out: Float) -> None:
-    """Writes the product Q S to ``out`` (3, 3). ``s`` are the six entries that :func:`stretch_of`
+def apply_stretch_entries(rotation: Float, s: Float, out: Float) -> None:
+    """Writes the product Q S to ``out`` (3, 3). ``s`` are the six entries that :func:`compute_stretch`
     computes."""
     for m in range(3):
         r0, r1, r2 = rotation[m, 0], rotation[m, 1], rotation[m, 2]

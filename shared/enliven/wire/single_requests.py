@@ -10,7 +10,7 @@ import zmq
 from enliven.errors import InputError, ResourceError
 from enliven.keys.client import ClientKeys
 from enliven.keys.key_files import KeyStore, PairedEdge, make_key_pair
-from enliven.keys.pairing import Introduction, PairingError, ViewerExchange
+from enliven.keys.pairing import Introduction, PairingError, ViewerPairing
 from enliven.keys.roles import Role
 from enliven.wire.envelope import MalformedMessageError, pack_control, unpack_control
 from enliven.wire.requests import (
@@ -54,16 +54,18 @@ def pair_with_edge(endpoint: Endpoint, code: str, role: Role, name: str, store: 
         InputError: if the code is wrong or expired, or the edge currently refuses pairing.
         ResourceError: if no edge answers.
     """
-    stored_keys = store.own()
+    stored_keys = store.load_own_pair()
     own_keys = stored_keys or make_key_pair()
-    with _Asker(endpoint) as asker:
+    with _RequestSocket(endpoint) as asker:
         try:
-            exchange = ViewerExchange(code)
+            exchange = ViewerPairing(code)
             pairing_started = asker.request(StartPairing(exchange.message), PairingStarted)
-            box = exchange.introduce(pairing_started.message, Introduction(own_keys.public, name, role))
-            edge = exchange.read(asker.request(FinishPairing(box), Paired).box)
+            box = exchange.encrypt_introduction(
+                pairing_started.message, Introduction(own_keys.public, name, role)
+            )
+            edge = exchange.decrypt_introduction(asker.request(FinishPairing(box), Paired).box)
         except PairingError as error:
-            raise InputError(str(error), where=str(endpoint), remedy=_READ_AGAIN) from None
+            raise InputError(str(error), where=str(endpoint), remedy=_TRANSIENT_ERRORS) from None
     paired_edge = PairedEdge(edge.public, edge.name, endpoint.host, endpoint.control_port, edge.role)
     if stored_keys is None:
         store.store_own(own_keys)
@@ -81,7 +83,7 @@ def show_pairing_code(endpoint: Endpoint) -> tuple[str, int]:
         InputError: if this viewer is not paired with the edge, or does not have the role *operate*.
         ResourceError: if no edge answers.
     """
-    with _Asker(endpoint, endpoint.find_keys()) as asker:
+    with _RequestSocket(endpoint, endpoint.find_keys()) as asker:
         shown_code = asker.request(ShowCode(), ShownCode)
     return shown_code.code, shown_code.seconds
 
@@ -93,14 +95,14 @@ def send_order(endpoint: Endpoint, order: Order) -> str:
         InputError: if the edge refuses the order, for example because this viewer's role is too low.
         ResourceError: if no edge answers.
     """
-    with _Asker(endpoint, endpoint.find_keys()) as asker:
+    with _RequestSocket(endpoint, endpoint.find_keys()) as asker:
         return asker.request(order, Done).note
 
 
-_READ_AGAIN = "Read the code on the edge again: it changes after three tries and after five minutes."
+_TRANSIENT_ERRORS = "Read the code on the edge again: it changes after three tries and after five minutes."
 
 
-class _Asker:
+class _RequestSocket:
     """A connection that sends requests and waits for their answers."""
 
     def __init__(self, endpoint: Endpoint, keys: ClientKeys | None = None) -> None:
@@ -109,7 +111,7 @@ class _Asker:
         self._socket = make_socket(context, zmq.DEALER, _MAX_REPLY_BYTES, _MAX_UNREAD, keys)
         self._socket.connect(endpoint.control_address)
 
-    def __enter__(self) -> _Asker:
+    def __enter__(self) -> _RequestSocket:
         return self
 
     def __exit__(self, *error: object) -> None:

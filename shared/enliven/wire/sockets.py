@@ -114,7 +114,7 @@ def make_socket(
     socket.setsockopt(zmq.TCP_KEEPALIVE_CNT, 2)
     socket.setsockopt(zmq.TCP_MAXRT, 6000)
     if keys is not None:
-        keys.apply(socket)
+        keys.encrypt_socket(socket)
     return socket
 
 

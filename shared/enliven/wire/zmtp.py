@@ -23,7 +23,7 @@ greeting."""
 _MAX_HANDSHAKE_BYTES = 1024
 """Maximum size in bytes of a command of the CURVE handshake: 300 bytes plus the properties of the peer's
 socket."""
-_SEALED_BYTES = 33
+_MIN_SEALED_BYTES = 33
 """Number of bytes that CURVE encryption adds to a message."""
 
 _MORE_FLAG = 1
@@ -178,7 +178,7 @@ class ZmtpSession:
         from enliven.keys.curve import CurveError
 
         try:
-            flags, plain = channel.open(data)
+            flags, plain = channel.decrypt(data)
         except CurveError as error:
             raise ZmtpError(str(error)) from None
         return (flags & _MORE_FLAG) | (_COMMAND_FLAG if flags & _CURVE_COMMAND_FLAG else 0), plain
@@ -197,7 +197,7 @@ class ZmtpSession:
             (length,), start = struct.unpack_from(">Q", self._bytes, self._at + 1), self._at + 9
         most = self._most
         if self.channel is not None:
-            most = most + _SEALED_BYTES if self.is_ready else _MAX_HANDSHAKE_BYTES
+            most = most + _MIN_SEALED_BYTES if self.is_ready else _MAX_HANDSHAKE_BYTES
         if length > most:
             raise ZmtpError(f"a frame of {length} bytes, the limit is {most}")
         self.missing = max(start + length - len(self._bytes), 0)
@@ -220,7 +220,7 @@ class ZmtpSession:
             self.answers += (
                 make_frame(pong, _COMMAND_FLAG)
                 if channel is None
-                else make_frame(channel.seal(pong, _CURVE_COMMAND_FLAG))
+                else make_frame(channel.encrypt(pong, _CURVE_COMMAND_FLAG))
             )
         elif name == b"SUBSCRIBE":
             return [b"\x01" + rest]

@@ -81,21 +81,21 @@ def forward_kinematics(build: Any, trunk: Any, arms: Any, feet: Any, joints: Flo
         trunk, arms, feet: the result of :func:`posture_tuples`.
     """
     for side in range(2):
-        _put_foot(build, feet[side], frames[_FOOT + side])
+        _place_foot_frame(build, feet[side], frames[_FOOT + side])
     pelvis = frames[_PELVIS]
     _set_identity(pelvis)
     pelvis[0, 3], pelvis[1, 3], pelvis[2, 3] = trunk.x, build.standing + trunk.rise, trunk.z
-    _bend(pelvis, trunk.yaw, trunk.pitch, trunk.roll, 1.0)
+    _bend_frame(pelvis, trunk.yaw, trunk.pitch, trunk.roll, 1.0)
     for side in range(2):
         if feet[side].lift <= 0:
             pelvis[1, 3] = min(
                 pelvis[1, 3], _max_pelvis_height(build, pelvis, frames[_FOOT + side], 1.0 - 2.0 * side)
             )
     copy_row(joints[0], pelvis[:, 3])
-    _put_trunk(build, trunk, joints, frames)
+    _place_trunk_frames(build, trunk, joints, frames)
     for side in range(2):
-        _put_arm(build, arms[side], side, joints[_SHOULDER + _SIDES_APART * side :], frames)
-        _put_leg(build, feet[side], side, joints[_HIP + _SIDES_APART * side :], frames)
+        _place_arm_frames(build, arms[side], side, joints[_SHOULDER + _SIDES_APART * side :], frames)
+        _place_leg_frames(build, feet[side], side, joints[_HIP + _SIDES_APART * side :], frames)
 
 
 @njit(cache=True, nogil=True)
@@ -107,7 +107,7 @@ def _set_identity(frame: Float) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _turn(frame: Float, axis: int, angle: float) -> None:
+def _rotate_frame(frame: Float, axis: int, angle: float) -> None:
     """Rotates a frame by ``angle`` radians about its own axis number ``axis``."""
     first_axis, second_axis = (axis + 1) % 3, (axis + 2) % 3
     c, s = math.cos(angle), math.sin(angle)
@@ -117,32 +117,32 @@ def _turn(frame: Float, axis: int, angle: float) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _bend(frame: Float, yaw: float, pitch: float, roll: float, share: float) -> None:
+def _bend_frame(frame: Float, yaw: float, pitch: float, roll: float, share: float) -> None:
     """Rotates a frame by a fraction of three angles: yaw to its left, pitch forward, roll to its left."""
-    _turn(frame, 1, share * yaw)
-    _turn(frame, 0, share * pitch)
-    _turn(frame, 2, -share * roll)
+    _rotate_frame(frame, 1, share * yaw)
+    _rotate_frame(frame, 0, share * pitch)
+    _rotate_frame(frame, 2, -share * roll)
 
 
 @njit(cache=True, nogil=True)
-def _shift(point: Float, frame: Float, x: float, y: float, z: float) -> None:
+def _add_offset(point: Float, frame: Float, x: float, y: float, z: float) -> None:
     """Adds an offset, given in the coordinates of a frame, to a point (3,)."""
     for i in range(3):
         point[i] += frame[i, 0] * x + frame[i, 1] * y + frame[i, 2] * z
 
 
 @njit(cache=True, nogil=True)
-def _put_foot(build: Any, foot: Any, frame: Float) -> None:
+def _place_foot_frame(build: Any, foot: Any, frame: Float) -> None:
     """Fills the frame of a foot: the target ankle position and the rotation.
 
     The foot pitches about its ball.
     """
     _set_identity(frame)
     frame[0, 3], frame[1, 3], frame[2, 3] = foot.x, build.ankle_height + foot.lift, foot.z
-    _turn(frame, 1, foot.yaw)
-    _shift(frame[:, 3], frame, build.ball[0], build.ball[1], build.ball[2])
-    _turn(frame, 0, -foot.pitch)
-    _shift(frame[:, 3], frame, -build.ball[0], -build.ball[1], -build.ball[2])
+    _rotate_frame(frame, 1, foot.yaw)
+    _add_offset(frame[:, 3], frame, build.ball[0], build.ball[1], build.ball[2])
+    _rotate_frame(frame, 0, -foot.pitch)
+    _add_offset(frame[:, 3], frame, -build.ball[0], -build.ball[1], -build.ball[2])
 
 
 @njit(cache=True, nogil=True)
@@ -157,30 +157,30 @@ def _max_pelvis_height(build: Any, pelvis: Float, foot: Float, sign: float) -> f
 
 
 @njit(cache=True, nogil=True)
-def _put_trunk(build: Any, trunk: Any, joints: Float, frames: Float) -> None:
+def _place_trunk_frames(build: Any, trunk: Any, joints: Float, frames: Float) -> None:
     """Fills the frames from pelvis to head.
 
     A third of the spine's bend is below the spine joint, the rest is above it.
     """
     abdomen, chest, skull = frames[_ABDOMEN], frames[_CHEST], frames[_SKULL]
     copy_rows(abdomen, frames[_PELVIS])
-    _bend(abdomen, trunk.spine_yaw, trunk.spine_pitch, trunk.spine_roll, 1.0 / 3.0)
-    _shift(abdomen[:, 3], abdomen, build.spine[0], build.spine[1], build.spine[2])
+    _bend_frame(abdomen, trunk.spine_yaw, trunk.spine_pitch, trunk.spine_roll, 1.0 / 3.0)
+    _add_offset(abdomen[:, 3], abdomen, build.spine[0], build.spine[1], build.spine[2])
     copy_rows(chest, abdomen)
-    _bend(chest, trunk.spine_yaw, trunk.spine_pitch, trunk.spine_roll, 2.0 / 3.0)
-    _shift(chest[:, 3], chest, build.neck_base[0], build.neck_base[1], build.neck_base[2])
+    _bend_frame(chest, trunk.spine_yaw, trunk.spine_pitch, trunk.spine_roll, 2.0 / 3.0)
+    _add_offset(chest[:, 3], chest, build.neck_base[0], build.neck_base[1], build.neck_base[2])
     copy_rows(skull, chest)
-    _bend(skull, trunk.head_yaw, trunk.head_pitch, trunk.head_roll, 1.0 / 3.0)
-    _shift(skull[:, 3], skull, build.head[0], build.head[1], build.head[2])
+    _bend_frame(skull, trunk.head_yaw, trunk.head_pitch, trunk.head_roll, 1.0 / 3.0)
+    _add_offset(skull[:, 3], skull, build.head[0], build.head[1], build.head[2])
     copy_rows(skull[:, :3], chest[:, :3])
-    _bend(skull, trunk.head_yaw, trunk.head_pitch, trunk.head_roll, 1.0)
+    _bend_frame(skull, trunk.head_yaw, trunk.head_pitch, trunk.head_roll, 1.0)
     copy_row(joints[_SPINE], abdomen[:, 3])
     copy_row(joints[_NECK], chest[:, 3])
     copy_row(joints[_HEAD], skull[:, 3])
 
 
 @njit(cache=True, nogil=True)
-def _put_arm(build: Any, arm: Any, side: int, joints: Float, frames: Float) -> None:
+def _place_arm_frames(build: Any, arm: Any, side: int, joints: Float, frames: Float) -> None:
     """Fills the frames from shoulder to hand of one side.
 
     ``side`` is 0 for the left and 1 for the right. ``joints`` starts at the shoulder.
@@ -188,28 +188,28 @@ def _put_arm(build: Any, arm: Any, side: int, joints: Float, frames: Float) -> N
     sign, chest = 1.0 - 2.0 * side, frames[_CHEST]
     upper, fore, palm = frames[_UPPER_ARM + side], frames[_FOREARM + side], frames[_HAND + side]
     copy_rows(upper, chest)
-    _turn(upper, 2, sign * arm.shrug)
-    _shift(upper[:, 3], upper, sign * build.shoulder[0], build.shoulder[1], build.shoulder[2])
+    _rotate_frame(upper, 2, sign * arm.shrug)
+    _add_offset(upper[:, 3], upper, sign * build.shoulder[0], build.shoulder[1], build.shoulder[2])
     copy_rows(upper[:, :3], chest[:, :3])
-    _turn(upper, 2, sign * arm.abduct)
-    _turn(upper, 0, -arm.flex)
-    _turn(upper, 1, -sign * arm.twist)
+    _rotate_frame(upper, 2, sign * arm.abduct)
+    _rotate_frame(upper, 0, -arm.flex)
+    _rotate_frame(upper, 1, -sign * arm.twist)
     copy_rows(fore, upper)
-    _shift(fore[:, 3], upper, 0.0, -build.upper_arm, 0.0)
-    _turn(fore, 0, -arm.elbow)
+    _add_offset(fore[:, 3], upper, 0.0, -build.upper_arm, 0.0)
+    _rotate_frame(fore, 0, -arm.elbow)
     copy_rows(palm, fore)
-    _shift(palm[:, 3], fore, 0.0, -build.forearm, 0.0)
-    _turn(palm, 1, -sign * arm.pronate)
-    _turn(palm, 2, -sign * arm.wrist)
+    _add_offset(palm[:, 3], fore, 0.0, -build.forearm, 0.0)
+    _rotate_frame(palm, 1, -sign * arm.pronate)
+    _rotate_frame(palm, 2, -sign * arm.wrist)
     copy_row(joints[0], upper[:, 3])
     copy_row(joints[1], fore[:, 3])
     copy_row(joints[2], palm[:, 3])
     copy_row(joints[3], palm[:, 3])
-    _shift(joints[3], palm, 0.0, -build.hand, 0.0)
+    _add_offset(joints[3], palm, 0.0, -build.hand, 0.0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _put_leg(build: Any, foot: Any, side: int, joints: Float, frames: Float) -> None:
+def _place_leg_frames(build: Any, foot: Any, side: int, joints: Float, frames: Float) -> None:
     """Fills the frames from hip to foot of one side.
 
     The knee bends in the direction of the foot plus its splay. ``joints`` starts at the hip.
@@ -217,7 +217,7 @@ def _put_leg(build: Any, foot: Any, side: int, joints: Float, frames: Float) -> 
     sign, pelvis, sole = 1.0 - 2.0 * side, frames[_PELVIS], frames[_FOOT + side]
     hip, knee, ankle = joints[0], joints[1], joints[2]
     copy_row(hip, pelvis[:, 3])
-    _shift(hip, pelvis, sign * build.hip[0], build.hip[1], build.hip[2])
+    _add_offset(hip, pelvis, sign * build.hip[0], build.hip[1], build.hip[2])
     shank = frames[_SHANK + side]
     along, forward = shank[:, 0], shank[:, 1]
     reach = MAX_LEG_REACH * (build.thigh + build.shank)
@@ -235,9 +235,9 @@ def _put_leg(build: Any, foot: Any, side: int, joints: Float, frames: Float) -> 
         ankle[i] = hip[i] + distance * along[i]
     copy_row(sole[:, 3], ankle)
     copy_row(joints[3], ankle)
-    _shift(joints[3], sole, build.ball[0], build.ball[1], build.ball[2])
-    _put_bone(hip, knee, forward, frames[_THIGH + side])
-    _put_bone(knee, ankle, forward, shank)
+    _add_offset(joints[3], sole, build.ball[0], build.ball[1], build.ball[2])
+    _place_bone_frame(hip, knee, forward, frames[_THIGH + side])
+    _place_bone_frame(knee, ankle, forward, shank)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -268,7 +268,7 @@ def _make_perpendicular(vector: Float, unit: Float) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _put_bone(top: Float, end: Float, forward: Float, frame: Float) -> None:
+def _place_bone_frame(top: Float, end: Float, forward: Float, frame: Float) -> None:
     """Fills a frame at ``top`` with +Y pointing away from ``end`` and +Z as close to ``forward`` as possible.
 
     ``forward`` may be the frame's own second column.

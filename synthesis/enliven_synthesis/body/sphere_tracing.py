@@ -58,12 +58,12 @@ def sphere_trace(
     for _ in range(_MAX_STEPS):
         travelled = _STEP_SAFETY * (_greatest(lanes, DEPTH, 1.0) - near) * longest
         _distances(shape, kind, group, near_by, clear, travelled, lanes, blend, between)
-        if _advance(lanes) == 0:
+        if _advance_rays(lanes) == 0:
             return
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _advance(lanes: Float) -> int:
+def _advance_rays(lanes: Float) -> int:
     """Advances each active ray by its distance to the body. Returns the number of rays that are still
     active."""
     active = 0
@@ -108,11 +108,11 @@ def _distances(
         if clear[n] - travelled > bound + blend[current] + between:
             continue
         if kind[i] == 0:
-            _taper(shape, i, lanes)
+            _taper_distances(shape, i, lanes)
         else:
-            _ellipsoid(shape, i, lanes)
+            _ellipsoid_distances(shape, i, lanes)
         clear[n] = travelled - _greatest(lanes, _APART, -1.0)
-        _add(lanes, blend[current], float(i))
+        _merge_primitive(lanes, blend[current], float(i))
         bound = _greatest(lanes, _LEAST, 1.0)
     _close_group(lanes, between)
 
@@ -141,7 +141,7 @@ def _close_group(lanes: Float, width: float) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def _add(lanes: Float, width: float, i: float) -> None:
+def _merge_primitive(lanes: Float, width: float, i: float) -> None:
     """Merges the distances of primitive ``i`` into its group.
 
     Records the rays to which it is the nearest primitive.
@@ -158,7 +158,7 @@ def _add(lanes: Float, width: float, i: float) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def _taper(s: Float, i: int, lanes: Float) -> None:
+def _taper_distances(s: Float, i: int, lanes: Float) -> None:
     """Computes distances to a tapered capsule with a parabolic bulge half-way."""
     ax, ay, az, bx, by, bz = s[i, 0], s[i, 1], s[i, 2], s[i, 3], s[i, 4], s[i, 5]
     inverse, ra, grow, bulge = s[i, 6], s[i, 7], s[i, 8], 4.0 * s[i, 9]
@@ -173,7 +173,7 @@ def _taper(s: Float, i: int, lanes: Float) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def _ellipsoid(s: Float, i: int, lanes: Float) -> None:
+def _ellipsoid_distances(s: Float, i: int, lanes: Float) -> None:
     """Computes first-order distances to an ellipsoid, |q| (|q| - 1) / |q'|.
 
     q and q' are the vectors from the centre, scaled by 1/r and 1/r^2 with the half lengths r.

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from enliven.errors import InputError
 from enliven_synthesis.body.posture import ArmPose, PerformerPosture
-from enliven_synthesis.motion.dance import HOME_Z, Choreography
+from enliven_synthesis.motion.dance import START_Z_M, Choreography
 from enliven_synthesis.motion.footwork import Footwork, Stance
 from enliven_synthesis.motion.tracks import Step, Track, sway
 
@@ -33,7 +33,7 @@ def choreography_names() -> list[str]:
     return list(_CHOREOGRAPHIES)
 
 
-def _make_stance(width: float, z: float = HOME_Z, toes: float = 0.16) -> Stance:
+def _make_stance(width: float, z: float = START_Z_M, toes: float = 0.16) -> Stance:
     """Returns feet ``width`` metres apart, with the toes turned out by ``toes`` radians."""
     return (width / 2, z, toes), (-width / 2, z, -toes)
 
@@ -131,7 +131,7 @@ def _chair_choreography() -> Choreography:
             ),
             x=x - 0.10 * value["lean"],
             z=z - 0.16 * bow - 0.20 * tuck * (value["crouch"] < 0) * -value["crouch"],
-            rise=value["crouch"] + feet.hop(time) - 0.008,
+            rise=value["crouch"] + feet.compute_hop_height(time) - 0.008,
             yaw=0.22 * value["turn"] + 0.05 * balance,
             pitch=0.03 + 0.55 * tuck * 0.7 + 0.5 * bow,
             roll=-0.045 * balance + 0.2 * value["lean"],
@@ -144,7 +144,7 @@ def _chair_choreography() -> Choreography:
         )
         return _add_breathing(base_posture, time, _CHAIR_SECONDS)
 
-    return Choreography("chair", _CHAIR_SECONDS, posture, feet.planted)
+    return Choreography("chair", _CHAIR_SECONDS, posture, feet.is_planted)
 
 
 def _flap_arm(flap: float, tuck: float, swing: float) -> ArmPose:
@@ -178,7 +178,7 @@ def _idle_choreography() -> Choreography:
         )
         return _add_breathing(base_posture, time, 6.0, 1.6)
 
-    return Choreography("idle", 6.0, posture, feet.planted)
+    return Choreography("idle", 6.0, posture, feet.is_planted)
 
 
 def _wave_choreography() -> Choreography:
@@ -205,7 +205,7 @@ def _wave_choreography() -> Choreography:
         )  # fmt: skip
         return _add_breathing(base_posture, time, 5.0)
 
-    return Choreography("wave", 5.0, posture, feet.planted)
+    return Choreography("wave", 5.0, posture, feet.is_planted)
 
 
 def _walk() -> Choreography:
@@ -216,7 +216,7 @@ def _walk() -> Choreography:
     steps[-1] = replace(steps[-1], dz=0.18)
     for n, step in enumerate(steps[::-1]):
         steps.append(replace(step, start=3.0 + 0.58 * n, stop=3.42 + 0.58 * n, dz=-step.dz))
-    feet = Footwork(_make_stance(0.20, HOME_Z - 0.35), steps, carry=0.8)
+    feet = Footwork(_make_stance(0.20, START_Z_M - 0.35), steps, carry=0.8)
 
     def posture(time: float) -> PerformerPosture:
         x, z = feet.pelvis(time)
@@ -236,7 +236,7 @@ def _walk() -> Choreography:
         )  # fmt: skip
         return _add_breathing(base_posture, time, 5.6)
 
-    return Choreography("walk", 5.6, posture, feet.planted)
+    return Choreography("walk", 5.6, posture, feet.is_planted)
 
 
 def _wander_choreography() -> Choreography:

@@ -23,7 +23,7 @@ from enliven_synthesis.body.arm_ik import solve_arm
 from enliven_synthesis.body.performer import Figure, Performer
 from enliven_synthesis.body.posture import FootPose, PerformerPosture
 from enliven_synthesis.body.rotations import rotation_about_x
-from enliven_synthesis.motion.dance import HOME_Z
+from enliven_synthesis.motion.dance import START_Z_M
 from enliven_synthesis.motion.exercises import interpolate_fields
 from enliven_synthesis.motion.motion import place_figure
 from enliven_synthesis.motion.tracks import ease
@@ -197,7 +197,7 @@ class CloseLimbs:
         ]
         if self._jogs:
             posture, wrists = _jogging_posture(self._pace * time, posture, before.left, before.right)
-        return place_figure(self._figure_with_wrists(posture, wrists), (0.0, -HOME_Z), 0.0)
+        return place_figure(self._figure_with_wrists(posture, wrists), (0.0, -START_Z_M), 0.0)
 
     def _figure_with_wrists(self, posture: PerformerPosture, wrists: list[Float]) -> Figure:
         """Returns the figure of a posture with wrists at the given (6,) positions and elbow directions."""
@@ -255,9 +255,9 @@ def _standing_posture(trunk: dict[str, Any]) -> PerformerPosture:
 
     ``z`` in ``trunk`` is in metres in front of the feet.
     """
-    feet = FootPose(0.13, HOME_Z, yaw=0.12), FootPose(-0.13, HOME_Z, yaw=-0.12)
-    upright = PerformerPosture(*feet, z=HOME_Z, pitch=0.02, spine_pitch=0.04)
-    return replace(upright, **(trunk | {"z": HOME_Z + trunk.get("z", 0.0)}))
+    feet = FootPose(0.13, START_Z_M, yaw=0.12), FootPose(-0.13, START_Z_M, yaw=-0.12)
+    upright = PerformerPosture(*feet, z=START_Z_M, pitch=0.02, spine_pitch=0.04)
+    return replace(upright, **(trunk | {"z": START_Z_M + trunk.get("z", 0.0)}))
 
 
 def _vary_key(key: Key, rng: Generator | None) -> Key:

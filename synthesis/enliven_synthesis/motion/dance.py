@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from enliven_synthesis.body.posture import PerformerPosture
 
-HOME_Z = -2.7
+START_Z_M = -2.7
 """Z of the performer's start position in metres. The camera is above the world's origin and looks along
 -Z."""
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from enliven.errors import InputError
 from enliven_synthesis.body.posture import ArmPose, FootPose, PerformerPosture
-from enliven_synthesis.motion.dance import HOME_Z, Choreography
+from enliven_synthesis.motion.dance import START_Z_M, Choreography
 from enliven_synthesis.motion.footwork import Footwork
 from enliven_synthesis.motion.tracks import Step, ease
 
@@ -33,10 +33,10 @@ _DOWN = ArmPose(flex=1.75, abduct=0.08, elbow=0.10)
 
 def _stand(**changes: Any) -> PerformerPosture:
     """Returns a relaxed standing posture with the given fields replaced."""
-    values: dict[str, Any] = {"left_arm": _HANGING, "right_arm": _HANGING, "z": HOME_Z, "pitch": 0.02}
+    values: dict[str, Any] = {"left_arm": _HANGING, "right_arm": _HANGING, "z": START_Z_M, "pitch": 0.02}
     values |= {
-        "left_foot": FootPose(0.13, HOME_Z, yaw=0.12),
-        "right_foot": FootPose(-0.13, HOME_Z, yaw=-0.12),
+        "left_foot": FootPose(0.13, START_Z_M, yaw=0.12),
+        "right_foot": FootPose(-0.13, START_Z_M, yaw=-0.12),
     }
     return PerformerPosture(**(values | {"spine_pitch": 0.04} | changes))
 
@@ -138,13 +138,13 @@ def _crouch_exercise(vary: _Variation) -> Choreography:
 
 
 def _kneel_exercise(vary: _Variation) -> Choreography:
-    back = FootPose(-0.13, HOME_Z - 0.52, pitch=-1.1, yaw=-0.05)
-    moving_foot = FootPose(-0.13, HOME_Z - 0.30, lift=0.06, pitch=-0.4)
-    front = FootPose(0.13, HOME_Z + 0.10, yaw=0.1)
+    back = FootPose(-0.13, START_Z_M - 0.52, pitch=-1.1, yaw=-0.05)
+    moving_foot = FootPose(-0.13, START_Z_M - 0.30, lift=0.06, pitch=-0.4)
+    front = FootPose(0.13, START_Z_M + 0.10, yaw=0.1)
     start = replace(_stand(), left_foot=front)
-    down = replace(start, right_foot=back, rise=vary.vary(-0.44, 0.02), z=HOME_Z - 0.24, pitch=0.08)
+    down = replace(start, right_foot=back, rise=vary.vary(-0.44, 0.02), z=START_Z_M - 0.24, pitch=0.08)
     busy = replace(down, left_arm=_FORWARD, right_arm=_AT_FACE, spine_pitch=0.15, spine_yaw=0.2)
-    half = replace(start, right_foot=moving_foot, rise=-0.10, z=HOME_Z - 0.05)
+    half = replace(start, right_foot=moving_foot, rise=-0.10, z=START_Z_M - 0.05)
     return _choreography_from_keys(
         "kneel", vary, (0.0, start), (0.8, start), (1.3, half), (2.1, down), (2.8, down), (3.6, busy),
         (4.4, replace(busy, spine_pitch=0.5)), (5.2, down), (6.0, half), (6.6, start),
@@ -153,9 +153,9 @@ def _kneel_exercise(vary: _Variation) -> Choreography:
 
 def _floor_exercise(vary: _Variation) -> Choreography:
     bent = _arms(
-        _DOWN, rise=-0.12, z=HOME_Z - 0.10, pitch=1.05, spine_pitch=vary.vary(0.85, 0.1), head_pitch=0.1
+        _DOWN, rise=-0.12, z=START_Z_M - 0.10, pitch=1.05, spine_pitch=vary.vary(0.85, 0.1), head_pitch=0.1
     )
-    low = _arms(_DOWN, rise=-0.34, z=HOME_Z - 0.06, pitch=0.95, spine_pitch=0.70, head_pitch=-0.3)
+    low = _arms(_DOWN, rise=-0.34, z=START_Z_M - 0.06, pitch=0.95, spine_pitch=0.70, head_pitch=-0.3)
     twisted = replace(low, left_arm=_OUT, spine_yaw=0.5)
     return _choreography_from_keys(
         "floor", vary, (0.0, _stand()), (0.6, _stand()), (1.8, bent), (2.5, bent), (3.4, low), (4.0, low),
@@ -166,12 +166,12 @@ def _floor_exercise(vary: _Variation) -> Choreography:
 def _one_leg_exercise(vary: _Variation) -> Choreography:
     shifted: dict[str, Any] = {"x": -0.11, "roll": -0.04}
     knee = _arms(
-        _OUT, left_foot=FootPose(0.10, HOME_Z + 0.10, lift=vary.vary(0.42, 0.08), pitch=-0.5), **shifted
+        _OUT, left_foot=FootPose(0.10, START_Z_M + 0.10, lift=vary.vary(0.42, 0.08), pitch=-0.5), **shifted
     )
     kick = _arms(
-        _ON_HIP, left_foot=FootPose(0.12, HOME_Z + 0.55, lift=0.45, pitch=0.2), pitch=-0.1, **shifted
+        _ON_HIP, left_foot=FootPose(0.12, START_Z_M + 0.55, lift=0.45, pitch=0.2), pitch=-0.1, **shifted
     )
-    side = _arms(_HANGING, left_foot=FootPose(0.62, HOME_Z, lift=0.28, yaw=0.3), roll=-0.2, x=-0.12)
+    side = _arms(_HANGING, left_foot=FootPose(0.62, START_Z_M, lift=0.28, yaw=0.3), roll=-0.2, x=-0.12)
     shift = _stand(**shifted)
     return _choreography_from_keys(
         "one leg", vary, (0.0, _stand()), (0.6, shift), (1.3, knee), (2.2, knee), (2.9, kick), (3.4, kick),
@@ -221,12 +221,12 @@ def _turn_exercise(vary: _Variation) -> Choreography:
             yaw, lift = heading(side, time)
             turned.append(yaw)
             out = 0.12 * (1 - 2 * side)
-            feet.append(FootPose(x * math.cos(yaw), HOME_Z - x * math.sin(yaw), lift, yaw + out))
+            feet.append(FootPose(x * math.cos(yaw), START_Z_M - x * math.sin(yaw), lift, yaw + out))
         yaw = (turned[0] + turned[1]) / 2
         swing = 0.25 * math.sin(turned[0] - turned[1])
         left, right = replace(_HANGING, flex=0.03 + swing), replace(_HANGING, flex=0.03 - swing)
         return PerformerPosture(
-            feet[0], feet[1], left, right, 0.0, HOME_Z, yaw=yaw, pitch=0.02, spine_pitch=0.04
+            feet[0], feet[1], left, right, 0.0, START_Z_M, yaw=yaw, pitch=0.02, spine_pitch=0.04
         )
 
     return Choreography("turn", duration, posture, lambda side, time: heading(side, time)[1] == 0.0)
@@ -241,7 +241,7 @@ def _stroll_exercise(vary: _Variation) -> Choreography:
         steps.append(Step((n + 1) % 2, start, start + 0.8 * beat, dz=2 * stride, lift=0.07))
     start = 0.4 + 8 * beat
     steps.append(Step(1, start, start + 0.8 * beat, dz=stride, lift=0.07))
-    feet = Footwork(((0.09, HOME_Z, 0.1), (-0.09, HOME_Z, -0.1)), steps, carry=0.6)
+    feet = Footwork(((0.09, START_Z_M, 0.1), (-0.09, START_Z_M, -0.1)), steps, carry=0.6)
 
     def posture(time: float) -> PerformerPosture:
         x, _ = feet.pelvis(time)
@@ -258,7 +258,7 @@ def _stroll_exercise(vary: _Variation) -> Choreography:
             spine_yaw=0.4 * foot_distance, spine_pitch=0.04,
         )  # fmt: skip
 
-    return Choreography("stroll", start + beat + 0.3, posture, feet.planted)
+    return Choreography("stroll", start + beat + 0.3, posture, feet.is_planted)
 
 
 def _touch_exercise(vary: _Variation) -> Choreography:

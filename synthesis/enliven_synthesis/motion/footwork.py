@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enliven_synthesis.body.posture import FootPose
-from enliven_synthesis.motion.tracks import Step, pulse
+from enliven_synthesis.motion.tracks import Step, smooth_pulse
 
 Stance = tuple[tuple[float, float, float], tuple[float, float, float]]
 """(x, z, yaw) of the left foot and of the right foot, in metres and radians."""
@@ -40,7 +40,7 @@ class Footwork:
             dx, dz = step.offset(time)
             x, z = x + dx, z + dz
             lift += step.height(time)
-            pitch -= step.toe * pulse(time, step.start, (step.start + step.stop) / 2, PUSH_S)
+            pitch -= step.toe * smooth_pulse(time, step.start, (step.start + step.stop) / 2, PUSH_S)
         return FootPose(x, z, lift, yaw, pitch)
 
     def pelvis(self, time: float) -> tuple[float, float]:
@@ -49,7 +49,7 @@ class Footwork:
         """
         left, right = self._foot_position(0, time), self._foot_position(1, time)
         middle = ((left[0] + right[0]) / 2, (left[1] + right[1]) / 2)
-        toward = [pulse(time, s.start, s.stop, SHIFT_S) for s in self._steps if not s.both]
+        toward = [smooth_pulse(time, s.start, s.stop, SHIFT_S) for s in self._steps if not s.both]
         standing = [(left, right)[1 - s.foot] for s in self._steps if not s.both]
         total = max(1.0, sum(toward))
         x, z = middle
@@ -68,13 +68,15 @@ class Footwork:
         """Returns the weight distribution: -1 is all on the right foot, +1 all on the left foot, 0 on both
         feet equally.
         """
-        signed = [pulse(time, s.start, s.stop, SHIFT_S) * (2 * s.foot - 1) for s in self._steps if not s.both]
+        signed = [
+            smooth_pulse(time, s.start, s.stop, SHIFT_S) * (2 * s.foot - 1) for s in self._steps if not s.both
+        ]
         return max(-1.0, min(1.0, sum(signed)))
 
-    def hop(self, time: float) -> float:
+    def compute_hop_height(self, time: float) -> float:
         """Returns the body's height in a hop in metres."""
         return max((s.height(time) for s in self._steps if s.both), default=0.0)
 
-    def planted(self, side: int, time: float) -> bool:
+    def is_planted(self, side: int, time: float) -> bool:
         """Returns True if the ball of a foot is on the floor."""
         return all(not s.start < time < s.stop for s in self._steps if s.foot == side)

@@ -14,7 +14,7 @@ from enliven.formats.motion.capture import Capture
 from enliven.person import Limb
 from enliven.rotation import from_matrix, slerp, swing, to_matrix, unit
 from enliven.takes.capture_limbs import find_limb_rotations, smoothstep
-from enliven.takes.capture_roles import Roles, find_roles
+from enliven.takes.capture_roles import JointRoles, find_roles
 from enliven.takes.capture_upright import turn_upright
 from enliven_synthesis.body.performer import Figure, Performer
 
@@ -68,7 +68,7 @@ class CapturedMotion:
 
 
 def _pelvis_path(
-    performer: Performer, capture: Capture, roles: Roles, rotations: Float, standing: Bool
+    performer: Performer, capture: Capture, roles: JointRoles, rotations: Float, standing: Bool
 ) -> Float:
     """Returns the (F, 3) hip centre in metres, scaled by leg length, with the soles at the captured
     height.

@@ -11,7 +11,7 @@ import numpy as np
 from enliven.rotation import from_matrix, slerp, to_matrix
 from enliven_synthesis.body.performer import Figure, Performer
 from enliven_synthesis.body.rotations import rotation_about_y, round_to_grid
-from enliven_synthesis.motion.dance import HOME_Z, Choreography
+from enliven_synthesis.motion.dance import START_Z_M, Choreography
 from enliven_synthesis.motion.tracks import ease
 
 
@@ -42,7 +42,7 @@ class DanceMotion:
     def figure(self, time: float) -> Figure:
         """Returns the figure at a time in seconds."""
         at = time % self.duration if self._repeat else min(max(time, 0.0), self.duration)
-        return place_figure(self._performer.pose(self._choreography.posture(at)), (0.0, -HOME_Z), 0.0)
+        return place_figure(self._performer.pose(self._choreography.posture(at)), (0.0, -START_Z_M), 0.0)
 
 
 def place_figure(figure: Figure, place: tuple[float, float], yaw: float) -> Figure:

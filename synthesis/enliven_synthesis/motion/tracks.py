@@ -38,7 +38,7 @@ def ease(t: float) -> float:
     return min(t * t * t * (10.0 - 15.0 * t + 6.0 * t * t), 1.0)
 
 
-def pulse(time: float, start: float, stop: float, rise: float) -> float:
+def smooth_pulse(time: float, start: float, stop: float, rise: float) -> float:
     """Returns a pulse: 1 from ``start`` to ``stop``, and 0 outside.
 
     The transitions are eased over ``rise`` seconds, before ``start`` and after ``stop``.

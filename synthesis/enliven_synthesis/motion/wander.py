@@ -12,7 +12,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven_synthesis.body.posture import ArmPose, FootPose, PerformerPosture
-from enliven_synthesis.motion.dance import HOME_Z, Choreography
+from enliven_synthesis.motion.dance import START_Z_M, Choreography
 from enliven_synthesis.motion.tracks import ease
 
 _STANCE_FRACTION = 0.56
@@ -65,7 +65,7 @@ class WalkPath:
         stride = float(np.array([left.x - right.x, left.z - right.z]) @ forward)
         raised = 0.5 - 0.5 * math.cos(2 * math.pi * 3 * time / self.duration)
         return PerformerPosture(
-            left, right, _arm(-0.8 * stride, 0.0), _arm(0.8 * stride, raised), x, HOME_Z + z,
+            left, right, _arm(-0.8 * stride, 0.0), _arm(0.8 * stride, raised), x, START_Z_M + z,
             yaw=yaw, pitch=0.03, spine_yaw=0.4 * stride, spine_pitch=0.04, head_yaw=0.2 * raised,
         )  # fmt: skip
 
@@ -76,20 +76,20 @@ class WalkPath:
         stride = 2 * self._pace
         count, share = divmod(time / stride + 0.5 * side, 1.0)
         middle = (count - 0.5 * side) * stride
-        start, stop = self._print(side, middle), self._print(side, middle + stride)
+        start, stop = self._footprint(side, middle), self._footprint(side, middle + stride)
         flown = ease((share - _STANCE_FRACTION) / (1.0 - _STANCE_FRACTION))
         bump = 4.0 * flown * (1.0 - flown)
         (x, z), yaw = (
             start[0] + flown * (stop[0] - start[0]),
             start[1] + flown * _signed_rotation(start[1], stop[1]),
         )
-        return FootPose(float(x), HOME_Z + float(z), 0.07 * bump, yaw, -0.25 * bump)
+        return FootPose(float(x), START_Z_M + float(z), 0.07 * bump, yaw, -0.25 * bump)
 
-    def stands(self, side: int, time: float) -> bool:
+    def is_standing(self, side: int, time: float) -> bool:
         """Returns True if the left (0) or right (1) foot stands."""
         return (time / (2 * self._pace) + 0.5 * side) % 1.0 < _STANCE_FRACTION
 
-    def _print(self, side: int, time: float) -> tuple[Float, float]:
+    def _footprint(self, side: int, time: float) -> tuple[Float, float]:
         """Returns the position (x, z) in metres and the yaw in radians of a footprint.
 
         It is next to the body's position halfway through the foot's stance.
@@ -120,4 +120,4 @@ def _arm(swing: float, raised: float) -> ArmPose:
 def wander(duration: float = 16.0, **path: float) -> Choreography:
     """Returns the choreography of walking along a path; see :class:`WalkPath` for its arguments."""
     walked = WalkPath(duration, **path)  # type: ignore[arg-type]
-    return Choreography("wander", duration, walked.posture, walked.stands)
+    return Choreography("wander", duration, walked.posture, walked.is_standing)

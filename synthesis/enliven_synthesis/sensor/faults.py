@@ -146,7 +146,7 @@ def compute_slants(depth: Float, ray: Float, pitch: Float, out: Float) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def measure(seen: Float, slant: Float, noise: Float, limits: Float, sigma: Float, out: UInt16) -> None:
+def quantise_depth(seen: Float, slant: Float, noise: Float, limits: Float, sigma: Float, out: UInt16) -> None:
     """Fills ``out`` with (H, W) noisy depth in whole millimetres, quantised to the sensor's steps.
 
     Depth out of range becomes 0.

@@ -20,7 +20,13 @@ from enliven.arrays import Float, Int32, UInt8, UInt16
 from enliven.camera import Intrinsics, pixel_rays
 from enliven.kernels import njit
 from enliven_synthesis.body.rotations import round_to_grid
-from enliven_synthesis.sensor.faults import cast_shadow, compute_slants, mark_edges, measure, sample_surfaces
+from enliven_synthesis.sensor.faults import (
+    cast_shadow,
+    compute_slants,
+    mark_edges,
+    quantise_depth,
+    sample_surfaces,
+)
 from enliven_synthesis.sensor.profile import SensorProfile
 
 _BYTE_DEVIATION = math.sqrt((256.0**2 - 1.0) / 12.0)
@@ -96,7 +102,7 @@ class DepthNoise:
             sampled_depth, slant,
         )  # fmt: skip
         out = np.empty(self._shape, np.uint16)
-        measure(sampled_depth, slant, axial, self._limits, self._sigma, out)
+        quantise_depth(sampled_depth, slant, axial, self._limits, self._sigma, out)
         return out
 
     def _partly_frozen_noise(self, index: int, stream: int) -> Float:

@@ -66,7 +66,7 @@ class DepthRenderer:
         Depth is infinite without a surface.
         """
         _sort_into_tiles(sdf.hull, _REACH, self._tiles, self._bands, self._lists, self._spans, self._counts)
-        _draw(
+        _trace_tiles(
             sdf.shape, sdf.kind, sdf.group, sdf.material, self._lists, self._spans, self._counts,
             self.ray, _BLEND, BLEND_BETWEEN_GROUPS_M, depth, material,
         )  # fmt: skip
@@ -126,7 +126,7 @@ def _hull_distance(hull: Float, i: int, x: float, y: float, enough: float) -> fl
 
 
 @njit(cache=True, nogil=True)
-def _draw(
+def _trace_tiles(
     shape: Float, kind: Int, group: Int, stuff: Int, lists: Int, spans: Float, counts: Int, ray: Float,
     blend: Float, between: float, depth: Float, material: UInt8,
 ) -> None:  # fmt: skip
@@ -140,7 +140,7 @@ def _draw(
             if counts[r, c] == 0:
                 continue
             near_by = lists[r, c, : counts[r, c]]
-            _aim(lanes, ray, depth, r * SIDE, c * SIDE, spans[r, c, 1])
+            _set_tile_rays(lanes, ray, depth, r * SIDE, c * SIDE, spans[r, c, 1])
             sphere_trace(shape, kind, group, near_by, clear, lanes, spans[r, c, 0], blend, between)
             for k in range(LANES):
                 if lanes[MET + k] >= 0.0:
@@ -150,7 +150,7 @@ def _draw(
 
 
 @njit(cache=True, nogil=True)
-def _aim(lanes: Float, ray: Float, depth: Float, top: int, left: int, far: float) -> None:
+def _set_tile_rays(lanes: Float, ray: Float, depth: Float, top: int, left: int, far: float) -> None:
     """Sets the rays of a tile, their lengths and their end depths. Rays outside the image end immediately."""
     height, width = depth.shape
     for k in range(LANES):

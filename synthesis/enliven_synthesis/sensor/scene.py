@@ -73,12 +73,12 @@ def cast_room(
     stuff = np.array([box.material for box in room], np.uint8)
     ray = pixel_rays(intrinsics)
     depth, material = np.full(ray.shape[:2], np.inf), np.zeros(ray.shape[:2], np.uint8)
-    _cast(ray, np.asarray(world_from_camera, np.float64), corners, stuff, depth, material)
+    _cast_rays(ray, np.asarray(world_from_camera, np.float64), corners, stuff, depth, material)
     return depth, material
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _cast(
+def _cast_rays(
     ray: Float, world_from_camera: Float, corners: Float, stuff: UInt8, depth: Float, material: UInt8
 ) -> None:
     """Writes the depth and material of the nearest box along every ray (H, W, 2).
@@ -92,13 +92,13 @@ def _cast(
                 x, y, z = world_from_camera[axis, 0], world_from_camera[axis, 1], world_from_camera[axis, 2]
                 along[axis] = ray[v, u, 0] * x + ray[v, u, 1] * y + z
             for b in range(len(corners)):
-                hit = _entry(world_from_camera, along, corners, b, depth[v, u])
+                hit = _box_entry(world_from_camera, along, corners, b, depth[v, u])
                 if hit < depth[v, u]:
                     depth[v, u], material[v, u] = hit, stuff[b]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _entry(world_from_camera: Float, along: Float, corners: Float, b: int, nearest: float) -> float:
+def _box_entry(world_from_camera: Float, along: Float, corners: Float, b: int, nearest: float) -> float:
     """Returns the ray parameter at which a ray from the camera enters a box (slab method).
 
     ``along`` is the (3,) direction. The result is infinite if the ray misses the box.

@@ -20,7 +20,7 @@ from enliven.arrays import Float
 from enliven.document.example_settings import ExampleSettings
 from enliven.document.locomotion import LocomotionSettings
 from enliven.document.project import Project
-from enliven.document.puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer
+from enliven.document.puppet import ControlPoint, ExampleCharacter, KeyPose, Plane, PuppetLayer
 from enliven.document.surface_settings import ArapSettings
 from enliven.example_sessions.mesh import fit_mesh
 from enliven.example_sessions.session import Session, read_session
@@ -131,7 +131,7 @@ def staged(act: Act, keys: int | None = None) -> Project:
         KeyPose(take.id, key.seconds, _rounded(figure.posed(*key.does)))
         for key in act.keys[: keys or len(act.keys)]
     ]
-    puppet = Puppet(
+    puppet = ExampleCharacter(
         id=Path(act.mesh).stem,
         mesh=mesh,
         points=points,

@@ -11,8 +11,8 @@ from example_play import Shot
 from enliven.arrays import Float
 from enliven.deformation.arap.self_intersection import SelfIntersection
 from enliven.document.project import Project
-from enliven.document.puppet import Puppet
-from enliven.examples.performer import performed
+from enliven.document.puppet import ExampleCharacter
+from enliven.examples.performer import extract_performer_clip
 from enliven.examples.puppet_motion import solve_layer_motion
 from enliven.examples.puppet_trajectory import PuppetMotion
 from enliven.meshes.mesh import Mesh, weld
@@ -72,7 +72,7 @@ class Ruler:
         """Adds a shot."""
         if len(self._times) % _EVERY == 0:
             self._volumes.append(volumes(self._puppet.mesh, [shot.local]))
-            faces = self._asked.newly_crossing(shot.local)
+            faces = self._asked.find_new_crossing_faces(shot.local)
             self._crossings.append(len(faces) / len(self._puppet.mesh.faces))
         self._times.append(shot.solve_ms)
 
@@ -93,7 +93,7 @@ class Ruler:
         )
 
 
-def missed(puppet: Puppet, motion: PuppetMotion) -> float:
+def missed(puppet: ExampleCharacter, motion: PuppetMotion) -> float:
     """Returns the largest distance from key poses at their times, metres. Planted feet are excluded, because
     they are moved.
     """
@@ -134,29 +134,35 @@ def volumes(mesh: Mesh, surfaces: list[Float]) -> tuple[float, float]:
 def crossings(mesh: Mesh, surfaces: list[Float]) -> tuple[float, float]:
     """Returns the mean and maximum fraction of faces that intersect but do not at rest."""
     asked = SelfIntersection(mesh)
-    crossed = np.array([len(asked.newly_crossing(surface)) for surface in surfaces]) / len(mesh.faces)
+    crossed = np.array([len(asked.find_new_crossing_faces(surface)) for surface in surfaces]) / len(
+        mesh.faces
+    )
     return float(crossed.mean()), float(crossed.max())
 
 
-def jitter(project: Project, puppet: Puppet, motion: PuppetMotion) -> float:
+def jitter(project: Project, puppet: ExampleCharacter, motion: PuppetMotion) -> float:
     """Returns the acceleration of control points relative to that of their joints, each relative to its
     size."""
-    poses = performed(project.takes[puppet.layers[0].take], [point.joint for point in puppet.points]).poses
+    poses = extract_performer_clip(
+        project.takes[puppet.layers[0].take], [point.joint for point in puppet.points]
+    ).poses
     moves = [_sudden(motion.places), _sudden(poses)]
     return moves[0] / moves[1]
 
 
-def hands(project: Project, puppet: Puppet, motion: PuppetMotion) -> float:
+def hands(project: Project, puppet: ExampleCharacter, motion: PuppetMotion) -> float:
     """Returns the correlation of the heights of hands and of the points paired with them, the lowest of all
     pairs."""
     rows = [k for k, point in enumerate(puppet.points) if point.joint.endswith(("Hand", "Wrist"))]
     if not rows:
         return float("nan")
-    poses = performed(project.takes[puppet.layers[0].take], [point.joint for point in puppet.points]).poses
+    poses = extract_performer_clip(
+        project.takes[puppet.layers[0].take], [point.joint for point in puppet.points]
+    ).poses
     return min(float(np.corrcoef(poses[5:, k, 1], motion.places[5:, k, 1])[0, 1]) for k in rows)
 
 
-def _fresh(project: Project, puppet: Puppet) -> Project:
+def _fresh(project: Project, puppet: ExampleCharacter) -> Project:
     """Returns the project with copies of its takes, so that no cached results are used. Plays it once to warm
     up.
     """

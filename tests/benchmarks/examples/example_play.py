@@ -15,7 +15,7 @@ from enliven.arrays import Float, Float32
 from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.document.character import Character, Pose
 from enliven.document.project import Project
-from enliven.document.puppet import Puppet, character_from_puppet
+from enliven.document.puppet import ExampleCharacter, character_from_puppet
 from enliven.examples.performer import yaw_from_rotation
 from enliven.examples.puppet_motion import evaluate_state, pose_of_state, to_world_frame
 from enliven.formats.motion.bvh import read_bvh
@@ -56,7 +56,7 @@ class Play:
 
     def __init__(self, act: Act, project: Project, shown: Shown, rate: float) -> None:
         self.act, self.project, self.shown = act, project, shown
-        self.puppet: Puppet = next(iter(project.puppets.values()))
+        self.puppet: ExampleCharacter = next(iter(project.puppets.values()))
         take = project.takes[self.puppet.layers[0].take]
         self.times = np.arange(shown.first, min(shown.last, take.duration), shown.speed / rate)
         self._step = take.step

@@ -23,14 +23,14 @@ from enliven.document.project import Project
 from enliven.document.puppet import KeyPose
 from enliven.example_sessions.mesh import fit_mesh
 from enliven.example_sessions.tables import MeshTable
-from enliven.examples.performer import performed
+from enliven.examples.performer import extract_performer_clip
 from enliven.examples.puppet_motion import solve_layer_motion
 from enliven.examples.puppet_trajectory import PuppetMotion
 from enliven.meshes.files import load_mesh
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.edits import change_layers
 from enliven.modeling.puppet.suggest import suggested_puppet
-from enliven.skeletons.facing import facing_of, rotate_about_y
+from enliven.skeletons.facing import find_facing, rotate_about_y
 from enliven.takes.files import read_take
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", str(Path(__file__).parents[4] / "shared" / "data")))
@@ -107,8 +107,8 @@ def posed(mesh: Mesh, clip: Clip) -> Project:
     project = suggested_puppet(Project().with_takes(clip), mesh, clip.id, "it")
     puppet = project.puppets["it"]
     size = np.ptp(mesh.vertices, axis=0).max() / np.ptp(clip.skeleton.positions, axis=0).max()
-    took = performed(clip, [point.joint for point in puppet.points])
-    seen = rotate_about_y(took.poses, -facing_of(clip.skeleton))
+    took = extract_performer_clip(clip, [point.joint for point in puppet.points])
+    seen = rotate_about_y(took.poses, -find_facing(clip.skeleton))
     poses = []
     for pose in puppet.poses:
         places = puppet.rest + size * (seen[round(pose.time / clip.step)] - np.median(seen, axis=0))

@@ -18,7 +18,7 @@ from session_interleaved import PACE, joined, recorded, until
 from studio_driver import Action, Click, Do, Drag, Key, Name, Near, Say, Spot, Wait, Widget
 
 from enliven.arrays import Float
-from enliven.document import GraphShape
+from enliven.document import GraphCharacter
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.files import add_sample
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -164,7 +164,7 @@ def seat_top(editor: Editor) -> Float:
     return np.array([middle[0], vertices[around, 1].max(), middle[2]])
 
 
-def chair(editor: Editor) -> GraphShape:
+def chair(editor: Editor) -> GraphCharacter:
     """Returns the possessed chair."""
     return editor.project.graph("chair")
 

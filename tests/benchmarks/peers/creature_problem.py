@@ -69,7 +69,7 @@ def measured(nodes: int, compare: bool, budget_ms: float = 0.0) -> CreatureRun:
                 if compare and turn == 0 and frame >= WARM and frame % COMPARED == 0:
                     differences = _gap(peer, solver, targets)
                     gaps += differences
-                    settled += [solver.settled] * len(differences)
+                    settled += [solver.is_settled] * len(differences)
             passes.append(each)
         times.append(np.min(passes, 0)[WARM:])
     return CreatureRun(np.concatenate(times), np.array(gaps), np.array(settled, bool))
@@ -77,7 +77,7 @@ def measured(nodes: int, compare: bool, budget_ms: float = 0.0) -> CreatureRun:
 
 def _gap(peer: PlainGaussNewton, solver: EmbeddedSolver, targets: Float) -> list[float]:
     """Returns the frame's relative excess over the minimum, or an empty list if there is no valid minimum."""
-    peer.aim(targets)
+    peer.set_targets(targets)
     x, least, _ = peer.solve(peer.pack(solver.state()), lambda energy: False)
     turned = np.linalg.det(x[: 9 * len(solver.graph.positions)].reshape(-1, 3, 3)).min() < FLAT
-    return [] if turned or least < NOTHING else [solver.energy["total"] / least - 1.0]
+    return [] if turned or least < NOTHING else [solver.energy_terms["total"] / least - 1.0]

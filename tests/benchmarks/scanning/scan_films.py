@@ -49,7 +49,7 @@ from enliven.scanning.objects.moved_scanner import MovedScanner
 from enliven_edge.importing.depth_images import OpenCvDepthReader
 from enliven_edge.importing.placed_images import PosedDepthReader
 from enliven_edge.scanning.person import PersonScanner
-from enliven_edge.scanning.scan_mesh import Keep, ScannedMesh, finish_scan
+from enliven_edge.scanning.scan_mesh import KeptPart, ScannedMesh, finish_scan
 from enliven_edge.scanning.surface_preview import SurfacePreview
 from enliven_edge.stage.character_setup import create_mesh_actor
 from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan
@@ -100,7 +100,7 @@ class Film:
     title: str
     frames: Iterable[DepthFrame]
     settings: ScanSettings
-    keep: Keep = field(default_factory=Keep)
+    keep: KeptPart = field(default_factory=KeptPart)
     bodies: Callable[[ScannedMesh], tuple[list[BodyFrame], EmbeddedActor]] | None = None
     scanner: Callable[[ScanSettings], Scanner | MovedScanner] = Scanner
     act: Act = Act(0.45, TRUNK)  # noqa: RUF009 - it is frozen
@@ -112,7 +112,7 @@ def chair() -> Film:
     path = HandheldPath(target=(0.0, 0.6, 0.0), radius=1.5, height=(0.6, 1.7), turns=1.1, seconds=12.0)
     take = HandheldScan(load_sample("chair"), load_profile("kinect1"), path, width=320, colour=True)
     settings = ScanSettings(volume=VolumeSettings(voxel=0.005))
-    return Film("A chair is scanned, cut out, and possessed", take, settings, Keep(), _sat_in)
+    return Film("A chair is scanned, cut out, and possessed", take, settings, KeptPart(), _sat_in)
 
 
 def _sat_in(made: ScannedMesh) -> tuple[list[BodyFrame], EmbeddedActor]:
@@ -133,7 +133,7 @@ def laid() -> Film:
     take = MovedObjectScan(chair, way, load_profile("kinect1"), path, width=320, colour=True)
     frames = (take.frame(index) for index in range(0, take.frames, 2))
     settings = ScanSettings(volume=VolumeSettings(voxel=0.005))
-    return Film("A chair is laid on its back by hand", frames, settings, Keep(), None, MovedScanner)
+    return Film("A chair is laid on its back by hand", frames, settings, KeptPart(), None, MovedScanner)
 
 
 def person() -> Film:
@@ -145,7 +145,7 @@ def person() -> Film:
     settings = ScanSettings(volume=VolumeSettings(voxel=0.005, reach=3.5, far=3.5), least_depth=0.01)
     act = Act(0.6, "torso + left arm + right arm")
     return Film(
-        "A real person turns once, and is possessed", frames, settings, Keep(), _worn, PersonScanner, act
+        "A real person turns once, and is possessed", frames, settings, KeptPart(), _worn, PersonScanner, act
     )
 
 
@@ -170,7 +170,7 @@ def table() -> Film:
     settings = ScanSettings(volume=VolumeSettings(voxel=0.01, reach=3.5))
     box = np.array([-1.3, 0.02, -2.9]), np.array([1.0, 1.05, -1.8])
     alone = (frame if n == 0 else replace(frame, world_from_camera=None) for n, frame in enumerate(frames))
-    return Film("A real kitchen's table is cut out", alone, settings, Keep("box", *box))
+    return Film("A real kitchen's table is cut out", alone, settings, KeptPart("box", *box))
 
 
 def films() -> dict[str, Callable[[], Film]]:

@@ -18,7 +18,7 @@ import enliven_synthesis
 from enliven.frames import BodyFrame, DepthFrame
 from enliven.person.body import Body
 from enliven.recording import Recorder, Recording
-from enliven_synthesis.motion.dance import HOME_Z
+from enliven_synthesis.motion.dance import START_Z_M
 from enliven_synthesis.sensor import stream_faults
 from enliven_synthesis.sensor.ensemble import Appearance
 
@@ -141,4 +141,4 @@ def _source() -> str:
     )
     rooms = (path for room in ("body", "motion", "sensor") for path in sorted((folder / room).glob("*.py")))
     texts = [p.read_text() for p in rooms if p.name not in others]
-    return repr(HOME_Z) + "".join(texts)
+    return repr(START_Z_M) + "".join(texts)

@@ -84,7 +84,7 @@ def make(name: str, takes: list[list[DepthFrame]]) -> None:
     """Writes one film and its contact sheet: evenly spread frames, or the last frame of each of many
     takes."""
     inspected = [(Inspector(Tracker()), frames) for frames in takes]
-    pictures = [inspector.picture(frame) for inspector, frames in inspected for frame in frames]
+    pictures = [inspector.draw_frame(frame) for inspector, frames in inspected for frame in frames]
     with FilmWriter(OUT / f"{name}.mp4", None, 30.0, 8.0) as film:
         for picture in pictures:
             film.add(picture)

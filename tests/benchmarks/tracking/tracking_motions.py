@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from enliven_synthesis.body.posture import ArmPose, FootPose, PerformerPosture
-from enliven_synthesis.motion.dance import HOME_Z, Choreography
+from enliven_synthesis.motion.dance import START_Z_M, Choreography
 from enliven_synthesis.motion.exercises import interpolate_fields
 from enliven_synthesis.motion.tracks import ease
 
@@ -90,23 +90,23 @@ def _turning(name: str, vary: Seed, sweep: float, pause: float, low: float) -> C
         lead = 0.35 * vary.way * math.sin(math.pi * moving) if moving else 0.0
         lift = _STEP_LIFT * math.sin(math.pi * moving) if moving else 0.0
         feet = [
-            FootPose(x * math.cos(yaw), HOME_Z - x * math.sin(yaw), lift, yaw + out)
+            FootPose(x * math.cos(yaw), START_Z_M - x * math.sin(yaw), lift, yaw + out)
             for x, out in ((0.14, 0.12), (-0.14, -0.12))
         ]
         swing = 0.5 * math.sin(math.pi * moving) if moving else 0.0
         left, right = (replace(arm, abduct=arm.abduct + swing) for arm in arms)
         return PerformerPosture(
-            feet[0], feet[1], left, right, 0.0, HOME_Z, low, yaw, lean, spine_yaw=lead, spine_pitch=lean
+            feet[0], feet[1], left, right, 0.0, START_Z_M, low, yaw, lean, spine_yaw=lead, spine_pitch=lean
         )
 
     return Choreography(name, time + 0.3, posture, lambda _, at: heading(at)[1] == 0.0)
 
 
 def _home(**changes: Any) -> PerformerPosture:
-    values: dict[str, Any] = {"left_arm": _HANGING, "right_arm": _HANGING, "z": HOME_Z, "pitch": 0.03}
+    values: dict[str, Any] = {"left_arm": _HANGING, "right_arm": _HANGING, "z": START_Z_M, "pitch": 0.03}
     values |= {
-        "left_foot": FootPose(0.13, HOME_Z, yaw=0.12),
-        "right_foot": FootPose(-0.13, HOME_Z, yaw=-0.12),
+        "left_foot": FootPose(0.13, START_Z_M, yaw=0.12),
+        "right_foot": FootPose(-0.13, START_Z_M, yaw=-0.12),
     }
     return PerformerPosture(**(values | {"spine_pitch": 0.05} | changes))
 
@@ -118,16 +118,16 @@ def _kneeling_kick(vary: Seed) -> _Keys:
     """Returns a motion: down on one knee and both hands, then a kick with the other leg, up behind and then
     forward.
     """
-    back = FootPose(-0.13, HOME_Z - 0.50, pitch=-1.1, yaw=-0.05)
-    start = _home(left_foot=FootPose(0.13, HOME_Z + 0.08, yaw=0.1))
-    down = replace(start, right_foot=back, rise=vary.near(-0.44, 0.02), z=HOME_Z - 0.22, pitch=0.1)
+    back = FootPose(-0.13, START_Z_M - 0.50, pitch=-1.1, yaw=-0.05)
+    start = _home(left_foot=FootPose(0.13, START_Z_M + 0.08, yaw=0.1))
+    down = replace(start, right_foot=back, rise=vary.near(-0.44, 0.02), z=START_Z_M - 0.22, pitch=0.1)
     high = vary.near(0.38, 0.08)
     kick = replace(
         down,
-        left_foot=FootPose(0.16, HOME_Z + 0.50, lift=high, pitch=0.3),
+        left_foot=FootPose(0.16, START_Z_M + 0.50, lift=high, pitch=0.3),
         left_arm=vary.arm(_OUT), right_arm=vary.arm(_OUT), pitch=-0.15, spine_pitch=0.1,
     )  # fmt: skip
-    side = replace(kick, left_foot=FootPose(0.75, HOME_Z - 0.05, lift=high - 0.1, yaw=0.5), roll=-0.15)
+    side = replace(kick, left_foot=FootPose(0.75, START_Z_M - 0.05, lift=high - 0.1, yaw=0.5), roll=-0.15)
     return (
         (0.0, start), (0.6, start), (1.5, down), (2.0, kick), (2.6, kick), (3.1, down), (3.6, side),
         (4.1, side), (4.6, down),
@@ -136,16 +136,16 @@ def _kneeling_kick(vary: Seed) -> _Keys:
 
 def _sitting(vary: Seed) -> _Keys:
     """Returns a motion: sitting down with legs forward, leaning back on the hands, pulling the knees up."""
-    half = _home(rise=-0.4, pitch=0.5, spine_pitch=0.4, z=HOME_Z - 0.1)
+    half = _home(rise=-0.4, pitch=0.5, spine_pitch=0.4, z=START_Z_M - 0.1)
     low = vary.near(-0.80, 0.02)
 
     def legs(forward: float, up: float) -> dict[str, Any]:
         return {
-            "left_foot": FootPose(0.15, HOME_Z + forward, lift=0.02, pitch=up, yaw=0.15),
-            "right_foot": FootPose(-0.15, HOME_Z + forward, lift=0.02, pitch=up, yaw=-0.15),
+            "left_foot": FootPose(0.15, START_Z_M + forward, lift=0.02, pitch=up, yaw=0.15),
+            "right_foot": FootPose(-0.15, START_Z_M + forward, lift=0.02, pitch=up, yaw=-0.15),
         }
 
-    straight = _home(rise=low, pitch=-0.1, z=HOME_Z - 0.25, **legs(0.52, 0.9))
+    straight = _home(rise=low, pitch=-0.1, z=START_Z_M - 0.25, **legs(0.52, 0.9))
     straight = replace(straight, left_arm=vary.arm(_KNEES), right_arm=vary.arm(_KNEES), spine_pitch=0.25)
     leant = replace(straight, left_arm=_BACK, right_arm=_BACK, pitch=-0.35, spine_pitch=0.05)
     drawn = replace(straight, **legs(0.22, 0.1), spine_pitch=0.35, left_arm=vary.arm(_KNEES))
@@ -161,10 +161,10 @@ def _hidden_leg(vary: Seed) -> _Keys:
     over: dict[str, Any] = {"x": -0.10, "roll": -0.04}
     shift = _home(**over)
     behind = _home(
-        left_foot=FootPose(-0.02, HOME_Z - 0.35, lift=vary.near(0.35, 0.08), pitch=-1.0, yaw=0.1),
+        left_foot=FootPose(-0.02, START_Z_M - 0.35, lift=vary.near(0.35, 0.08), pitch=-1.0, yaw=0.1),
         left_arm=vary.arm(_OUT), right_arm=vary.arm(_OUT), **over,
     )  # fmt: skip
-    crossed = replace(behind, left_foot=FootPose(-0.16, HOME_Z - 0.28, lift=0.18, pitch=-0.8))
+    crossed = replace(behind, left_foot=FootPose(-0.16, START_Z_M - 0.28, lift=0.18, pitch=-0.8))
     return ((0.0, _home()), (0.5, shift), (1.2, behind), (2.2, behind), (3.0, crossed), (3.6, shift))
 
 

@@ -99,20 +99,20 @@ def pair(tmp_path_factory):
     """Returns the calibration of two virtual cameras that show a synthetic room, and the true depth."""
     pytest.importorskip("cv2", reason="OpenCV is not in the guest: the lock does not have it")
     from PIL import Image
-    from stereo_rig import calibration_of, rectified_left, rig
-    from stereo_scene import Photographer, person, room
+    from stereo_rig import calibration_of, create_lenses, rectified_left
+    from stereo_scene import Renderer, person, room
 
     from enliven_edge.sensors.stereo.calibration import save_calibration
     from enliven_edge.sensors.stereo.rectification import Rectification
 
     folder = tmp_path_factory.mktemp("pair")
-    left, right = rig(320, 200, BASELINE)
-    photographer = Photographer([*room(), *person(0.1, 2.2)])
+    left, right = create_lenses(320, 200, BASELINE)
+    photographer = Renderer([*room(), *person(0.1, 2.2)])
     VIRTUAL.parent.mkdir(parents=True, exist_ok=True)
     lines = []
     for number, lens in enumerate((left, right)):
         picture = folder / f"{number}.jpg"
-        Image.fromarray(photographer.picture(lens, samples=2)).convert("RGB").save(picture, quality=95)
+        Image.fromarray(photographer.render_image(lens, samples=2)).convert("RGB").save(picture, quality=95)
         lines.append(
             f'"Virtual{number}":\n  supported_formats:\n  - width: 320\n    height: 200\n    frame_rates:\n'
             f'    - 10\n    - 10\n  frames:\n    path: "{picture}"\n  model: "Virtual{number}"\n'
@@ -120,7 +120,7 @@ def pair(tmp_path_factory):
     VIRTUAL.write_text("".join(lines))
     calibration = calibration_of(left, right)
     save_calibration(folder / "pair.toml", calibration, [])
-    yield folder / "pair.toml", photographer.depth(rectified_left(Rectification(calibration)))
+    yield folder / "pair.toml", photographer.render_depth(rectified_left(Rectification(calibration)))
     VIRTUAL.unlink()
 
 

@@ -31,7 +31,7 @@ from enliven_viewer.link.edge_client import EdgeClient
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[1] / "matching"))
 
-from patience import PATIENCE
+from patience import TIMEOUT_S
 from pedals_for_tests import Pedal
 from rigs_for_stage import person, star
 
@@ -86,7 +86,7 @@ class House:
         self.edge._poll_requests()
 
     def until(self, done) -> None:
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + TIMEOUT_S
         while not done():
             assert time.monotonic() < deadline, "it never came to be"
             self.step()
@@ -248,10 +248,10 @@ def test_lamps_show_the_stage_and_its_health(outlet):
     house.edge._poll_requests()
     assert say.lamps == Lamps(possess="steady", locked="steady")
     house.edge.tracker.unlock()
-    house.edge.health.failed(SensorFault("the cable is out", where="people"))
+    house.edge.health.record_read_error(SensorFault("the cable is out", where="people"))
     house.edge._wait()
     house.edge._poll_requests()
-    assert say.lamps == Lamps(possess="steady", ill="flashing")
+    assert say.lamps == Lamps(possess="steady", fault="flashing")
     house.step()
     assert say.lamps == Lamps(possess="steady"), "the sensor is back"
 
@@ -268,7 +268,7 @@ def test_window_commands_are_forwarded_to_windows(outlet):
         def came(count: int) -> bool:
             client.poll()
             heard.extend(client.take(CALLS))
-            return client.status is not None and client.edges[0].complete and len(heard) >= count
+            return client.status is not None and client.edges[0].has_all_characters and len(heard) >= count
 
         house.until(lambda: came(0))
         say.words = ["record", "again", "stop"]

@@ -17,7 +17,7 @@ from enliven_edge.controls.settings import ControlSettings
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from patience import until
+from patience import wait_until
 
 CODES = {
     "a": 4,
@@ -90,7 +90,7 @@ def test_missing_device_is_searched_while_the_edge_continues(caplog):
     with open_controls({"clicker": settings}) as controls:
         (reader,) = controls._controls
         assert isinstance(reader, ControlReader)
-        until(lambda: "no HID device f055:0001" in caplog.text)
+        wait_until(lambda: "no HID device f055:0001" in caplog.text)
         assert reader.poll() == [] and reader._thread.is_alive()
     assert not reader._thread.is_alive()
     assert caplog.text.count("is missing") == 1

@@ -146,7 +146,7 @@ def test_lamps_of_each_state_of_the_stage():
         ({"is_performer_present": True}, Lamps(possess="breathing")),
         ({"is_performer_present": True, "is_character_held": True}, Lamps(possess="steady")),
         ({"locked": True}, Lamps(attract="breathing", locked="steady")),
-        ({"highest_severity": Severity.WARNING}, Lamps(attract="breathing", ill="steady")),
-        ({"highest_severity": Severity.ERROR}, Lamps(attract="breathing", ill="flashing")),
+        ({"highest_severity": Severity.WARNING}, Lamps(attract="breathing", fault="steady")),
+        ({"highest_severity": Severity.ERROR}, Lamps(attract="breathing", fault="flashing")),
     ):
         assert lamps_from_state(**{**quiet, **state}) == lamps

@@ -16,7 +16,7 @@ from enliven_edge.controls.settings import ControlSettings
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from patience import until
+from patience import wait_until
 from pedals_for_tests import Pedal
 
 pytest.importorskip("serial", reason="pyserial is not installed (the extra 'controls')")
@@ -55,7 +55,7 @@ def opened(port: Port):
 def test_a_port_is_no_panel_before_it_has_greeted(port, monkeypatch, caplog):
     monkeypatch.setattr(serial_panel, "_GREETING_TIMEOUT_S", 0.3)
     with opened(port) as controls:
-        until(lambda: "the panel does not answer. Is its firmware on it" in caplog.text)
+        wait_until(lambda: "the panel does not answer. Is its firmware on it" in caplog.text)
         port.send(b"AT+GMM\r\n\xff\x00$P0000\n$H01P*0000\n")
         assert controls.missing == ["panel"] and "is connected" not in caplog.text
         assert port.edge_says() == [], "what may be a modem or a boot loader is not spoken to"
@@ -68,9 +68,9 @@ def test_a_panel_that_runs_already_is_asked_for_its_greeting(port):
         return "?" in port.edge_says()
 
     with opened(port) as controls:
-        until(asked)
+        wait_until(asked)
         port.send(encode("H01P"))
-        until(lambda: not controls.missing)
+        wait_until(lambda: not controls.missing)
 
 
 def test_panel_of_another_protocol_is_ignored_and_reported_once(port, caplog):
@@ -79,7 +79,7 @@ def test_panel_of_another_protocol_is_ignored_and_reported_once(port, caplog):
         return caplog.text
 
     with opened(port) as controls:
-        until(lambda: "the panel speaks protocol 07, and this edge 01" in greeted())
+        wait_until(lambda: "the panel speaks protocol 07, and this edge 01" in greeted())
         assert controls.missing == ["panel"]
         for _ in range(20):
             greeted()
@@ -104,8 +104,8 @@ class Ear:
 def test_lamp_states_are_repeated_while_the_edge_runs(port, caplog):
     with opened(port) as controls:
         ear = Ear(port, controls)
-        until(lambda: ear.hears(Lamps(attract="breathing"), "LB---", 3))
-        until(lambda: ear.hears(Lamps(ill="flashing"), "L---F", 3))
+        wait_until(lambda: ear.hears(Lamps(attract="breathing"), "LB---", 3))
+        wait_until(lambda: ear.hears(Lamps(fault="flashing"), "L---F", 3))
     after = ear.said.index("L---F")
     assert set(ear.said[after:]) == {"L---F"} and "L----" not in ear.said
     assert "controls.panel was started again: it had no power" in caplog.text
@@ -120,5 +120,5 @@ def test_a_change_of_the_lamps_waits_for_no_beat(port, monkeypatch):
             (Lamps(), "L----"),
             (Lamps("steady"), "LS---"),
         ):
-            until(lambda lamps=lamps, body=body: ear.hears(lamps, body, 1))
+            wait_until(lambda lamps=lamps, body=body: ear.hears(lamps, body, 1))
     assert [body for body in ear.said if body[0] == "L"] == ["L--S-", "L----", "LS---"]

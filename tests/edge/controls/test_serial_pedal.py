@@ -17,7 +17,7 @@ from enliven_edge.controls.settings import ControlSettings
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from patience import until
+from patience import wait_until
 from pedals_for_tests import Pedal
 
 pytest.importorskip("serial", reason="pyserial is not installed (the extra 'controls')")
@@ -53,11 +53,11 @@ def test_a_line_is_a_press(pedal, caplog):
     caplog.set_level(logging.INFO)
     with opened(pedal) as controls:
         ear = Ear(controls)
-        until(lambda: "is connected" in caplog.text)
+        wait_until(lambda: "is connected" in caplog.text)
         pedal.send(b"A\r\n  left foot\nnobody\nB")
-        until(lambda: ear.heard(2))
+        wait_until(lambda: ear.heard(2))
         pedal.send(b"\n")
-        until(lambda: ear.heard(3))
+        wait_until(lambda: ear.heard(3))
     assert ear.words == ["possess", "join", "next"]
     assert "sent 'nobody', which is not in its map" in caplog.text
 
@@ -66,9 +66,9 @@ def test_a_byte_is_a_press(pedal, caplog):
     caplog.set_level(logging.INFO)
     with opened(pedal, sends="byte") as controls:
         ear = Ear(controls)
-        until(lambda: "is connected" in caplog.text)
+        wait_until(lambda: "is connected" in caplog.text)
         pedal.send(b"AB\x1b")
-        until(lambda: ear.heard(3))
+        wait_until(lambda: ear.heard(3))
     assert ear.words == ["possess", "next", "release"]
 
 
@@ -76,15 +76,15 @@ def test_unplugged_pedal_is_found_again_and_both_are_reported_once(pedal, caplog
     caplog.set_level(logging.INFO)
     with opened(pedal) as controls:
         ear = Ear(controls)
-        until(lambda: caplog.text.count("is connected") == 1)
+        wait_until(lambda: caplog.text.count("is connected") == 1)
         pedal.send(b"A\nhalf a li")
-        until(lambda: ear.heard(1))
+        wait_until(lambda: ear.heard(1))
         pedal.unplug()
-        until(lambda: "is missing" in caplog.text)
+        wait_until(lambda: "is missing" in caplog.text)
         pedal.plug()
-        until(lambda: caplog.text.count("is connected") == 2)
+        wait_until(lambda: caplog.text.count("is connected") == 2)
         pedal.send(b"B\n")
-        until(lambda: ear.heard(2))
+        wait_until(lambda: ear.heard(2))
     assert ear.words == ["possess", "next"]
     assert caplog.text.count("is missing") == 1
 
@@ -95,11 +95,11 @@ def test_a_pedal_may_come_after_the_edge(tmp_path, caplog):
     pedal.unplug()
     with opened(pedal) as controls:
         ear = Ear(controls)
-        until(lambda: "is missing" in caplog.text)
+        wait_until(lambda: "is missing" in caplog.text)
         pedal.plug()
-        until(lambda: "is connected" in caplog.text)
+        wait_until(lambda: "is connected" in caplog.text)
         pedal.send(b"A\n")
-        until(lambda: ear.heard(1))
+        wait_until(lambda: ear.heard(1))
     pedal.close()
 
 
@@ -116,9 +116,9 @@ def test_a_bouncing_contact_is_heard_once(pedal, caplog):
     caplog.set_level(logging.INFO)
     with opened(pedal, debounce=5.0) as controls:
         ear = Ear(controls)
-        until(lambda: "is connected" in caplog.text)
+        wait_until(lambda: "is connected" in caplog.text)
         pedal.send(b"A\nA\nA\nB\n")
-        until(lambda: ear.heard(2))
+        wait_until(lambda: ear.heard(2))
     assert ear.words == ["possess", "next"]
 
 

@@ -30,7 +30,7 @@ from enliven_edge.stage.stage import Stage
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from patience import until
+from patience import wait_until
 
 pytest.importorskip("pocketsphinx", reason="pocketsphinx is not installed (the extra 'voice')")
 
@@ -104,7 +104,7 @@ def test_other_speech_is_not_a_command(recogniser, talk):
 def not_understood(recogniser: Recogniser, sound: bytes) -> tuple[list[str], list[str]]:
     phrases = heard(recogniser, sound)
     while recogniser.is_busy:
-        recogniser.work()
+        recogniser.decode_next_part()
     return phrases, recogniser.take_not_understood()
 
 
@@ -141,7 +141,7 @@ def test_viewers_receive_heard_phrases_and_their_commands(tmp_path):
                 controls.apply_commands(Stage([]), lambda order: None, lambda word, name: None, sent.append)  # noqa: B023
                 return sum(isinstance(message, HeardMessage) for message in sent) == 2  # noqa: B023
 
-            until(poll)
+            wait_until(poll)
         first, second = (message for message in sent if isinstance(message, HeardMessage))
         assert first == HeardMessage("voice", "puppet follow my pose", True, "follow")
         assert not second.understood and bool(second.words) is not hides_talk
@@ -160,11 +160,11 @@ def test_microphone_is_opened_and_closed_by_command_or_gives_a_reason():
     with open_controls({}) as controls:
         assert poll("off") and "puppet take it" in sent[-1].phrases
         controls.listen(True)
-        until(lambda: poll("missing") or poll("listening"))
+        wait_until(lambda: poll("missing") or poll("listening"))
         if sent[-1].state == "missing":
             assert sent[-1].what and sent[-1].remedy
         controls.listen(False)
-        until(lambda: poll("off"))
+        wait_until(lambda: poll("off"))
 
 
 def test_a_word_that_the_model_does_not_know_is_refused():
@@ -186,7 +186,7 @@ def test_recording_replaces_the_microphone(tmp_path, caplog):
     settings = ControlSettings("voice", dict(SETTINGS.map), wav="say.wav")
     with open_controls({"voice": settings}, tmp_path) as controls:
         (reader,) = controls._controls
-        until(lambda: "has ended" in caplog.text)
+        wait_until(lambda: "has ended" in caplog.text)
         assert reader.poll() == ["follow"]
 
 
@@ -221,6 +221,8 @@ def test_missing_microphone_is_searched_while_the_edge_continues(caplog):
     settings = ControlSettings("voice", dict(SETTINGS.map), microphone="nobody's microphone", retry=0.01)
     with open_controls({"voice": settings}) as controls:
         (reader,) = controls._controls
-        until(lambda: caplog.text.count("Traceback") >= 3)  # three tries, each with a restarted PortAudio
+        wait_until(
+            lambda: caplog.text.count("Traceback") >= 3
+        )  # three tries, each with a restarted PortAudio
         assert reader.poll() == []
     assert caplog.text.count("is missing") == 1

@@ -12,7 +12,12 @@ from enliven_edge.fusion.live.blending import (
     side_costs,
     trunk_distances,
 )
-from enliven_edge.fusion.live.side_assignment import MIDDLES, OTHER_SIDE, midline_points, midline_weights
+from enliven_edge.fusion.live.side_assignment import (
+    MIDLINE_JOINTS,
+    OTHER_SIDE,
+    midline_points,
+    midline_weights,
+)
 
 LATERAL = np.arange(20) != OTHER_SIDE
 """(20,) True for joints with a left and a right side."""
@@ -112,7 +117,7 @@ def test_distances_and_sides_match_the_slow_reference():
     a, b = random.normal(size=(3, 20, 3)), random.normal(size=(2, 20, 3))
     sa, sb = random.uniform(size=(3, 20)), random.uniform(size=(2, 20))
     out = np.empty((3, 2))
-    trunk_distances(a, sa, b, sb, MIDDLES, out)
+    trunk_distances(a, sa, b, sb, MIDLINE_JOINTS, out)
     for m in range(3):
         for n in range(2):
             weights = midline_weights(sa[m]) * midline_weights(sb[n]) + 1e-3

@@ -7,9 +7,9 @@ import time
 
 import numpy as np
 import pytest
-from fusion_measures import fused
-from patience import PATIENCE, until
-from tolerances import alike
+from fusion_measures import fuse_streams
+from patience import TIMEOUT_S, wait_until
+from tolerances import are_alike
 from walkers import Walker, stand, told
 
 from enliven.errors import ResourceError
@@ -80,7 +80,7 @@ def watched(reels, space=SPACE):
     """Returns all frames of the fused sensor, and the sensor."""
     frames = []
     with FusedSensors(reels, {name: Tracker() for name in reels}, space) as sensor:
-        while (frame := sensor.read(PATIENCE)) is not None:
+        while (frame := sensor.read(TIMEOUT_S)) is not None:
             frames.append(frame)
     assert all(reel.closed for reel in reels.values())
     return frames, sensor
@@ -90,11 +90,11 @@ def test_recordings_run_side_by_side_whatever_their_threads_do():
     """The result equals the same streams merged without threads, frame by frame and bit by bit."""
     streams = seen()
     frames, sensor = watched({name: Reel(name, stream) for name, stream in streams.items()})
-    expected = list(fused(streams, SPACE, Fuser(sensor_positions(SPACE))))
+    expected = list(fuse_streams(streams, SPACE, Fuser(sensor_positions(SPACE))))
     assert [f.time_ns for f in frames] == [f.time_ns for f in expected]
     for frame, wanted in zip(frames, expected, strict=True):
         assert [b.id for b in frame.bodies] == [b.id for b in wanted.bodies]
-        assert all(alike(x.joints, y.joints) for x, y in zip(frame.bodies, wanted.bodies, strict=True))
+        assert all(are_alike(x.joints, y.joints) for x, y in zip(frame.bodies, wanted.bodies, strict=True))
     assert set(sensor.states.values()) == {SensorState.ENDED}
 
 
@@ -177,7 +177,7 @@ def test_read_timeout_is_reported():
     streams = seen()
     reels = {name: Reel(name, stream, live=0.001) for name, stream in streams.items()}
     with FusedSensors(reels, {n: Tracker() for n in "ab"}, SPACE) as sensor:
-        sensor.read(PATIENCE)
+        sensor.read(TIMEOUT_S)
         with pytest.raises(TimeoutError):
             for _ in range(5):
                 sensor.read(0.05)
@@ -187,19 +187,19 @@ def test_a_collector_keeps_everything_and_stops_in_time():
     streams = seen()
     collector = Collector("a", Reel("a", streams["a"]), Tracker(), seconds=1.0)
     collector.start()
-    until(lambda: collector.ended, "the end of the collector")
+    wait_until(lambda: collector.ended, "the end of the collector")
     assert not collector.failure
     assert collector.frames == 31
     assert collector.level_from_camera is None
     (track,) = collector.stream().tracks
-    assert alike(track.joints[10], streams["a"][10].bodies[0].joints)
+    assert are_alike(track.joints[10], streams["a"][10].bodies[0].joints)
 
 
 def test_failed_collector_gives_the_reason():
     collector = Collector("a", Reel("a", seen()["a"], breaks=4), Tracker())
     collector.start()
     collector.stop()
-    until(lambda: collector.ended, "the end of the collector")
+    wait_until(lambda: collector.ended, "the end of the collector")
 
 
 @pytest.mark.parametrize(("stated", "kept"), [(0.0, 1.0), (1.7, 1.7)])

@@ -7,7 +7,7 @@ import numpy as np
 from enliven.frames import DepthFrame
 from enliven.space.rigid_transform import invert
 from enliven_synthesis.body.performer import Performer, Proportions
-from enliven_synthesis.motion.dance import HOME_Z
+from enliven_synthesis.motion.dance import START_Z_M
 from enliven_synthesis.motion.motion import DanceMotion
 from enliven_synthesis.motion.wander import wander
 from enliven_synthesis.sensor.ensemble import Appearance, Ensemble
@@ -25,7 +25,7 @@ def walker(duration: float = 16.0, height: float = 1.78, start: float = 0.0, **w
     """Returns a person that walks about."""
     performer = Performer(Proportions(height=height))
     motion = DanceMotion(performer, wander(duration, **way), repeat=True)
-    return Appearance(performer, motion, (0.0, HOME_Z), start=start)
+    return Appearance(performer, motion, (0.0, START_Z_M), start=start)
 
 
 class View:

@@ -17,7 +17,7 @@ from enliven_edge.network.outlet import Outlet
 from enliven_edge.sensors.replay import ReplaySensor
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage.character_setup import create_actor, parts_for
+from enliven_edge.stage.character_setup import create_actor, default_parts
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
 from enliven_viewer.link.take_feed import TakeFeed
@@ -55,7 +55,7 @@ def play(recording: Path, performance: Path) -> None:
         Outlet(wire, sensor.name, record=performance) as outlet,
     ):
         outlet.introduce(actor.character)
-        edge = Edge(sensor, Tracker(), Stage([actor]), outlet, possess_at=HOLD, parts=parts_for("lamp"))
+        edge = Edge(sensor, Tracker(), Stage([actor]), outlet, possess_at=HOLD, parts=default_parts("lamp"))
         edge.run()
         assert edge.frames == 85
 
@@ -92,5 +92,5 @@ def test_the_shade_rises_with_the_right_hand_and_the_foot_stays(performed) -> No
 
 
 def test_shipped_meshes_have_their_default_parts() -> None:
-    assert parts_for("lamp") == "hip and right arm"
-    assert parts_for("chair") == parts_for("horse.obj") == "all"
+    assert default_parts("lamp") == "hip and right arm"
+    assert default_parts("chair") == default_parts("horse.obj") == "all"

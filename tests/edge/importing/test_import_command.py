@@ -9,7 +9,7 @@ import textwrap
 import numpy as np
 import pytest
 import typer
-from patience import PATIENCE, until
+from patience import TIMEOUT_S, wait_until
 from PIL import Image
 from typer.testing import CliRunner
 
@@ -165,9 +165,9 @@ def test_ctrl_c_finishes_the_file(tmp_path):
         def written() -> bool:
             return output.exists() and output.stat().st_size > 3000
 
-        until(lambda: written() or process.poll() is not None, "a recording")
+        wait_until(lambda: written() or process.poll() is not None, "a recording")
         process.send_signal(signal.SIGINT)
-        log_text = process.communicate(timeout=PATIENCE)[0]
+        log_text = process.communicate(timeout=TIMEOUT_S)[0]
     assert process.returncode == 0, log_text
     assert "frames of slow" in log_text
     info = Recording(output).info

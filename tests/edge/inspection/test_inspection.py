@@ -123,7 +123,7 @@ def test_without_pyav_the_extra_is_named(tmp_path, monkeypatch) -> None:
 def test_a_person_is_followed_in_the_pictures() -> None:
     inspector = Inspector(Tracker(), 320)
     with SyntheticSensor("tof", "wave", realtime=False) as sensor:
-        pictures = [inspector.picture(sensor.read()) for _ in range(40)]
+        pictures = [inspector.draw_frame(sensor.read()) for _ in range(40)]
     assert len(inspector.bodies) == 1
     last = pictures[-1].astype(int)
     green = (last[..., 1] > 200) & (last[..., 0] < 120) & (last[..., 2] < 120)

@@ -64,7 +64,7 @@ class Parts:
             return
 
     def capture(self) -> StageState:
-        return self.keeper._capture(self)
+        return self.keeper._capture_state(self)
 
 
 def start(folder: Path) -> Parts:

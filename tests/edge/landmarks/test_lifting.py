@@ -87,7 +87,7 @@ def test_without_depth_the_height_gives_the_distance(landmarks_of):
     for frame, truth in seen():
         lifter = Lifter(LiftSettings(body_height=truth.height))
         landmarks = landmarks_of(truth.joints, frame.intrinsics, frame.world_from_camera, 0.7)
-        body = lifter.guess(landmarks, frame.intrinsics, frame.world_from_camera, 1)
+        body = lifter.lift_without_depth(landmarks, frame.intrinsics, frame.world_from_camera, 1)
         assert np.linalg.norm(body.joints - truth.joints, axis=1).mean() < 0.12
         assert 0.0 < body.confidence.max() <= lifting._CONFIDENCE_WITHOUT_DEPTH
 
@@ -103,7 +103,7 @@ def test_noise_instead_of_landmarks_gives_finite_joints(landmarks_of):
             )  # fmt: skip
             for body in (
                 Lifter().lift(landmarks, frame, frame.world_from_camera, 1),
-                Lifter().guess(landmarks, frame.intrinsics, frame.world_from_camera, 1),
+                Lifter().lift_without_depth(landmarks, frame.intrinsics, frame.world_from_camera, 1),
             ):
                 assert np.isfinite(body.joints).all()
                 assert body.confidence.min() >= 0.0 and body.confidence.max() <= 1.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.document.character import SkinWeights
-from enliven.document.rigged import Shape, still_shape
+from enliven.document.rigged import RiggedCharacter, still_shape
 from enliven.document.skeleton import Skeleton
 from enliven.meshes.mesh import Mesh
 from enliven.person.body import Body
@@ -26,7 +26,7 @@ LEG = (("HIP", 0.05, 0.0), ("KNEE", 0.5, 0.0), ("ANKLE", 0.92, 0.0), ("FOOT", 0.
 """Joints of a leg: name, metres below the hip centre, metres ahead of it."""
 
 
-def star() -> Shape:
+def star() -> RiggedCharacter:
     """Returns a rig with a centre and limbs of two bones, with a thin pyramid of mesh along each bone."""
     names, parents, points = ["middle"], [-1], [np.array([0.0, 1.0, 0.0])]
     vertices, faces, owners = [], [], []

@@ -37,7 +37,7 @@ class OrderTarget:
         self.queue.add(Command(Release(name), "window", self.peer, lambda answer: None))
 
     def work(self) -> None:
-        self.queue.work(self._do)
+        self.queue.execute_commands(self._do)
 
     def _do(self, command: Command) -> None:
         name = command.request.character

@@ -7,13 +7,13 @@ import time
 import numpy as np
 import pytest
 from live_receivers import OscReceiver
-from patience import until
+from patience import wait_until
 from posed_people import performer
 
 from enliven.frames import BodyFrame
 from enliven.health import HealthKind
 from enliven.outputs.opening import open_outputs
-from enliven.outputs.settings import outputs_of
+from enliven.outputs.settings import collect_output_settings
 from enliven.wire import HoldMessage
 from enliven_edge.live_outputs import LiveOutputs
 from enliven_edge.network.outlet import Outlet
@@ -39,14 +39,14 @@ def test_lost_packets_are_a_health_state_and_are_logged_once(caplog):
     stage = Stage()
     with (
         caplog.at_level(logging.WARNING),
-        LiveOutputs(open_outputs(outputs_of([f"osc:127.0.0.1:{port}"], {}))) as outputs,
+        LiveOutputs(open_outputs(collect_output_settings([f"osc:127.0.0.1:{port}"], {}))) as outputs,
     ):
 
         def trouble():
             outputs.publish(Tick(BodyFrame([], 5, "made")), stage)
             return outputs.health_states
 
-        (state,) = until(trouble, "the health state")
+        (state,) = wait_until(trouble, "the health state")
         assert state.kind == HealthKind.OUTPUT_FAILS and state.since_ns == 5
         assert f"osc:127.0.0.1:{port}" in state.what and "no program listens" in state.what and state.remedy
         for _ in range(50):
@@ -54,14 +54,14 @@ def test_lost_packets_are_a_health_state_and_are_logged_once(caplog):
             time.sleep(0.002)
         assert len([r for r in caplog.records if "no program listens" in r.getMessage()]) == 1
         with OscReceiver(port):
-            until(lambda: not trouble(), "the state is cleared")
+            wait_until(lambda: not trouble(), "the state is cleared")
 
 
 def test_many_outputs_get_the_same_frames():
     receivers = [OscReceiver() for _ in range(8)]
     try:
         words = [f"{'vmc' if k % 2 else 'osc'}:127.0.0.1:{r.port}" for k, r in enumerate(receivers)]
-        with LiveOutputs(open_outputs(outputs_of(words, {}))) as outputs:
+        with LiveOutputs(open_outputs(collect_output_settings(words, {}))) as outputs:
             stage = Stage()
             keys = ["/VMC/Ext/T" if k % 2 else "/enliven/time" for k in range(len(receivers))]
 
@@ -76,10 +76,10 @@ def test_many_outputs_get_the_same_frames():
                 return None not in times and times == pytest.approx([0.01 * number] * len(times))
 
             # Late frames are dropped, and the first frame that is sent has time 0.
-            until(lambda: all_have(0), "the first frame")
+            wait_until(lambda: all_have(0), "the first frame")
             for number in range(1, 20):
                 publish(number)
-            until(lambda: all_have(19), "the last frame")
+            wait_until(lambda: all_have(19), "the last frame")
     finally:
         for receiver in receivers:
             receiver.__exit__()
@@ -88,12 +88,12 @@ def test_many_outputs_get_the_same_frames():
 def test_holds_become_events():
     with (
         OscReceiver() as receiver,
-        LiveOutputs(open_outputs(outputs_of([f"osc:127.0.0.1:{receiver.port}"], {}))) as outputs,
+        LiveOutputs(open_outputs(collect_output_settings([f"osc:127.0.0.1:{receiver.port}"], {}))) as outputs,
     ):
         frame, stage = BodyFrame([performer(33)], 10**9, "made"), Stage()
         holds = [HoldMessage("lamp", 10**9, "alone", body=33), HoldMessage("chair", 10**9, "release")]
         outputs.publish(Tick(frame, frame.bodies, holds=holds), stage)
-        until(lambda: ("/enliven/event/release", "chair") in receiver.values)
+        wait_until(lambda: ("/enliven/event/release", "chair") in receiver.values)
         assert receiver.values["/enliven/event/possess", "lamp"] == (1,)
         assert receiver.values["/enliven/event/enter"] == (1,)
 
@@ -107,7 +107,7 @@ def test_an_edge_without_outputs_does_nothing():
 
 def ready_client(kind, outputs: LiveOutputs, port: int):
     """Returns a client of the output process as soon as the process listens."""
-    until(lambda: outputs.outputs.is_ready, "the process of the outputs")
+    wait_until(lambda: outputs.outputs.is_ready, "the process of the outputs")
     return kind(port, ["/health", "/stage"])
 
 
@@ -127,7 +127,7 @@ def test_an_edge_reports_its_health_while_there_are_no_frames(port):
             pass
 
     with (
-        LiveOutputs(open_outputs(outputs_of([f"foxglove:127.0.0.1:{port}"], {}))) as outputs,
+        LiveOutputs(open_outputs(collect_output_settings([f"foxglove:127.0.0.1:{port}"], {}))) as outputs,
         Outlet(WireSettings(name="fox", port=0, control_port=0), "silent") as outlet,
         ready_client(FoxgloveClient, outputs, port) as client,
     ):
@@ -139,4 +139,4 @@ def test_an_edge_reports_its_health_while_there_are_no_frames(port):
             edge._wait()
             return client.newest("/health")
 
-        assert until(reported, "the health state").name == "no frames"
+        assert wait_until(reported, "the health state").name == "no frames"

@@ -6,7 +6,7 @@ from itertools import count, pairwise
 import numpy as np
 import pytest
 from live_receivers import OscReceiver
-from patience import until
+from patience import wait_until
 from posed_people import performer
 
 import enliven.commands.run as run_command
@@ -14,7 +14,7 @@ from enliven import cli
 from enliven.frames import BodyFrame
 from enliven.health import HealthKind
 from enliven.outputs.opening import open_outputs
-from enliven.outputs.settings import outputs_of
+from enliven.outputs.settings import collect_output_settings
 from enliven_edge.doctor import shipped_recording
 from enliven_edge.live_outputs import LiveOutputs
 from enliven_edge.network.outlet import Outlet
@@ -51,8 +51,8 @@ def test_an_edge_sends_a_recording_to_several_programs(tmp_path):
         source = ["--recording", str(shipped_recording()), "--seconds", "1", "--speed", "0"]
         outputs = ["--out", f"vmc:127.0.0.1:{vmc.port}", "--settings", str(tmp_path / "edge.toml")]
         assert cli.run(["edge", *source, *SHORT, *outputs]) == 0
-        until(lambda: ("/cue/possess", "chair") in osc.values, "the possession")
-        until(lambda: ("/VMC/Ext/Bone/Pos", "Hips") in vmc.values, "the bones of the performer")
+        wait_until(lambda: ("/cue/possess", "chair") in osc.values, "the possession")
+        wait_until(lambda: ("/VMC/Ext/Bone/Pos", "Hips") in vmc.values, "the bones of the performer")
         assert ("/VMC/Ext/Tra/Pos", "chair") in vmc.values
         assert osc.values["/cue/possess", "chair"] == (1,) and "/enliven/time" not in osc.values
 
@@ -93,7 +93,7 @@ def test_lost_packets_are_reported_in_the_heartbeat():
         port = free.getsockname()[1]
     frames = (BodyFrame([performer()], 10**9 + k * 33_000_000, "bodies", np.eye(4)) for k in count())
     with (
-        LiveOutputs(open_outputs(outputs_of([f"vmc:127.0.0.1:{port}"], {}))) as outputs,
+        LiveOutputs(open_outputs(collect_output_settings([f"vmc:127.0.0.1:{port}"], {}))) as outputs,
         Outlet(WireSettings(name="outputs", port=0, control_port=0), "bodies") as outlet,
     ):
         edge = Edge(Bodies(frames), Tracker(), Stage(), outlet, outputs=outputs)
@@ -104,7 +104,7 @@ def test_lost_packets_are_reported_in_the_heartbeat():
                 state for state in outlet.publisher.status.health if state.kind == HealthKind.OUTPUT_FAILS
             ]
 
-        (state,) = until(reported, "the health state")
+        (state,) = wait_until(reported, "the health state")
     assert f"vmc:127.0.0.1:{port}" in state.what and "Start the receiving program" in state.remedy
 
 
@@ -133,7 +133,7 @@ def test_a_run_separates_the_folder_of_the_film_from_outputs(tmp_path, monkeypat
     started.clear()
     assert cli.run(["run", "--window", "--out", "vmc:127.0.0.1"]) == 0
     edge, viewer = started
-    assert outputs_in(edge.arguments) == outputs_in(edge.again) == ["vmc:127.0.0.1"]
+    assert outputs_in(edge.arguments) == outputs_in(edge.restart_arguments) == ["vmc:127.0.0.1"]
     assert "--out" not in viewer.arguments
     started.clear()
     monkeypatch.chdir(tmp_path)

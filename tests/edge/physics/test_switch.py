@@ -7,7 +7,7 @@ from __future__ import annotations
 import importlib.util
 
 import pytest
-from patience import until
+from patience import wait_until
 
 from enliven.errors import ResourceError
 from enliven.frames import BodyFrame
@@ -24,21 +24,25 @@ def tick(time_ns: int) -> Tick:
 def test_boxes_come_and_go_while_the_edge_runs():
     pytest.importorskip("mujoco", reason="mujoco is not installed (the extra 'physics')")
     switch = PhysicsSwitch(PhysicsSettings(place="fixed"))
-    assert switch.change() == PhysicsMessage("none", "off") and switch.change() is None
+    assert (
+        switch.take_changed_state() == PhysicsMessage("none", "off") and switch.take_changed_state() is None
+    )
     switch.switch_to("boxes")
-    assert switch.change() == PhysicsMessage("boxes", "preparing") and switch.step(tick(1)) is None
+    assert (
+        switch.take_changed_state() == PhysicsMessage("boxes", "preparing") and switch.step(tick(1)) is None
+    )
 
     def is_on() -> bool:
         switch.show({})
-        return switch.change() == PhysicsMessage("boxes", "on")
+        return switch.take_changed_state() == PhysicsMessage("boxes", "on")
 
-    until(is_on)
+    wait_until(is_on)
     props = switch.step(tick(2))
     assert props is not None and len(props.shapes) == 48
     switch.switch_to("none")
     empty = switch.step(tick(3))
     assert empty is not None and len(empty.shapes) == 0, "viewers remove the last boxes"
-    assert switch.step(tick(4)) is None and switch.change() == PhysicsMessage("none", "off")
+    assert switch.step(tick(4)) is None and switch.take_changed_state() == PhysicsMessage("none", "off")
 
 
 def test_missing_physics_library_is_reported_with_the_install_command(monkeypatch):
@@ -47,6 +51,6 @@ def test_missing_physics_library_is_reported_with_the_install_command(monkeypatc
     switch = PhysicsSwitch()
     with pytest.raises(ResourceError, match="mujoco"):
         switch.switch_to("dodgeball")
-    state = switch.change()
+    state = switch.take_changed_state()
     assert state is not None and state.state == "missing"
     assert "mujoco" in state.what and "enliven-edge[physics]" in state.remedy

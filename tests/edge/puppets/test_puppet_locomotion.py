@@ -14,11 +14,11 @@ from sample_meshes.cactus_puppet import cactus_project
 from tolerances import assert_alike
 
 from enliven.document.locomotion import LocomotionSettings, Switch
-from enliven.examples.puppet_motion import State
+from enliven.examples.puppet_motion import PuppetState
 from enliven.examples.spacetime.locomotion import place_motion
 from enliven.examples.travel import PuppetTravel
 from enliven.person.joints import Joint
-from enliven_edge.stage.puppet.locomotion import EITHER, Feet, Footing, Locomotion
+from enliven_edge.stage.puppet.locomotion import EITHER_FOOT, FootDetector, Footing, Locomotion
 from enliven_edge.stage.puppet.puppet_actor import PuppetActor
 from enliven_edge.stage.puppet.settings import PuppetSettings
 
@@ -99,7 +99,7 @@ def test_puppet_stays_near_its_performers_path(turn: float, feet: tuple[int, ...
     t = np.arange(len(places)) * STEP
     path = np.exp(1j * turn) * (speed * t + 0.02 * np.sin(6 * t))
     how = LocomotionSettings()
-    go = Locomotion(REST, FEET, STEP, how, [EITHER, EITHER], PuppetTravel(feet, 1.0 + 0.0j))
+    go = Locomotion(REST, FEET, STEP, how, [EITHER_FOOT, EITHER_FOOT], PuppetTravel(feet, 1.0 + 0.0j))
     go.begin(np.zeros(3), complex(path[0]))
     each = zip(places, path, strict=True)
     roots = np.array([go.step(at, turn, Footing(), 1.0, complex(to))[1] for at, to in each])
@@ -141,11 +141,11 @@ def test_fixed_root_stays_and_footless_puppet_follows() -> None:
     for _ in range(60):
         at, root = swims.step(REST, 0.0, Footing(), 1.0, 3.0 + 5j)
     np.testing.assert_allclose(root, [4.0, 0.0, 2.0], atol=1e-6)
-    assert_alike(swims.stands(State(at, 0.0, root)), root)
+    assert_alike(swims.compute_feet_centre(PuppetState(at, 0.0, root)), root)
 
 
 def test_only_visibly_lifted_feet_count_as_airborne() -> None:
-    feet = Feet()
+    feet = FootDetector()
     assert feet.update(person(), 0.0).touches
     assert feet.update(person(up=0.02), STEP).touches
     up = feet.update(person(up=0.25), STEP)
@@ -161,7 +161,7 @@ def test_only_visibly_lifted_feet_count_as_airborne() -> None:
 
 
 def test_small_floor_error_does_not_lift_the_puppet() -> None:
-    feet = Feet()
+    feet = FootDetector()
     assert all(feet.update(person(up=0.12), STEP).touches for _ in range(30))
     lost = person()
     lost.joints[:] = np.nan
@@ -216,6 +216,6 @@ def test_the_cactus_waddles_and_its_standing_foot_does_not_slide() -> None:
 
 @pytest.mark.parametrize("contact", [(0.0, 0.0), (1.0, 1.0)])
 def test_tracker_contacts_alone_never_lift_the_puppet(contact: tuple[float, float]) -> None:
-    feet = Feet()
+    feet = FootDetector()
     body = replace(person(), contacts=np.array(contact))
     assert all(feet.update(body, STEP).touches for _ in range(10))

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.examples.performer import performed
+from enliven.examples.performer import extract_performer_clip
 from enliven.person.body import Body
 from enliven.person.joints import MIRROR, PARENTS, Joint
 from enliven.possession.placement import rotation_about_y
 from enliven.takes.capture_clip import BODY_NAMES, clip_of_bodies
-from enliven_edge.stage.puppet.bones import Bones
+from enliven_edge.stage.puppet.bones import BoneTracker
 from enliven_edge.stage.puppet.retargeting import Retargeting
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.joint_limits import standing_pose
@@ -66,7 +66,7 @@ OTHER = other_skeleton()
 
 
 def seen(retargeting: Retargeting, *bodies: Body) -> np.ndarray:
-    bones = Bones(0.3)
+    bones = BoneTracker(0.3)
     for body in bodies:
         pose = retargeting.pose(bones.update(body, 1 / 30))
     return pose
@@ -78,7 +78,9 @@ def test_recorded_performer_reproduces_their_own_poses(arm: float, knee: float) 
     bodies = [person(), person(arm=arm, knee=knee)]
     clip = clip_of_bodies(bodies, np.array([0.0, 1.0]), "own", step=1.0)
     retargeting = Retargeting(clip.skeleton, PAIRED)
-    np.testing.assert_allclose(seen(retargeting, bodies[1]), performed(clip, PAIRED).poses[1], atol=0.02)
+    np.testing.assert_allclose(
+        seen(retargeting, bodies[1]), extract_performer_clip(clip, PAIRED).poses[1], atol=0.02
+    )
 
 
 @few
@@ -122,7 +124,7 @@ def test_other_bones_go_where_the_persons_go() -> None:
 
 def test_a_joint_that_is_not_seen_keeps_its_direction_and_comes_back_softly() -> None:
     retargeting = Retargeting(own_skeleton(), PAIRED)
-    bones = Bones(0.3)
+    bones = BoneTracker(0.3)
     before = retargeting.pose(bones.update(person(arm=1.5), 0.0))
     lost = person(arm=1.5, yaw=1.0, x=2.0)
     lost.joints[Joint.WRIST_LEFT] = (9.0, 9.0, 9.0)
@@ -148,7 +150,7 @@ def test_never_tracked_performer_stands_with_hanging_arms() -> None:
 
 
 def test_repeated_turns_give_a_continuous_yaw() -> None:
-    bones = Bones(0.3)
+    bones = BoneTracker(0.3)
     yaws = [bones.update(person(yaw=yaw), 1 / 30).yaw for yaw in np.linspace(0.0, 4 * np.pi, 90)]
     np.testing.assert_allclose(np.diff(yaws), 4 * np.pi / 89, atol=0.02)
 
@@ -158,7 +160,7 @@ def test_facing_comes_from_the_chest_if_legs_are_hidden() -> None:
     for joint in Joint:
         if joint.name.split("_")[0] in ("HIP", "KNEE", "ANKLE", "FOOT"):
             near.confidence[joint] = 0.0 if joint is not Joint.HIP_CENTER else 1.0
-    assert Bones(0.3).update(near, 0.0).yaw == pytest.approx(0.8, abs=0.02)
+    assert BoneTracker(0.3).update(near, 0.0).yaw == pytest.approx(0.8, abs=0.02)
 
 
 def test_unmappable_joints_are_reported_by_name() -> None:

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import msgspec
 import pytest
 import typer
-from patience import until
+from patience import wait_until
 from typer.testing import CliRunner
 
 from enliven.errors import InputError
@@ -171,11 +171,11 @@ def test_take_pauses_on_a_nearly_full_disk_and_resumes(tmp_path, clock, monkeypa
 
         assert not kinds() & {HealthKind.TAKE_ENDED, HealthKind.TAKE_RESUMED}
         free[0] = 1.5
-        until(lambda: HealthKind.TAKE_ENDED in kinds(), "the pause")
+        wait_until(lambda: HealthKind.TAKE_ENDED in kinds(), "the pause")
         (state,) = [s for s in outlet.publisher.status.health if s.kind == HealthKind.TAKE_ENDED]
         assert "less than 2 GB are free" in state.what
         free[0] = 3.0
-        until(lambda: HealthKind.TAKE_RESUMED in kinds(), "the next part")
+        wait_until(lambda: HealthKind.TAKE_RESUMED in kinds(), "the next part")
         assert HealthKind.TAKE_ENDED not in kinds()
     assert topics(tmp_path / "take-part2.mcap")["bodies"] >= 1
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from patience import until
+from patience import wait_until
 
 import enliven_edge.assets
 from enliven.errors import InputError, ResourceError
@@ -143,11 +143,11 @@ def test_an_edge_records_again_when_there_is_room_and_after_a_restart(tmp_path) 
     with (tmp_path / "log").open("w") as log:
         edge = subprocess.Popen(command, env={**os.environ, **faults}, stderr=log)
         try:
-            until(lambda: poses(first) > 5, "the take", 300.0)
+            wait_until(lambda: poses(first) > 5, "the take", 300.0)
             full.touch()
-            until(lambda: "continues in a new file" in (tmp_path / "log").read_text(), "the pause")
+            wait_until(lambda: "continues in a new file" in (tmp_path / "log").read_text(), "the pause")
             full.unlink()
-            until(lambda: poses(second) > 5, "the second part")
+            wait_until(lambda: poses(second) > 5, "the second part")
         finally:
             edge.terminate()
             code = edge.wait(30)

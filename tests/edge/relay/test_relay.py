@@ -15,7 +15,7 @@ import pytest
 import zmq
 from message_values import message
 from msgspec import inspect
-from patience import PATIENCE
+from patience import TIMEOUT_S
 
 from enliven.document.character import Character, SkinWeights
 from enliven.errors import InputError, ResourceError
@@ -65,7 +65,7 @@ def open_relay(edge: Endpoint, access: Access | None = None, viewers: int = 100)
 
 def until(done: Callable[[], Any], *parts: Publisher | Relay | EdgeClient) -> None:
     """Runs the loops of all programs until a condition holds."""
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + TIMEOUT_S
     while not done():
         for part in parts:
             part.poll(0) if isinstance(part, Relay) else part.poll()
@@ -117,12 +117,12 @@ def test_late_viewer_gets_the_newest_message_of_each_latched_topic(edge: Publish
 def test_pieces_of_an_ended_scan_are_not_kept(edge: Publisher, relay: Relay) -> None:
     state = relay._upstream.state
     state._latest[SCAN_PIECE.name, "1 2 3"] = b"piece"
-    state.latch(SCAN, ScanMessage(1, "scanning"), b"scan")
+    state.store_latched(SCAN, ScanMessage(1, "scanning"), b"scan")
     assert (SCAN_PIECE.name, "1 2 3") not in state._latest, "another scan has begun"
     state._latest[SCAN_PIECE.name, "1 2 3"] = b"piece"
-    state.latch(SCAN, ScanMessage(1, "paused"), b"scan")
+    state.store_latched(SCAN, ScanMessage(1, "paused"), b"scan")
     assert (SCAN_PIECE.name, "1 2 3") in state._latest
-    state.latch(SCAN, ScanMessage(1, "done"), b"scan")
+    state.store_latched(SCAN, ScanMessage(1, "done"), b"scan")
     assert (SCAN_PIECE.name, "1 2 3") not in state._latest
 
 
@@ -219,7 +219,7 @@ def test_edge_and_relay_with_keys(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     """The relay is a paired client of the edge, and a server with its own keys for its viewers."""
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "relay"))
     edge_store, relay_store = KeyStore(tmp_path / "edge"), KeyStore()
-    edge_keys, relay_keys = edge_store.make(), relay_store.make()
+    edge_keys, relay_keys = edge_store.create_own_pair(), relay_store.create_own_pair()
     edge_store.add_viewer(PairedViewer(relay_keys.public, "relay", "watch"))
     edge = open_edge(access=Access("edge", edge_keys, edge_store))
     edge.set_character(make_character())

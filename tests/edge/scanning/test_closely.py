@@ -2,7 +2,7 @@
 runs.
 """
 
-from scanned_things import THINGS
+from scanned_things import SCANNED_OBJECTS
 
 from enliven.scanning import Scanner
 from enliven.scanning.rigid import pose_difference
@@ -19,7 +19,7 @@ ELSEWHERE = 225
 
 
 def test_close_alignment_finds_pose_hidden_by_floor_noise():
-    take, scanner = HandheldScan(THINGS["stool"](), load_profile("kinect1"), PATH), Scanner()
+    take, scanner = HandheldScan(SCANNED_OBJECTS["stool"](), load_profile("kinect1"), PATH), Scanner()
     for index in BEFORE:
         scanner.place(take.frame(index), take.pose(index))
     tracker, unsure = scanner.tracker, scanner.settings.tracking.unsure

@@ -52,12 +52,12 @@ def busy(monkeypatch):
 def test_pause_takes_effect_and_is_reported_while_scan_is_busy(busy):
     scan, looks, free = busy
     take = take_of()
-    scan.offer(take.frame(0))
+    scan.offer_image(take.frame(0))
     assert looks.wait(PATIENCE)
     scan.messages()
     scan.queue_order(Scan("pause"))
     assert scan.phase == "paused" and phases(scan) == ["paused"]
-    scan.offer(take.frame(2))
+    scan.offer_image(take.frame(2))
     fused = len(scan._run.scanner.poses)
     free.set()
     threading.Event().wait(0.3)
@@ -110,7 +110,7 @@ def test_a_box_of_the_stage_cuts_out_what_it_holds():
 
     try:
         for index in range(0, 60, 4):
-            while not scan.offer(take.frame(index), waits=True):
+            while not scan.offer_image(take.frame(index), waits=True):
                 pass
         until(lambda said: said.fused == 15 and said.view)
         scan.queue_order(Scan("pause"))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import typer
-from scanning_edge import LATER, ScanningEdge
+from scanning_edge import LATER_NS, ScanningEdge
 from scipy.spatial import cKDTree
 from typer.testing import CliRunner
 
@@ -92,7 +92,7 @@ def scanned(tmp_path_factory):
         scan.mode, scan.name = ScanMode.MOVED, "chair"
         patch.setitem(VOXEL_SIZES, "thing", SETTINGS.volume.voxel)
         edge.until(Begun(scan), "the beginning")
-        edge.show(frames, lambda: messages.append((scan.message, choose_advice(scan.message).text)))
+        edge.feed_frames(frames, lambda: messages.append((scan.message, choose_advice(scan.message).text)))
         scanner = edge.edge.scans._scan._run.scanner
         grown, place = scan.surface
         stood = grown.vertices @ place[:3, :3].T + place[:3, 3]
@@ -128,7 +128,7 @@ def test_reported_object_pose_is_accurate(scanned):
 
 def seconds_of(message):
     """Returns the times of the recording that a message covers, seconds."""
-    return (message.time_ns - LATER) * 1e-9
+    return (message.time_ns - LATER_NS) * 1e-9
 
 
 def test_window_texts_follow_the_object_state(scanned):

@@ -38,12 +38,12 @@ def test_full_turn_creates_a_character_with_named_ends(tmp_path):
         scan.mode, scan.name = ScanMode.PERSON, "me"
         edge.until(Begun(scan), "the beginning")
         words = [choose_advice(scan.message).text]
-        edge.show(images, lambda: messages.append((scan.message, choose_advice(scan.message).text)))
+        edge.feed_frames(images, lambda: messages.append((scan.message, choose_advice(scan.message).text)))
         assert scan.message.phase == "scanning", (
             "they stood still for less than a second of the camera's clock"
         )
         edge.until(lambda: scan.message.missing == 0.0, "all sides in the window")
-        edge.show(images[-1:])
+        edge.feed_frames(images[-1:])
         scanner = edge.edge.scans._scan._run.scanner
         edge.until(lambda: "me" in window.editor.project.characters, "the character, without a key")
     assert words == ["Stand one to three metres in front of the camera, whole in view"]

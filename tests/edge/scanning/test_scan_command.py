@@ -104,7 +104,7 @@ def test_scan_log_measures_the_path_and_gives_advice():
         quick.add(step(ScanState.SCANNING, 0.1 * n), n * 33_000_000)
     assert "1 m/s" in " ".join(quick.advice())
     with pytest.raises(InputError, match="no frame shows enough depth"):
-        ScanLog().refuse("here")
+        ScanLog().raise_scan_error("here")
 
 
 def test_the_sheet_shows_the_colours_and_where_a_mesh_is_open():

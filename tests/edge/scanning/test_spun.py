@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from chair_on_turntable import HELD, ROOM, STILL, THING, WAY
+from chair_on_turntable import CAMERA_PATH, HELD, ROOM, SCANNED_OBJECT, SETTLED
 
 from enliven.scanning.objects.moved_scanner import MovedScanner, object_tracking_settings
 from enliven.scanning.objects.moved_step import ObjectState
@@ -22,7 +22,9 @@ IMAGES, TURNING = 85, 70
 
 @pytest.mark.slow
 def test_spun_object_is_tracked_and_room_stays_still():
-    take = MovedObjectScan(THING, WAY, load_profile("kinect1"), STILL, room=ROOM, width=320)
+    take = MovedObjectScan(
+        SCANNED_OBJECT, CAMERA_PATH, load_profile("kinect1"), SETTLED, room=ROOM, width=320
+    )
     frames = [take.frame(index) for index in range(IMAGES)]
     frames[0] = replace(frames[0], world_from_camera=take.pose(0))
     scanner = MovedScanner(object_tracking_settings(ScanSettings()))
@@ -49,7 +51,9 @@ def test_spun_object_is_tracked_and_room_stays_still():
 @pytest.mark.slow
 def test_object_picked_up_by_two_hands_is_tracked():
     """The object stands for 1.5 s, is picked up within the next second, and is then turned."""
-    take = MovedObjectScan(THING, HandTurnedPath(), load_profile("kinect1"), HELD, room=ROOM, width=320)
+    take = MovedObjectScan(
+        SCANNED_OBJECT, HandTurnedPath(), load_profile("kinect1"), HELD, room=ROOM, width=320
+    )
     scanner, off = MovedScanner(object_tracking_settings(ScanSettings())), list[float]()
     for index in range(0, 130, 2):
         frame = take.frame(index)
@@ -59,12 +63,12 @@ def test_object_picked_up_by_two_hands_is_tracked():
             true = invert_pose(take.object_pose(index)) @ take.pose(index)
             off.append(pose_difference(step.object_from_camera, true)[0])
     assert np.median(off) < 0.03 and max(off) < 0.06
-    assert scanner.followed >= len(off)
+    assert scanner.followed_images >= len(off)
 
 
 def test_unmoved_object_is_reported_with_advice():
     take = MovedObjectScan(
-        THING, TurntablePath(begins=99.0), load_profile("kinect1"), STILL, room=ROOM, width=160
+        SCANNED_OBJECT, TurntablePath(begins=99.0), load_profile("kinect1"), SETTLED, room=ROOM, width=160
     )
     scanner = MovedScanner(object_tracking_settings(ScanSettings(volume=VolumeSettings(voxel=0.008))))
     steps = [scanner.add(take.frame(index)) for index in range(4)]

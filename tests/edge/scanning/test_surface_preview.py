@@ -102,10 +102,10 @@ def test_checkpoints_step_back_through_distinct_earlier_states(steps):
     kept, now, states = Checkpoints(), 0, []
     for n, step in enumerate(steps):
         now += round(step * 1e9)
-        kept.offer([n], now, 1.0)
+        kept.store_if_due([n], now, 1.0)
         states.append(now)
     before = len(steps)
-    while (seconds := kept.seconds(now)) > 0:
+    while (seconds := kept.count_restorable_seconds(now)) > 0:
         (n,) = kept.restore(now)
         assert n < before and states[n] == pytest.approx(now - seconds * 1e9, abs=2)
         before = n
@@ -114,14 +114,14 @@ def test_checkpoints_step_back_through_distinct_earlier_states(steps):
 
 def test_a_state_that_is_kept_does_not_change_with_the_scan_and_large_ones_are_few():
     kept, state = Checkpoints(), {"n": 1}
-    kept.offer(state, 0, 1.0)
+    kept.store_if_due(state, 0, 1.0)
     state["n"] = 2
     assert kept.restore(5_000_000_000) == {"n": 1}
     for n in range(5):
-        kept.offer({"n": n}, n * 3_000_000_000, 700.0)
+        kept.store_if_due({"n": n}, n * 3_000_000_000, 700.0)
     assert kept.restore(20_000_000_000) == {"n": 4} and kept.restore(20_000_000_000) is None
-    kept.offer(state, 0, 5000.0)
-    assert kept.seconds(10**10) == 0, "a scan that fills the memory keeps no copies"
+    kept.store_if_due(state, 0, 5000.0)
+    assert kept.count_restorable_seconds(10**10) == 0, "a scan that fills the memory keeps no copies"
 
 
 def half_seen():

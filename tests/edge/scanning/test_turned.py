@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import typer
 from chair_on_turntable import LEVEL, ROOM
-from chair_on_turntable import THING as SMALL
+from chair_on_turntable import SCANNED_OBJECT as SMALL
 from typer.testing import CliRunner
 
 from enliven import rotation

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from garbled import GarbledOak, GarbledPlain, GarbledRealSense
-from patience import PATIENCE
+from patience import TIMEOUT_S
 from troubled import camera, picture
 
 from enliven.errors import InputError
@@ -132,7 +132,7 @@ def helper_of(sensor: Sensor) -> int:
     return sensor._device._helper._process.pid
 
 
-def next_frame(sensor: Sensor, errors: list[Exception] | None = None, most: float = PATIENCE):
+def next_frame(sensor: Sensor, errors: list[Exception] | None = None, most: float = TIMEOUT_S):
     """Returns the next frame, and skips timeouts and faults of the recording."""
     deadline = time.monotonic() + most
     while time.monotonic() < deadline:
@@ -203,7 +203,7 @@ class Live:
 
     def until(self, done: Callable[[], object], errors: list[Exception]) -> None:
         """Reads until a condition holds."""
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + TIMEOUT_S
         while not done():
             assert time.monotonic() < deadline, f"it never came to that: {errors}"
             try:

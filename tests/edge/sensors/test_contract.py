@@ -31,7 +31,7 @@ from contract import (
     usable,
 )
 from garbled import is_garbage
-from patience import until
+from patience import wait_until
 
 from enliven.errors import InputError
 from enliven.recording import Recorder
@@ -71,7 +71,7 @@ def kept(driver, takes, tmp_path_factory):
     rehearsed = Live(driver, takes[0], tmp_path_factory.mktemp("rehearsed"))
     yield rehearsed
     rehearsed.close()
-    until(lambda: not helpers(), "an end without a helper process")
+    wait_until(lambda: not helpers(), "an end without a helper process")
 
 
 @pytest.fixture
@@ -178,7 +178,7 @@ def test_garbage_and_closing_of_one_sensor_do_not_affect_another(live, takes, mo
     os.kill(helper_of(other), signal.SIGSTOP)
     reader = threading.Thread(target=read_to_the_end, args=(other,), daemon=True)
     reader.start()
-    until(lambda: other._errands.is_busy)
+    wait_until(lambda: other._errands.is_busy)
     other.close()
     reader.join(PATIENCE)
     assert not reader.is_alive() and other.read(TURN) is None

@@ -108,7 +108,7 @@ def lived(sensor) -> list[tuple]:
         try:
             frame = sensor.read(1.0)
         except (SensorFault, InputError) as error:
-            health.failed(error)
+            health.record_read_error(error)
             events.append((type(error), error.what, error.where, error.remedy, health.states))
             continue
         if frame is None:

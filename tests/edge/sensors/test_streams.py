@@ -23,7 +23,7 @@ from enliven.deformation.graph.graph import DeformationGraph, character_from_gra
 from enliven.errors import InputError, ResourceError
 from enliven.outputs.live_frame import LiveFrame
 from enliven.outputs.opening import open_outputs
-from enliven.outputs.settings import outputs_of
+from enliven.outputs.settings import collect_output_settings
 from enliven.person.joints import Joint
 from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.rotation import rotate
@@ -39,7 +39,7 @@ WAIT = 30.0
 
 def received(sensor, scheme: str, frame: LiveFrame, frames: int = 1):
     """Sends frames through an output of enliven. Returns the bodies of the last frame."""
-    with open_outputs(outputs_of([f"{scheme}:127.0.0.1:{sensor.port}"], {})) as outputs:
+    with open_outputs(collect_output_settings([f"{scheme}:127.0.0.1:{sensor.port}"], {})) as outputs:
         for _ in range(frames):
             outputs.put(frame)
             bodies = sensor.read(WAIT).bodies
@@ -138,7 +138,7 @@ def test_motion_suit_of_another_program_moves_a_mesh():
     )
     with (
         open_sensor("vmc", port=0) as sensor,
-        open_outputs(outputs_of([f"vmc:127.0.0.1:{sensor.port}"], {})) as outputs,
+        open_outputs(collect_output_settings([f"vmc:127.0.0.1:{sensor.port}"], {})) as outputs,
         Outlet(WireSettings(name="suit", port=0, control_port=0), "vmc") as outlet,
     ):
         edge, places = Edge(sensor, Tracker(), Stage([actor]), outlet), []

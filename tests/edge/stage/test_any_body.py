@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from known_bodies import BODIES, limbs_found, t_woman
+from known_bodies import BODIES, compare_limbs, t_woman
 
 from enliven.deformation.graph.graph import DeformationGraph
 from enliven.person.body import Body
@@ -58,7 +58,7 @@ def known(request):
 def test_all_limbs_are_found(known):
     like = find_body_in_mesh(known.mesh, DeformationGraph.build(known.mesh, nodes=32))
     assert like.human
-    missed = [limb for limb, is_found in limbs_found(like.joints, known).items() if not is_found]
+    missed = [limb for limb, is_found in compare_limbs(like.joints, known).items() if not is_found]
     assert not missed, f"{known.mesh.name}: {', '.join(missed)}"
 
 

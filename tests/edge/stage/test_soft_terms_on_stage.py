@@ -176,10 +176,10 @@ def depth_in_each_other(trousers, states, contact):
     character, graph = trousers
     left = np.flatnonzero((character.vertices[:, 0] > 0.08) & (character.vertices[:, 1] < 0.6))
     right = np.flatnonzero((graph.positions[:, 0] < -0.08) & (graph.positions[:, 1] < 0.65))
-    surface, worst = ConstrainedPoints.of(character, left), 0.0
+    surface, worst = ConstrainedPoints.from_vertices(character, left), 0.0
     for state in states:
-        centres = contact._balls.deformed(*state)[right]
-        gaps = np.linalg.norm(surface.deformed(*state)[:, None] - centres, axis=2) - contact.radii[right]
+        centres = contact._balls.deform_points(*state)[right]
+        gaps = np.linalg.norm(surface.deform_points(*state)[:, None] - centres, axis=2) - contact.radii[right]
         worst = max(worst, -float(gaps.min()))
     return worst
 
@@ -198,7 +198,7 @@ def test_no_contact_changes_nothing(trousers):
 def test_soft_terms_are_off_unless_asked_for(chair):
     _, actor = played(chair, [person()])
     assert actor._soft.planes(actor._solver.state(), actor.holds, {}, 0.0, 0.03) is None
-    assert "planes" not in actor._solver.energy or actor._solver.energy["planes"] == 0.0
+    assert "planes" not in actor._solver.energy_terms or actor._solver.energy_terms["planes"] == 0.0
 
 
 RADIUS, ELBOW, END = 0.07, np.array([0.0, 0.0, 0.0]), 0.4
@@ -242,14 +242,14 @@ def test_surface_follows_depth_without_a_skeleton():
         ObservedSurface(character),
         EmbeddedSolver(graph, held_at(graph, []), EmbeddedSettings()),
     )
-    every = ConstrainedPoints.of(character, np.arange(len(character.vertices)))
+    every = ConstrainedPoints.from_vertices(character, np.arange(len(character.vertices)))
     front = mesh.vertex_normals()[:, 2] > 0.5
     errors, unmoved = [], []
     for bend in np.linspace(0, 0.9, 30):
         seen = seen_of(arm(bend))
         assert len(seen.points) > 300
         solver.solve(np.empty((0, 3)), None, surface.planes(*solver.state(), seen.points, seen.normals))
-        now = every.deformed(*solver.state())
+        now = every.deform_points(*solver.state())
         errors.append(np.abs(to_capsules(now, arm(bend), RADIUS)))
         unmoved.append(np.abs(to_capsules(mesh.vertices, arm(bend), RADIUS)).mean())
     last = errors[-1]
@@ -265,11 +265,14 @@ def test_an_error_that_is_there_falls():
     graph = DeformationGraph.build(mesh, nodes=48, seed=0)
     character = character_from_graph(mesh, graph, "arm")
     surface, solver = ObservedSurface(character), EmbeddedSolver(graph, held_at(graph, []))
-    every, seen = ConstrainedPoints.of(character, np.arange(len(character.vertices))), seen_of(arm(0.25))
+    every, seen = (
+        ConstrainedPoints.from_vertices(character, np.arange(len(character.vertices))),
+        seen_of(arm(0.25)),
+    )
     errors = []
     for _ in range(12):
         solver.solve(np.empty((0, 3)), None, surface.planes(*solver.state(), seen.points, seen.normals))
-        errors.append(np.abs(to_capsules(every.deformed(*solver.state()), arm(0.25), RADIUS)).mean())
+        errors.append(np.abs(to_capsules(every.deform_points(*solver.state()), arm(0.25), RADIUS)).mean())
     before = np.abs(to_capsules(mesh.vertices, arm(0.25), RADIUS)).mean()
     assert errors[0] < 0.6 * before and errors[-1] < 0.4 * before
     assert np.diff(errors).max() < 0.001, "and does not grow again"
@@ -292,5 +295,5 @@ def test_tracked_depth_reaches_the_mesh(chair, follow):
         elif bodies and bodies[0].id in seen:
             near = np.linalg.norm(seen[bodies[0].id].points[:, None] - bodies[0].joints, axis=2).min(1)
             assert np.median(near) < 0.2 and np.isfinite(pose.positions).all()
-            drawn += actor._solver.energy["planes"] > 0
+            drawn += actor._solver.energy_terms["planes"] > 0
     assert house.uses_surface and drawn > 5

@@ -16,7 +16,7 @@ from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.body.posture import ArmPose, FootPose, PerformerPosture
 from enliven_synthesis.body.rotations import GRID_STEP
 from enliven_synthesis.motion.choreographies import choreography_names, get_choreography
-from enliven_synthesis.motion.tracks import Track, ease, pulse
+from enliven_synthesis.motion.tracks import Track, ease, smooth_pulse
 
 RATE = 30.0
 STEPS = 2 * GRID_STEP
@@ -198,5 +198,5 @@ def test_eases_and_pulses_stay_between_nothing_and_all(
     t: float, start: float, length: float, rise: float
 ) -> None:
     assert 0 <= ease(t) <= 1 and math.isclose(ease(t) + ease(1 - t), 1, abs_tol=1e-9)
-    assert 0 <= pulse(t, start, start + length, rise) <= 1
-    assert pulse(start + length / 2, start, start + length, rise) == pytest.approx(1)
+    assert 0 <= smooth_pulse(t, start, start + length, rise) <= 1
+    assert smooth_pulse(start + length / 2, start, start + length, rise) == pytest.approx(1)

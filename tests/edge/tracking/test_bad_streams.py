@@ -44,7 +44,7 @@ def run(faulty) -> tuple[list[set[str]], list[float], Tracker]:
     for frame, truth in faulty:
         if monitor.admit(frame):
             bodies = tracker.track(frame)
-            monitor.judge(frame, bodies, tracker.world_from_camera, tracker.state)
+            monitor.check_result(frame, bodies, tracker.world_from_camera, tracker.state)
             for body in bodies:
                 assert np.isfinite(body.joints).all() and np.isfinite(body.orientations).all()
             error = np.linalg.norm(bodies[0].joints - truth, axis=1).mean() if bodies else np.nan

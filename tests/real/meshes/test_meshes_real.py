@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from enliven import rotation
-from enliven.deformation.graph.connectivity import components
+from enliven.deformation.graph.connectivity import label_components
 from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.deformation.graph.surface import build_net, path_lengths, voronoi_cells
 from enliven.deformation.skinning import skin_vertices
@@ -35,7 +35,7 @@ def test_a_real_mesh_becomes_a_character(path):
     assert mesh.bounds[1, 1] == pytest.approx(1.75)
     assert any("flat" in note for note in notes) == (path.stem in FLAT)
     graph = DeformationGraph.build(mesh, 64)
-    assert components(64, graph.edges).max() == 0
+    assert label_components(64, graph.edges).max() == 0
     character = character_from_graph(mesh, graph, path.stem)
     np.testing.assert_allclose(character.skin.weights.sum(1), 1, atol=1e-6)
     turn = rotation.to_matrix(rotation.from_rotation_vector([0.2, 1.1, -0.4])).astype(np.float32)

@@ -13,7 +13,7 @@ from enliven.formats.rig.rig import play_clip, scale_to_height, weld_shape
 from enliven.modeling.rigged.cutting import cut_bone
 from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import insert_node, remove_node
-from enliven.modeling.rigged.posed import posed
+from enliven.modeling.rigged.posed import compute_pose
 from enliven.modeling.rigged.posing import drag_joint
 from enliven.motion.layers.evaluate import evaluate_pose
 
@@ -49,7 +49,7 @@ def test_limbs_of_a_moving_model_are_cut_off_and_put_on_elsewhere(path):
         if cuts == 3:
             break
         time = float(random.uniform(0, duration))
-        turns, joints = posed(project, shape, time)
+        turns, joints = compute_pose(project, shape, time)
         here = {n: (q, x) for n, q, x in zip(shape.skeleton.names, turns, joints, strict=True)}
         try:
             cut, (upper, lower) = cut_bone(project, shape.id, int(j), 0.5, time)
@@ -59,16 +59,16 @@ def test_limbs_of_a_moving_model_are_cut_off_and_put_on_elsewhere(path):
         cuts += 1
         for part in (upper, lower):
             names = cut.shape(part).skeleton.names
-            for name, turn, joint in zip(names, *posed(cut, cut.shape(part), time), strict=True):
+            for name, turn, joint in zip(names, *compute_pose(cut, cut.shape(part), time), strict=True):
                 if name in here:
                     assert apart(turn, here[name][0]) < 1e-9
                     np.testing.assert_allclose(joint, here[name][1], atol=1e-9)
         onto = int(random.integers(0, len(cut.shape(upper).skeleton)))
-        spot = posed(cut, cut.shape(upper), time)[1][onto]
+        spot = compute_pose(cut, cut.shape(upper), time)[1][onto]
         moved = drag_joint(cut, lower, 0, spot, time)
-        seen = posed(moved, moved.shape(lower), time)[1]
+        seen = compute_pose(moved, moved.shape(lower), time)[1]
         merged, names = merge(moved, upper, onto, lower, time, loose=True)
-        now = posed(merged, merged.shape(upper), time)[1]
+        now = compute_pose(merged, merged.shape(upper), time)[1]
         for old, new in names.items():
             i, k = moved.shape(lower).skeleton.index(old), merged.shape(upper).skeleton.index(new)
             np.testing.assert_allclose(now[k], seen[i], atol=1e-9)

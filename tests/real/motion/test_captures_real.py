@@ -87,7 +87,7 @@ def test_mending_the_root_stops_standing_feet() -> None:
     """
     speed = {}
     for remedy in (False, True):
-        capture = read_expmap(DATA / "cmu_expmap" / "train_directing_traffic_4.txt", mend_root=remedy)
+        capture = read_expmap(DATA / "cmu_expmap" / "train_directing_traffic_4.txt", repairs_root=remedy)
         slides = []
         for name in ("LeftToeBase", "RightToeBase"):
             toe = capture.positions[1:, capture.names.index(name)]

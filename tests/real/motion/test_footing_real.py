@@ -13,9 +13,9 @@ import pytest
 from enliven.exporters import sample_performance
 from enliven.exporters.gltf.write import build_glb
 from enliven.formats.gltf.read import read_gltf
-from enliven.mapping.automatic_mapping import automatic, retarget
+from enliven.mapping.automatic_mapping import create_automatic_plan, retarget
 from enliven.mapping.ground import floor_height_under, posed_surfaces
-from enliven.mapping.quality import quality_of
+from enliven.mapping.quality import measure_quality
 from enliven.modeling.edits import lock_feet
 from enliven.motion.contact.pin import resolve_pins, unpin
 from enliven.motion.layers.evaluate import Player
@@ -43,7 +43,9 @@ SECONDS = 3.0
 def test_a_real_walk_stands_as_its_clip_says(walk: str) -> None:
     clip, _ = read_take(DATA / "bvh" / walk, None, 0.0, SECONDS)
     shape = read_gltf(DATA / MODEL, height=1.75).shape
-    result = retarget(shape, clip, replace(automatic(clip, shape), travel=True, pin=False, floor=False))
+    result = retarget(
+        shape, clip, replace(create_automatic_plan(clip, shape), travel=True, pin=False, floor=False)
+    )
     project, name, times = (
         unpin(result.project, result.shape_id),
         result.shape_id,
@@ -81,7 +83,7 @@ def test_feet_of_a_real_runner_that_turn_on_the_spot_do_not_slide(model: str, na
     """Measured on the written GLB by code that shares nothing with the retargeting."""
     path = DATA / "cmu_expmap" / "train_running_1.txt"
     clip, shape = read_take(path)[0], read_gltf(DATA / "humanoids" / f"{model}.glb").shape
-    result = retarget(shape, clip, replace(automatic(clip, shape), travel=True, pin=True))
+    result = retarget(shape, clip, replace(create_automatic_plan(clip, shape), travel=True, pin=True))
     speeds = standing_slides(
         path, build_glb([sample_performance(result.project, result.shape_id, 0.0, 1.3, 60.0)]), names
     )
@@ -97,7 +99,7 @@ def test_a_real_rig_without_joint_names_moves_as_the_performer(model: str, names
         read_take(DATA / take, None, 0.0, SECONDS)[0],
         read_gltf(DATA / f"gltf/khronos/{model}.glb").shape,
     )
-    result = retarget(shape, clip, replace(automatic(clip, shape), travel=True, pin=True))
+    result = retarget(shape, clip, replace(create_automatic_plan(clip, shape), travel=True, pin=True))
     rate = min(60.0, 1.0 / clip.step)
     glb = build_glb([sample_performance(result.project, result.shape_id, 0.0, result.duration, rate)])
     errors = limb_errors(DATA / take, glb, names)
@@ -121,7 +123,7 @@ def test_a_real_rig_without_joint_names_moves_as_the_performer(model: str, names
 def test_an_arm_that_drives_a_foreleg_does_not_lift_the_other_feet(model: str, take: str) -> None:
     clip, _ = read_take(DATA / "bvh" / "bandai_namco" / f"{take}.bvh", None, 0.0, 4.0)
     shape = read_gltf(DATA / "gltf" / f"{model}.glb").shape
-    result = retarget(shape, clip, replace(automatic(clip, shape), travel=True, pin=True))
+    result = retarget(shape, clip, replace(create_automatic_plan(clip, shape), travel=True, pin=True))
     tall, rest = np.ptp(shape.mesh.vertices[:, 1]), shape.skeleton.positions
     root = Player(result.project, result.shape_id).root(np.linspace(0.0, result.duration, 30))[:, 1]
     assert np.abs(root - rest[0, 1] - shape.place[1]).max() < 0.1 * tall
@@ -131,10 +133,10 @@ def test_a_real_weapon_does_not_lift_the_body() -> None:
     """The weapon hangs below the feet while its owner crouches before a jump."""
     clip, _ = read_take(DATA / "cmu_expmap" / "train_jumping_1.txt", None, 0.9, 1.7)
     shape = read_gltf(DATA / "humanoids" / "quaternius_cyberpunk.glb").shape
-    plan = replace(automatic(clip, shape), travel=True, pin=True)
+    plan = replace(create_automatic_plan(clip, shape), travel=True, pin=True)
     result = retarget(shape, clip, plan)
     assert min(
         at[:, 1].min() for at in posed_surfaces(result.project, result.shape_id, np.linspace(0.0, 0.8, 9))
     ) < (floor_height_under(shape) - 0.1)
-    quality = quality_of(result.project, result.shape_id, clip, result.duration, plan)
+    quality = measure_quality(result.project, result.shape_id, clip, result.duration, plan)
     assert quality.afloat < 0.01 and quality.slide < 5.0

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from enliven.formats.gltf.read import read_gltf
-from enliven.mapping.automatic_mapping import automatic, retarget
-from enliven.mapping.quality import MAX_INTERSECTION, quality_of
+from enliven.mapping.automatic_mapping import create_automatic_plan, retarget
+from enliven.mapping.quality import MAX_INTERSECTION, measure_quality
 from enliven.motion.layers.evaluate import Player
 from enliven.takes.files import read_take
 
@@ -39,12 +39,12 @@ pytestmark = [
 @pytest.mark.parametrize(("model", "take"), PAIRS, ids=lambda name: Path(name).stem)
 def test_limits_of_an_animal_calm_its_surface_and_make_no_jumps(model, take):
     rig, clip = read_gltf(DATA / model), read_take(DATA / take, None, 0.0, 4.0)[0]
-    plan = automatic(clip, rig.shape)
+    plan = create_automatic_plan(clip, rig.shape)
     wild, calm = (
         retarget(rig.shape, clip, replace(plan, limits=on), clips=rig.clips) for on in (False, True)
     )
     assert calm.limited and not wild.limited
-    before, after = (quality_of(m.project, m.shape_id, clip, m.duration, m.plan) for m in (wild, calm))
+    before, after = (measure_quality(m.project, m.shape_id, clip, m.duration, m.plan) for m in (wild, calm))
     assert after.stretch <= before.stretch + 0.005
     assert after.through <= max(before.through, MAX_INTERSECTION)
     speeds = []
@@ -60,7 +60,7 @@ def test_a_person_moves_the_same_with_limits_and_without(path):
     rig, clip = read_gltf(path), read_take(DATA / PAIRS[-1][1], None, 0.0, 1.5)[0]
     poses = []
     for on in (False, True):
-        plan = replace(automatic(clip, rig.shape), limits=on)
+        plan = replace(create_automatic_plan(clip, rig.shape), limits=on)
         result = retarget(rig.shape, clip, plan, clips=rig.clips)
         assert result.limited == ()
         poses.append(Player(result.project, result.shape_id).sample(np.linspace(0.0, 1.4, 15))[0])

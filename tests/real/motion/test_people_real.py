@@ -12,8 +12,8 @@ import pytest
 from enliven.exporters import sample_performance
 from enliven.exporters.gltf.write import build_glb
 from enliven.formats.gltf.read import read_gltf
-from enliven.mapping.automatic_mapping import automatic, idle_limbs, retarget
-from enliven.mapping.quality import quality_of
+from enliven.mapping.automatic_mapping import create_automatic_plan, list_idle_limbs, retarget
+from enliven.mapping.quality import measure_quality
 from enliven.skeletons.anatomy import find_anatomy
 from enliven.takes.files import read_take
 
@@ -46,7 +46,7 @@ def test_every_limb_of_the_written_file_points_as_the_performers(number):
     for path in TAKES[number % OTHERS :: OTHERS]:
         clip = take(path)
         result = retarget(shape, clip)
-        assert idle_limbs(clip, result.plan) == ()
+        assert list_idle_limbs(clip, result.plan) == ()
         rate = min(60.0, 1.0 / clip.step)
         glb = build_glb([sample_performance(result.project, result.shape_id, 0.0, result.duration, rate)])
         for limb, angles in limb_errors(path, glb, convention).items():
@@ -60,8 +60,8 @@ def test_a_planted_gait_does_not_slide(number, gait, slide):
     shape = read_gltf(MODELS[number]).shape
     path = next(path for path in TAKES if path.stem == f"dataset-1_{gait}_normal_001")
     clip, _ = read_take(path, None, 0.0, 4.0)
-    result = retarget(shape, clip, replace(automatic(clip, shape), travel=True, pin=True))
-    quality = quality_of(result.project, result.shape_id, clip, result.duration, result.plan)
+    result = retarget(shape, clip, replace(create_automatic_plan(clip, shape), travel=True, pin=True))
+    quality = measure_quality(result.project, result.shape_id, clip, result.duration, result.plan)
     # Every contact with the floor counts, including the frames in which a runner lands and takes off.
     assert quality.slide < slide
     # With feet at the performer's positions, the legs of a rig with boots of half a leg's length are bent.

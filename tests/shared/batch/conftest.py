@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_bodies import bvh_text, horse, man, meshed
+from made_bodies import bvh_text, horse, man, shape_with_markers
 
 from enliven.document.project import Project
 from enliven.exporters import sample_performance
@@ -23,6 +23,6 @@ def library(tmp_path: Path) -> Path:
         (motions / f"{name}.bvh").write_text(bvh_text(man(), np.tile(swing, (1, 1, 3))))
     (motions / "notes.txt").write_text("Recorded on a Tuesday.\n")
     for name, skeleton in (("horse", horse()), ("man", man())):
-        project = Project().with_characters(meshed(name, skeleton))
+        project = Project().with_characters(shape_with_markers(name, skeleton))
         write_gltf(characters / f"{name}.glb", [sample_performance(project, name)], name)
     return tmp_path

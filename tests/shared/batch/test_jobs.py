@@ -58,7 +58,7 @@ def test_a_damaged_result_or_record_is_done_again(library: Path, damage: str) ->
     elif damage == "no result":
         output.unlink()
     else:
-        job.record.write_bytes(job.record.read_bytes()[:20] if damage == "cut record" else b"[]")
+        job.record_path.write_bytes(job.record_path.read_bytes()[:20] if damage == "cut record" else b"[]")
     assert find_finished_result(job) is None
     assert run_job(job).problem == ""
     assert find_finished_result(job) is not None

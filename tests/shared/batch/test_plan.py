@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from enliven.batch.jobs import run_job
-from enliven.batch.plan import BatchPlan, load_plan, plan_jobs, plan_of
+from enliven.batch.plan import BatchPlan, create_plan_from_folders, load_plan, plan_jobs
 from enliven.errors import EnlivenError, InputError, ResourceError
 
 
@@ -19,7 +19,7 @@ def _written(folder: Path, text: str) -> Path:
 
 
 def test_two_folders_make_a_job_for_each_pair(library: Path) -> None:
-    plan = plan_of(library / "motions", library / "characters")
+    plan = create_plan_from_folders(library / "motions", library / "characters")
     jobs = plan_jobs(BatchPlan(plan.motions, plan.characters, str(library / "out")))
     outputs = [str(Path(job.output).relative_to(library / "out")) for job in jobs]
     assert outputs == ["horse/run.glb", "horse/walk.glb", "man/run.glb", "man/walk.glb"]

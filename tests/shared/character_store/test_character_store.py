@@ -15,7 +15,7 @@ import pytest
 
 from enliven.character_store import store
 from enliven.character_store.prepared import PreparedCharacter, prepare_once
-from enliven.character_store.store import CharacterStore, key_of
+from enliven.character_store.store import CharacterStore, compute_cache_key
 from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.errors import InputError
 from enliven.files import ReferencedFiles
@@ -95,13 +95,15 @@ def test_file_cannot_run_code(tmp_path: Path) -> None:
 
 def test_key_depends_on_inputs_and_code(monkeypatch) -> None:
     settings = ActorSettings()
-    key = key_of("mesh", "digest", 128, settings)
-    assert key == key_of("mesh", "digest", 128, ActorSettings())
-    assert key != key_of("mesh", "digest", 129, settings)
-    assert key != key_of("mesh", "digest", 128, replace(settings, height_ratio=1.25))
-    assert key != key_of("mesh", "digest", 128, replace(settings, embedded=replace(settings.embedded)), "up")
+    key = compute_cache_key("mesh", "digest", 128, settings)
+    assert key == compute_cache_key("mesh", "digest", 128, ActorSettings())
+    assert key != compute_cache_key("mesh", "digest", 129, settings)
+    assert key != compute_cache_key("mesh", "digest", 128, replace(settings, height_ratio=1.25))
+    assert key != compute_cache_key(
+        "mesh", "digest", 128, replace(settings, embedded=replace(settings.embedded)), "up"
+    )
     monkeypatch.setattr(store, "_code_version", lambda: ("other",))
-    assert key != key_of("mesh", "digest", 128, settings)
+    assert key != compute_cache_key("mesh", "digest", 128, settings)
 
 
 def test_changed_texture_is_noticed(prepared: PreparedCharacter, tmp_path: Path) -> None:
@@ -114,7 +116,7 @@ def test_changed_texture_is_noticed(prepared: PreparedCharacter, tmp_path: Path)
             files = ReferencedFiles(place / "horse.obj")
             for name in ("fur.png", "eyes.png"):
                 with contextlib.suppress(InputError):
-                    files.file(name)
+                    files.read_named_file(name)
             return prepared
 
         prepare_once("key", prepare, place, folder)

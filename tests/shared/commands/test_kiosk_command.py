@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 import typer
-from patience import until
+from patience import wait_until
 
 from enliven.commands import kiosk as command
 from enliven.commands.kiosk import kiosk, kiosk_programs
@@ -175,9 +175,9 @@ def test_killed_edge_comes_back_and_all_end_together(tmp_path: Path) -> None:
         return next((s.pid for s in read_services(tmp_path / "run") if s.name == "edge"), 0)
 
     try:
-        first = until(edge_pid, "an edge")
+        first = wait_until(edge_pid, "an edge")
         os.kill(first, signal.SIGKILL)
-        second = until(lambda: edge_pid() not in (0, first) and edge_pid(), "another edge")
+        second = wait_until(lambda: edge_pid() not in (0, first) and edge_pid(), "another edge")
         causes = [(each.name, each.cause) for each in read_restarts(tmp_path / "state" / "enliven")]
         assert causes == [("edge", "signal SIGKILL")]
         run.send_signal(signal.SIGTERM)

@@ -9,7 +9,7 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
-from enliven.cli import application
+from enliven.cli import build_command_group
 from enliven.commands.lazy import LazyCommands, command_summary, installed_commands, run_command
 from enliven.errors import InputError
 from enliven.kernel_cache.program import PROGRAM_VARIABLE
@@ -47,7 +47,7 @@ def test_the_help_of_every_command_imports_nothing_heavy():
 
 
 def test_a_summary_is_the_first_line_of_the_command_s_help():
-    group = application()
+    group = build_command_group()
     assert isinstance(group, LazyCommands)
     for name, entry in installed_commands().items():
         first = command_summary(entry)

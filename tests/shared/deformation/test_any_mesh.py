@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tolerances import SOLVED, assert_alike
+from tolerances import SOLVER_TOLERANCE, assert_alike
 
-from enliven.deformation.graph.connectivity import components
+from enliven.deformation.graph.connectivity import label_components
 from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.deformation.graph.surface import build_net
 from enliven.meshes.mesh import Mesh, fit_height
@@ -57,7 +57,7 @@ def test_any_mesh_gets_a_connected_graph_and_whole_weights(seed, nodes):
     mesh = random_mesh(seed)
     graph = DeformationGraph.build(mesh, nodes)
     assert len(graph.positions) == nodes
-    assert components(nodes, graph.edges).max() == 0
+    assert label_components(nodes, graph.edges).max() == 0
     assert len(np.unique(graph.edges, axis=0)) == len(graph.edges)
     assert (graph.edges[:, 0] < graph.edges[:, 1]).all()
     np.testing.assert_allclose(np.linalg.norm(graph.normals, axis=1), 1)
@@ -102,7 +102,7 @@ def test_skin_weights_are_equal_for_cached_and_copied_mesh():
     graph = DeformationGraph.build(mesh, 40)
     assert graph.cells is not None and graph.cells.net.mesh is mesh
     copy = Mesh(mesh.vertices.copy(), mesh.faces.copy())
-    assert_alike(graph.skin(mesh).weights, graph.skin(copy).weights, SOLVED)
+    assert_alike(graph.skin(mesh).weights, graph.skin(copy).weights, SOLVER_TOLERANCE)
     assert "cells" not in repr(graph)
 
 
@@ -119,7 +119,7 @@ def sheet(count, size=1.0):
 def test_plane_of_any_size_gets_a_graph(size):
     mesh = sheet(30, size)
     graph = DeformationGraph.build(mesh, 50)
-    assert components(50, graph.edges).max() == 0
+    assert label_components(50, graph.edges).max() == 0
     assert not graph.bridges.any()
     longest = np.linalg.norm(graph.positions[graph.edges[:, 0]] - graph.positions[graph.edges[:, 1]], axis=1)
     assert longest.max() < 3 * size / np.sqrt(50)
@@ -129,7 +129,7 @@ def test_plane_of_any_size_gets_a_graph(size):
 def test_tiny_mesh_gets_a_graph():
     mesh = fit_height(Mesh(*ball(np.zeros(3), 1.0, 16)), 0.05)
     graph = DeformationGraph.build(mesh, 64)
-    assert components(64, graph.edges).max() == 0
+    assert label_components(64, graph.edges).max() == 0
     assert graph.radius < 0.03
     by_radius = DeformationGraph.build(mesh, radius=0.02)
     assert 5 < len(by_radius.positions) < 200
@@ -159,6 +159,6 @@ def test_a_soup_of_very_many_pieces_is_one_net():
     assert len(net.points) < 9000
     assert np.linalg.norm(mesh.vertices - net.points[net.of_vertex], axis=1).max() < 2 * net.cell
     graph = DeformationGraph.build(mesh, 64)
-    assert components(64, graph.edges).max() == 0
+    assert label_components(64, graph.edges).max() == 0
     followed = graph.positions[graph.skin(mesh).indices[:, 0]]
     assert np.linalg.norm(mesh.vertices - followed, axis=1).max() < 1.0

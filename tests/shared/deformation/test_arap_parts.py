@@ -5,16 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import Delaunay
-from tolerances import SOLVED, alike
+from tolerances import SOLVER_TOLERANCE, are_alike
 
 from enliven.deformation.arap.factor import factorise
 from enliven.deformation.arap.input import Handle
 from enliven.deformation.arap.polar import ROWS, TRACE, N, R, polar
 from enliven.deformation.arap.solver import ArapSolver
-from enliven.deformation.arap.solves import backward, forward, unit_column
+from enliven.deformation.arap.solves import solve_backward, solve_for_unit_vector, solve_forward
 from enliven.deformation.arap.threads import ThreadChoice
 from enliven.deformation.arap.weights import MIN_EDGE_WEIGHT, surface_edges, virtual_edges
-from enliven.deformation.graph.connectivity import components
+from enliven.deformation.graph.connectivity import label_components
 from enliven.document.surface_settings import ArapSettings
 from enliven.meshes.mesh import Mesh
 from enliven.rotation import nearest_rotation
@@ -64,21 +64,21 @@ def test_the_factor_solves_as_a_dense_matrix_does(count):
     z = np.zeros((count + 4, 4), np.float32)
     z[:count, :3] = right[factor.order]
     room = np.zeros(4 * (factor.tallest + 4), np.float32)
-    forward(factor, z.reshape(-1), room)
+    solve_forward(factor, z.reshape(-1), room)
     half = z[:count, :3].copy()
-    backward(factor, z.reshape(-1), room)
+    solve_backward(factor, z.reshape(-1), room)
     solution = np.empty((count, 3))
     solution[factor.order] = z[:count, :3]
     exact = np.linalg.solve(dense, right)
     assert np.abs(solution - exact).max() < 2e-5 * np.abs(exact).max()
     assert np.all(z[count:] == 0)
     place = count // 2
-    rows, column = unit_column(factor, place)
+    rows, column = solve_for_unit_vector(factor, place)
     unit = np.zeros(count)
     unit[place] = 1
     z[:] = 0
     z[:count, 0] = unit
-    forward(factor, z.reshape(-1), room)
+    solve_forward(factor, z.reshape(-1), room)
     sparse = np.zeros(count)
     sparse[rows] = column
     assert np.abs(sparse - z[:count, 0]).max() < 1e-5 * np.abs(column).max()
@@ -103,8 +103,8 @@ def test_virtual_edges_make_one_piece_of_many(shells):
     faces = np.concatenate([[[k, k + 1, k + 2], [k, k + 2, k + 3]] for k in range(0, 4 * shells, 4)])
     edges, _ = surface_edges(points, faces.astype(np.int32))
     links, _ = virtual_edges(points, edges)
-    assert components(len(points), edges).max() + 1 == shells
-    assert components(len(points), np.concatenate([edges, links])).max() == 0
+    assert label_components(len(points), edges).max() + 1 == shells
+    assert label_components(len(points), np.concatenate([edges, links])).max() == 0
     if shells == 2:
         apart = np.linalg.norm(points[:4, None] - points[4:], axis=2)
         ends = np.linalg.norm(points[links[:, 0]] - points[links[:, 1]], axis=1)
@@ -114,8 +114,8 @@ def test_virtual_edges_make_one_piece_of_many(shells):
 def test_recently_faster_method_is_used_and_the_other_is_retried():
     pace, taken = ThreadChoice(), []
     for seconds in [{1: 4.0, 2: 3.0}] * 100 + [{1: 4.0, 2: 9.0}] * 200:
-        taken.append(pace.threads())
-        pace.note(taken[-1], seconds[taken[-1]])
+        taken.append(pace.choose_thread_count())
+        pace.record_duration(taken[-1], seconds[taken[-1]])
     assert taken[:2] == [1, 2]
     assert 1 <= taken[2:100].count(1) <= 5
     assert taken[200:].count(2) <= 5
@@ -130,4 +130,4 @@ def test_two_threads_give_equal_results():
         solver.set_handles([Handle("a", (0,)), Handle("b", (1,)), Handle("c", (2,))])
         solver.solve({"a": points[0] + [0.1, 0.2, 0.3]})
         solutions.append(solver.solve({"b": points[1] + [0.0, 0.1, 0.3]}))
-    assert all(alike(solution, solutions[0], SOLVED) for solution in solutions)
+    assert all(are_alike(solution, solutions[0], SOLVER_TOLERANCE) for solution in solutions)

@@ -7,7 +7,7 @@ from scipy.spatial import ConvexHull
 from enliven.deformation.arap.input import Handle
 from enliven.deformation.arap.solver import ArapSolver
 from enliven.deformation.arap.surface import prepare_surface
-from enliven.deformation.arap.volume import add_pressure, gradient
+from enliven.deformation.arap.volume import add_pressure, compute_volume_gradient
 from enliven.document.surface_settings import ArapSettings
 from enliven.meshes.mesh import Mesh
 
@@ -33,7 +33,7 @@ def test_the_gradient_is_that_of_the_volume():
     mesh = blob(30)
     forces, step = np.zeros((30, 3)), 1e-6
     none = np.empty(0, np.int64)
-    assert gradient(mesh.vertices + 5.0, mesh.faces, none, forces) == pytest.approx(
+    assert compute_volume_gradient(mesh.vertices + 5.0, mesh.faces, none, forces) == pytest.approx(
         enclosed(mesh.vertices, mesh.faces)
     )
     for v in range(0, 30, 7):
@@ -47,8 +47,10 @@ def test_the_gradient_is_that_of_the_volume():
 def test_a_small_hole_does_not_make_the_volume_depend_on_the_place():
     surface = prepare_surface(blob(400, holes=3), 1000)
     volume, room = surface.volume, np.zeros((400, 3))
-    here = gradient(surface.rest, volume.faces, volume.border, room)
-    there = gradient(surface.rest + np.array([3.0, 9.0, 4.0]), volume.faces, volume.border, room)
+    here = compute_volume_gradient(surface.rest, volume.faces, volume.border, room)
+    there = compute_volume_gradient(
+        surface.rest + np.array([3.0, 9.0, 4.0]), volume.faces, volume.border, room
+    )
     assert here == pytest.approx(there, rel=1e-9)
     assert here == pytest.approx(volume.rest)
 
@@ -72,7 +74,7 @@ def test_ease_matches_a_dense_solution():
     np.add.at(laplacian, (a, b), -surface.weights)
     np.add.at(laplacian, (b, a), -surface.weights)
     forces = np.zeros((count, 3))
-    gradient(surface.rest, surface.volume.faces, surface.volume.border, forces)
+    compute_volume_gradient(surface.rest, surface.volume.faces, surface.volume.border, forces)
     grown = np.linalg.pinv(laplacian) @ forces
     assert surface.volume.ease == pytest.approx((grown * forces).sum(), rel=1e-4)
 

@@ -45,7 +45,10 @@ def random_system(count, density, seed):
 def factor_of(pattern, blocks):
     """Returns True if the blocks could be factorised, and the factor."""
     count = len(pattern.start) - 1
-    column, inverse = np.zeros(48 * pattern.longest, np.float32), np.zeros(48 * count, np.float32)
+    column, inverse = (
+        np.zeros(48 * pattern.max_blocks_per_column, np.float32),
+        np.zeros(48 * count, np.float32),
+    )
     scales = np.zeros(len(pattern.column), np.float32)
     rows = np.full(36 * len(pattern.column) + 8, 7, np.int16)
     which = pattern.start, pattern.product, pattern.by_row

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from enliven.deformation.graph.surface_ends import (
     _MAX_SMALL_SHELL_POINTS,
     _local_maxima,
-    extremities,
+    find_extremity_vertices,
     shell_connections,
 )
 from enliven.errors import InputError
@@ -58,20 +58,23 @@ def star(lengths, cells=4, gap=0.0):
 def test_the_ends_of_a_star_are_its_arms_longest_first(count, gap):
     lengths = np.linspace(1.0, 0.6, count)
     mesh = star(lengths, gap=gap)
-    ends = extremities(mesh)
+    ends = find_extremity_vertices(mesh)
     radius = np.linalg.norm(mesh.vertices[ends], axis=1)
     arms = np.round(np.arctan2(*mesh.vertices[ends].T[1::-1]) / (2 * np.pi / count)).astype(int) % count
     assert sorted(arms[:count]) == list(range(count))
     assert (radius[:count] > 0.93 * lengths[arms[:count]]).all()
     assert arms[0] in (0, 1, count - 1)
-    assert extremities(mesh, 2).tolist() == ends[:2].tolist()
+    assert find_extremity_vertices(mesh, 2).tolist() == ends[:2].tolist()
 
 
 def test_a_finer_mesh_has_the_same_ends():
     mesh = star([1.0, 0.9, 0.8, 0.7])
     fine = refine(mesh, 0.01)
     assert len(fine.vertices) > 10 * len(mesh.vertices)
-    coarse_ends, fine_ends = mesh.vertices[extremities(mesh, 4)], fine.vertices[extremities(fine, 4)]
+    coarse_ends, fine_ends = (
+        mesh.vertices[find_extremity_vertices(mesh, 4)],
+        fine.vertices[find_extremity_vertices(fine, 4)],
+    )
     distances = np.linalg.norm(coarse_ends[:, None] - fine_ends, axis=2)
     assert (distances.min(0) < 0.12).all() and (distances.min(1) < 0.12).all()
 
@@ -80,7 +83,7 @@ def test_loose_vertices_are_no_ends():
     mesh = star([1.0, 0.8, 0.8])
     loose = np.random.default_rng(3).normal(0.0, 9.0, (3000, 3))
     more = Mesh(np.concatenate([mesh.vertices, loose]), mesh.faces)
-    assert extremities(more).tolist() == extremities(mesh).tolist()
+    assert find_extremity_vertices(more).tolist() == find_extremity_vertices(mesh).tolist()
 
 
 @settings(max_examples=40)
@@ -119,4 +122,4 @@ def test_peaks_stand_over_their_passes():
 
 def test_without_area_there_is_nothing_to_find():
     with pytest.raises(InputError):
-        extremities(Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32)))
+        find_extremity_vertices(Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32)))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from sample_meshes.chair import make_chair
 from sample_meshes.isosurface import surface_of
 
-from enliven.deformation.graph.connectivity import components, find_weak_edges, joining_edges
+from enliven.deformation.graph.connectivity import find_joining_edges, find_weak_edges, label_components
 from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.deformation.graph.sampling import find_nearest_surface_points
 from enliven.deformation.graph.surface import build_net, path_lengths, voronoi_cells
@@ -100,7 +100,7 @@ def test_euclidean_neighbours_cross_between_legs(two_legs):
 def test_graphs_are_connected_and_weights_sum_to_one(chair, nodes):
     graph = DeformationGraph.build(chair, nodes)
     assert len(graph.positions) == nodes
-    assert components(nodes, graph.edges).max() == 0
+    assert label_components(nodes, graph.edges).max() == 0
     assert (graph.edges[:, 0] < graph.edges[:, 1]).all()
     character = character_from_graph(chair, graph, "chair")
     weights = character.skin.weights
@@ -181,7 +181,7 @@ def test_a_scan_with_one_side_only_works(two_legs):
     front = two_legs.face_normals()[:, 2] > 0.1
     scan = Mesh(two_legs.vertices, two_legs.faces[front], "scan")
     graph = DeformationGraph.build(scan, 32)
-    assert components(32, graph.edges).max() == 0
+    assert label_components(32, graph.edges).max() == 0
     assert (side(graph.positions)[graph.edges].prod(1) >= 0).all()
 
 
@@ -189,7 +189,7 @@ def test_a_flat_mesh_and_a_single_triangle_work():
     for nodes in (1, 3, 20):
         mesh = Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
         graph = DeformationGraph.build(mesh, nodes)
-        assert components(nodes, graph.edges).max() == 0
+        assert label_components(nodes, graph.edges).max() == 0
         np.testing.assert_allclose(graph.skin(mesh).weights.sum(1), 1, atol=1e-6)
 
 
@@ -212,11 +212,11 @@ def test_the_way_along_the_surface_goes_round(two_legs):
 
 def brute_weak(count, edges):
     """Returns bridges and cut vertices, found by removing each edge and each node in turn."""
-    whole = components(count, edges).max()
-    bridges = [components(count, np.delete(edges, e, 0)).max() > whole for e in range(len(edges))]
+    whole = label_components(count, edges).max()
+    bridges = [label_components(count, np.delete(edges, e, 0)).max() > whole for e in range(len(edges))]
     cuts = []
     for node in range(count):
-        label = components(count, edges[~(edges == node).any(1)])
+        label = label_components(count, edges[~(edges == node).any(1)])
         cuts.append(len(np.unique(np.delete(label, node))) > 1)
     return bridges, cuts
 
@@ -243,10 +243,10 @@ def test_joints_are_the_minimum_spanning_tree_of_components(count, given_edges, 
     edges = np.sort(rng.integers(0, count, (given_edges, 2)), 1).astype(np.int32)
     points = rng.random((count, 3))
     apart = np.linalg.norm(points[:, None] - points[None], axis=2)
-    added = joining_edges(count, edges, apart)
-    label = components(count, edges)
+    added = find_joining_edges(count, edges, apart)
+    label = label_components(count, edges)
     assert len(added) == label.max()
-    assert components(count, np.concatenate([edges, added])).max() == 0
+    assert label_components(count, np.concatenate([edges, added])).max() == 0
     # Kruskal over all pairs gives the least sum.
     total, forest = 0.0, label.copy()
     pairs = np.argwhere(np.tri(count, k=-1))

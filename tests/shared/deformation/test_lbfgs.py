@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from enliven.deformation.embedded import lbfgs
 from enliven.deformation.embedded.inputs import NO_PLANES
 from enliven.deformation.embedded.lbfgs import SolverBuffers
-from enliven.deformation.embedded.preconditioner import precondition, refactor
+from enliven.deformation.embedded.preconditioner import apply_preconditioner, refactorize_matrix
 from enliven.deformation.embedded.solver import EmbeddedSolver
 
 
@@ -22,7 +22,7 @@ def system():
     solver = EmbeddedSolver(problem.graph, problem.points)
     solver._store_targets(problem.targets[0], solver._ones)
     x = solver._x.reshape(-1)
-    refactor(x, solver._terms, NO_PLANES, np.zeros_like(x), solver._current_matrix)
+    refactorize_matrix(x, solver._terms, NO_PLANES, np.zeros_like(x), solver._current_matrix)
     return solver._current_matrix
 
 
@@ -48,7 +48,7 @@ def plain_direction(work, kept):
         shares[m] = work.steps[m] @ way / work.curvatures[m]
         way -= shares[m] * work.changes[m]
     rounded = way.astype(np.float32)
-    precondition(system(), rounded)
+    apply_preconditioner(system(), rounded)
     way = rounded.astype(np.float64)
     for m in pairs:
         way += (shares[m] - work.changes[m] @ way / work.curvatures[m]) * work.steps[m]

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tolerances import SOLVED, alike
+from tolerances import SOLVER_TOLERANCE, are_alike
 
 from enliven import rotation
 from enliven.deformation.arap.coarse import edges_around, poisson_disk_samples, sample_coarse_surface
 from enliven.deformation.arap.control_point_surface import PuppetSurface
-from enliven.deformation.arap.detail import carry, cell_maps
+from enliven.deformation.arap.detail import apply_vertex_maps, compute_vertex_maps
 from enliven.deformation.arap.input import Handle
 from enliven.deformation.arap.riders import select_followed_samples
 from enliven.deformation.arap.solver import ArapSolver
@@ -71,7 +71,7 @@ def test_small_mesh_matches_the_plain_solver():
     for k in range(3):
         places = mesh.vertices[held] + 0.05 * k * np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0]])
         wanted = solver.solve({str(i): place[None] for i, place in enumerate(places)})
-        assert alike(surface.solve(places), wanted, SOLVED)
+        assert are_alike(surface.solve(places), wanted, SOLVER_TOLERANCE)
 
 
 def test_full_resolution_surface_equals_solved_surface():
@@ -85,7 +85,7 @@ def test_full_resolution_surface_equals_solved_surface():
     solver.set_handles([Handle("a", (0,)), Handle("b", (241,))])
     pose = solver.solve({"b": mesh.vertices[241] + 0.2})
     out = np.empty_like(mesh.vertices)
-    carry(solver.maps(), start, near, weights, mesh.vertices, out, 0, count)
+    apply_vertex_maps(solver.get_vertex_maps(), start, near, weights, mesh.vertices, out, 0, count)
     assert np.abs(out - pose).max() < 1e-12
 
 
@@ -131,7 +131,7 @@ def test_maps_and_their_blend_match_the_slow_reference():
     cells, frames = solver._surface.cells, solver._frames
     place_of = solver._surface.place_of
     maps = np.empty(16 * len(pose))
-    cell_maps(cells, frames.reshape(-1), pose, place_of, mesh.vertices, maps)
+    compute_vertex_maps(cells, frames.reshape(-1), pose, place_of, mesh.vertices, maps)
     w = np.zeros((len(pose), len(pose)))
     for (i, j), weight in zip(solver._surface.edges, solver._surface.weights, strict=True):
         w[i, j] = w[j, i] = weight
@@ -151,7 +151,7 @@ def test_maps_and_their_blend_match_the_slow_reference():
     )
     start, near = np.array([0, 2, 3]), np.array([5, 9, 7], np.int32)
     weights, rest, out = np.array([0.25, 0.75, 1.0], np.float32), np.ones((2, 3)), np.empty((2, 3))
-    carry(maps, start, near, weights, rest, out, 0, 2)
+    apply_vertex_maps(maps, start, near, weights, rest, out, 0, 2)
     by = maps.reshape(-1, 4, 4)
     blend = [0.25 * by[5] + 0.75 * by[9], by[7]]
     for row, b in zip(out, blend, strict=True):
@@ -241,8 +241,8 @@ def test_settling_is_the_same_whatever_came_before():
         for by in (0.3, -0.9, 2.0):
             surface.solve(bent(mesh, held, by))
         surface.solve_from_rest(bent(mesh, held, -1.0))
-        assert alike(surface.solve_from_rest(places), first, SOLVED)
-        assert alike(fresh.solve_from_rest(places), first, SOLVED)
+        assert are_alike(surface.solve_from_rest(places), first, SOLVER_TOLERANCE)
+        assert are_alike(fresh.solve_from_rest(places), first, SOLVER_TOLERANCE)
         # A drag continues from this state without a jump.
         assert np.abs(surface.solve(places) - first).max() < 0.01
 
@@ -285,8 +285,10 @@ def test_sampling_another_time_does_not_disturb_a_drag():
         first.solve(bent(mesh, handles, by))
         second.solve(bent(mesh, handles, by))
     posed = first.settle_separately(bent(mesh, handles, -1.0))
-    assert alike(first.solve(bent(mesh, handles, 0.6)), second.solve(bent(mesh, handles, 0.6)), SOLVED)
-    assert alike(posed, second.solve_from_rest(bent(mesh, handles, -1.0)), SOLVED)
+    assert are_alike(
+        first.solve(bent(mesh, handles, 0.6)), second.solve(bent(mesh, handles, 0.6)), SOLVER_TOLERANCE
+    )
+    assert are_alike(posed, second.solve_from_rest(bent(mesh, handles, -1.0)), SOLVER_TOLERANCE)
 
 
 @pytest.mark.parametrize("kind", [COARSE, ArapSettings()], ids=["coarse", "plain"])
@@ -300,7 +302,7 @@ def test_other_control_points_are_as_a_new_surface(kind):
     places = bent(mesh, handles)
     solved = surface.solve(places)
     assert np.array_equal(solved[handles], places)
-    assert alike(solved, PuppetSurface(mesh, handles, settings=kind).solve(places), SOLVED)
+    assert are_alike(solved, PuppetSurface(mesh, handles, settings=kind).solve(places), SOLVER_TOLERANCE)
     surface.set_control_points([])
     assert np.array_equal(surface.solve(np.empty((0, 3))), mesh.vertices)
 
@@ -337,7 +339,7 @@ def test_bad_input_is_reported_and_last_good_pose_stays(kind):
     held = ends(tubes)
     surface = PuppetSurface(mesh, held, settings=kind)
     good = surface.solve(bent(mesh, held, 0.4))
-    shape = surface._solver.shape()
+    shape = surface._solver.get_surface()
     for places, says in (
         (np.full((8, 3), np.nan), "not finite"),
         (np.full((8, 3), 1e9), "units"),
@@ -351,7 +353,7 @@ def test_bad_input_is_reported_and_last_good_pose_stays(kind):
             surface.set_control_points(wrong)
     with pytest.raises(InputError, match="2 weights"):
         surface.set_control_points(held, [1.0, None])
-    assert surface.pose is good and np.array_equal(surface._solver.shape(), shape)
+    assert surface.pose is good and np.array_equal(surface._solver.get_surface(), shape)
     assert np.isfinite(surface.solve(bent(mesh, held, 0.5))).all()
 
 

@@ -11,7 +11,7 @@ from enliven.meshes.mesh import Mesh
 
 def crossing_faces(vertices, faces):
     """Returns (K,) the faces of a surface that intersect others."""
-    return SelfIntersection(Mesh(vertices, faces)).crossing(vertices)
+    return SelfIntersection(Mesh(vertices, faces)).find_crossing_faces(vertices)
 
 
 def ball(radius=0.5, centre=(0.0, 0.0, 0.0), rings=6, around=9):
@@ -107,13 +107,16 @@ def test_faces_in_one_plane_or_touching_do_not_cross():
 def test_intersections_at_rest_are_not_reported():
     mesh = together(ball(), ball(centre=(0.7, 0.03, 0.05)), ball(0.3, (3.0, 0.0, 0.0)))
     crossing = SelfIntersection(mesh)
-    assert len(crossing.newly_crossing(mesh.vertices)) == 0
+    assert len(crossing.find_new_crossing_faces(mesh.vertices)) == 0
     moved = mesh.vertices.copy()
     moved[-len(ball().vertices) :] -= [3.5, 0.0, 0.0]
-    now = crossing.newly_crossing(moved)
-    assert len(now) and len(np.intersect1d(now, crossing.crossing(mesh.vertices))) == 0
+    now = crossing.find_new_crossing_faces(moved)
+    assert len(now) and len(np.intersect1d(now, crossing.find_crossing_faces(mesh.vertices))) == 0
     assert np.array_equal(
-        now, find_new_intersections(crossing.crossing(mesh.vertices), crossing_faces(moved, mesh.faces))
+        now,
+        find_new_intersections(
+            crossing.find_crossing_faces(mesh.vertices), crossing_faces(moved, mesh.faces)
+        ),
     )
 
 

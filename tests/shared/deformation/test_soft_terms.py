@@ -65,7 +65,7 @@ def turned(graph, seed):
 def slack(planes, graph, linear, positions):
     """Returns (M,) the plane residuals n·φ(p) − b."""
     at = ConstrainedPoints(planes.points, planes.node_indices, planes.node_weights, graph.positions)
-    return np.einsum("ma,ma->m", planes.normals, at.deformed(linear, positions)) - planes.offsets
+    return np.einsum("ma,ma->m", planes.normals, at.deform_points(linear, positions)) - planes.offsets
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -74,8 +74,10 @@ def test_points_move_as_vertices_do(trousers, seed):
     character, graph, _ = trousers
     linear, positions = turned(graph, seed)
     pose = Pose("trousers", 0, linear.astype(np.float32), positions.astype(np.float32))
-    every = ConstrainedPoints.of(character, np.arange(len(character.vertices)))
-    np.testing.assert_allclose(every.deformed(linear, positions), skin_vertices(character, pose), atol=1e-5)
+    every = ConstrainedPoints.from_vertices(character, np.arange(len(character.vertices)))
+    np.testing.assert_allclose(
+        every.deform_points(linear, positions), skin_vertices(character, pose), atol=1e-5
+    )
 
 
 @given(st.integers(1, 400), st.integers(1, 200), st.integers(0, 100))
@@ -229,7 +231,7 @@ def test_raised_mesh_keeps_shape_and_touches_the_floor(trousers, way, floor):
     raised = contact.raise_above_floor(linear, moved, floor)
     lift = raised - moved
     np.testing.assert_allclose(lift, np.tile([0.0, lift[0, 1], 0.0], (len(lift), 1)), atol=1e-12)
-    lowest = contact._all.deformed(linear, raised)[:, 1].min()
+    lowest = contact._all.deform_points(linear, raised)[:, 1].min()
     ground = min(floor, float(character.vertices[:, 1].min()))
     assert lowest >= ground - 1e-6
     assert lift[0, 1] == 0.0 or lowest == pytest.approx(ground, abs=1e-6), "no higher than it must"

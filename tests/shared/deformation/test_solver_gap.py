@@ -30,10 +30,10 @@ def gap_of(peer, solver, targets):
     """Returns the relative excess over the minimum. 0 if Gauss-Newton inverts a node, which our solver never
     does.
     """
-    peer.aim(targets)
+    peer.set_targets(targets)
     x, least, _ = peer.solve(peer.pack(solver.state()), lambda energy: False)
     turned = np.linalg.det(x[: 9 * len(solver.graph.positions)].reshape(-1, 3, 3)).min() < 0.05
-    return 0.0 if turned else (solver.energy["total"] - least - INVISIBLE) / least
+    return 0.0 if turned else (solver.energy_terms["total"] - least - INVISIBLE) / least
 
 
 @settings(deadline=None, max_examples=12)
@@ -50,7 +50,7 @@ def test_frame_is_near_minimum_or_reports_that_it_is_not(seed, nodes, pace):
         solver.solve(targets)
         if frame % 5 == 0:
             near = gap_of(peer, solver, targets) <= GAP
-            assert near or not solver.settled, frame
+            assert near or not solver.is_settled, frame
 
 
 def frame_on_a_ridge():
@@ -67,7 +67,7 @@ def frame_on_a_ridge():
             solver.solve(targets)
             unasked.solve(targets)
             np.testing.assert_array_equal(solver.state()[1], unasked.state()[1])
-            if not solver.settled:
+            if not solver.is_settled:
                 return problem, solver, unasked, targets
     raise AssertionError("no frame ends on a ridge")
 
@@ -77,10 +77,10 @@ def test_frame_on_a_ridge_is_reported_and_next_frame_leaves_it():
     problem, solver, unasked, targets = frame_on_a_ridge()
     # The check did not change the state.
     np.testing.assert_array_equal(solver.state()[1], unasked.state()[1])
-    before = solver.energy["total"]
+    before = solver.energy_terms["total"]
     solver.solve(targets)
-    assert solver.settled
-    assert solver.energy["total"] < (1 - 0.5 * GAP) * before
+    assert solver.is_settled
+    assert solver.energy_terms["total"] < (1 - 0.5 * GAP) * before
     assert gap_of(PlainGaussNewton(problem.graph, problem.points), solver, targets) <= GAP
 
 
@@ -107,12 +107,12 @@ def test_step_limit_is_reported_and_next_frames_catch_up(seed, most):
     peer = PlainGaussNewton(problem.graph, problem.points)
     for targets in problem.targets[:8]:
         solver.solve(targets)
-        assert solver.settled or solver.iterations <= most
+        assert solver.is_settled or solver.iterations <= most
     for _ in range(60):
         solver.solve(targets)
-        if solver.settled:
+        if solver.is_settled:
             break
-    assert solver.settled
+    assert solver.is_settled
     assert gap_of(peer, solver, targets) <= GAP
 
 
@@ -124,15 +124,15 @@ def test_time_limit_is_reported_and_next_frames_catch_up(seed, nodes):
     solver = EmbeddedSolver(problem.graph, problem.points, EmbeddedSettings(budget_ms=1e-6))
     for targets in problem.targets:
         solver.solve(targets)
-        assert solver.iterations == 1 or solver.settled
+        assert solver.iterations == 1 or solver.is_settled
     before = np.inf
     for _ in range(100):
         solver.solve(targets)
-        assert solver.energy["total"] <= before * (1 + 1e-9)
-        before = solver.energy["total"]
-        if solver.settled:
+        assert solver.energy_terms["total"] <= before * (1 + 1e-9)
+        before = solver.energy_terms["total"]
+        if solver.is_settled:
             break
-    assert solver.settled
+    assert solver.is_settled
     peer = PlainGaussNewton(problem.graph, problem.points)
     assert gap_of(peer, solver, targets) <= GAP
 
@@ -142,7 +142,7 @@ def test_matrix_from_background_thread_equals_direct_one(monkeypatch):
     problem, frames = random_problem(3, 24, 8, 1.0), []
     for beside in (True, False):
         solver = EmbeddedSolver(problem.graph, problem.points, EmbeddedSettings(budget_ms=1e-6))
-        solver._held_state = hold(solver._state_of(EmbeddedSettings()))
+        solver._held_state = hold(solver._create_state(EmbeddedSettings()))
         if not beside:
             monkeypatch.setattr(renewal, "_second_thread", AtOnce)
         frames.append([solver.solve(targets)[1] for targets in problem.targets])

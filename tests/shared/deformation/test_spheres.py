@@ -74,7 +74,7 @@ def test_spheres_follow_rigid_motion_exactly(turn, shift, scale):
     pose = rigid(character, turn, shift, scale)
     expected = scale * proxies.rest @ to_matrix(from_rotation_vector(turn)).T + shift
     np.testing.assert_allclose(proxies.centres(pose), expected, atol=1e-5)
-    assert proxies.radius_in(pose) == pytest.approx(scale * proxies.radius, rel=1e-6)
+    assert proxies.compute_posed_radius(pose) == pytest.approx(scale * proxies.radius, rel=1e-6)
 
 
 def test_a_sphere_follows_its_own_nodes_as_a_vertex_would():

@@ -144,7 +144,11 @@ def test_the_stiffer_the_nearer_to_rigid(seed):
         stiff = np.full(20, factor)
         solver = EmbeddedSolver(graph, points, EmbeddedSettings(**EXACT), stiffness=stiff)
         solver.solve(targets)
-        own = solver.energy["rotation"] + solver.energy["smoothness"] + solver.energy["rigidity"]
+        own = (
+            solver.energy_terms["rotation"]
+            + solver.energy_terms["smoothness"]
+            + solver.energy_terms["rigidity"]
+        )
         bent.append(own / factor)
     assert (np.diff(bent) <= 1e-6 * bent[0] + 1e-12).all()
 

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from enliven.deformation.graph.graph import DeformationGraph
 from enliven.deformation.graph.surface import build_net, path_lengths
-from enliven.deformation.graph.weights import choose_carriers
+from enliven.deformation.graph.weights import choose_followed_nodes
 from enliven.meshes.mesh import Mesh, refine
 
 
@@ -55,7 +55,9 @@ def slow_weights(mesh, graph, spacing):
         return dijkstra(csr_matrix((web.lengths, (a, b)), (size, size)), directed=False, indices=sources)
 
     ways = ways_over(cells.graph, count + nodes, count + np.arange(nodes))[:, :count].T
-    followed = choose_carriers(graph.positions, path_lengths(nodes, cells.borders, cells.lengths), spacing)
+    followed = choose_followed_nodes(
+        graph.positions, path_lengths(nodes, cells.borders, cells.lengths), spacing
+    )
     straight = np.linalg.norm(net.points[:, None] - graph.positions, axis=2)
     distance = straight + 2 * np.maximum(0, ways - 1.5 * straight - spacing / 2)
     steep = np.zeros((count, nodes))
@@ -165,7 +167,7 @@ def test_carriers_are_apart_and_near_to_every_node(seed, count):
     rng = np.random.default_rng(seed)
     positions = rng.random((count, 3))
     straight = np.linalg.norm(positions[:, None] - positions[None], axis=2)
-    chosen = choose_carriers(positions, straight, 0.5, min_count=1)
+    chosen = choose_followed_nodes(positions, straight, 0.5, min_count=1)
     apart = straight[np.ix_(chosen, chosen)] + 9 * np.eye(len(chosen))
     assert apart.min() >= 0.6 * 0.5
     assert straight[:, chosen].min(1).max() < 0.6 * 0.5

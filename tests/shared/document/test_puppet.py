@@ -11,7 +11,14 @@ from enliven.document.constraints import Coupling, Position, Velocity
 from enliven.document.history import History
 from enliven.document.locomotion import Switch
 from enliven.document.project import Project, are_identical
-from enliven.document.puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer, character_from_puppet
+from enliven.document.puppet import (
+    ControlPoint,
+    ExampleCharacter,
+    KeyPose,
+    Plane,
+    PuppetLayer,
+    character_from_puppet,
+)
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.formats.project.file import parse_project, project_bytes
@@ -36,7 +43,7 @@ def puppet():
     )  # fmt: skip
     poses = (KeyPose("wave", 0.1, rest), KeyPose("wave", 0.3, rest + 0.1))
     plane = Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
-    return Puppet("chair", mesh, POINTS, poses, (layer,), plane, np.array([1.0, 0, 0]))
+    return ExampleCharacter("chair", mesh, POINTS, poses, (layer,), plane, np.array([1.0, 0, 0]))
 
 
 def project():
@@ -53,7 +60,7 @@ def test_history_shares_unchanged_data():
     history = History(project())
     mesh = history.project.puppet("chair").mesh
     changed = project().puppet("chair").with_changes(place=np.array([2.0, 0, 0]))
-    history.do("move", history.project.with_characters(changed))
+    history.record_edit("move", history.project.with_characters(changed))
     assert history.project.puppet("chair").mesh is mesh
     assert history.project.puppet("chair").place[0] == 2.0
     assert history.undo().puppet("chair").place[0] == 1.0

@@ -15,7 +15,7 @@ from enliven.document.naming import unused
 from enliven.document.puppet import PuppetLayer
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.motion.layers.timing import Clocks
+from enliven.motion.layers.timing import LayerClocks
 
 laws = settings(deadline=None, max_examples=100)
 
@@ -56,7 +56,7 @@ def test_inverse_time_map_matches_playback(layer, length, share):
     played, rounds = layer.played(time, length)
     # The two ends of a loop are one moment.
     assert played + rounds * length == second and rounds in ((0, 1) if layer.loop else (0,))
-    assert layer.offset <= time <= layer.end(length) == layer.offset + layer.lasting(length)
+    assert layer.offset <= time <= layer.end(length) == layer.offset + layer.compute_loop_duration(length)
 
 
 @laws
@@ -65,7 +65,7 @@ def test_the_compiled_form_plays_the_same(layers, times, length):
     frames = round(length * 16) + 1
     skeleton = Skeleton(("a", "b"), [-1, 0], [[0, 0, 0], [1.0, 0, 0]])
     clip = Clip("take", skeleton, np.tile([1.0, 0, 0, 0], (frames, 2, 1)), np.zeros((frames, 3)), 1 / 16)
-    played = Clocks.of(layers, [clip] * len(layers)).frames_at(np.array(times))
+    played = LayerClocks.from_layers(layers, [clip] * len(layers)).frames_at(np.array(times))
     for t, time in enumerate(times):
         for k, layer in enumerate(layers):
             moment = layer.moment(time, length)

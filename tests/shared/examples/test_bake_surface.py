@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.examples.baking.bake import bake_surface, sample_farthest
-from enliven.examples.baking.maps import Maps, gram_of, moments_of
+from enliven.examples.baking.maps import Maps, compute_gram_matrix, compute_moments
 from enliven.examples.baking.morphs import bake_morphs
 from enliven.examples.baking.settings import BakeSettings
 from enliven.examples.baking.weights import fit_weights
@@ -173,13 +173,13 @@ def test_maps_are_those_of_the_plain_system(seed):
         for k, w in zip(indices[v], weights[v], strict=True):
             design[v, k] += w * np.append(rest[v] - pivots[k], 1.0)
     flat = design.reshape(len(rest), -1)
-    gram = gram_of(rest, pivots, indices, weights)
+    gram = compute_gram_matrix(rest, pivots, indices, weights)
     np.testing.assert_allclose(gram.reshape(flat.shape[1], -1), flat.T @ flat, atol=1e-12)
-    right = moments_of(rest, pivots, indices, weights, wanted.reshape(60, -1))
+    right = compute_moments(rest, pivots, indices, weights, wanted.reshape(60, -1))
     expected = np.einsum("vka,vj->kaj", design, wanted.reshape(60, -1))
     np.testing.assert_allclose(right, expected, atol=1e-12)
     rigid = 1e-9
-    fitted = Maps(rest, pivots, indices, weights, rigid).of(wanted)
+    fitted = Maps(rest, pivots, indices, weights, rigid).solve_maps(wanted)
     shown = np.einsum("vka,fkac->vfc", design, fitted)
     best = np.stack([flat @ np.linalg.lstsq(flat, wanted[:, f], None)[0] for f in range(4)], 1)
     assert ((shown - wanted) ** 2).sum() <= ((best - wanted) ** 2).sum() * (1 + 1e-3) + 1e-6

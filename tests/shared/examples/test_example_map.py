@@ -154,10 +154,12 @@ def test_long_motions_are_solved_to_the_end(seed, margin, weight, nearest, far, 
     mapping = ExampleMap(examples_of(seed, 8, 2), how)
     poses = motion_of(mapping.examples, 240, seed)
     poses += noise * np.random.default_rng(seed).normal(size=poses.shape)
-    places = mapping.solution(poses, convert_constraints((), mapping.examples, 240, STEP), STEP).places
+    places = mapping.solve_checked_poses(
+        poses, convert_constraints((), mapping.examples, 240, STEP), STEP
+    ).places
     pull = weight**2 * apply_transposed_differences(compute_accelerations(places), 240)
     best = np.empty_like(places)
-    mapping.nodes(poses).respond(pull, -margin, 1.0 + margin, best)
+    mapping.compute_nodes(poses).solve_for_pull(pull, -margin, 1.0 + margin, best)
     np.testing.assert_allclose(best, places, atol=1e-6 * np.abs(places).max())
 
 
@@ -190,7 +192,9 @@ def test_the_work_grows_as_the_frames_do():
     works = []
     for frames in (200, 400, 800):
         poses = np.tile(motion_of(examples, 200, 1), (frames // 200, 1, 1))
-        works.append(mapping.solution(poses, convert_constraints((), examples, frames, STEP), STEP).work)
+        works.append(
+            mapping.solve_checked_poses(poses, convert_constraints((), examples, frames, STEP), STEP).work
+        )
     assert works[1] < 2.2 * works[0]
     assert works[2] < 2.2 * works[1]
 

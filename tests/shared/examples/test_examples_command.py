@@ -11,7 +11,7 @@ from enliven.cli import run
 from enliven.document.project import Project, are_identical
 from enliven.example_sessions.session import read_session
 from enliven.examples.coverage import describe_unposed, measure_coverage
-from enliven.examples.performer import performed
+from enliven.examples.performer import extract_performer_clip
 from enliven.examples.puppet_motion import evaluate_state, pose_of_state
 from enliven.formats.project.file import read_project, write_project
 from enliven.meshes.files import save_mesh
@@ -131,7 +131,7 @@ def test_coverage_is_the_farthest_pose_found_by_looking_at_each(folder):
     puppet, clip = project.puppets["stool"], project.takes["walk"]
     plain = project.with_characters(puppet.with_changes(symmetry=None))
     coverage = measure_coverage(plain, plain.puppets["stool"], 0)
-    poses = performed(clip, [point.joint for point in puppet.points]).poses
+    poses = extract_performer_clip(clip, [point.joint for point in puppet.points]).poses
     existing = [poses[round(pose.time / clip.step)] for pose in puppet.poses]
     gaps = [min(np.sqrt(((pose - near) ** 2).sum(1).mean()) for near in existing) for pose in poses]
     assert coverage.frame == int(np.argmax(gaps)) and coverage.gap == pytest.approx(max(gaps))

@@ -10,7 +10,7 @@ from puppet_worlds import STEP, places_for, puppet_project, walker
 from tolerances import assert_alike
 
 from enliven.document.locomotion import LocomotionSettings
-from enliven.examples.performer import performed
+from enliven.examples.performer import extract_performer_clip
 from enliven.examples.puppet_motion import evaluate_state, solve_layer_motion
 from enliven.examples.spacetime.following import PathFollower
 from enliven.examples.travel import alternating_feet, find_travel
@@ -49,7 +49,7 @@ def project_of(seed, kind, body, seconds):
     """
     project = puppet_project(seed, clip=performance(seed, kind, seconds))
     puppet, clip = project.puppets["stool"], project.takes["walk"]
-    seen = performed(clip, ["LeftFoot", "RightFoot"]).poses
+    seen = extract_performer_clip(clip, ["LeftFoot", "RightFoot"]).poses
     for number, pose in enumerate(puppet.poses):
         at = pose.places.copy()
         at[:2] = puppet.rest[:2]
@@ -193,7 +193,7 @@ def test_drift_correction_acts_only_beyond_leash_at_any_rate(far, angle, step):
     follows = PathFollower(1.0, how, step, 2)
     pull = 0j
     for _ in range(round(1.0 / step)):
-        pull += follows.next(off - pull, [True, False])
+        pull += follows.compute_correction(off - pull, [True, False])
         assert abs(follows.held[0]) <= 0.1 + 1e-12 and follows.held[1] == 0j
     if far <= 0.1:
         assert pull == 0j
@@ -204,7 +204,7 @@ def test_drift_correction_acts_only_beyond_leash_at_any_rate(far, angle, step):
     else:
         assert abs(off - pull) < 0.21
     for _ in range(round(1.0 / step)):
-        follows.next(0j, [False, False])
+        follows.compute_correction(0j, [False, False])
     assert abs(follows.held[0]) < 1e-3, "a lifted foot goes back to its place"
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tolerances import alike
+from tolerances import are_alike
 
 from enliven.document.example_settings import ExampleSettings
 from enliven.errors import InputError
@@ -72,5 +72,5 @@ def test_invalid_pose_is_ignored():
             live.push(pose * np.nan)
         ours, theirs = live.push(pose), other.push(pose)
         assert (ours is None) == (theirs is None)
-        assert ours is None or alike(ours, theirs)
-    assert alike(live.finish(), other.finish())
+        assert ours is None or are_alike(ours, theirs)
+    assert are_alike(live.finish(), other.finish())

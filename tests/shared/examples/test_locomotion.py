@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from enliven.document.locomotion import LocomotionSettings, Switch
 from enliven.errors import InputError
-from enliven.examples.spacetime.anchoring import stand
+from enliven.examples.spacetime.anchoring import choose_anchors
 from enliven.examples.spacetime.locomotion import find_switches, place_motion, standing_feet
 
 STEP = 1 / 60
@@ -87,7 +87,7 @@ def test_contact_and_flight_are_found():
 def test_couplings_make_the_change_of_anchors_level():
     places, yaw = walker(120, 3)
     placed = place_motion(places, yaw, STEP, [Switch(0, "contact")], [0, 1])
-    couplings = placed.couplings(("left", "right", "head"))
+    couplings = placed.create_level_constraints(("left", "right", "head"))
     assert couplings
     for coupling in couplings:
         assert {coupling.point, coupling.other} == {"left", "right"}
@@ -165,7 +165,7 @@ def test_compiled_contact_is_its_slow_twin(seed, known):
     turned, feet = rng.normal(size=(60, 5, 3)) * 0.1, np.array([3, 0, 2])
     stands = rng.random((60, 3)) < 0.4 if known else np.zeros((60, 3), np.bool_)
     compiled, twin = [(np.zeros((60, 3)), np.full(60, -1, np.int64)) for _ in range(2)]
-    stand(turned, feet, stands, 0.05, 0, 59, *compiled)
+    choose_anchors(turned, feet, stands, 0.05, 0, 59, *compiled)
     slow_stand(turned, feet, stands, 0.05, *twin)
     np.testing.assert_array_equal(compiled[1], twin[1])
     np.testing.assert_allclose(compiled[0], twin[0], atol=1e-12)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 sys.path.append(str(Path(__file__).parents[1] / "mapping"))
 sys.path.append(str(Path(__file__).parents[1] / "motion"))
-from made_bodies import man, random_motion, turned_body
+from made_bodies import man, random_motion, rotate_skeleton
 from test_capture_clip import STANDING
 
 from enliven.document.skeleton import Skeleton
@@ -34,7 +34,7 @@ MEANT = ("Left finger", "Right finger", "top", "Left toe", "Right toe")
 @settings(max_examples=30, deadline=None)
 @given(st.floats(-3.1, 3.1), st.floats(0.05, 30.0), st.permutations(range(5)))
 def test_arms_follow_arms_whatever_the_size_the_order_and_where_the_performer_looks(angle, scale, order):
-    joints = guess_joints(turned_body(man(), angle), scale * CACTUS[order])
+    joints = guess_joints(rotate_skeleton(man(), angle), scale * CACTUS[order])
     assert joints == tuple(MEANT[k] for k in order)
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from enliven.document.clip import Clip, joint_places
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.examples.performer import performed
+from enliven.examples.performer import extract_performer_clip
 from enliven.rotation import from_rotation_vector, multiply, rotate
 
 NAMES = ("hips", "chest", "hand", "foot")
@@ -27,7 +27,7 @@ def test_poses_do_not_know_where_one_stands_and_looks(seed, angle, moved):
     clip = clip_of(seed)
     turn = from_rotation_vector(np.array([0.0, angle, 0.0]))
     other = Clip("take", clip.skeleton, multiply(turn, clip.turns), rotate(turn, clip.root) + moved, 0.02)
-    here, there = performed(clip, NAMES[1:]), performed(other, NAMES[1:])
+    here, there = extract_performer_clip(clip, NAMES[1:]), extract_performer_clip(other, NAMES[1:])
     np.testing.assert_allclose(there.poses, here.poses, atol=1e-9)
     np.testing.assert_allclose(np.diff(there.yaw), np.diff(here.yaw), atol=1e-9)
 
@@ -41,4 +41,4 @@ def test_places_are_those_of_the_bones_one_by_one():
             at.append(at[clip.skeleton.parents[j]] + rotate(clip.turns[f, j], clip.skeleton.vectors[j]))
         np.testing.assert_allclose(places[f], at, atol=1e-12)
     with pytest.raises(InputError, match="wing"):
-        performed(clip, ("wing",))
+        extract_performer_clip(clip, ("wing",))

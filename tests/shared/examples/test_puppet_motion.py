@@ -13,7 +13,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from puppet_worlds import JOINTS, PARENTS, REST, SIDES, STEP, puppet_project, walker
-from tolerances import alike, assert_alike
+from tolerances import are_alike, assert_alike
 
 from enliven.document.clip import Clip
 from enliven.document.constraints import Coupling, Position, Velocity
@@ -24,8 +24,8 @@ from enliven.document.puppet import character_from_puppet
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
-from enliven.examples.performer import performed
-from enliven.examples.puppet_examples import examples_from_key_poses, missing
+from enliven.examples.performer import extract_performer_clip
+from enliven.examples.puppet_examples import examples_from_key_poses, find_missing_examples
 from enliven.examples.puppet_motion import (
     evaluate_state,
     loop_position,
@@ -149,7 +149,7 @@ def test_points_that_no_constraint_names_are_not_solved_again_and_the_same():
     project = puppet_project()
     puppet, took = project.puppets["stool"], project.takes["walk"]
     mapping = ExampleMap(examples_from_key_poses(project, puppet))
-    poses = performed(took, mapping.examples.joints).poses
+    poses = extract_performer_clip(took, mapping.examples.joints).poses
     first = mapping.solve(poses, STEP)
     asked = (
         Coupling("left foot", "right foot", 12),
@@ -168,7 +168,7 @@ def test_a_layer_of_no_weight_changes_nothing(seed, time):
     alone = puppet_project(seed)
     more = play_take(alone, "stool", "walk", weight=0.0, offset=0.3, speed=2.0)
     a, b = state(alone, time), state(more, time)
-    assert alike(a.places, b.places) and a.yaw == b.yaw and alike(a.root, b.root)
+    assert are_alike(a.places, b.places) and a.yaw == b.yaw and are_alike(a.root, b.root)
     nothing = puppet_project(seed, weight=0.0)
     assert_alike(state(nothing, time).places, nothing.puppets["stool"].rest)
 
@@ -347,18 +347,23 @@ def test_a_joint_that_nobody_has_is_named_with_those_that_there_are():
 def test_missing_parts_are_reported_until_puppet_can_move():
     project = Project().with_takes(walker())
     project = puppet_project(poses=0, play=False)
-    assert missing(project, project.puppets["stool"]) == ("Pose two examples.",)
+    assert find_missing_examples(project, project.puppets["stool"]) == ("Pose two examples.",)
     empty = puppet_project(poses=1, play=False)
     loose = add_point(empty, "stool", 100, "tail")
-    assert missing(loose, loose.puppets["stool"]) == ("Pair 'tail' with a joint.", "Pose one more example.")
+    assert find_missing_examples(loose, loose.puppets["stool"]) == (
+        "Pair 'tail' with a joint.",
+        "Pose one more example.",
+    )
     wrong = change_point(puppet_project(), "stool", "top", joint="Tail")
-    assert "has no 'Tail'" in missing(wrong, wrong.puppets["stool"])[0]
+    assert "has no 'Tail'" in find_missing_examples(wrong, wrong.puppets["stool"])[0]
     with pytest.raises(InputError, match="Pair 'tail' with a joint"):
         motion(play_take(loose, "stool", "walk"))
     odd = set_symmetry(add_point(puppet_project(), "stool", 100, "tail", "Spine"), "stool", SIDES)
-    assert missing(odd, odd.puppets["stool"])[0].startswith("Control point 'tail' has no mirror image")
+    assert find_missing_examples(odd, odd.puppets["stool"])[0].startswith(
+        "Control point 'tail' has no mirror image"
+    )
     ready = puppet_project()
-    assert missing(ready, ready.puppets["stool"]) == ()
+    assert find_missing_examples(ready, ready.puppets["stool"]) == ()
 
 
 def test_left_key_poses_are_mirrored_to_the_right():

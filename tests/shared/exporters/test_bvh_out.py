@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.document import Clip, GraphPart, GraphShape, PoseStream, Project, Skeleton
+from enliven.document import Clip, GraphCharacter, GraphPart, PoseStream, Project, Skeleton
 from enliven.document.rigged import SkinWeights, still_shape
 from enliven.errors import InputError
 from enliven.exporters import exporter_of, performance_of_clip, sample_performance
@@ -187,7 +187,9 @@ def test_content_unsupported_by_bvh_is_reported():
     mesh = Mesh(np.eye(3), np.array([[0, 1, 2]]))
     skin = SkinWeights(np.zeros((3, 4), np.uint16), np.tile(np.array([1, 0, 0, 0], np.float32), (3, 1)))
     stream = PoseStream("dance", np.tile(np.eye(3), (2, 1, 1, 1)), np.zeros((2, 1, 3)), 0.1)
-    graph = GraphShape("chair", np.zeros((1, 3)), np.zeros((0, 2)), mesh, skin, (GraphPart("dance", [0]),))
+    graph = GraphCharacter(
+        "chair", np.zeros((1, 3)), np.zeros((0, 2)), mesh, skin, (GraphPart("dance", [0]),)
+    )
     performance = sample_performance(Project().with_streams(stream).with_characters(graph), "chair")
     with pytest.raises(InputError, match=r"no skeleton.*Write a \.glb instead"):
         bvh_text(performance)

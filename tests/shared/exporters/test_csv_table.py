@@ -5,7 +5,7 @@ import csv
 import made_puppets
 import numpy as np
 import pytest
-from made_bodies import man, meshed, random_motion
+from made_bodies import man, random_motion, shape_with_markers
 
 from enliven.document import Project
 from enliven.exporters import exporter_of, performance_of_clip, sample_performance
@@ -15,7 +15,7 @@ from enliven.rotation import from_matrix
 
 @pytest.fixture(scope="module")
 def walk():
-    shape = meshed("man", man())
+    shape = shape_with_markers("man", man())
     return play_clip(Project(), shape, random_motion(np.random.default_rng(1), shape.skeleton, name="walk"))[
         0
     ]

@@ -9,7 +9,7 @@ from dataclasses import replace
 import made_puppets
 import numpy as np
 import pytest
-from made_bodies import man, meshed, random_motion
+from made_bodies import man, random_motion, shape_with_markers
 from made_recording import write_recording
 from slow_gltf import SlowGltf
 from strict_gltf import checked_glb
@@ -43,7 +43,7 @@ def export(folder, *words):
 @pytest.fixture(scope="module")
 def made():
     """Returns a man with a mesh, his motion, and the project in which he performs it."""
-    shape = meshed("man", man())
+    shape = shape_with_markers("man", man())
     clip = random_motion(np.random.default_rng(1), shape.skeleton, name="walk")
     return play_clip(Project(), shape, clip)
 

@@ -12,7 +12,7 @@ import made_puppets
 import msgspec
 import numpy as np
 import pytest
-from made_bodies import man, meshed, random_motion
+from made_bodies import man, random_motion, shape_with_markers
 
 from enliven.deformation.skinning import skin_vertices
 from enliven.document import Project
@@ -24,7 +24,7 @@ from enliven.wire import CharacterMessage, PoseCodec, message_to_character
 
 @pytest.fixture(scope="module")
 def walk():
-    shape = meshed("man", man())
+    shape = shape_with_markers("man", man())
     clip = random_motion(np.random.default_rng(1), shape.skeleton, name="walk")
     return sample_performance(play_clip(Project(), shape, clip)[0], "man", rate=20.0)
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import made_puppets
 import numpy as np
 import pytest
-from made_bodies import man, meshed, random_motion
+from made_bodies import man, random_motion, shape_with_markers
 from test_materials import BUMPS, WOOD, made_file
 
 from enliven.cli import run
@@ -22,7 +22,7 @@ from enliven.meshes.obj import read_obj
 
 @pytest.fixture(scope="module")
 def walk():
-    shape = meshed("man", man())
+    shape = shape_with_markers("man", man())
     return play_clip(Project(), shape, random_motion(np.random.default_rng(1), shape.skeleton, name="walk"))[
         0
     ]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import made_puppets
 import numpy as np
 import pytest
-from made_bodies import man, meshed, random_motion
+from made_bodies import man, random_motion, shape_with_markers
 
 from enliven.document import Character, Project, SkinWeights, graph_shape_from_poses
 from enliven.document.character import Pose
@@ -21,7 +21,7 @@ Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 def project():
     """Returns a rigged man, a possessed mesh and a puppet, all in motion."""
     random = np.random.default_rng(4)
-    shape = meshed("man", man())
+    shape = shape_with_markers("man", man())
     project, _ = play_clip(Project(), shape, random_motion(random, shape.skeleton, name="walk"))
     pivots = random.normal(size=(3, 3)).astype(np.float32)
     vertices = np.repeat(pivots, 3, 0) + random.normal(size=(9, 3)).astype(np.float32)
@@ -50,7 +50,7 @@ def surfaces(performance):
 )
 def test_scale_and_axis_map_all_points_of_every_rig(project, name, how):
     performance = sample_performance(project, name, 0.0, 0.2, 10.0, how=how)
-    placed = ExportPlacement(scale=2.0, up="z").applied_to(performance)
+    placed = ExportPlacement(scale=2.0, up="z").apply_to(performance)
     np.testing.assert_allclose(surfaces(placed), surfaces(performance) @ (2.0 * Z_UP.T), atol=1e-5)
     np.testing.assert_allclose(placed.mesh.vertices, performance.mesh.vertices @ (2.0 * Z_UP.T))
     if performance.joints is not None:
@@ -67,7 +67,7 @@ def test_motion_in_place_keeps_height_and_pose(project, name, how):
         walk = np.linspace(0.0, 2.0, len(performance.times))[:, None]
         performance = replace(performance, places=performance.places + walk * [1.0, 0.1, -1.0])
     before = surfaces(performance)
-    after = surfaces(ExportPlacement(in_place=True).applied_to(performance))
+    after = surfaces(ExportPlacement(in_place=True).apply_to(performance))
     moved = before - after
     np.testing.assert_allclose(moved, np.broadcast_to(moved[:, :1], moved.shape), atol=1e-5)
     np.testing.assert_allclose(moved[0], 0.0, atol=1e-6)
@@ -76,7 +76,7 @@ def test_motion_in_place_keeps_height_and_pose(project, name, how):
 
 
 def test_in_place_root_stays_where_it_begins(project):
-    performance = ExportPlacement(in_place=True).applied_to(sample_performance(project, "man", rate=10.0))
+    performance = ExportPlacement(in_place=True).apply_to(sample_performance(project, "man", rate=10.0))
     root = performance.joints[:, 0]
     np.testing.assert_allclose(root[:, [0, 2]], np.tile(root[0, [0, 2]], (len(root), 1)), atol=1e-12)
 

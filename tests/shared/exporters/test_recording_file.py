@@ -10,7 +10,7 @@ from dataclasses import replace
 import made_puppets
 import numpy as np
 import pytest
-from made_bodies import man, meshed, random_motion
+from made_bodies import man, random_motion, shape_with_markers
 from made_recording import write_recording
 from mcap.reader import make_reader
 from test_recorded import waving
@@ -35,7 +35,7 @@ BEGIN = 7_000_000_000
 
 @pytest.fixture(scope="module")
 def project():
-    shape = meshed("man", man())
+    shape = shape_with_markers("man", man())
     return play_clip(Project(), shape, random_motion(np.random.default_rng(1), shape.skeleton, name="walk"))[
         0
     ]

@@ -8,7 +8,7 @@ import made_puppets
 import numpy as np
 import pytest
 from gltf_builder import random_rig
-from made_bodies import man, meshed, random_motion
+from made_bodies import man, random_motion, shape_with_markers
 from test_gltf_write import random_clip, random_shape
 from test_materials import BUMPS, WOOD, made_file
 
@@ -35,7 +35,7 @@ KINDS = ("usda", "usdc", "usdz")
 
 @pytest.fixture(scope="module")
 def walk():
-    shape = meshed("man", man())
+    shape = shape_with_markers("man", man())
     return play_clip(Project(), shape, random_motion(np.random.default_rng(1), shape.skeleton, name="walk"))[
         0
     ]

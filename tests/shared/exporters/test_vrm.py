@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from made_bodies import horse, meshed, random_motion, turned_body
-from made_people import CONVENTIONS, name_in, person
+from made_bodies import horse, random_motion, rotate_skeleton, shape_with_markers
+from made_people import CONVENTIONS, convention_name, person
 from slow_gltf import SlowGltf
 from strict_gltf import checked_glb
 from vrm_reader import chunks, human_nodes, world_matrices
@@ -45,7 +45,7 @@ def straight(limb, side):
 @pytest.mark.parametrize("angle", ANGLES)
 @pytest.mark.parametrize("convention", CONVENTIONS)
 def test_limbs_of_an_animation_point_as_those_of_the_performer(tmp_path, convention, angle):
-    skeleton = turned_body(person(convention), angle)
+    skeleton = rotate_skeleton(person(convention), angle)
     clip = random_motion(np.random.default_rng(2), skeleton, frames=5, name="walk")
     performance = performance_of_clip(clip)
     data = written(tmp_path / "walk.vrma", performance)
@@ -54,7 +54,7 @@ def test_limbs_of_an_animation_point_as_those_of_the_performer(tmp_path, convent
     rest = world_matrices(data)
     np.testing.assert_allclose(rest[:, :3, :3], np.tile(np.eye(3), (len(rest), 1, 1)), atol=1e-6)
     joints = {
-        (side, joint): skeleton.index(name_in(convention, f"{side.title()} {joint}"))
+        (side, joint): skeleton.index(convention_name(convention, f"{side.title()} {joint}"))
         for side in ("left", "right")
         for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
     }
@@ -70,13 +70,13 @@ def test_limbs_of_an_animation_point_as_those_of_the_performer(tmp_path, convent
                 np.testing.assert_allclose(turned, way / np.linalg.norm(way), atol=1e-4)
     for key in (0, 4):
         hips = world_matrices(data, key)[nodes["hips"], :3, 3]
-        hip_joint = performance.joints[key, skeleton.index(name_in(convention, "hips"))]
+        hip_joint = performance.joints[key, skeleton.index(convention_name(convention, "hips"))]
         np.testing.assert_allclose(hips, hip_joint, atol=1e-5)
 
 
 @pytest.mark.parametrize("angle", ANGLES)
 def test_the_front_of_the_rest_pose_is_that_of_the_animation(tmp_path, angle):
-    skeleton = turned_body(person("mixamo"), angle)
+    skeleton = rotate_skeleton(person("mixamo"), angle)
     clip = random_motion(np.random.default_rng(2), skeleton, frames=3, size=0.0, name="still")
     data = written(tmp_path / "still.vrma", performance_of_clip(clip))
     hips = human_nodes(chunks(data)[0], "VRMC_vrm_animation")["hips"]
@@ -87,7 +87,7 @@ def test_the_front_of_the_rest_pose_is_that_of_the_animation(tmp_path, angle):
 
 @pytest.mark.parametrize("angle", ANGLES)
 def test_avatar_stands_in_the_t_pose_with_the_skin_of_the_model(tmp_path, angle):
-    shape = meshed("man", turned_body(person("vrm"), angle))
+    shape = shape_with_markers("man", rotate_skeleton(person("vrm"), angle))
     project, _ = play_clip(
         Project(), shape, random_motion(np.random.default_rng(1), shape.skeleton, name="walk")
     )
@@ -122,10 +122,10 @@ def test_avatar_stands_in_the_t_pose_with_the_skin_of_the_model(tmp_path, angle)
 @pytest.mark.parametrize("kind", ["vrm", "vrma"])
 def test_no_humanoid_is_refused_with_the_reason(tmp_path, kind):
     path = tmp_path / f"out.{kind}"
-    animal = sample_performance(Project().with_characters(meshed("horse", horse())), "horse")
+    animal = sample_performance(Project().with_characters(shape_with_markers("horse", horse())), "horse")
     with pytest.raises(InputError, match=r"character 'horse'.*not a humanoid.*Write a \.glb instead"):
         exporter_of(path).save(path, [animal], "horse")
-    human = sample_performance(Project().with_characters(meshed("man", person("mixamo"))), "man")
+    human = sample_performance(Project().with_characters(shape_with_markers("man", person("mixamo"))), "man")
     with pytest.raises(InputError, match="holds one character, not 2"):
         exporter_of(path).save(path, [human, human], "two")
     for options in ({"up": "z"}, {"unit": "cm"}):
@@ -135,7 +135,7 @@ def test_no_humanoid_is_refused_with_the_reason(tmp_path, kind):
 
 
 def test_the_command_writes_avatar_and_animation(tmp_path, capsys):
-    source, shape = tmp_path / "man.glb", meshed("man", person("mixamo"))
+    source, shape = tmp_path / "man.glb", shape_with_markers("man", person("mixamo"))
     project, _ = play_clip(
         Project(), shape, random_motion(np.random.default_rng(1), shape.skeleton, name="walk")
     )

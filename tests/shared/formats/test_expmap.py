@@ -33,7 +33,7 @@ def test_the_roots_angles_come_back(tmp_path_factory, z: float, y: float, x: flo
     right = Rotation.from_euler("ZYX", [z, y, x], degrees=True).as_matrix()
     np.testing.assert_allclose(capture.rotations[0, 0], right, atol=1e-7)
     np.testing.assert_allclose(
-        read_expmap(path, mend_root=False).rotations[0, 0], wrong.as_matrix(), atol=1e-9
+        read_expmap(path, repairs_root=False).rotations[0, 0], wrong.as_matrix(), atol=1e-9
     )
     np.testing.assert_allclose(capture.positions[0, 0], [1.0, 17.0, 2.0])
     # A joint hangs on its parent by the offset, turned as the parent is.

@@ -12,7 +12,7 @@ from pathlib import Path
 import meshopt
 import numpy as np
 import pytest
-from gltf_doors import DOORS, measures
+from gltf_doors import READERS, measure_surface
 from gltf_twins import TWINS, Twin
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -69,8 +69,8 @@ def test_a_compressed_file_is_its_plain_twin(tmp_path, kind, extension):
     path = packed(kind, extension).write(tmp_path / "b.glb")
     rig = read_gltf(path)
     np.testing.assert_array_equal(rig.shape.mesh.vertices, plain.shape.mesh.vertices)
-    assert measures((rig.shape.mesh.vertices, rig.shape.mesh.faces)) == pytest.approx(
-        measures((plain.shape.mesh.vertices, plain.shape.mesh.faces))
+    assert measure_surface((rig.shape.mesh.vertices, rig.shape.mesh.faces)) == pytest.approx(
+        measure_surface((plain.shape.mesh.vertices, plain.shape.mesh.faces))
     )
     for clip, plain_clip in zip(rig.clips, plain.clips, strict=True):
         np.testing.assert_array_equal(clip.turns, plain_clip.turns)
@@ -80,9 +80,11 @@ def test_a_compressed_file_is_its_plain_twin(tmp_path, kind, extension):
 def test_every_entry_point_reads_a_compressed_file(tmp_path):
     path = packed("waving").write(tmp_path / "a.glb")
     mesh = read_gltf(path).shape.mesh
-    for name, door in DOORS.items():
-        shown = measures(door(path))
-        np.testing.assert_allclose(shown, measures((mesh.vertices, mesh.faces)), rtol=2e-3, err_msg=name)
+    for name, door in READERS.items():
+        shown = measure_surface(door(path))
+        np.testing.assert_allclose(
+            shown, measure_surface((mesh.vertices, mesh.faces)), rtol=2e-3, err_msg=name
+        )
 
 
 @pytest.mark.parametrize("module", ["meshopt", "DracoPy"])
@@ -90,7 +92,7 @@ def test_missing_decoder_error_names_file_and_package(tmp_path, monkeypatch, mod
     make = {"meshopt": lambda: packed("waving"), "DracoPy": lambda: compressed(packed_chain())}
     path = make[module]().write(tmp_path / "a.glb")
     monkeypatch.setitem(sys.modules, module, None)
-    for name, door in DOORS.items():
+    for name, door in READERS.items():
         with pytest.raises(ResourceError) as refused:
             door(path)
         assert str(refused.value).startswith(f"{path}: it is compressed, and the library {module}"), name

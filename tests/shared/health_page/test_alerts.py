@@ -17,13 +17,13 @@ from enliven.errors import InputError, ResourceError
 from enliven.health import Severity
 from enliven.health_page import alert_delivery
 from enliven.health_page.alert_delivery import (
-    AlertCourier,
+    AlertSender,
     CommandTarget,
     WebhookTarget,
     alert_targets,
-    deliver_now,
+    deliver_once,
 )
-from enliven.health_page.alerts import ALERT_AFTER_S, RECOVERED_AFTER_S, Alert, AlertDesk, make_alert
+from enliven.health_page.alerts import ALERT_AFTER_S, RECOVERED_AFTER_S, Alert, AlertRules, make_alert
 from enliven.health_page.snapshot import Problem
 from enliven.kiosk.profile import AlertSettings
 
@@ -33,7 +33,7 @@ ALERT = make_alert("problem", "lobby", SILENT, 0.0)
 
 
 def alerts_of(
-    desk: AlertDesk, problems_at: Callable[[int], list[Problem]], seconds: int
+    desk: AlertRules, problems_at: Callable[[int], list[Problem]], seconds: int
 ) -> list[tuple[int, Alert]]:
     """Returns the alerts of some seconds, each with its second."""
     return [
@@ -44,7 +44,7 @@ def alerts_of(
 
 
 def test_a_problem_alerts_once_and_its_end_once():
-    desk = AlertDesk("lobby", 600.0)
+    desk = AlertRules("lobby", 600.0)
     (begin, first), (end, second) = alerts_of(desk, lambda now: [SILENT, SLOW] if now < 1000 else [], 3000)
     assert begin == ALERT_AFTER_S and end == 999 + RECOVERED_AFTER_S
     assert first.event == "problem" and first.kind == "edge silent" and first.severity == "error"
@@ -53,32 +53,32 @@ def test_a_problem_alerts_once_and_its_end_once():
 
 
 def test_a_short_problem_is_not_worth_an_alert():
-    desk = AlertDesk("lobby", 600.0)
+    desk = AlertRules("lobby", 600.0)
     assert alerts_of(desk, lambda now: [SILENT] if now % 60 < ALERT_AFTER_S else [], 600) == []
 
 
 def test_a_problem_that_comes_and_goes_is_quiet():
-    desk = AlertDesk("lobby", 600.0)
+    desk = AlertRules("lobby", 600.0)
     alerts = alerts_of(desk, lambda now: [SILENT] if now % 60 < 20 else [], 1200)
     assert [alert.event for _, alert in alerts] == ["problem", "recovered", "problem", "recovered"]
     assert alerts[2][0] - alerts[0][0] >= 600
 
 
 def test_a_problem_that_stays_is_reported_after_the_quiet_time():
-    desk = AlertDesk("lobby", 600.0)
+    desk = AlertRules("lobby", 600.0)
     alerts = alerts_of(desk, lambda now: [] if 20 <= now < 60 else [SILENT], 2000)
     assert [alert.event for _, alert in alerts] == ["problem", "recovered", "problem"]
     assert alerts[2][0] == ALERT_AFTER_S + 600
 
 
 def test_a_short_gap_is_not_an_end():
-    desk = AlertDesk("lobby", 10.0)
+    desk = AlertRules("lobby", 10.0)
     alerts = alerts_of(desk, lambda now: [] if 50 < now < 60 else [SILENT], 300)
     assert [alert.event for _, alert in alerts] == ["problem"]
 
 
 def test_ever_new_problems_do_not_fill_the_memory():
-    desk = AlertDesk("lobby", 600.0)
+    desk = AlertRules("lobby", 600.0)
     many = [Problem(str(number), "", Severity.ERROR, "", "", alerts=True) for number in range(5000)]
     assert desk.update(many, 0.0, 0.0) == []
     assert len(desk.update(many, ALERT_AFTER_S, 0.0)) == 1000
@@ -141,9 +141,9 @@ def test_a_webhook_that_refuses_is_a_failure(receiver, status):
 def test_a_webhook_that_fails_is_tried_again(receiver, monkeypatch):
     monkeypatch.setattr(alert_delivery, "FIRST_RETRY_S", 0.01)
     receiver.statuses = [500, 503]
-    courier = AlertCourier(WebhookTarget(receiver.url))
+    courier = AlertSender(WebhookTarget(receiver.url))
     try:
-        courier.submit(ALERT)
+        courier.enqueue_alert(ALERT)
         for _ in range(3):
             assert receiver.arrived.acquire(timeout=PATIENCE_S)
     finally:
@@ -152,9 +152,9 @@ def test_a_webhook_that_fails_is_tried_again(receiver, monkeypatch):
 
 
 def test_an_unreachable_webhook_neither_blocks_nor_ends_the_courier():
-    courier = AlertCourier(WebhookTarget("http://127.0.0.1:1/"))
+    courier = AlertSender(WebhookTarget("http://127.0.0.1:1/"))
     for _ in range(1000):
-        courier.submit(ALERT)
+        courier.enqueue_alert(ALERT)
     courier.close()
     assert courier.sent == 0 and not courier._thread.is_alive()
 
@@ -192,7 +192,7 @@ def test_a_command_need_not_read_its_input():
     ],
 )
 def test_a_command_that_fails_is_reported(command, reason):
-    assert reason in deliver_now([CommandTarget(command)], ALERT)[0]
+    assert reason in deliver_once([CommandTarget(command)], ALERT)[0]
 
 
 def test_a_command_that_hangs_is_killed_with_its_children(monkeypatch):

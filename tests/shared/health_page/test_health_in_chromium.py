@@ -73,13 +73,13 @@ def test_the_page_fits_its_window(page, tmp_path, width, height):
 
 
 def test_the_page_refreshes_itself_and_runs_no_script_of_others(page, tmp_path, monkeypatch):
-    writes, write = [], PageWriter.health
+    writes, write = [], PageWriter.render_health_page
 
     def count(writer, *values):
         writes.append(writer)
         return write(writer, *values)
 
-    monkeypatch.setattr(PageWriter, "health", count)
+    monkeypatch.setattr(PageWriter, "render_health_page", count)
     url = f"http://127.0.0.1:{page.port}/"
     dom = chromium(tmp_path, url, "--virtual-time-budget=12000", "--dump-dom")
     assert len(writes) >= 3, "the page did not refresh itself"

@@ -33,8 +33,8 @@ from enliven.health_page.server import send_test_alert, serve_health
 from enliven.kiosk.profile import (
     AlertSettings,
     CareSettings,
-    EdgeOfKiosk,
     HealthPageSettings,
+    KioskEdge,
     KioskProfile,
     SouvenirSettings,
 )
@@ -215,7 +215,7 @@ def test_an_edge_of_another_version_is_explained(monkeypatch):
 def test_a_hundred_edges_are_shown():
     with edges(floor=(BODIES, pack_stream(FINE))) as running:
         address = running["floor"].address
-        names = {f"edge {number:03d}": EdgeOfKiosk(address=address) for number in range(100)}
+        names = {f"edge {number:03d}": KioskEdge(address=address) for number in range(100)}
         with health_page(KioskProfile(edges=names)) as page:
             page.wait_for("All is well")
             text = page.wait_for("edge 099")
@@ -461,7 +461,7 @@ def test_mistakes_are_reported_at_the_start(tmp_path):
     with pytest.raises(InputError, match=r"alerts\.webhook"):
         serve_health(replace(profile, alerts=AlertSettings(webhook="gopher://x")))
     with pytest.raises(InputError, match="address"):
-        serve_health(replace(profile, edges={"floor": EdgeOfKiosk(address="a b")}))
+        serve_health(replace(profile, edges={"floor": KioskEdge(address="a b")}))
     with pytest.raises(InputError, match="beyond this computer"):
         serve_health(replace(profile, health=HealthPageSettings(host="0.0.0.0")))
     with health_page(profile) as page, pytest.raises(ResourceError, match=str(page.port)):

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from enliven.health_page.charts import HEIGHT, WIDTH, draw_chart
-from enliven.health_page.history import CAPACITY, MAX_SERIES, DayHistory
+from enliven.health_page.history import CAPACITY_MINUTES, MAX_SERIES, DayHistory
 
 START_S = 1_800_000_000.0
 
@@ -32,14 +32,14 @@ def test_the_mean_of_each_minute_is_stored():
 
 
 def test_only_the_last_day_is_kept():
-    history = filled(3 * CAPACITY)
-    values = history.read("a", START_S + 60.0 * (3 * CAPACITY - 1))
-    assert values == [float(value) for value in range(2 * CAPACITY, 3 * CAPACITY)]
+    history = filled(3 * CAPACITY_MINUTES)
+    values = history.read("a", START_S + 60.0 * (3 * CAPACITY_MINUTES - 1))
+    assert values == [float(value) for value in range(2 * CAPACITY_MINUTES, 3 * CAPACITY_MINUTES)]
 
 
 def test_values_can_be_averaged_over_several_minutes():
-    history = filled(CAPACITY)
-    values = history.read("a", START_S + 60.0 * (CAPACITY - 1), 240)
+    history = filled(CAPACITY_MINUTES)
+    values = history.read("a", START_S + 60.0 * (CAPACITY_MINUTES - 1), 240)
     assert len(values) == 240 and values[0] == pytest.approx(2.5) and values[-1] == pytest.approx(1436.5)
 
 

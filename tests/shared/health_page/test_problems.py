@@ -17,10 +17,10 @@ from enliven.health_page.problems import (
 from enliven.health_page.snapshot import (
     CertificateState,
     MachineState,
+    MonitoredEdge,
     Problem,
     ProblemKind,
     ProgramState,
-    WatchedEdge,
 )
 from enliven.supervision.records import RestartRecord, ServiceRecord
 from enliven.wire.streams import HealthMessage
@@ -28,13 +28,13 @@ from enliven.wire.streams import HealthMessage
 DAY_S = 86_400.0
 
 
-def edge(**values) -> WatchedEdge:
+def edge(**values) -> MonitoredEdge:
     """Returns the state of a healthy edge, with some values changed."""
     usual = {"status": FINE, "heartbeat_age_s": 0.3, "frame_age_s": 0.03, "waiting_s": 0.3, "heard_s": 60.0}
-    return WatchedEdge("floor", "127.0.0.1:5580:5581", **{**usual, **values})
+    return MonitoredEdge("floor", "127.0.0.1:5580:5581", **{**usual, **values})
 
 
-def with_health(kind: str, severity: int) -> WatchedEdge:
+def with_health(kind: str, severity: int) -> MonitoredEdge:
     return edge(
         status=replace(FINE, health=[HealthMessage(kind, severity, 0, "It was unplugged.", "Plug it in.")])
     )

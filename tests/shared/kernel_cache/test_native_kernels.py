@@ -122,7 +122,7 @@ def test_set_is_complete_until_a_file_is_missing(folder):
     assert not NativeSet.load("stage").is_complete
     (folder / "a.kernel").touch()
     assert NativeSet.load("stage").is_complete, "the portable code of b is used"
-    assert native_set.stored_sets() == [NativeSet.load("stage")]
+    assert native_set.list_stored_sets() == [NativeSet.load("stage")]
     assert not NativeSet.load("view").is_complete
     NativeSet("stage", ("a.kernel", "b.kernel"), missing=("b.kernel",)).save()
     assert not NativeSet.load("stage").is_complete
@@ -199,18 +199,21 @@ def test_nothing_is_compiled_on_battery(folder, tmp_path, monkeypatch):
     (supplies / "AC").mkdir(parents=True)
     (supplies / "BAT0").mkdir()
     (supplies / "BAT0" / "status").write_text("Discharging\n")
-    monkeypatch.setattr(native_schedule, "_POWER_SUPPLIES", supplies)
+    monkeypatch.setattr(native_schedule, "_POWER_SUPPLY_FOLDER", supplies)
     assert native_schedule.runs_on_battery()
     wanted = {"a.kernel": ("module", "kernel", b"")}
-    assert native_compiler.compile_missing("stage", wanted, folder) == native_compiler._LATER
+    assert native_compiler.compile_missing("stage", wanted, folder) == native_compiler._RETRY_LATER_EXIT_CODE
     (supplies / "BAT0" / "status").write_text("Charging\n")
     assert not native_schedule.runs_on_battery()
 
 
 def test_one_process_compiles_at_a_time(folder):
-    with native_compiler._lock(folder) as first, native_compiler._lock(folder) as second:
+    with (
+        native_compiler._lock_compilation(folder) as first,
+        native_compiler._lock_compilation(folder) as second,
+    ):
         assert first and not second
-    with native_compiler._lock(folder) as later:
+    with native_compiler._lock_compilation(folder) as later:
         assert later
 
 

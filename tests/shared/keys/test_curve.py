@@ -13,7 +13,7 @@ from curve_client import EDGE, STRANGER, VIEWER, Client
 from hypothesis import given
 from hypothesis import strategies as st
 
-from enliven.keys.curve import OVERHEAD, CurveChannel, CurveError, CurveServer
+from enliven.keys.curve import OVERHEAD_BYTES, CurveChannel, CurveError, CurveServer
 from enliven.wire.zmtp import CURVE_GREETING, GREETING, ZmtpError, ZmtpSession, make_frame
 
 SERVER = CurveServer(EDGE, lambda public: public == VIEWER.public)
@@ -31,10 +31,10 @@ def test_messages_are_sealed_both_ways() -> None:
     client = Client()
     channel = connected(client)
     assert channel.is_ready and channel.client == VIEWER.public
-    assert channel.open(client.message(b"hello", 2)) == (2, b"hello")
-    sealed = channel.seal(b"poses", 1)
-    assert len(sealed) == len(b"poses") + OVERHEAD and b"poses" not in sealed
-    assert client.opened(sealed) == b"\x01poses"
+    assert channel.decrypt(client.message(b"hello", 2)) == (2, b"hello")
+    sealed = channel.encrypt(b"poses", 1)
+    assert len(sealed) == len(b"poses") + OVERHEAD_BYTES and b"poses" not in sealed
+    assert client.decrypt(sealed) == b"\x01poses"
 
 
 def test_each_connection_has_its_own_key() -> None:
@@ -68,14 +68,14 @@ def test_repeated_reordered_and_changed_messages_are_refused() -> None:
     client = Client()
     channel = connected(client)
     first, second = client.message(b"one"), client.message(b"two")
-    assert channel.open(second) == (0, b"two")
+    assert channel.decrypt(second) == (0, b"two")
     for again in (first, second):
         with pytest.raises(CurveError, match="repeated"):
-            channel.open(again)
+            channel.decrypt(again)
     three = bytearray(client.message(b"three"))
     three[-1] ^= 1
     with pytest.raises(CurveError, match="changed"):
-        channel.open(bytes(three))
+        channel.decrypt(bytes(three))
 
 
 @given(st.integers(0, 199), st.integers(1, 255))
@@ -136,7 +136,7 @@ def test_sealed_talk_says_the_same_however_it_is_cut(places: list[int]) -> None:
     edges = [0, *sorted(p % len(data) for p in places), len(data)]
     chunks = [data[a:b] for a, b in itertools.pairwise(edges)]
     assert take(session, *chunks) == [[b"one"], [b"two", b"p" * 90]]
-    assert client.opened(bytes(session.answers)[2:]) == b"\x02\x04PONGhere"
+    assert client.decrypt(bytes(session.answers)[2:]) == b"\x02\x04PONGhere"
 
 
 def test_sealed_subscriptions_come_as_commands_or_as_messages() -> None:

@@ -37,9 +37,9 @@ def viewer(number: int, name: str = "laptop") -> PairedViewer:
 
 
 def test_made_keys_are_read_again_and_belong_together(store: KeyStore) -> None:
-    assert store.own() is None
-    pair = store.make()
-    assert store.own() == pair and len(pair.public) == len(pair.secret) == 32
+    assert store.load_own_pair() is None
+    pair = store.create_own_pair()
+    assert store.load_own_pair() == pair and len(pair.public) == len(pair.secret) == 32
     assert "secret" not in repr(pair), "a log must not show it"
 
 
@@ -48,7 +48,7 @@ def test_made_keys_are_read_again_and_belong_together(store: KeyStore) -> None:
 def test_all_files_are_for_their_owner_only(store: KeyStore, mask: int) -> None:
     before = os.umask(mask)
     try:
-        store.make()
+        store.create_own_pair()
         store.add_viewer(viewer(1))
         store.add_edge(PairedEdge(bytes(32), "stage", "10.0.0.5", 5581, "watch"))
     finally:
@@ -59,11 +59,11 @@ def test_all_files_are_for_their_owner_only(store: KeyStore, mask: int) -> None:
 
 
 def test_keys_are_replaced_only_on_request(store: KeyStore) -> None:
-    first = store.make()
+    first = store.create_own_pair()
     with pytest.raises(InputError, match=r"there are keys already.*--overwrite"):
-        store.make()
-    assert store.own() == first
-    assert store.make(overwrite=True) != first
+        store.create_own_pair()
+    assert store.load_own_pair() == first
+    assert store.create_own_pair(overwrite=True) != first
     assert [path.name for path in store.folder.iterdir()] == ["own.toml"], "no temporary file is left"
 
 
@@ -73,7 +73,7 @@ def test_of_many_makers_at_once_one_succeeds(store: KeyStore) -> None:
 
     def make() -> None:
         try:
-            pairs.append(store.make())
+            pairs.append(store.create_own_pair())
         except InputError as error:
             refused.append(error)
 
@@ -82,29 +82,29 @@ def test_of_many_makers_at_once_one_succeeds(store: KeyStore) -> None:
         thread.start()
     for thread in threads:
         thread.join()
-    assert len(pairs) == 1 and len(refused) == 7 and store.own() == pairs[0]
+    assert len(pairs) == 1 and len(refused) == 7 and store.load_own_pair() == pairs[0]
 
 
 @posix
 @pytest.mark.parametrize("mode", [0o604, 0o640, 0o660, 0o602, 0o644])
 def test_keys_that_others_may_read_are_refused_with_the_remedy(store: KeyStore, mode: int) -> None:
-    store.make()
+    store.create_own_pair()
     store.own_path.chmod(mode)
     with pytest.raises(InputError, match=rf"other users.*mode {mode:04o}.*chmod 600 .*--overwrite"):
-        store.own()
+        store.load_own_pair()
 
 
 @posix
 def test_a_link_and_a_folder_are_not_key_files(store: KeyStore, tmp_path: Path) -> None:
-    store.make()
+    store.create_own_pair()
     store.own_path.rename(tmp_path / "elsewhere.toml")
     store.own_path.symlink_to(tmp_path / "elsewhere.toml")
     with pytest.raises(InputError, match="not a regular file"):
-        store.own()
+        store.load_own_pair()
     store.own_path.unlink()
     store.own_path.mkdir()
     with pytest.raises(InputError, match="not a regular file"):
-        store.own()
+        store.load_own_pair()
 
 
 # The keys are fixed, since test names contain them, and all test processes must collect the same names.
@@ -127,36 +127,38 @@ OTHER = z85.encode(bytes(range(32, 64))).decode()
     ],
 )
 def test_damaged_and_foreign_files_are_refused_in_a_sentence(store: KeyStore, text: str, told: str) -> None:
-    store.make()
+    store.create_own_pair()
     store.own_path.write_bytes(text.encode())
     with pytest.raises(InputError, match=told):
-        store.own()
+        store.load_own_pair()
 
 
 def test_peers_are_stored_listed_and_forgotten(store: KeyStore) -> None:
     first, second = viewer(1), viewer(2, 'a "quoted" \\ name')
     edge = PairedEdge(bytes(32), "stage", "Kiosk.local", 5581, "watch", "2026-11-29")
-    stamp = store.stamp()
+    stamp = store.read_change_counter()
     store.add_viewer(first)
     store.add_viewer(second)
     store.add_edge(edge)
-    assert store.viewers() == {first.public: first, second.public: second} and store.edges() == [edge]
-    assert store.stamp() != stamp
-    assert store.edge_at("kiosk.LOCAL", 5581) == edge and store.edge_at("kiosk.local", 5591) is None
+    assert store.load_viewers() == {first.public: first, second.public: second} and store.load_edges() == [
+        edge
+    ]
+    assert store.read_change_counter() != stamp
+    assert store.find_edge("kiosk.LOCAL", 5581) == edge and store.find_edge("kiosk.local", 5591) is None
     with pytest.raises(InputError, match="no paired viewer or edge matches"):
         store.forget("nobody")
     store.add_viewer(viewer(3, first.name))
     with pytest.raises(InputError, match="several peers match"):
         store.forget(first.name)
     assert store.forget(fingerprint(first.public)[:9]) == [first]
-    assert store.forget("Kiosk.local") == [edge] and store.edges() == []
-    assert set(store.viewers()) == {second.public, bytes([3]) * 32}
+    assert store.forget("Kiosk.local") == [edge] and store.load_edges() == []
+    assert set(store.load_viewers()) == {second.public, bytes([3]) * 32}
 
 
 def test_an_edge_that_is_paired_again_replaces_the_one_at_its_address(store: KeyStore) -> None:
     store.add_edge(PairedEdge(bytes(32), "old", "10.0.0.5", 5581, "watch"))
     store.add_edge(PairedEdge(bytes([1]) * 32, "new", "10.0.0.5", 5581, "watch"))
-    assert [edge.name for edge in store.edges()] == ["new"]
+    assert [edge.name for edge in store.load_edges()] == ["new"]
 
 
 def test_a_damaged_peer_does_not_hide_the_others(store: KeyStore) -> None:
@@ -165,15 +167,15 @@ def test_a_damaged_peer_does_not_hide_the_others(store: KeyStore) -> None:
     damaged.write_text(f'version = 1\npublic = "{KEY}"\nname = "x"\nrole = "king"\n')
     damaged.chmod(0o600)
     problems: list[str] = []
-    assert list(store.viewers(problems)) == [viewer(1).public]
+    assert list(store.load_viewers(problems)) == [viewer(1).public]
     assert len(problems) == 1 and "role is 'king'" in problems[0] and "rm " in problems[0]
     with pytest.raises(InputError, match="king"):
-        store.viewers()
+        store.load_viewers()
 
 
 def test_viewers_use_the_key_of_the_paired_edge_and_else_their_own_on_this_machine(store: KeyStore) -> None:
     assert find_client_keys("127.0.0.1", 5581, store.folder) is None
-    own = store.make()
+    own = store.create_own_pair()
     assert find_client_keys("127.0.0.1", 5581, store.folder) == ClientKeys(own.public, own)
     assert find_client_keys("localhost", 5581, store.folder) == ClientKeys(own.public, own)
     assert find_client_keys("10.0.0.5", 5581, store.folder) is None
@@ -201,7 +203,7 @@ def test_the_command_makes_lists_shows_and_forgets(
 ) -> None:
     assert cli.run(["keys", "show"]) == 3 and "keys make" in capsys.readouterr().err
     assert cli.run(["keys", "make"]) == 0
-    own = own_config.own()
+    own = own_config.load_own_pair()
     assert own is not None
     print_of_own = fingerprint(own.public)
     assert print_of_own in capsys.readouterr().out
@@ -227,9 +229,9 @@ def test_one_key_at_two_addresses_stays_paired_with_both(tmp_path: Path) -> None
     store, public = KeyStore(tmp_path), bytes(range(32))
     store.add_edge(PairedEdge(public, "edge", "10.0.0.5", 5581, "perform"))
     store.add_edge(PairedEdge(public, "relay", "10.0.0.5", 5591, "watch"))
-    assert {edge.control_port for edge in store.edges()} == {5581, 5591}
+    assert {edge.control_port for edge in store.load_edges()} == {5581, 5591}
     store.add_edge(PairedEdge(bytes(32), "other", "10.0.0.5", 5591, "watch"))
     assert store.server_key("10.0.0.5", 5591) == bytes(32), "another key at an address replaces the old one"
     assert store.server_key("10.0.0.5", 5581) == public
     store.forget("edge")
-    assert [edge.name for edge in store.edges()] == ["other"]
+    assert [edge.name for edge in store.load_edges()] == ["other"]

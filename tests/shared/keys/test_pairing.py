@@ -7,12 +7,12 @@ import pytest
 from enliven.keys.pairing import (
     CODE_LIFETIME_S,
     FIRST_PAUSE_S,
-    LONGEST_PAUSE_S,
+    MAX_PAUSE_S,
     MAX_TRIES_PER_CODE,
     Introduction,
-    PairingDesk,
+    PairingCodes,
     PairingError,
-    ViewerExchange,
+    ViewerPairing,
     limit_role,
 )
 
@@ -25,20 +25,20 @@ class Desk:
 
     def __init__(self) -> None:
         self.now, self.shown = 1000.0, list[str]()
-        self.desk = PairingDesk(self.shown.append, lambda: self.now)
+        self.desk = PairingCodes(self.shown.append, lambda: self.now)
 
 
 def other_code(code: str) -> str:
     return f"{(int(code) + 1) % 1_000_000:06}"
 
 
-def attempt(desk: PairingDesk, code: str) -> tuple[Introduction, Introduction]:
+def attempt(desk: PairingCodes, code: str) -> tuple[Introduction, Introduction]:
     """Runs the whole exchange and returns what the edge and the viewer learn."""
-    viewer = ViewerExchange(code)
-    edge = desk.start(viewer.message)
-    learnt = edge.read(viewer.introduce(edge.message, VIEWER))
+    viewer = ViewerPairing(code)
+    edge = desk.start_pairing(viewer.message)
+    learnt = edge.decrypt_introduction(viewer.encrypt_introduction(edge.message, VIEWER))
     desk.finish_pairing()
-    return learnt, viewer.read(edge.introduce(EDGE))
+    return learnt, viewer.decrypt_introduction(edge.encrypt_introduction(EDGE))
 
 
 def test_a_shared_code_exchanges_both_keys() -> None:
@@ -60,30 +60,30 @@ def test_a_code_may_be_typed_in_groups(typed: str) -> None:
 @pytest.mark.parametrize("typed", ["", "12345", "1234567", "12345x", "١٢٣٤٥٦", "-12345"])
 def test_what_is_no_code_is_refused_before_anything_is_sent(typed: str) -> None:
     with pytest.raises(PairingError, match="6 digits"):
-        ViewerExchange(typed)
+        ViewerPairing(typed)
 
 
 def test_without_the_code_neither_side_learns_a_key() -> None:
     at = Desk()
     at.desk.open_for(100)
-    viewer = ViewerExchange(other_code(at.shown[0]))
-    edge = at.desk.start(viewer.message)
-    box = viewer.introduce(edge.message, VIEWER)
+    viewer = ViewerPairing(other_code(at.shown[0]))
+    edge = at.desk.start_pairing(viewer.message)
+    box = viewer.encrypt_introduction(edge.message, VIEWER)
     assert VIEWER.public not in box and b"laptop" not in box
     with pytest.raises(PairingError, match="the code is wrong"):
-        edge.read(box)
+        edge.decrypt_introduction(box)
     with pytest.raises(PairingError, match="another program answers"):
-        viewer.read(edge.introduce(EDGE))
+        viewer.decrypt_introduction(edge.encrypt_introduction(EDGE))
 
 
 def test_a_box_cannot_be_sent_back_to_its_sender() -> None:
     at = Desk()
     at.desk.open_for(100)
-    viewer = ViewerExchange(at.shown[0])
-    edge = at.desk.start(viewer.message)
-    box = viewer.introduce(edge.message, VIEWER)
+    viewer = ViewerPairing(at.shown[0])
+    edge = at.desk.start_pairing(viewer.message)
+    box = viewer.encrypt_introduction(edge.message, VIEWER)
     with pytest.raises(PairingError):
-        viewer.read(box)
+        viewer.decrypt_introduction(box)
 
 
 @pytest.mark.parametrize("message", [b"", b"A" + bytes(32), b"A" * 33, b"B" * 33, b"A" + b"\xff" * 32])
@@ -91,20 +91,20 @@ def test_messages_that_are_no_points_are_refused(message: bytes) -> None:
     at = Desk()
     at.desk.open_for(100)
     with pytest.raises(PairingError, match="not valid"):
-        at.desk.start(message)
-    viewer = ViewerExchange(at.desk.code)
+        at.desk.start_pairing(message)
+    viewer = ViewerPairing(at.desk.code)
     with pytest.raises(PairingError, match="not valid"):
-        viewer.introduce(message, VIEWER)
+        viewer.encrypt_introduction(message, VIEWER)
 
 
 @pytest.mark.parametrize("box", [b"", bytes(39), bytes(100), bytes(512)])
 def test_boxes_of_noise_are_refused(box: bytes) -> None:
     at = Desk()
     at.desk.open_for(100)
-    viewer = ViewerExchange(at.shown[0])
-    edge = at.desk.start(viewer.message)
+    viewer = ViewerPairing(at.shown[0])
+    edge = at.desk.start_pairing(viewer.message)
     with pytest.raises(PairingError, match="code is wrong"):
-        edge.read(box)
+        edge.decrypt_introduction(box)
 
 
 def test_a_code_that_is_tried_ten_times_is_dead_after_three() -> None:
@@ -130,7 +130,7 @@ def test_an_exchange_that_is_never_finished_counts_as_a_try() -> None:
     at = Desk()
     at.desk.open_for(100)
     for _ in range(MAX_TRIES_PER_CODE):
-        at.desk.start(ViewerExchange(at.shown[0]).message)
+        at.desk.start_pairing(ViewerPairing(at.shown[0]).message)
     assert at.desk.code == ""
 
 
@@ -140,13 +140,13 @@ def test_the_pause_doubles_up_to_its_maximum_and_a_success_ends_that() -> None:
     for _ in range(8):
         code = at.desk.code
         for _ in range(MAX_TRIES_PER_CODE):
-            at.desk.start(ViewerExchange(code).message)
+            at.desk.start_pairing(ViewerPairing(code).message)
         pauses.append(at.desk.pause_s)
         at.now += pauses[-1]
-    assert pauses[:5] == [FIRST_PAUSE_S * 2**k for k in range(5)] and pauses[-1] == LONGEST_PAUSE_S
+    assert pauses[:5] == [FIRST_PAUSE_S * 2**k for k in range(5)] and pauses[-1] == MAX_PAUSE_S
     attempt(at.desk, at.desk.code)
     for _ in range(MAX_TRIES_PER_CODE):
-        at.desk.start(ViewerExchange("123456").message)
+        at.desk.start_pairing(ViewerPairing("123456").message)
     assert at.desk.pause_s == FIRST_PAUSE_S
 
 
@@ -154,7 +154,7 @@ def test_opening_again_does_not_shorten_a_pause() -> None:
     at = Desk()
     at.desk.open_for(100)
     for _ in range(MAX_TRIES_PER_CODE):
-        at.desk.start(ViewerExchange("123456").message)
+        at.desk.start_pairing(ViewerPairing("123456").message)
     at.desk.open_for(500)
     assert at.desk.code == ""
 

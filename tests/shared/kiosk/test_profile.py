@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from enliven.errors import EnlivenError, InputError
-from enliven.kiosk.profile import EdgeOfKiosk, load_profile
+from enliven.kiosk.profile import KioskEdge, load_profile
 
 
 def _write(folder: Path, text: str) -> Path:
@@ -18,7 +18,7 @@ def _write(folder: Path, text: str) -> Path:
 
 def test_an_empty_profile_has_an_edge_and_a_chair(tmp_path: Path) -> None:
     profile = load_profile(_write(tmp_path, ""))
-    assert profile.edges == {"edge": EdgeOfKiosk()}
+    assert profile.edges == {"edge": KioskEdge()}
     assert profile.characters["chair"].mesh == "chair"
 
 

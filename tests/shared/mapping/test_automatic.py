@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_bodies import horse, man, meshed, random_motion, snake, spider, turned_clip
+from made_bodies import horse, man, random_motion, rotate_clip, shape_with_markers, snake, spider
 
 from enliven.document.clip import Clip
 from enliven.document.project import Project
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.mapping.applying import apply_plan, source_anatomy
-from enliven.mapping.automatic_mapping import automatic, retarget
+from enliven.mapping.automatic_mapping import create_automatic_plan, retarget
 from enliven.mapping.plan import ChainPlan, Plan
 from enliven.mapping.resting import (
     change_rest_pose,
@@ -50,8 +50,8 @@ def test_on_oneself_it_is_the_identity(seed):
     for skeleton in (man(), horse()):
         clip = random_motion(random, skeleton)
         heading = first_heading(clip)
-        shape = meshed("self", skeleton)
-        result = retarget(shape, clip, replace(automatic(clip, shape), floor=False))
+        shape = shape_with_markers("self", skeleton)
+        result = retarget(shape, clip, replace(create_automatic_plan(clip, shape), floor=False))
         assert {chain.mode for chain in result.plan.chains} == {"pose"}
         back = heading * [1, -1, -1, -1]
         for frame in (0, 3, 7):
@@ -70,8 +70,8 @@ def test_the_heading_of_the_performer_does_not_matter(seed, angle):
     random = np.random.default_rng(seed)
     clip = random_motion(random, man())
     for target in (man(), horse(), spider()):
-        shape = meshed("target", target)
-        first, second = retarget(shape, clip), retarget(shape, turned_clip(clip, angle))
+        shape = shape_with_markers("target", target)
+        first, second = retarget(shape, clip), retarget(shape, rotate_clip(clip, angle))
         for time in (0.0, 0.35, 0.7):
             np.testing.assert_allclose(made_joints(first, time), made_joints(second, time), atol=1e-6)
 
@@ -83,7 +83,7 @@ def test_who_stands_still_moves_nobody(seed):
     clip = random_motion(random, man(), frames=1)
     clip = replace(clip, turns=np.repeat(clip.turns, 4, 0), root=np.repeat(clip.root, 4, 0))
     for target in (horse(), spider(), snake()):
-        result = retarget(meshed("target", target), clip)
+        result = retarget(shape_with_markers("target", target), clip)
         np.testing.assert_allclose(made_joints(result, 0.2), target.positions, atol=1e-9)
 
 
@@ -92,8 +92,8 @@ def test_who_stands_still_moves_nobody(seed):
 def test_travel_goes_where_the_performer_goes(seed):
     random = np.random.default_rng(seed)
     clip = random_motion(random, man())
-    shape = meshed("self", man())
-    plan = replace(automatic(clip, shape), travel=True)
+    shape = shape_with_markers("self", man())
+    plan = replace(create_automatic_plan(clip, shape), travel=True)
     result = retarget(shape, clip, plan)
     way = made_joints(result, 0.7)[0] - made_joints(result, 0.0)[0]
     back = first_heading(clip) * [1, -1, -1, -1]
@@ -135,7 +135,7 @@ def test_modes_follow_from_the_build():
     clip = random_motion(np.random.default_rng(1), man())
 
     def modes(target):
-        return {chain.mode for chain in automatic(clip, meshed("x", target)).chains}
+        return {chain.mode for chain in create_automatic_plan(clip, shape_with_markers("x", target)).chains}
 
     assert modes(man()) == {"pose"}
     assert modes(horse()) == modes(spider()) == modes(snake()) == {"move"}
@@ -149,7 +149,7 @@ def test_the_anatomy_of_a_take_that_rests_in_a_bad_pose():
 
 
 def test_missing_joint_is_named_with_the_existing_ones():
-    clip, shape = random_motion(np.random.default_rng(1), man()), meshed("h", horse())
+    clip, shape = random_motion(np.random.default_rng(1), man()), shape_with_markers("h", horse())
     good = ChainPlan(("Left hip", "Left toe"), ("Left hip", "Left hind hoof"))
     apply_plan(Project(), shape, clip, Plan(chains=(good,)))
     with pytest.raises(InputError, match="the take has no joint 'Left hoof'") as caught:
@@ -164,7 +164,7 @@ def test_missing_joint_is_named_with_the_existing_ones():
 
 
 def test_weight_offset_speed_and_extend_do_what_they_say():
-    clip, shape = random_motion(np.random.default_rng(2), man()), meshed("h", horse())
+    clip, shape = random_motion(np.random.default_rng(2), man()), shape_with_markers("h", horse())
     chain = ChainPlan(
         ("Left hip", "Left toe"), ("Left hip", "Left stifle"), weight=0.5, offset=0.2, speed=2.0
     )
@@ -182,7 +182,7 @@ def test_weight_offset_speed_and_extend_do_what_they_say():
 
 
 def test_a_flip_turns_the_movement_half_round():
-    clip, shape = random_motion(np.random.default_rng(2), man()), meshed("h", horse())
+    clip, shape = random_motion(np.random.default_rng(2), man()), shape_with_markers("h", horse())
     chain = ChainPlan(("Left hip", "Left knee"), ("Left hip", "Left stifle"))
     plain = retarget(shape, clip, Plan(turn=False, chains=(chain,)))
     flipped = retarget(shape, clip, Plan(turn=False, chains=(replace(chain, flip=True),)))
@@ -195,7 +195,7 @@ def test_a_flip_turns_the_movement_half_round():
 
 
 def test_nothing_to_drive_is_an_error():
-    clip, shape = random_motion(np.random.default_rng(2), man()), meshed("h", horse())
+    clip, shape = random_motion(np.random.default_rng(2), man()), shape_with_markers("h", horse())
     with pytest.raises(InputError, match="no chain of the take matches"):
         retarget(shape, clip, Plan())
 
@@ -209,7 +209,9 @@ def test_one_leg_poses_two(seed):
     other = replace(chain, target=("Right hip", "Right stifle"))
     moved = replace(chain, target=("dock", "tail"), mode="move")
     trunk = ChainPlan(("hips",), ("croup",), mode="pose")
-    result = retarget(meshed("h", horse()), clip, Plan(floor=False, chains=(trunk, chain, other, moved)))
+    result = retarget(
+        shape_with_markers("h", horse()), clip, Plan(floor=False, chains=(trunk, chain, other, moved))
+    )
     assert len(result.project.takes) == 3
     back = first_heading(clip) * [1, -1, -1, -1]
     knee, hip = man().index("Left knee"), man().index("Left hip")
@@ -253,8 +255,8 @@ def test_a_map_is_symmetric_where_both_bodies_are_nearly(seed):
     clip = random_motion(random, replace(man(), positions=man().positions + off))
     for body in (man(), horse(), spider()):
         off = 0.004 * random.normal(size=body.positions.shape)
-        shape = meshed("x", replace(body, positions=body.positions + off))
-        chains = automatic(clip, shape).chains
+        shape = shape_with_markers("x", replace(body, positions=body.positions + off))
+        chains = create_automatic_plan(clip, shape).chains
         left = {(c.source, c.target, c.mode) for c in chains if c.role.startswith("left")}
         right = {
             (mirrored(c.source), mirrored(c.target), c.mode) for c in chains if c.role.startswith("right")
@@ -268,7 +270,7 @@ def test_an_elbow_that_is_a_little_off_is_cut_on_both_sides_or_on_neither():
     crooked[man().index("Left elbow"), 0] = 0.18 + 0.59 * 0.7
     crooked[man().index("Right elbow"), 0] = -0.18 - 0.625 * 0.7
     clip, body = random_motion(np.random.default_rng(0), man()), replace(man(), positions=crooked)
-    chains = automatic(clip, meshed("x", body)).chains
+    chains = create_automatic_plan(clip, shape_with_markers("x", body)).chains
     arms = {side: [c.target for c in chains if c.role == f"{side} arm"] for side in ("left", "right")}
     assert [mirrored(target) for target in arms["left"]] == arms["right"]
     assert ("Left shoulder", "Left elbow") in arms["left"]
@@ -282,7 +284,7 @@ def test_a_spine_is_posed_as_one_and_a_foot_stays_flat():
     hunched[man().index("spine"), 2] -= 0.08
     for side in ("Left", "Right"):
         hunched[man().index(f"{side} toe"), 1] = hunched[man().index(f"{side} ankle"), 1]
-    shape = meshed("hunched", replace(man(), positions=hunched))
+    shape = shape_with_markers("hunched", replace(man(), positions=hunched))
     clip = random_motion(np.random.default_rng(0), man(), frames=3, size=0.0)
     joints = made_joints(retarget(shape, clip), 0.1)
     names = ["hips", "spine", "chest", "Left ankle", "Left toe", "Right ankle", "Right toe"]
@@ -301,12 +303,14 @@ def test_stretches_of_a_take_go_on_to_another_body_where_that_is_asked_for():
     # In the rest pose, the forearm points along x.
     strains[:, wrist, 0] = np.log(1.5)
     clip = replace(clip, strains=strains)
-    shape = meshed("giant", Skeleton(man(False).names, man().parents, 2.0 * man().positions))
+    shape = shape_with_markers("giant", Skeleton(man(False).names, man().parents, 2.0 * man().positions))
     rest = np.linalg.norm(shape.skeleton.positions[wrist] - shape.skeleton.positions[elbow])
     lengths = []
     for stretch in (False, True):
-        result = retarget(shape, clip, replace(automatic(clip, shape), stretch=stretch, floor=False))
+        result = retarget(
+            shape, clip, replace(create_automatic_plan(clip, shape), stretch=stretch, floor=False)
+        )
         joints = Player(result.project, "giant").at(0.3).joints
         lengths.append(np.linalg.norm(joints[wrist] - joints[elbow]) / rest)
     assert lengths == pytest.approx([1.0, 1.5], abs=0.02)
-    assert soften_plan(replace(automatic(clip, shape), stretch=True), clip, shape).stretch
+    assert soften_plan(replace(create_automatic_plan(clip, shape), stretch=True), clip, shape).stretch

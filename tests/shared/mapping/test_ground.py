@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_bodies import horse, man, meshed, random_motion, snake, spider, walk
+from made_bodies import horse, man, random_motion, shape_with_markers, snake, spider, walk
 
 from enliven.document.clip import Clip
 from enliven.document.skeleton import Skeleton
-from enliven.mapping.automatic_mapping import automatic, retarget
+from enliven.mapping.automatic_mapping import create_automatic_plan, retarget
 from enliven.mapping.ground import (
     body_points,
     floor_height_under,
@@ -19,7 +19,7 @@ from enliven.mapping.ground import (
     posed_surfaces,
     stands_on_floor,
 )
-from enliven.mapping.quality import quality_of
+from enliven.mapping.quality import measure_quality
 from enliven.motion.layers.evaluate import Player
 from enliven.rotation import from_rotation_vector, multiply, rotate
 
@@ -36,8 +36,8 @@ def test_the_lowest_point_of_what_stands_is_on_the_floor(seed, travel):
     clip = random_motion(np.random.default_rng(seed), man(), frames=5, size=0.5)
     clip = replace(clip, root=clip.root * [1, 0, 1] + [0, 0.9, 0])
     for target in (horse(), spider(), man()):
-        shape = meshed("target", target)
-        result = retarget(shape, clip, replace(automatic(clip, shape), travel=travel, turn=False))
+        shape = shape_with_markers("target", target)
+        result = retarget(shape, clip, replace(create_automatic_plan(clip, shape), travel=travel, turn=False))
         if travel and target.names == clip.skeleton.names:
             continue
         frames = np.arange(5) * clip.step
@@ -60,8 +60,8 @@ def test_a_leap_is_a_leap_and_a_handstand_stands():
     over = turns.copy()
     over[5:] = multiply(np.array([0.0, 1.0, 0.0, 0.0]), turns[5:])
     upside = replace(still, turns=over, root=np.repeat(still.root, 9, 0))
-    shape = meshed("horse", horse())
-    result = retarget(shape, upside, replace(automatic(upside, shape), level=False, rest="first"))
+    shape = shape_with_markers("horse", horse())
+    result = retarget(shape, upside, replace(create_automatic_plan(upside, shape), level=False, rest="first"))
     top = max(horse().positions[:, 1])
     upright, inverted = (Player(result.project, "horse").root(np.array([t]))[0, 1] for t in (0.0, 0.8))
     assert inverted == pytest.approx(top - upright, abs=0.1)
@@ -71,10 +71,10 @@ def test_a_leap_is_a_leap_and_a_handstand_stands():
 
 
 def test_what_swims_or_flies_keeps_its_height():
-    clip, shape = random_motion(np.random.default_rng(2), man()), meshed("snake", snake())
+    clip, shape = random_motion(np.random.default_rng(2), man()), shape_with_markers("snake", snake())
     raised = replace(snake(), positions=snake().positions + np.array([0.0, 3.0, 0.0]))
-    assert stands_on_floor(meshed("horse", horse()))
-    flying = meshed("flying", raised)
+    assert stands_on_floor(shape_with_markers("horse", horse()))
+    flying = shape_with_markers("flying", raised)
     assert not stands_on_floor(flying)
     result = retarget(flying, clip)
     assert result.project.shape("flying").travel is None
@@ -114,8 +114,8 @@ def test_a_stride_is_the_models_own():
             turns[:, skeleton.index(f"{side} {name}")] = from_rotation_vector(about)
     root = np.tile(skeleton.positions[0], (41, 1))
     root[:, 2] += np.linspace(0, 1.3, 41)
-    clip, shape = Clip("walk", skeleton, turns, root, 1 / 30), meshed("spider", spider())
-    plan = replace(automatic(clip, shape), travel=True, steps=False)
+    clip, shape = Clip("walk", skeleton, turns, root, 1 / 30), shape_with_markers("spider", spider())
+    plan = replace(create_automatic_plan(clip, shape), travel=True, steps=False)
 
     def way(weight):
         chains = tuple(replace(c, weight=weight) if "leg" in c.role else c for c in plan.chains)
@@ -139,22 +139,22 @@ def armed(name, length, hold="Right wrist"):
 @pytest.mark.parametrize(("name", "length"), [("stick", 1.3), ("Sword.R", 1.3), ("prop_01", 1.1)])
 def test_a_weapon_that_reaches_the_floor_is_not_a_foot(name, length):
     """When the arms hang, the weapon passes through the floor, and the feet stay on the floor."""
-    shape, clip = meshed("armed", armed(name, length)), walk(0.3)
+    shape, clip = shape_with_markers("armed", armed(name, length)), walk(0.3)
     body = body_points(shape)
     np.testing.assert_array_equal(np.flatnonzero(~body), np.arange(len(body))[-3:])
-    plan = replace(automatic(clip, shape), travel=True)
+    plan = replace(create_automatic_plan(clip, shape), travel=True)
     result = retarget(shape, clip, plan)
     at = np.array(list(posed_surfaces(result.project, "armed", np.linspace(0.0, result.duration, 20))))
     assert at[:, ~body, 1].min() < floor_height_under(shape) - 0.2
     np.testing.assert_allclose(at[:, body, 1].min(1), floor_height_under(shape), atol=0.002)
-    quality = quality_of(result.project, "armed", clip, result.duration, plan)
+    quality = measure_quality(result.project, "armed", clip, result.duration, plan)
     assert quality.slide < 25.0 and quality.sunk < 0.01 and quality.afloat < 0.01
 
 
 def test_hands_and_short_rods_are_body():
-    assert body_points(meshed("man", man())).all()
-    assert body_points(meshed("armed", armed("rod", 0.2))).all()
-    assert not body_points(meshed("armed", armed("Dagger", 0.2))).all()
-    assert body_points(meshed("horse", horse())).all()
+    assert body_points(shape_with_markers("man", man())).all()
+    assert body_points(shape_with_markers("armed", armed("rod", 0.2))).all()
+    assert not body_points(shape_with_markers("armed", armed("Dagger", 0.2))).all()
+    assert body_points(shape_with_markers("horse", horse())).all()
     turret = replace(snake(), names=tuple(f"gun {k}" if k > 2 else f"base {k}" for k in range(len(snake()))))
-    assert body_points(meshed("turret", turret)).all(), "without arms nothing is carried"
+    assert body_points(shape_with_markers("turret", turret)).all(), "without arms nothing is carried"

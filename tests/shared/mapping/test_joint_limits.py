@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_bodies import horse, man, meshed, random_motion, walk
+from made_bodies import horse, man, random_motion, shape_with_markers, walk
 from made_people import person
 
 from enliven.document.clip import Clip
 from enliven.document.project import Project
 from enliven.document.skeleton import Skeleton
-from enliven.mapping.automatic_mapping import automatic, play_own_take, retarget
+from enliven.mapping.automatic_mapping import create_automatic_plan, play_own_take, retarget
 from enliven.mapping.joint_limits import joint_ranges
 from enliven.mapping.model_clips import own_clips
 from enliven.mapping.plan import Plan
@@ -52,7 +52,7 @@ def grazing(degrees=20.0):
 
 def free(clip, shape, **changes):
     """Returns the mapping without steps, in which only limits change a bone's rotation."""
-    return replace(automatic(clip, shape), floor=False, steps=False, **changes)
+    return replace(create_automatic_plan(clip, shape), floor=False, steps=False, **changes)
 
 
 def all_moved(clip, shape):
@@ -81,7 +81,7 @@ def swings(local, name):
     ids=["no clips", "a clip"],
 )
 def test_a_foreleg_swings_as_far_as_its_clips_and_a_margin_and_no_other_bone_changes(clips, reach):
-    shape, clip = meshed("horse", horse()), raised_arms()
+    shape, clip = shape_with_markers("horse", horse()), raised_arms()
     wild = retarget(shape, clip, free(clip, shape, limits=False), clips=clips)
     calm = retarget(shape, clip, free(clip, shape), clips=clips)
     before, after = local_turns(wild), local_turns(calm)
@@ -96,7 +96,7 @@ def test_a_foreleg_swings_as_far_as_its_clips_and_a_margin_and_no_other_bone_cha
 
 
 def test_a_limited_leg_moves_without_jumps():
-    shape, clip = meshed("horse", horse()), raised_arms()
+    shape, clip = shape_with_markers("horse", horse()), raised_arms()
     wild, calm = (
         retarget(shape, clip, free(clip, shape, limits=on), clips=(grazing(),)) for on in (False, True)
     )
@@ -108,7 +108,10 @@ def test_a_limited_leg_moves_without_jumps():
 @settings(max_examples=4, deadline=None)
 @given(SEEDS)
 def test_small_movements_are_not_touched(seed):
-    clip, shape = random_motion(np.random.default_rng(seed), man(), size=0.05), meshed("horse", horse())
+    clip, shape = (
+        random_motion(np.random.default_rng(seed), man(), size=0.05),
+        shape_with_markers("horse", horse()),
+    )
     for clips in ((), (grazing(),)):
         result = retarget(shape, clip, free(clip, shape), clips=clips)
         other = retarget(shape, clip, free(clip, shape, limits=False), clips=clips)
@@ -123,8 +126,8 @@ def test_small_movements_are_not_touched(seed):
 def test_people_are_not_limited_in_any_mode(seed, convention):
     random = np.random.default_rng(seed)
     clip, skeleton = random_motion(random, man(), size=1.5), person(convention)
-    shape = meshed("person", skeleton)
-    for how in (automatic(clip, shape), all_moved(clip, shape)):
+    shape = shape_with_markers("person", skeleton)
+    for how in (create_automatic_plan(clip, shape), all_moved(clip, shape)):
         poses = []
         for on in (False, True):
             result = retarget(
@@ -137,7 +140,7 @@ def test_people_are_not_limited_in_any_mode(seed, convention):
 
 def test_a_body_without_names_that_is_posed_as_the_performer_is_not_limited():
     random = np.random.default_rng(5)
-    clip, shape = random_motion(random, man(), size=1.5), meshed("body", man(named=False))
+    clip, shape = random_motion(random, man(), size=1.5), shape_with_markers("body", man(named=False))
     plan = free(clip, shape)
     assert "pose" in {chain.mode for chain in plan.chains}
     assert retarget(shape, clip, plan).limited == ()
@@ -145,13 +148,16 @@ def test_a_body_without_names_that_is_posed_as_the_performer_is_not_limited():
 
 
 def test_takes_of_the_very_skeleton_are_not_limited():
-    shape, clip = meshed("horse", horse()), random_motion(np.random.default_rng(1), horse(), size=1.5)
+    shape, clip = (
+        shape_with_markers("horse", horse()),
+        random_motion(np.random.default_rng(1), horse(), size=1.5),
+    )
     assert play_own_take(shape, clip).limited == ()
     assert retarget(shape, clip, all_moved(clip, shape), clips=(grazing(5.0),)).limited == ()
 
 
 def test_bones_that_play_at_another_pace_keep_their_layers():
-    shape, clip = meshed("horse", horse()), raised_arms()
+    shape, clip = shape_with_markers("horse", horse()), raised_arms()
     plan = free(clip, shape)
     chains = tuple(replace(chain, loop=True) for chain in plan.chains)
     assert retarget(shape, clip, replace(plan, chains=chains)).limited == ()
@@ -165,7 +171,7 @@ def test_what_begins_at_a_limited_joint_moves_along():
         np.append(plain.parents, plain.index("neck")),
         np.vstack([plain.positions, [0.0, 2.05, 0.85]]),
     )
-    shape, clip = meshed("horse", skeleton), raised_arms()
+    shape, clip = shape_with_markers("horse", skeleton), raised_arms()
     turns = clip.turns.copy()
     turns[10:30, man().index("head")] = from_rotation_vector(np.array([2.4, 0.0, 0.0]))
     clip = replace(clip, turns=turns)
@@ -179,7 +185,7 @@ def test_what_begins_at_a_limited_joint_moves_along():
 
 
 def test_a_take_of_one_pose_is_limited_too():
-    shape, clip = meshed("horse", horse()), raised_arms()
+    shape, clip = shape_with_markers("horse", horse()), raised_arms()
     still = clip.mapped(lambda track: track[19:20])
     result = retarget(shape, still, free(still, shape, rest="zero"), clips=(grazing(),))
     assert "Left shoulder" in result.limited
@@ -197,9 +203,9 @@ def test_both_of_a_pair_have_the_range_that_clips_show_of_either():
 
 
 def test_the_mapping_file_keeps_the_key(tmp_path):
-    shape, clip = meshed("horse", horse()), raised_arms()
+    shape, clip = shape_with_markers("horse", horse()), raised_arms()
     for on in (True, False):
-        write_plan(replace(automatic(clip, shape), limits=on), tmp_path / "map.toml")
+        write_plan(replace(create_automatic_plan(clip, shape), limits=on), tmp_path / "map.toml")
         assert f"limits = {str(on).lower()}" in (tmp_path / "map.toml").read_text()
         assert read_plan(tmp_path / "map.toml").limits is on
     assert Plan().limits
@@ -207,8 +213,10 @@ def test_the_mapping_file_keeps_the_key(tmp_path):
 
 def test_takes_that_limits_made_are_not_clips_of_the_model():
     """A model that is mapped again has the range of its own clips, not that of the last mapping."""
-    shape, clip = meshed("horse", horse()), raised_arms()
+    shape, clip = shape_with_markers("horse", horse()), raised_arms()
     project = Project().with_takes(grazing(), clip)
-    result = retarget(shape, clip, replace(automatic(clip, shape), travel=True), project, (grazing(),))
+    result = retarget(
+        shape, clip, replace(create_automatic_plan(clip, shape), travel=True), project, (grazing(),)
+    )
     assert result.limited and "raise: limits" in result.project.takes
     assert own_clips(result.project, shape) == ("graze",)

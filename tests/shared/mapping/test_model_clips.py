@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_bodies import horse, man, meshed, random_motion
+from made_bodies import horse, man, random_motion, shape_with_markers
 
 from enliven.document.project import Project
 from enliven.errors import InputError
@@ -42,7 +42,7 @@ def clips_of(skeleton, seed=3):
 
 def opened(name="round"):
     """Returns a project with a horse that plays one of its two clips."""
-    project = Project().with_characters(meshed("horse", horse())).with_takes(*clips_of(horse()))
+    project = Project().with_characters(shape_with_markers("horse", horse())).with_takes(*clips_of(horse()))
     return play_own_clip(project, "horse", name)
 
 
@@ -57,7 +57,7 @@ def test_a_clip_that_ends_in_its_first_pose_loops_wherever_it_went():
 
 
 def test_a_model_opens_with_a_clip_that_moves_and_loops_the_idle_one_first():
-    shape, (once, around) = meshed("horse", horse()), clips_of(horse())
+    shape, (once, around) = shape_with_markers("horse", horse()), clips_of(horse())
     pose = once.mapped(lambda track: np.repeat(track[:1], 3, 0))
     idle = replace(around, id="Armature|Idle_2")
     other = clips_of(man())[1]
@@ -106,7 +106,7 @@ def test_no_clip_leaves_the_model_at_rest_and_keys_stay():
 
 
 def test_a_shape_that_is_mapped_again_does_not_move_by_both():
-    shape, clip = meshed("man", man()), clips_of(man())[0]
+    shape, clip = shape_with_markers("man", man()), clips_of(man())[0]
     alone = retarget(shape, clip).project
     again = mute_takes(play_own_take(shape, clip).project, "man")
     again = retarget(again.shape("man"), clip, project=again).project
@@ -122,7 +122,7 @@ def test_loops_are_exported_until_everything_else_has_ended_and_to_the_end_of_a_
     assert alone.times[-1] == pytest.approx(clip.duration, abs=1e-9), "one round, with a frame at its end"
     np.testing.assert_allclose(alone.joints[-1], alone.joints[0], atol=1e-9)
     long = random_motion(np.random.default_rng(1), man(), 60, name="long")
-    both = retarget(meshed("man", man()), long, project=project).project
+    both = retarget(shape_with_markers("man", man()), long, project=project).project
     performance = sample_performance(both, "horse")
     assert performance.times[-1] >= long.duration
     assert (performance.times[-1] / clip.duration) % 1.0 == pytest.approx(0.0, abs=1e-6)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.document import Skeleton, SkinWeights, still_shape
-from enliven.mapping.overlap import Overlap
+from enliven.mapping.overlap import SelfIntersectionTest
 from enliven.meshes import Mesh
 
 PARTS = 4
@@ -71,7 +71,7 @@ def test_what_is_inside_is_what_solid_angles_say(seed):
     faces = shape.mesh.faces
     shift = random.normal(size=(PARTS, 3)) * 0.6
     moved = shape.mesh.vertices + np.repeat(shift - [[6.0 * k, 0, 0] for k in range(PARTS)], count, 0)
-    share, parts = Overlap(shape).at(moved)
+    share, parts = SelfIntersectionTest(shape).measure_overlap(moved)
     corners, beside = moved[faces], {(1, 2), (2, 1), (1, 3), (3, 1), (3, 4), (4, 3)}
     rest = shape.mesh.vertices[faces]
     weight = np.linalg.norm(np.cross(*(rest[:, [1, 2]] - rest[:, :1]).transpose(1, 0, 2)), axis=1) / 2
@@ -99,10 +99,10 @@ def test_what_is_inside_is_what_solid_angles_say(seed):
 
 def test_at_rest_nothing_is_inside_nor_what_was_inside_at_rest():
     shape, count = balls(np.random.default_rng(1))
-    assert Overlap(shape).at(shape.mesh.vertices) == (0.0, {})
+    assert SelfIntersectionTest(shape).measure_overlap(shape.mesh.vertices) == (0.0, {})
     sunk = shape.mesh.vertices - np.repeat([[6.0 * k, 0, 0] for k in range(PARTS)], count, 0)
     stuck = shape.with_changes(mesh=Mesh(sunk, shape.mesh.faces, "stuck"))
-    assert Overlap(stuck).at(sunk)[0] == 0.0
+    assert SelfIntersectionTest(stuck).measure_overlap(sunk)[0] == 0.0
 
 
 def test_the_parts_that_are_in_one_another_are_named():
@@ -111,8 +111,8 @@ def test_the_parts_that_are_in_one_another_are_named():
     vertices = shape.mesh.vertices.copy()
     vertices[3 * count :] -= [18.0, 0.0, 0.0]  # moves the last ball to the root, where the first one is
     vertices[:count] += [0.0, 9.0, 0.0]
-    assert Overlap(shape).at(vertices)[0] == 0.0
+    assert SelfIntersectionTest(shape).measure_overlap(vertices)[0] == 0.0
     vertices[:count] -= [0.0, 9.0, 0.0]
-    share, parts = Overlap(shape).at(vertices)
+    share, parts = SelfIntersectionTest(shape).measure_overlap(vertices)
     assert share == pytest.approx(sum(parts.values())) and share > 0.19
     assert set(parts) <= {(1, 4), (4, 1)}

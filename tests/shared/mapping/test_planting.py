@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
-from made_bodies import man, meshed, walk
+from made_bodies import man, shape_with_markers, walk
 from made_gaits import HEEL, STEP, TOE, gait, shod, sway
 
 from enliven.document.clip import Clip, joint_places
 from enliven.document.skeleton import Skeleton
-from enliven.mapping.automatic_mapping import automatic, retarget
+from enliven.mapping.automatic_mapping import create_automatic_plan, retarget
 from enliven.mapping.ground import floor_height_under, posed_surfaces
 from enliven.mapping.planting import (
     PosedLeg,
@@ -23,7 +23,7 @@ from enliven.mapping.planting import (
     rolling_motion,
     standing_spans,
 )
-from enliven.mapping.quality import quality_of
+from enliven.mapping.quality import measure_quality
 from enliven.motion.layers.evaluate import Player
 from enliven.rotation import conjugate, from_rotation_vector, multiply, rotate, to_rotation_vector
 
@@ -114,10 +114,10 @@ def short_shinned(shin):
 
 @pytest.mark.parametrize("shin", [0.75, 1.3])
 def test_legs_of_other_proportions_keep_their_pose_while_feet_are_planted(shin):
-    shape, clip = meshed("man", short_shinned(shin)), walk(0.4)
-    plan = replace(automatic(clip, shape), travel=True, pin=True)
+    shape, clip = shape_with_markers("man", short_shinned(shin)), walk(0.4)
+    plan = replace(create_automatic_plan(clip, shape), travel=True, pin=True)
     result = retarget(shape, clip, plan)
-    quality = quality_of(result.project, "man", clip, result.duration, plan)
+    quality = measure_quality(result.project, "man", clip, result.duration, plan)
     legs = [limb for limb in quality.limbs if "thigh" in limb.limb or "shin" in limb.limb]
     assert legs and max(limb.median for limb in legs) < 4.0 and quality.slide < 3.0
     low = [
@@ -179,7 +179,7 @@ def with_toe_tips(skeleton, name):
 @given(seed=st.integers(0, 1000), tremor=st.floats(2.0, 8.0))
 def test_toes_that_tremble_are_calm_in_a_planted_body_and_bend_if_the_performers_do(seed, tremor):
     random, performer = np.random.default_rng(seed), with_toe_tips(man(), "bone")
-    shape = meshed("model", with_toe_tips(short_shinned(1.2), "joint"))
+    shape = shape_with_markers("model", with_toe_tips(short_shinned(1.2), "joint"))
     tips = [len(performer) - 2, len(performer) - 1]
     slow = 15.0 * np.sin(2.0 * np.pi * np.arange(120) * STEP / 1.0)
     steps = []
@@ -189,7 +189,7 @@ def test_toes_that_tremble_are_calm_in_a_planted_body_and_bend_if_the_performers
         for tip, angle in zip(tips, angles.T, strict=True):
             turns[:, tip] = from_rotation_vector(-angle[:, None] * [1.0, 0.0, 0.0])
         clip = Clip("toes", performer, turns, np.tile(performer.positions[0], (120, 1)), STEP)
-        plan = replace(automatic(clip, shape), travel=True, pin=True)
+        plan = replace(create_automatic_plan(clip, shape), travel=True, pin=True)
         result = retarget(shape, clip, plan)
         moved = Player(result.project, "model").sample(np.arange(120) * STEP)[0]
         toes = [performer.parents[tip] for tip in tips]
@@ -248,11 +248,11 @@ def test_feet_that_roll_from_heel_to_toe_neither_slide_nor_scuff(how, shin, tip)
     """This also holds on the performer's own skeleton."""
     clip, stands = gait(*how)
     shape = shod(short_shinned(shin), tip)
-    plan = replace(automatic(clip, shape), travel=True, pin=True)
+    plan = replace(create_automatic_plan(clip, shape), travel=True, pin=True)
     speeds, swinging, result = slide_of(shape, clip, stands, plan)
     assert np.median(speeds) < 1.0 and np.percentile(speeds, 90) < SLIDE
     assert np.percentile(swinging, 5) > CLEAR
-    limbs = quality_of(result.project, shape.id, clip, result.duration, plan).limbs
+    limbs = measure_quality(result.project, shape.id, clip, result.duration, plan).limbs
     legs = [limb for limb in limbs if "thigh" in limb.limb or "shin" in limb.limb]
     assert legs and max(limb.median for limb in legs) < 3.0 and max(limb.p90 for limb in legs) < 8.0
 
@@ -275,7 +275,7 @@ def test_the_made_performer_does_not_slide(how):
 def test_a_long_take_is_planted_in_blocks_that_do_not_show(monkeypatch):
     clip, _ = gait(1.2, 0.6, 0.4)
     shape = shod(short_shinned(1.3), 0.22)
-    plan = replace(automatic(clip, shape), travel=True, pin=True)
+    plan = replace(create_automatic_plan(clip, shape), travel=True, pin=True)
     at_once = retarget(shape, clip, plan)
     monkeypatch.setattr("enliven.mapping.planting._FRAMES_PER_BLOCK", 7)
     parts = retarget(shape, clip, plan)
@@ -298,7 +298,7 @@ def test_spin_is_the_turn_about_the_vertical_of_the_part_that_touches(seed):
     for about in (0.0 * angles, angles):
         turns = np.tile([1.0, 0.0, 0.0, 0.0], (count, len(shape.skeleton), 1))
         turns[:, toe] = multiply(from_rotation_vector(about[:, None] * [0.0, 1.0, 0.0]), pitch)
-        spins.append(Sole(shape, [toe]).spin(turns, joints))
+        spins.append(Sole(shape, [toe]).compute_accumulated_rotation(turns, joints))
     np.testing.assert_allclose(spins[0], 0.0, atol=1e-3)
     np.testing.assert_allclose(spins[1], angles - angles[0], atol=1e-3)
 
@@ -346,7 +346,9 @@ def test_feet_of_a_performer_that_turn_while_they_stand_do_not_slide(rate):
         toe = clip.skeleton.index(f"{name} toe")
         turns[:, toe] = multiply(from_rotation_vector(about[:, None] * [0.0, 1.0, 0.0]), turns[:, toe])
     clip, shape = replace(clip, turns=turns), shod(short_shinned(1.0), 0.22)
-    speeds, _, _ = slide_of(shape, clip, stands, replace(automatic(clip, shape), travel=True, pin=True))
+    speeds, _, _ = slide_of(
+        shape, clip, stands, replace(create_automatic_plan(clip, shape), travel=True, pin=True)
+    )
     assert np.median(speeds) < 1.0 and np.percentile(speeds, 90) < SLIDE
 
 
@@ -366,7 +368,9 @@ def test_soles_that_move_with_the_shin_do_not_slide(how, share):
     """Skin that the shin moves in part slides when the leg bends, unless the foot corrects it."""
     clip, stands = gait(*how)
     shape = with_soft_soles(shod(short_shinned(1.3), 0.22), share)
-    speeds, _, _ = slide_of(shape, clip, stands, replace(automatic(clip, shape), travel=True, pin=True))
+    speeds, _, _ = slide_of(
+        shape, clip, stands, replace(create_automatic_plan(clip, shape), travel=True, pin=True)
+    )
     assert np.median(speeds) < 0.4 and np.percentile(speeds, 90) < 4.0
 
 
@@ -375,10 +379,10 @@ def test_legs_keep_their_pose_if_wide_hips_sway_over_planted_feet(width, extra):
     """This also holds if one leg is longer than the other."""
     clip, shape = sway(np.radians(3.0), np.radians(8.0)), shod(wide_hipped(width, extra), 0.2)
     stands = np.ones((len(clip.turns), 2), bool)
-    plan = replace(automatic(clip, shape), travel=True, pin=True)
+    plan = replace(create_automatic_plan(clip, shape), travel=True, pin=True)
     speeds, _, result = slide_of(shape, clip, stands, plan)
     assert np.median(speeds) < 0.5 and np.percentile(speeds, 90) < SLIDE
-    limbs = quality_of(result.project, shape.id, clip, result.duration, plan).limbs
+    limbs = measure_quality(result.project, shape.id, clip, result.duration, plan).limbs
     legs = [limb for limb in limbs if "thigh" in limb.limb or "shin" in limb.limb]
     arms = [limb for limb in limbs if "arm" in limb.limb]
     assert legs and max(limb.median for limb in legs) < 1.5 and max(limb.p90 for limb in legs) < 4.0

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
-from made_bodies import horse, man, meshed, random_motion, walk
-from made_people import CONVENTIONS, name_in, person
+from made_bodies import horse, man, random_motion, shape_with_markers, walk
+from made_people import CONVENTIONS, convention_name, person
 
 from enliven.document.clip import Clip
 from enliven.document.skeleton import Skeleton
 from enliven.mapping.applying import initial_facings
-from enliven.mapping.automatic_mapping import automatic, idle_limbs, retarget
+from enliven.mapping.automatic_mapping import create_automatic_plan, list_idle_limbs, retarget
 from enliven.mapping.pose_error import limb_errors
-from enliven.mapping.quality import MAX_POSE_DEGREES, quality_of
+from enliven.mapping.quality import MAX_POSE_DEGREES, measure_quality
 from enliven.motion.layers.evaluate import Player
 from enliven.rotation import from_rotation_vector, multiply, rotate, unit
 from enliven.skeletons.anatomy import find_anatomy
@@ -41,8 +41,8 @@ def angles_by_hand(made, convention, clip, source_convention):
     turn = made.model_facing - made.take_facing
     angles = []
     for side, start, end in SEGMENTS:
-        a, b = (skeleton.index(name_in(convention, f"{side} {joint}")) for joint in (start, end))
-        j = theirs.index(name_in(source_convention, f"{side} {end}"))
+        a, b = (skeleton.index(convention_name(convention, f"{side} {joint}")) for joint in (start, end))
+        j = theirs.index(convention_name(source_convention, f"{side} {end}"))
         ours = joints[:, b] - joints[:, a]
         bones = [theirs.vectors[j] for _ in frames]
         wanted = np.array([_turned(q, v) for q, v in zip(clip.turns[:, j], bones, strict=True)])
@@ -64,7 +64,7 @@ def test_limbs_point_as_the_performers(seed, source, target):
     random = np.random.default_rng(seed)
     clip = random_motion(random, person(source, random), size=0.7)
     skeleton = person(target, random, extras=bool(seed % 2))
-    result = retarget(meshed("model", skeleton), clip)
+    result = retarget(shape_with_markers("model", skeleton), clip)
     assert angles_by_hand(result, target, clip, source).max() < 0.01
     errors = limb_errors(result.project, "model", clip, result.plan, result.duration)
     assert len(errors) == 8 and max(error.p90 for error in errors) < 0.01
@@ -85,11 +85,11 @@ def test_arms_without_names_point_as_the_performers_at_any_proportions(seed, cla
     performer = Skeleton(tuple(names), np.array(parents), np.array(at))
     clip = random_motion(random, performer, size=0.5)
     skeleton, wrists = nameless_man(random, clawed)
-    result = retarget(meshed("model", skeleton), clip)
+    result = retarget(shape_with_markers("model", skeleton), clip)
     joints = Player(result.project, "model").sample(np.arange(len(clip.turns)) * clip.step)[1]
     for side, (shoulder, elbow, wrist) in wrists.items():
         for start, end, name in ((shoulder, elbow, "elbow"), (elbow, wrist, "wrist")):
-            bone = performer.index(name_in("mixamo", f"{side} {name}"))
+            bone = performer.index(convention_name("mixamo", f"{side} {name}"))
             wanted = rotate(clip.turns[:, bone], performer.vectors[bone])
             wanted = rotate_about_y(wanted, result.model_facing - result.take_facing)
             ours = joints[:, end] - joints[:, start]
@@ -138,8 +138,8 @@ def test_the_measure_is_that_of_every_joint(seed):
     """Of a mapping that moves limbs less, so that there is something to measure."""
     random = np.random.default_rng(seed)
     clip = random_motion(random, person("mixamo", random), frames=40, size=0.7)
-    shape = meshed("model", person("unreal", random))
-    plan = automatic(clip, shape)
+    shape = shape_with_markers("model", person("unreal", random))
+    plan = create_automatic_plan(clip, shape)
     plan = replace(plan, chains=tuple(replace(chain, weight=0.7) for chain in plan.chains))
     result = retarget(shape, clip, plan)
     by_hand = angles_by_hand(result, "unreal", clip, "mixamo")
@@ -163,8 +163,8 @@ def test_extras_are_rigid_with_their_joint(seed, convention, pin):
     random = np.random.default_rng(seed)
     clip = walk() if pin else random_motion(random, person("vrm", random), size=0.7)
     skeleton = person(convention, random, extras=True)
-    shape = meshed("model", skeleton)
-    result = retarget(shape, clip, replace(automatic(clip, shape), travel=pin, pin=pin))
+    shape = shape_with_markers("model", skeleton)
+    result = retarget(shape, clip, replace(create_automatic_plan(clip, shape), travel=pin, pin=pin))
     turns = Player(result.project, "model").sample(np.arange(8) * clip.step)[0]
     for extra, beside in (
         ("Weapon", "Right finger"),
@@ -173,14 +173,14 @@ def test_extras_are_rigid_with_their_joint(seed, convention, pin):
         ("thigh_twist_01_l", "Left knee"),
         ("Hair.002", "top"),
     ):
-        a, b = turns[:, skeleton.index(extra)], turns[:, skeleton.index(name_in(convention, beside))]
+        a, b = turns[:, skeleton.index(extra)], turns[:, skeleton.index(convention_name(convention, beside))]
         np.testing.assert_allclose(np.abs(np.sum(a * b, 1)), 1.0, atol=1e-9, err_msg=extra)
 
 
 def test_fingers_of_a_take_move_the_models_fingers():
     def with_fingers(convention, names):
         skeleton = person(convention)
-        count, wrist = len(skeleton), skeleton.index(name_in(convention, "Left wrist"))
+        count, wrist = len(skeleton), skeleton.index(convention_name(convention, "Left wrist"))
         parents = [*skeleton.parents, wrist, count, count + 1]
         ends = skeleton.positions[wrist] + np.array([[0.08, 0, 0.03], [0.12, 0, 0.03], [0.15, 0, 0.03]])
         return replace(
@@ -203,10 +203,10 @@ def test_fingers_of_a_take_move_the_models_fingers():
     for joint in ("LeftHandIndex2", "LeftHandIndex3"):
         still.turns.setflags(write=True)
         still.turns[:, source.index(joint)] = still.turns[:, source.index("LeftHandIndex1")]
-    shape = meshed("model", target)
-    moving = automatic(replace(clip, turns=bent), shape)
+    shape = shape_with_markers("model", target)
+    moving = create_automatic_plan(replace(clip, turns=bent), shape)
     assert "left index" in {chain.role for chain in moving.chains}
-    assert "left index" not in {chain.role for chain in automatic(still, shape).chains}
+    assert "left index" not in {chain.role for chain in create_automatic_plan(still, shape).chains}
     result = retarget(shape, replace(clip, turns=bent), moving)
     turns = Player(result.project, "model").sample(np.array([0.0, result.duration]))[0]
     bone = target.index("leftIndexIntermediate"), target.index("leftIndexProximal")
@@ -216,30 +216,30 @@ def test_fingers_of_a_take_move_the_models_fingers():
 
 def test_nothing_is_softened_unless_asked():
     clip = random_motion(np.random.default_rng(2), man(), size=1.2)
-    result = retarget(meshed("horse", horse()), clip)
+    result = retarget(shape_with_markers("horse", horse()), clip)
     assert {chain.weight for chain in result.plan.chains if "whole" not in chain.role} == {1.0}
 
 
 def test_an_arm_that_drives_nothing_is_named():
-    clip, shape = walk(), meshed("man", man())
-    plan = automatic(clip, shape)
-    assert idle_limbs(clip, plan) == ()
+    clip, shape = walk(), shape_with_markers("man", man())
+    plan = create_automatic_plan(clip, shape)
+    assert list_idle_limbs(clip, plan) == ()
     kept = tuple(chain for chain in plan.chains if not chain.role.startswith("left arm"))
-    assert idle_limbs(clip, replace(plan, chains=kept)) == ("left arm",)
+    assert list_idle_limbs(clip, replace(plan, chains=kept)) == ("left arm",)
 
 
 def test_pose_is_the_first_figure_and_says_which_limbs():
-    clip, shape = walk(raised=1.0), meshed("man", man())
-    plan = automatic(clip, shape)
+    clip, shape = walk(raised=1.0), shape_with_markers("man", man())
+    plan = create_automatic_plan(clip, shape)
     result = retarget(shape, clip, plan)
-    good = quality_of(result.project, "man", clip, result.duration, plan)
+    good = measure_quality(result.project, "man", clip, result.duration, plan)
     assert str(good).startswith("every limb points within 0\u00b0") and not good.worst_limbs
     chains = tuple(replace(c, weight=0.3) if c.role == "left arm" else c for c in plan.chains)
     plan = replace(plan, chains=chains)
     result = retarget(shape, clip, plan)
-    bad = quality_of(result.project, "man", clip, result.duration, plan)
+    bad = measure_quality(result.project, "man", clip, result.duration, plan)
     assert {limb.limb for limb in bad.worst_limbs} == {"left upper arm", "left forearm"}
-    assert bad.worst_limbs[0].median > MAX_POSE_DEGREES and bad.beyond > good.beyond
+    assert bad.worst_limbs[0].median > MAX_POSE_DEGREES and bad.total_excess > good.total_excess
 
 
 @settings(max_examples=8, deadline=None, phases=FAST)
@@ -249,8 +249,8 @@ def test_planted_feet_stand_still_at_any_proportions(seed, convention, stride):
     random = np.random.default_rng(seed)
     clip = walk(stride)
     skeleton = person(convention, random)
-    shape = meshed("model", skeleton)
-    plan = replace(automatic(clip, shape), travel=True, pin=True)
+    shape = shape_with_markers("model", skeleton)
+    plan = replace(create_automatic_plan(clip, shape), travel=True, pin=True)
     result = retarget(shape, clip, plan)
     times = np.arange(0.0, result.duration, 1 / 60)
     joints = Player(result.project, "model").sample(times)[1]
@@ -271,5 +271,7 @@ def test_planted_feet_stand_still_at_any_proportions(seed, convention, stride):
 def test_facings_do_not_depend_on_the_convention():
     clip = walk()
     for convention in CONVENTIONS:
-        shape = meshed("model", person(convention))
-        assert initial_facings(clip, shape, automatic(clip, shape)) == pytest.approx((0.0, 0.0), abs=1e-6)
+        shape = shape_with_markers("model", person(convention))
+        assert initial_facings(clip, shape, create_automatic_plan(clip, shape)) == pytest.approx(
+            (0.0, 0.0), abs=1e-6
+        )

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_bodies import horse, man, meshed, random_motion, walk, webbed
+from made_bodies import horse, man, random_motion, shape_with_joint_bands, shape_with_markers, walk
 
 from enliven.document.project import Project
 from enliven.mapping.alternatives import find_better_mapping
-from enliven.mapping.automatic_mapping import automatic, retarget
+from enliven.mapping.automatic_mapping import create_automatic_plan, retarget
 from enliven.mapping.quality import (
     MAX_FLOOR_DISTANCE,
     MAX_SLIDE_CM_S,
     MAX_STRETCH,
-    quality_of,
+    measure_quality,
     stretch_over_time,
 )
 from enliven.mapping.softening import limb_name, soften_plan
@@ -27,7 +27,7 @@ SEEDS = st.integers(0, 10_000)
 @settings(max_examples=4, deadline=None)
 @given(SEEDS)
 def test_stretch_is_that_of_every_edge(seed):
-    shape = webbed("horse", horse())
+    shape = shape_with_joint_bands("horse", horse())
     result = retarget(shape, random_motion(np.random.default_rng(seed), man(), size=0.6))
     edges, ratios = stretch_over_time(result.project, "horse", result.duration)
     listed = {tuple(sorted((f[a], f[a - 1]))) for f in shape.mesh.faces.tolist() for a in range(3)}
@@ -39,9 +39,9 @@ def test_stretch_is_that_of_every_edge(seed):
 
 
 def test_rest_pose_has_no_deformation():
-    shape = webbed("horse", horse())
+    shape = shape_with_joint_bands("horse", horse())
     clip = random_motion(np.random.default_rng(0), man(), frames=2, size=0.0)
-    quality = quality_of(Project().with_characters(shape), "horse", clip, 1.0)
+    quality = measure_quality(Project().with_characters(shape), "horse", clip, 1.0)
     assert quality.stretch == pytest.approx(1.0, abs=1e-5)
     assert (quality.sunk, quality.afloat) == pytest.approx((0.0, 0.0), abs=1e-5)
     assert (quality.joints, quality.slide, quality.through, quality.parts) == ((), None, 0.0, ())
@@ -52,8 +52,11 @@ def test_rest_pose_has_no_deformation():
 @given(SEEDS)
 @pytest.mark.slow
 def test_what_stretches_is_moved_less_on_both_sides_alike(seed):
-    shape, clip = webbed("horse", horse()), random_motion(np.random.default_rng(seed), man(), size=1.2)
-    plan = automatic(clip, shape)
+    shape, clip = (
+        shape_with_joint_bands("horse", horse()),
+        random_motion(np.random.default_rng(seed), man(), size=1.2),
+    )
+    plan = create_automatic_plan(clip, shape)
     soft = soften_plan(plan, clip, shape)
 
     def stretch(one):
@@ -71,24 +74,28 @@ def test_what_stretches_is_moved_less_on_both_sides_alike(seed):
 
 
 def test_what_does_not_stretch_is_left_alone():
-    shape, clip = meshed("horse", horse()), random_motion(np.random.default_rng(3), man())
-    plan = automatic(clip, shape)
+    shape, clip = shape_with_markers("horse", horse()), random_motion(np.random.default_rng(3), man())
+    plan = create_automatic_plan(clip, shape)
     assert soften_plan(plan, clip, shape) == plan
 
 
 @pytest.mark.slow
 def test_suggested_mapping_is_better_or_missing():
-    shape, clip = webbed("horse", horse()), random_motion(np.random.default_rng(5), man(), size=2.0)
-    result = retarget(shape, clip, automatic(clip, shape))
-    before = quality_of(result.project, "horse", clip, result.duration)
+    shape, clip = (
+        shape_with_joint_bands("horse", horse()),
+        random_motion(np.random.default_rng(5), man(), size=2.0),
+    )
+    result = retarget(shape, clip, create_automatic_plan(clip, shape))
+    before = measure_quality(result.project, "horse", clip, result.duration)
     other = find_better_mapping(result, shape, before)
     assert other.how and other.quality.faults < before.faults and other.quality.stretch < before.stretch
     other_result = retarget(shape, clip, other.plan)
-    assert quality_of(other_result.project, "horse", clip, other_result.duration) == other.quality
-    calm, clip = meshed("horse", horse()), walk()
+    assert measure_quality(other_result.project, "horse", clip, other_result.duration) == other.quality
+    calm, clip = shape_with_markers("horse", horse()), walk()
     result = retarget(calm, clip)
     assert (
-        find_better_mapping(result, calm, quality_of(result.project, "horse", clip, result.duration)) is None
+        find_better_mapping(result, calm, measure_quality(result.project, "horse", clip, result.duration))
+        is None
     )
 
 
@@ -96,25 +103,25 @@ def test_the_next_best_mapping_is_judged_by_floor_and_slide_and_not_by_stretch_a
     """The feet of a horse leave the floor. Less movement would stretch the surface least, but worsen the
     result.
     """
-    shape, clip = webbed("horse", horse()), walk(raised=1.5)
-    plan = replace(automatic(clip, shape), travel=True, steps=False, floor=False)
+    shape, clip = shape_with_joint_bands("horse", horse()), walk(raised=1.5)
+    plan = replace(create_automatic_plan(clip, shape), travel=True, steps=False, floor=False)
     result = retarget(shape, clip, plan)
-    before = quality_of(result.project, "horse", clip, result.duration)
+    before = measure_quality(result.project, "horse", clip, result.duration)
     assert before.sunk > MAX_FLOOR_DISTANCE and before.slide > MAX_SLIDE_CM_S and before.feet
     other = find_better_mapping(result, shape, before)
     assert other.plan == replace(plan, floor=True) and other.how == "with --floor"
     assert other.quality.sunk < MAX_FLOOR_DISTANCE and other.quality.slide < MAX_SLIDE_CM_S
     less = tuple(c if "whole" in c.role else replace(c, weight=0.6) for c in plan.chains)
     still = retarget(shape, clip, replace(plan, chains=less))
-    least = quality_of(still.project, "horse", clip, still.duration)
+    least = measure_quality(still.project, "horse", clip, still.duration)
     assert least.stretch < other.quality.stretch and least.faults > before.faults
 
 
 def test_feet_in_place_do_not_slide():
     """Walking in place is like walking on a treadmill, and no fault of a mapping."""
-    shape, clip = meshed("man", man()), walk()
+    shape, clip = shape_with_markers("man", man()), walk()
     slides = []
     for travel in (False, True):
-        result = retarget(shape, clip, replace(automatic(clip, shape), travel=travel))
-        slides.append(quality_of(result.project, "man", clip, result.duration).slide)
+        result = retarget(shape, clip, replace(create_automatic_plan(clip, shape), travel=travel))
+        slides.append(measure_quality(result.project, "man", clip, result.duration).slide)
     assert slides[0] is None and slides[1] < 2.0

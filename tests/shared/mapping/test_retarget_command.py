@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_bodies import bvh_text, horse, man, meshed, random_motion, webbed
+from made_bodies import bvh_text, horse, man, random_motion, shape_with_joint_bands, shape_with_markers
 
 from enliven.cli import run
 from enliven.document.project import Project
@@ -15,7 +15,7 @@ from enliven.exporters import sample_performance
 from enliven.exporters.gltf.write import write_gltf
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import play_clip
-from enliven.mapping.automatic_mapping import automatic
+from enliven.mapping.automatic_mapping import create_automatic_plan
 from enliven.mapping.automatic_mapping import retarget as retarget_shape
 from enliven.recording import Recorder
 from enliven.takes.files import read_take
@@ -31,10 +31,11 @@ def files(tmp_path):
     frames = 8.0 * np.sin(np.arange(12)[:, None, None] + np.arange(len(man()))[None, :, None])
     (tmp_path / "walk.bvh").write_text(bvh_text(man(), np.tile(frames, (1, 1, 3))))
     clip = random_motion(np.random.default_rng(0), horse(), name="graze")
-    project, _ = play_clip(Project(), meshed("horse", horse()), clip)
+    project, _ = play_clip(Project(), shape_with_markers("horse", horse()), clip)
     write_gltf(tmp_path / "horse.glb", [sample_performance(project, "horse")], "graze")
     write_gltf(
-        tmp_path / "man.glb", [sample_performance(Project().with_characters(meshed("man", man())), "man")]
+        tmp_path / "man.glb",
+        [sample_performance(Project().with_characters(shape_with_markers("man", man())), "man")],
     )
     return tmp_path
 
@@ -96,7 +97,7 @@ def test_feet_are_held_on_request(files):
     checked_glb((files / "a.glb").read_bytes())
     shape = read_gltf(files / "man.glb").shape
     clip, _ = read_take(files / "walk.bvh")
-    plan = replace(automatic(clip, shape), travel=True, pin=True)
+    plan = replace(create_automatic_plan(clip, shape), travel=True, pin=True)
     # A person's feet are planted by the step detection. Swung legs of another mapping are pinned by their
     # contacts.
     for steps, how in ((True, ()), (False, ("Left ankle", "Right ankle"))):
@@ -108,7 +109,7 @@ def test_feet_are_held_on_request(files):
 
 @pytest.mark.slow
 def test_stretched_surface_is_reported_with_joints_and_a_better_mapping(files, capsys):
-    banded = Project().with_characters(webbed("banded", horse()))
+    banded = Project().with_characters(shape_with_joint_bands("banded", horse()))
     write_gltf(files / "banded.glb", [sample_performance(banded, "banded")])
     wide = 60.0 * np.sin(np.arange(12)[:, None, None] + np.arange(len(man()))[None, :, None])
     (files / "wide.bvh").write_text(bvh_text(man(), np.tile(wide, (1, 1, 3))))

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
-from made_bodies import crawler, horse, man, meshed, random_motion, snake, spider, walk
+from made_bodies import crawler, horse, man, random_motion, shape_with_markers, snake, spider, walk
 
 from enliven.document.clip import Clip, joint_places
-from enliven.mapping.automatic_mapping import automatic, retarget
+from enliven.mapping.automatic_mapping import create_automatic_plan, retarget
 from enliven.mapping.gait import find_stepping_legs, legs_that_step
 from enliven.mapping.ground import floor_height_under, posed_surfaces
-from enliven.mapping.quality import quality_of
+from enliven.mapping.quality import measure_quality
 from enliven.mapping.softening import soften_plan
 from enliven.motion.layers.evaluate import Player
 from enliven.rotation import from_rotation_vector
@@ -24,7 +24,7 @@ STEP = 1 / 30
 
 
 def made_of(shape, clip, **how):
-    return retarget(shape, clip, replace(automatic(clip, shape), travel=True, **how))
+    return retarget(shape, clip, replace(create_automatic_plan(clip, shape), travel=True, **how))
 
 
 def feet(made):
@@ -46,7 +46,7 @@ def test_the_made_walker_walks():
 @settings(max_examples=3, deadline=None, phases=[Phase.explicit, Phase.generate])
 @given(stride=st.floats(0.2, 0.4), heading=st.floats(-3, 3))
 def test_a_foot_stands_while_the_performers_stands(model, stride, heading):
-    shape, clip = meshed(model, MODELS[model]()), walk(stride, heading)
+    shape, clip = shape_with_markers(model, MODELS[model]()), walk(stride, heading)
     result = made_of(shape, clip)
     joints, at = feet(result)
     assert len(legs_that_step(shape, clip, result.plan)) == at.shape[1] >= 4
@@ -58,7 +58,7 @@ def test_a_foot_stands_while_the_performers_stands(model, stride, heading):
     pairs = stands.reshape(len(stands), -1, 2)
     assert (pairs[:, 1:] & pairs[:, :-1]).mean() < 0.1, "legs behind one another step in turn"
     np.testing.assert_allclose(np.linalg.norm(at[-1] - at[0], axis=1), travelled, rtol=0.01)
-    assert quality_of(result.project, model, clip, result.duration).slide < 2.5
+    assert measure_quality(result.project, model, clip, result.duration).slide < 2.5
 
 
 @settings(max_examples=3, deadline=None, phases=[Phase.explicit, Phase.generate])
@@ -66,11 +66,14 @@ def test_a_foot_stands_while_the_performers_stands(model, stride, heading):
 def test_pinned_feet_of_what_crawls_step_and_are_on_the_floor(seed):
     """However long its legs are for its steps: a foot is held where it stands, and not dragged along."""
     random = np.random.default_rng(seed)
-    shape, clip = meshed("crawler", crawler(random)), walk(random.uniform(0.2, 0.6), random.uniform(-3, 3))
+    shape, clip = (
+        shape_with_markers("crawler", crawler(random)),
+        walk(random.uniform(0.2, 0.6), random.uniform(-3, 3)),
+    )
     pinned, tall = made_of(shape, clip, pin=True), np.ptp(shape.mesh.vertices[:, 1])
     (joints, free), (_, held) = feet(made_of(shape, clip)), feet(pinned)
     gone = np.linalg.norm(joints[-1, 0] - joints[0, 0])
-    assert len(legs_that_step(shape, clip, automatic(clip, shape))) == free.shape[1]
+    assert len(legs_that_step(shape, clip, create_automatic_plan(clip, shape))) == free.shape[1]
     assert np.linalg.norm(held - free, axis=2).max() < 0.12 * gone
     low = [at[:, 1].min() for at in posed_surfaces(pinned.project, "crawler", np.arange(0, FRAMES, 2) * STEP)]
     assert min(low) - floor_height_under(shape) > -0.015 * tall
@@ -90,7 +93,7 @@ def test_feet_stand_while_the_body_turns_over_them(model, seed):
     hips = {limb.proper[0] for pair in find_anatomy(skeleton).legs for limb in pair}
     turns[:, sorted(legs | hips)] = [1.0, 0.0, 0.0, 0.0]
     clip = Clip("turn", skeleton, turns, np.tile(skeleton.positions[0], (FRAMES, 1)), STEP)
-    result = made_of(meshed(model, MODELS[model]()), clip, pin=True)
+    result = made_of(shape_with_markers(model, MODELS[model]()), clip, pin=True)
     steps = find_stepping_legs(result.project.shape(model), clip, result.plan)
     ankles = [step.leg[-1] for step in steps if step.arm is None]
     at = feet(result)[0][:, ankles]
@@ -103,8 +106,8 @@ def test_feet_stand_while_the_body_turns_over_them(model, seed):
 @given(st.integers(0, 10_000))
 def test_legs_keep_their_lengths_and_the_trunk_its_motion(seed):
     clip = random_motion(np.random.default_rng(seed), man(), frames=6, size=0.4)
-    shape = meshed("horse", horse())
-    plan = replace(automatic(clip, shape), floor=True, travel=False)
+    shape = shape_with_markers("horse", horse())
+    plan = replace(create_automatic_plan(clip, shape), floor=True, travel=False)
     swung, steps = (retarget(shape, clip, replace(plan, steps=on)) for on in (False, True))
     times = np.linspace(0.0, clip.duration, 7)
     own = [Player(each.project, "horse").sample(times) for each in (swung, steps)]
@@ -117,10 +120,10 @@ def test_legs_keep_their_lengths_and_the_trunk_its_motion(seed):
 
 
 def test_an_arm_that_is_raised_lifts_the_foreleg():
-    shape, hoof = meshed("horse", horse()), horse().index("Left fore hoof")
+    shape, hoof = shape_with_markers("horse", horse()), horse().index("Left fore hoof")
     for raised, obeys in ((1.9, True), (0.0, False)):
         clip = walk(0.3, raised=raised)
-        plan = replace(automatic(clip, shape), rest="zero")
+        plan = replace(create_automatic_plan(clip, shape), rest="zero")
         both = (
             Player(retarget(shape, clip, each).project, "horse")
             for each in (plan, replace(plan, steps=False))
@@ -132,20 +135,20 @@ def test_an_arm_that_is_raised_lifts_the_foreleg():
 def test_what_is_posed_alike_or_has_no_legs_does_not_step():
     clip = walk()
     for skeleton in (man(), snake()):
-        shape = meshed("other", skeleton)
-        assert legs_that_step(shape, clip, automatic(clip, shape)) == ()
-    horse_shape = meshed("horse", horse())
-    plan = automatic(clip, horse_shape)
+        shape = shape_with_markers("other", skeleton)
+        assert legs_that_step(shape, clip, create_automatic_plan(clip, shape)) == ()
+    horse_shape = shape_with_markers("horse", horse())
+    plan = create_automatic_plan(clip, horse_shape)
     still = replace(plan, chains=tuple(replace(c, weight=0.0) for c in plan.chains))
     assert legs_that_step(horse_shape, clip, still) == ()
     assert legs_that_step(horse_shape, clip, replace(plan, floor=False)) == ()
 
 
 def test_shorter_strides_go_less_far():
-    clip, shape = walk(0.4), meshed("spider", spider())
+    clip, shape = walk(0.4), shape_with_markers("spider", spider())
     far = [np.ptp(feet(made_of(shape, clip, stride=s))[0][:, 0, 2]) for s in (1.0, 0.5)]
     assert far[1] == pytest.approx(far[0] / 2, rel=1e-6)
-    assert soften_plan(automatic(clip, shape), clip, shape).stride <= 1.0
+    assert soften_plan(create_automatic_plan(clip, shape), clip, shape).stride <= 1.0
 
 
 def gesture(random, reach=1.2):
@@ -165,7 +168,7 @@ def gesture(random, reach=1.2):
 def test_forelegs_that_arms_push_down_do_not_lift_the_body(seed, model):
     random = np.random.default_rng(seed)
     skeleton = crawler(random) if model == "crawler" else MODELS[model]()
-    shape, clip = meshed(model, skeleton), gesture(random)
+    shape, clip = shape_with_markers(model, skeleton), gesture(random)
     result = made_of(shape, clip, pin=True)
     tall = np.ptp(shape.mesh.vertices[:, 1])
     joints, _ = feet(result)

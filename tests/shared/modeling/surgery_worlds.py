@@ -7,7 +7,7 @@ import numpy as np
 from enliven.document.clip import Clip
 from enliven.document.layers import Layer, Ref, Span
 from enliven.document.project import Project
-from enliven.document.rigged import Shape
+from enliven.document.rigged import RiggedCharacter
 from enliven.document.skeleton import Skeleton
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.skinning.heat_diffusion import bone_heat
@@ -75,7 +75,7 @@ def random_shape(random, name, layers, count=None):
     spans = tuple(random_spans(random, ids) for _ in range(count))
     travel = str(random.choice(ids)) if random.random() < 0.5 else None
     modeling, place = random_turns(random, count, size=0.4), random.normal(size=3)
-    return Shape(name, skeleton, modeling, spans, place, travel, layers=tuple(layers))
+    return RiggedCharacter(name, skeleton, modeling, spans, place, travel, layers=tuple(layers))
 
 
 def random_project(seed, shapes=2):
@@ -94,7 +94,7 @@ def straight_shape(name, points, spans, modeling=None, layers=()):
     points = np.array(points, float)
     skeleton = Skeleton(tuple(f"{name} {i}" for i in range(len(points))), np.arange(len(points)) - 1, points)
     modeling = np.tile(IDENTITY, (len(points), 1)) if modeling is None else modeling
-    return Shape(name, skeleton, modeling, ((Span(),), *spans), np.zeros(3), layers=layers)
+    return RiggedCharacter(name, skeleton, modeling, ((Span(),), *spans), np.zeros(3), layers=layers)
 
 
 def tube(length=4.0, radius=0.3, around=12, along=33):

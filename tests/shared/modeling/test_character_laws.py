@@ -41,7 +41,7 @@ from enliven.modeling.edits import (
 )
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.puppet.dragging import key_pose_at
-from enliven.modeling.puppet.parts import state_at
+from enliven.modeling.puppet.parts import evaluate_puppet_state
 from enliven.rotation import rotate
 
 laws = settings(deadline=None, max_examples=6)
@@ -239,7 +239,7 @@ def test_undo_restores_characters_of_all_rigs_bit_for_bit(seed):
         project, _ = paste_character(project, source, name)
     history, states = History(project), [project]
     for number in range(60):
-        states.append(history.do(f"edit {number}", random_edit(history.project, random)))
+        states.append(history.record_edit(f"edit {number}", random_edit(history.project, random)))
     for before in reversed(states[:-1]):
         assert are_identical(history.undo(), before)
     for after in states[1:]:
@@ -253,24 +253,26 @@ def test_a_handle_that_is_dragged_is_there_at_that_time(rig, seed, time):
     """The root of a skeleton goes there; another joint points there; what was recorded is not posed."""
     project, name = WORLDS[rig]
     character, random = project.character(name), np.random.default_rng(seed)
-    player = get_rig_edits(character).player(project, character)
+    player = get_rig_edits(character).create_player(project, character)
     handles = player(time).handles
     assert len(handles) == len(character.handles) == len(character.parents)
     if not len(handles):
         with pytest.raises(InputError, match="cannot be posed by hand"):
-            get_rig_edits(character).dragged(project, character, 0, np.zeros(3), time)
+            get_rig_edits(character).drag_handle(project, character, 0, np.zeros(3), time)
         return
     number = int(random.integers(len(handles)))
     place = handles[number] + 0.05 * random.normal(size=3)
     dragged = drag_handle(project, name, character.handles[number], place, time)
     edited = dragged.character(name)
-    ends = get_rig_edits(edited).player(dragged, edited)(time).handles
+    ends = get_rig_edits(edited).create_player(dragged, edited)(time).handles
     if kind(rig) == "points":
         # The moment is a key pose of the nearest frame of the take; it is met as closely as examples are.
         layer = character.layers[0]
         second = layer.played(time, project.takes[layer.take].duration)[0]
         pose = edited.poses[key_pose_at(dragged, edited, layer.take, second)]
-        place_now = to_world_frame(character, state_at(project, character, time), pose.places[number])
+        place_now = to_world_frame(
+            character, evaluate_puppet_state(project, character, time), pose.places[number]
+        )
         near(root_motion(project, character, time)(place_now[None])[0], place)
     elif character.parents[number] >= 0:
         start = ends[character.parents[number]]

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.document import GraphPart, GraphShape, PoseStream, Project, SkinWeights
+from enliven.document import GraphCharacter, GraphPart, PoseStream, Project, SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.modeling.edits import (
@@ -31,7 +31,7 @@ LEGS = ((-0.2, 0.2), (0.2, 0.2), (-0.2, -0.2), (0.2, -0.2))
 """x and z of a table's legs, metres."""
 
 
-def table() -> GraphShape:
+def table() -> GraphCharacter:
     """Returns a table 1 m high: five nodes for each leg, one for the top, and a vertex at each node."""
     heights = np.linspace(0.0, 0.8, 5)
     nodes = [(x, y, z) for x, z in LEGS for y in heights] + [(0.0, TALL, 0.0)]
@@ -44,7 +44,7 @@ def table() -> GraphShape:
     indices[:, 0] = np.arange(21)
     weights = np.tile(np.array([1, 0, 0, 0], np.float32), (21, 1))
     part = GraphPart("walk", np.arange(21))
-    return GraphShape(
+    return GraphCharacter(
         "table", positions, np.array(edges, np.int32), mesh, SkinWeights(indices, weights), (part,)
     )
 
@@ -82,7 +82,7 @@ def test_the_feet_of_a_table_and_of_the_chair_are_its_legs() -> None:
     indices[:, 0] = away.argmin(1)
     weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(indices), 1))
     part = GraphPart("rest", np.arange(len(nodes)))
-    chair = GraphShape("chair", nodes, np.zeros((0, 2)), mesh, SkinWeights(indices, weights), (part,))
+    chair = GraphCharacter("chair", nodes, np.zeros((0, 2)), mesh, SkinWeights(indices, weights), (part,))
     assert len(find_feet(chair, np.arange(len(nodes)))) == 4
 
 

@@ -29,7 +29,7 @@ from enliven.modeling.edits import (
     set_key,
     shift_character,
 )
-from enliven.modeling.rigged.posed import posed
+from enliven.modeling.rigged.posed import compute_pose
 from enliven.rotation import from_rotation_vector, multiply, to_matrix
 
 PROJECT, ARM = WORLDS["bones"]
@@ -56,8 +56,8 @@ def test_key_rotates_bone_after_its_motion(at, degrees, ease):
     for frame, each in zip(at, degrees, strict=False):
         time = frame * KEY_STEP
         before, turns = (
-            posed(PROJECT, PROJECT.shape(ARM), time)[0],
-            posed(project, project.shape(ARM), time)[0],
+            compute_pose(PROJECT, PROJECT.shape(ARM), time)[0],
+            compute_pose(project, project.shape(ARM), time)[0],
         )
         wanted = multiply(before[BONE], from_rotation_vector(np.radians(each)))
         assert turn_apart(turns[BONE], wanted) < 1e-9
@@ -140,14 +140,14 @@ def test_posed_by_hand_a_key_points_there_and_other_keys_stay(frame, place, mirr
     if mirrored:
         project = mirror_character(set_key(PROJECT, ARM, BONE, 3.0, (10, 0, 0)), ARM, [1.0, 0, 0])
     edited = key_handle(project, ARM, BONE, place, time)
-    joints = posed(edited, edited.shape(ARM), time)[1]
+    joints = compute_pose(edited, edited.shape(ARM), time)[1]
     start = joints[BONE - 1] if int(edited.shape(ARM).skeleton.parents[BONE]) == BONE - 1 else joints[0]
     way, bone = np.array(place) - start, joints[BONE] - start
     if np.linalg.norm(way) > 1e-3:
         cosine = way @ bone / np.linalg.norm(way) / np.linalg.norm(bone)
         assert cosine > 1 - 1e-9
     if mirrored and frame < 90:
-        after, before = (posed(each, each.shape(ARM), 3.0)[1] for each in (edited, project))
+        after, before = (compute_pose(each, each.shape(ARM), 3.0)[1] for each in (edited, project))
         np.testing.assert_allclose(after, before, atol=1e-9)
 
 
@@ -162,9 +162,9 @@ def test_a_copy_has_keys_of_its_own():
 def test_export_contains_the_keys():
     project = set_key(set_key(PROJECT, ARM, BONE, 0.0, (0, 0, 0)), ARM, BONE, 1.0, (0, 60, 0))
     performance = sample_performance(project, ARM, 0.0, 1.0, 30.0)
-    last = posed(project, project.shape(ARM), 1.0)[0]
+    last = compute_pose(project, project.shape(ARM), 1.0)[0]
     np.testing.assert_allclose(performance.linear[-1], to_matrix(last), atol=1e-6)
-    assert turn_apart(last[BONE], posed(PROJECT, PROJECT.shape(ARM), 1.0)[0][BONE]) > 0.1
+    assert turn_apart(last[BONE], compute_pose(PROJECT, PROJECT.shape(ARM), 1.0)[0][BONE]) > 0.1
 
 
 def test_invalid_key_is_refused():

@@ -179,7 +179,7 @@ def test_dragged_key_reaches_target_and_keeps_other_keys(rig, handle, edit, fram
         expected = rotate(turn, compute_vertices(project, name, time) - way) + way + to
         near(compute_vertices(edited, name, time), expected)
     else:
-        player = get_rig_edits(project.character(name)).player(project, project.character(name))
+        player = get_rig_edits(project.character(name)).create_player(project, project.character(name))
         target = (player(time).handles if rig == "bones" else player(time).pose.positions)[handle] + to
         edited = key_handle(project, name, handle, target, time)
         if rig != "bones":  # a bone points there; see test_key_laws
@@ -206,12 +206,12 @@ def test_dragged_handle_of_keyed_character_reaches_target(rig):
     project, name = keyed(rig, None, [0, 30], (0, 40, 5), (0.2, 0.1, 0))
     if rig != "bones":
         return
-    joints = get_rig_edits(project.shape(name)).player(project, project.shape(name))(0.4).handles
+    joints = get_rig_edits(project.shape(name)).create_player(project, project.shape(name))(0.4).handles
     for dragged in (
         drag_handle(project, name, 2, joints[2] + (0, 0.1, 0.1), 0.4),
         key_handle(project, name, 2, joints[2] + (0, 0.1, 0.1), 0.4),
     ):
-        handles = get_rig_edits(dragged.shape(name)).player(dragged, dragged.shape(name))(0.4).handles
+        handles = get_rig_edits(dragged.shape(name)).create_player(dragged, dragged.shape(name))(0.4).handles
         way, bone = joints[2] + (0, 0.1, 0.1) - handles[1], handles[2] - handles[1]
         assert way @ bone / np.linalg.norm(way) / np.linalg.norm(bone) > 1 - 1e-9
 

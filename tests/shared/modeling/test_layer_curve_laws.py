@@ -35,7 +35,7 @@ from enliven.modeling.edits import (
     stretch_clip,
     trim_clip,
 )
-from enliven.motion.layers.timing import Clocks
+from enliven.motion.layers.timing import LayerClocks
 
 laws = settings(deadline=None, max_examples=8)
 RIGS = ("bones", "graph", "points", "cage", "keyed bones", "keyed graph")
@@ -98,15 +98,15 @@ def test_a_speed_of_one_key_is_the_number(rig, speed, at, time):
 def test_time_rises_as_the_sum_of_its_speeds_and_is_found_again(keys, moments, offset):
     layer = GraphPart("take", np.arange(1), offset=offset, speeds=keys)
     moments = sorted(moments)
-    even = [layer.even(time) for time in moments]
+    even = [layer.to_unwarped_time(time) for time in moments]
     assert (np.diff(even) >= MIN_SPEED * np.diff(moments) - 1e-9).all()
     for time, at in zip(moments, even, strict=True):
-        assert layer.uneven(at) == pytest.approx(time, abs=1e-6)
+        assert layer.to_warped_time(at) == pytest.approx(time, abs=1e-6)
         fine = np.linspace(0, time - offset, 4001)
         rows = curve_from_keys(keys)((fine[1:] + fine[:-1]) / 2)  # the slow twin: a sum of thin slices
         # A step within a slice is off by that slice at most.
         assert at - offset == pytest.approx(rows.mean() * (time - offset), abs=4 * 6 * 4.0 / 4000)
-    assert layer.even(offset) == pytest.approx(offset)
+    assert layer.to_unwarped_time(offset) == pytest.approx(offset)
 
 
 @settings(deadline=None, max_examples=25)
@@ -116,7 +116,7 @@ def test_compiled_they_are_the_same(fast, weights, time, loop, back):
     layer = project.shape(name).layers[0]
     layer = replace(layer, speeds=fast, weights=weights, loop=loop, speed=-1.0 if back else 0.7)
     clip = project.takes[layer.take]
-    clocks, moment = Clocks.of([layer], [clip]), layer.moment(time, clip.duration)
+    clocks, moment = LayerClocks.from_layers([layer], [clip]), layer.moment(time, clip.duration)
     assume(min(abs(moment.second), abs(moment.second - clip.duration)) > 1e-6 or not loop)
     played = clocks.frames_at(np.array([time]))
     assert played.frame[0, 0] * clip.step == pytest.approx(moment.second, abs=1e-9)

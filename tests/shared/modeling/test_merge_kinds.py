@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from surgery_worlds import random_turns
 from test_character_laws import WORLDS
 
-from enliven.document import GraphShape
+from enliven.document import GraphCharacter
 from enliven.document.project import Project
 from enliven.errors import InputError
 from enliven.formats.project.file import parse_project, project_bytes
@@ -68,7 +68,7 @@ def test_at_the_merge_nothing_jumps_the_host_goes_on_and_the_graft_rides(host, g
     project, ours, theirs = beside(host, graft, time)
     notes = []
     merged = merge_characters(project, ours, theirs, time, loose=True, notes=notes)
-    assert list(merged.characters) == [ours] and isinstance(merged.characters[ours], GraphShape)
+    assert list(merged.characters) == [ours] and isinstance(merged.characters[ours], GraphCharacter)
     assert sum("was baked" in note for note in notes) == 2 - (host in GRAPHS) - (graft in GRAPHS)
     assert ("mm" in " ".join(notes)) == ("points" in (host, graft)), "the error of a baked puppet is said"
     now, then = compute_vertices(merged, ours, time), compute_vertices(merged, ours, time + later * FRAME)
@@ -134,7 +134,9 @@ def test_a_loop_goes_on_for_ever():
     project = change_layers(project, name, [0], loop=True, speed=2.0)
     project = move_character(project, name, [9.0, 0.0, 0.0])
     merged = merge_characters(project, name, ours, 0.3, loose=True)
-    (length,) = {layer.lasting(project.length_of(layer)) for layer in project.shape(name).layers}
+    (length,) = {
+        layer.compute_loop_duration(project.length_of(layer)) for layer in project.shape(name).layers
+    }
     assert merged.graph(name).parts[0].loop
     for rounds in (-3, 5, 400):
         at = 0.3 + 0.2 + rounds * length

@@ -82,7 +82,7 @@ def test_a_mirrored_stroke_paints_both_sides_alike(seed, brush):
 def test_undo_is_bit_for_bit_and_clearing_leaves_nothing():
     history = History(PLAIN)
     project = paint_character(PLAIN, "block", np.zeros((1, 3)), 0.5, "softer")
-    history.do("paint", project)
+    history.record_edit("paint", project)
     bytes_before = project_bytes(PLAIN)
     assert project_bytes(history.project) != bytes_before
     assert project_bytes(history.undo()) == bytes_before

@@ -207,8 +207,8 @@ def test_paste_keeps_performers_and_undo_restores_solution():
     assert clash.graph(copied).parts[0].possession.take == "sway 2" and not is_stale(clash, copied)
     cut, parts = leg_cut(other, name)
     history = History(other)
-    history.do("cut", cut)
-    history.do("solve", solve_again(cut, parts[0]))
+    history.record_edit("cut", cut)
+    history.record_edit("solve", solve_again(cut, parts[0]))
     assert are_identical(history.undo(), cut) and are_identical(history.undo(), other)
 
 

@@ -257,8 +257,8 @@ def test_undo_knows_possessed_meshes_too(walking):
     project, _, _ = walking
     history = History(project)
     edited, (near, far) = cut_graph(project, "block", PlaneCut([0.2, 0, 0], [1.0, 0, 0]), 0.0)
-    history.do("cut", edited)
-    history.do("merge", merge_characters(history.project, near, far, 1.0, loose=True))
+    history.record_edit("cut", edited)
+    history.record_edit("merge", merge_characters(history.project, near, far, 1.0, loose=True))
     history.undo()
     assert are_identical(history.undo(), project)
 

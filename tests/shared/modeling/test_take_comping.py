@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from performed_arm import ARM, BEGIN, performed, waving
+from performed_arm import ARM, BEGIN, create_performance, create_waving_rotations
 from swaying import possessed_chair
 
 from enliven.document.project import Project, are_identical
@@ -30,11 +30,13 @@ SIZES = (0.2, 0.5, 0.9)
 
 def three(count: int = 3) -> Project:
     """Returns an arm with one layer that always plays, and some alternatives above it."""
-    project, _ = add_performance(Project().with_characters(ARM), performed(waving({1: 0.3}), "take 0"), BEGIN)
+    project, _ = add_performance(
+        Project().with_characters(ARM), create_performance(create_waving_rotations({1: 0.3}), "take 0"), BEGIN
+    )
     for number, size in enumerate(SIZES[:count], 1):
         beside = "take 1" if number > 1 else ""
         silent = choose_take(project, "take 1", "") if beside else project
-        done = performed(waving({2: size}), f"take {number}")
+        done = create_performance(create_waving_rotations({2: size}), f"take {number}")
         project, _ = add_performance(silent, done, BEGIN, beside=beside)
     return project
 
@@ -49,10 +51,12 @@ def test_last_alternative_plays_and_each_plays_alone() -> None:
     assert (
         find_alternatives(project, "take 2") == "take 1" and find_alternatives(project, "take 0") == "take 0"
     )
-    base, _ = add_performance(Project().with_characters(ARM), performed(waving({1: 0.3}), "take 0"), BEGIN)
+    base, _ = add_performance(
+        Project().with_characters(ARM), create_performance(create_waving_rotations({1: 0.3}), "take 0"), BEGIN
+    )
     for number, size in enumerate(SIZES, 1):
         chosen = choose_take(project, "take 1", f"take {number}")
-        alone, _ = add_performance(base, performed(waving({2: size})), BEGIN)
+        alone, _ = add_performance(base, create_performance(create_waving_rotations({2: size})), BEGIN)
         np.testing.assert_allclose(turn(chosen), turn(alone), atol=1e-9)
     np.testing.assert_allclose(turn(choose_take(project, "take 1", "")), turn(base), atol=1e-9)
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from enliven.document.clip import Clip
 from enliven.document.project import Project
-from enliven.document.rigged import Shape, still_shape
+from enliven.document.rigged import RiggedCharacter, still_shape
 from enliven.document.skeleton import Skeleton
 from enliven.rotation import from_rotation_vector, multiply
 
@@ -55,7 +55,9 @@ def chain_to(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
     return skeleton.path(0, joint)
 
 
-def scene(rng: np.random.Generator, joints: int = 8, frames: int = 9) -> tuple[Project, Clip, Shape]:
+def scene(
+    rng: np.random.Generator, joints: int = 8, frames: int = 9
+) -> tuple[Project, Clip, RiggedCharacter]:
     """Returns a project with a take, and a shape "shape" at rest with the same skeleton as the take."""
     skeleton = random_skeleton(rng, joints)
     clip, shape = random_clip(rng, skeleton, frames), still_shape("shape", skeleton)

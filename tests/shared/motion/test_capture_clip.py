@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tolerances import alike
+from tolerances import are_alike
 
 from enliven.document.clip import Clip
 from enliven.document.skeleton import Skeleton
@@ -231,5 +231,5 @@ def test_a_part_of_a_clip():
     rng = np.random.default_rng(0)
     clip = random_clip(rng, random_skeleton(rng, 3))
     part = trim_clip(clip, 2 * clip.step, 5 * clip.step)
-    assert alike(part.turns, clip.turns[2:6]) and alike(part.root, clip.root[2:6])
+    assert are_alike(part.turns, clip.turns[2:6]) and are_alike(part.root, clip.root[2:6])
     assert len(trim_clip(clip, 99.0, 100.0).turns) == 1

@@ -4,7 +4,7 @@ file.
 
 import numpy as np
 import pytest
-from person_bvh import UP, bvh, moved
+from person_bvh import UP, format_bvh, generate_motion
 
 from enliven.rotation import rotate
 from enliven.takes.files import read_take
@@ -22,13 +22,13 @@ def joints_of(clip) -> dict[str, np.ndarray]:
 @pytest.fixture(scope="module")
 def wanted(tmp_path_factory):
     path = tmp_path_factory.mktemp("twin") / "twin.bvh"
-    path.write_text(bvh(*moved()))
+    path.write_text(format_bvh(*generate_motion()))
     return read_take(path)[0]
 
 
 def check(tmp_path, wanted, same_turns=True, **how):
     path = tmp_path / "a.bvh"
-    path.write_text(bvh(*moved(), **how))
+    path.write_text(format_bvh(*generate_motion(), **how))
     clip, notes = read_take(path)
     assert clip.skeleton.names[-20:] == wanted.skeleton.names[-20:]
     actual, twin = joints_of(clip), joints_of(wanted)
@@ -61,7 +61,7 @@ def test_a_joint_that_carries_the_hips_is_upright(tmp_path, wanted, up):
 
 def lying(height: float) -> tuple[np.ndarray, np.ndarray]:
     """Returns a person face up on a floor, with the head towards -Z and the hips at 1 m along Z."""
-    root, turns = moved()
+    root, turns = generate_motion()
     turns = turns.copy()
     turns[:, 0] = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]) @ turns[:, 0]
     return np.tile([0.0, height, 3.0], (len(root), 1)), turns
@@ -69,7 +69,7 @@ def lying(height: float) -> tuple[np.ndarray, np.ndarray]:
 
 def test_a_person_who_lies_all_the_time_stays_on_the_floor(tmp_path):
     path = tmp_path / "lying.bvh"
-    path.write_text(bvh(*lying(0.1)))
+    path.write_text(format_bvh(*lying(0.1)))
     clip, notes = read_take(path)
     assert notes == ()
     at = np.stack(list(joints_of(clip).values()))

@@ -4,10 +4,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tolerances import alike
+from tolerances import are_alike
 
 from enliven.document.pin import ContactSettings
-from enliven.motion.contact.contacts import find_contacts, find_runs, hold, touching
+from enliven.motion.contact.contacts import (
+    compute_hold_weights,
+    detect_contact_frames,
+    find_contacts,
+    find_runs,
+)
 
 laws = settings(deadline=None, max_examples=60)
 STEP = 1 / 60
@@ -45,7 +50,7 @@ def test_planted_foot_stays_in_place():
 def test_a_spider_is_judged_as_a_giraffe_is(size):
     at, _ = steps([0.5, 0.4, 0.6, 0.4, 0.5])
     ours, theirs = find_contacts(at * size, STEP, 0.9 * size, HOW), find_contacts(at, STEP, 0.9, HOW)
-    assert alike(ours.starts, theirs.starts) and alike(ours.ends, theirs.ends)
+    assert are_alike(ours.starts, theirs.starts) and are_alike(ours.ends, theirs.ends)
 
 
 def test_a_foot_in_the_air_or_sliding_does_not_stand():
@@ -76,7 +81,7 @@ def plain_touching(height, speed, low, slow, release):
 def test_hysteresis_is_the_definition(foot, release):
     height, speed = np.array(foot).T.copy()
     down = np.empty(len(height), np.bool_)
-    touching(height, speed, 0.3, 0.3, release, down)
+    detect_contact_frames(height, speed, 0.3, 0.3, release, down)
     assert down.tolist() == plain_touching(height, speed, 0.3, 0.3, release)
     assert [b for a, e in find_runs(down) for b in range(a, e + 1)] == np.flatnonzero(down).tolist()
 
@@ -84,7 +89,7 @@ def test_hysteresis_is_the_definition(foot, release):
 def held(times, starts, ends, places, blend=0.2):
     times = np.atleast_1d(np.asarray(times, float))
     weights, goals = np.empty(len(times)), np.empty((len(times), 3))
-    hold(
+    compute_hold_weights(
         times,
         np.array(starts, float),
         np.array(ends, float),

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from layer_edits import set_layer
-from polylines import sample
+from polylines import sample_rotations
 
 from enliven.document.rigged import still_shape
 from enliven.document.skeleton import Skeleton
@@ -146,7 +146,7 @@ def test_a_chain_that_was_cut_follows_its_own_part():
     k = int(np.searchsorted(arc, start)) - 1
     share = (start - arc[k]) / (arc[k + 1] - arc[k])
     begin = at[:, k] + share * (at[:, k + 1] - at[:, k])
-    turn = sample(Polyline.of(clip, range(7)), [start], np.arange(9))[:, 0]
+    turn = sample_rotations(Polyline.from_clip(clip, range(7)), [start], np.arange(9))[:, 0]
     scale = half.lengths.sum() / ((1 - start) * source.lengths.sum())
     expected = joints[:, 0] + scale * rotate(conjugate(turn), at[:, -1] - begin)
     np.testing.assert_allclose(joints[:, -1], expected, atol=1e-5)

@@ -8,17 +8,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from layer_edits import set_layer
-from polylines import sample
-from tolerances import alike
+from polylines import sample_rotations
+from tolerances import are_alike
 
 from enliven.document.layers import Layer, Ref, Span
 from enliven.document.project import Project
-from enliven.document.rigged import Shape, still_shape
+from enliven.document.rigged import RiggedCharacter, still_shape
 from enliven.errors import InputError
 from enliven.motion.layers.evaluate import Player, evaluate_pose
 from enliven.motion.layers.polyline import Polyline
 from enliven.motion.layers.retarget import bind_chain, set_travel
-from enliven.motion.layers.timing import Clocks
+from enliven.motion.layers.timing import LayerClocks
 from enliven.motion.layers.travel import travel_scale
 from enliven.rotation import conjugate, multiply, rotate, to_matrix
 
@@ -46,9 +46,9 @@ def plain_pose(project, shape, seconds):
         if layer.muted:
             return EYE
         clip = project.takes[layer.take]
-        frames = Clocks.of([layer], [clip]).frames_at(np.array([seconds]))[0][:, 0]
-        line = Polyline.of(clip, layer.chain)
-        return sample(line, [s], frames, layer.weight, layer.basis, layer.mirrored)[0, 0]
+        frames = LayerClocks.from_layers([layer], [clip]).frames_at(np.array([seconds]))[0][:, 0]
+        line = Polyline.from_clip(clip, layer.chain)
+        return sample_rotations(line, [s], frames, layer.weight, layer.basis, layer.mirrored)[0, 0]
 
     skeleton = shape.skeleton
     turns, joints = np.empty((len(skeleton), 4)), np.empty((len(skeleton), 3))
@@ -105,7 +105,7 @@ def any_project(rng):
     skeleton = random_skeleton(rng, 9)
     modeling = np.array([random_turn(rng) for _ in range(9)])
     spans = tuple(any_spans(rng, [layer.id for layer in layers]) for _ in range(9))
-    shape = Shape("shape", skeleton, modeling, spans, rng.normal(size=3), layers=tuple(layers))
+    shape = RiggedCharacter("shape", skeleton, modeling, spans, rng.normal(size=3), layers=tuple(layers))
     return Project().with_takes(*clips).with_characters(shape), shape
 
 
@@ -166,10 +166,10 @@ def test_mute_and_weight_0_are_removal(seed, how):
     for ours, theirs in zip(
         Player(less, "shape").sample(times), Player(once, "shape").sample(times), strict=True
     ):
-        assert alike(ours, theirs)
+        assert are_alike(ours, theirs)
     still = set_layer(set_layer(twice, "shape", "take", weight=0.0), "shape", "more", muted=True)
     turns, joints = Player(still, "shape").sample(times)
-    assert alike(turns, np.broadcast_to(EYE, turns.shape))
+    assert are_alike(turns, np.broadcast_to(EYE, turns.shape))
     np.testing.assert_allclose(joints, np.broadcast_to(clip.skeleton.positions, joints.shape), atol=1e-12)
 
 
@@ -223,8 +223,8 @@ def test_layers_on_one_another_telescope(seed):
             project, "shape", chain, "take", chain, basis=basis, layer_id=str(i), offset=0.1 * i
         )
         layer = project.shape("shape").layer(str(i))
-        frames = Clocks.of([layer], [clip]).frames_at(np.asarray(times, float))[0][:, 0]
-        q = sample(Polyline.of(clip, chain), [1.0], frames, 1.0, basis)[:, 0]
+        frames = LayerClocks.from_layers([layer], [clip]).frames_at(np.asarray(times, float))[0][:, 0]
+        q = sample_rotations(Polyline.from_clip(clip, chain), [1.0], frames, 1.0, basis)[:, 0]
         expected = multiply(expected, q)
     turns, _ = Player(project, "shape").sample(times)
     assert angle(multiply(conjugate(turns[:, chain[0]]), turns[:, 7]), expected) < 1e-9
@@ -248,7 +248,7 @@ def test_travel_goes_as_far_as_the_legs_are_long():
     turned = Player(half, "small").sample(times)[1][:, 0] - small.skeleton.positions[0]
     np.testing.assert_allclose(turned, 0.5 * rotate([0.5, 0.5, 0.5, 0.5], way * [-1, 1, 1]), atol=1e-12)
     for still in (set_travel(project, "small", None), set_layer(project, "small", "take", muted=True)):
-        assert alike(Player(still, "small").root(times), np.tile(small.skeleton.positions[0], (9, 1)))
+        assert are_alike(Player(still, "small").root(times), np.tile(small.skeleton.positions[0], (9, 1)))
 
 
 def test_without_legs_the_whole_extent_is_the_size():

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.motion.kinematics.ik import two_bone
-from enliven.motion.kinematics.reaching import reach
+from enliven.motion.kinematics.reaching import reach_goal
 from enliven.rotation import rotate
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -92,7 +92,7 @@ def test_chains_reach_reachable_targets(seed, count, straight):
     way = rng.normal(size=3)
     away = way / np.linalg.norm(way) * rng.uniform(0.5, 1.3) * whole
     goal, turns = points[0] + away, np.empty((count - 1, 4))
-    reach(points, tuple(goal), FRONT, turns)
+    reach_goal(points, tuple(goal), FRONT, turns)
     nearest = max(2 * sizes.max() - whole, 0.0)
     far = np.linalg.norm(away)
     expected = points[0] + away / far * np.clip(far, nearest, whole)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from performed_arm import ARM, BEGIN, STEP, performed, waving
+from performed_arm import ARM, BEGIN, STEP, create_performance, create_waving_rotations
 from scipy.optimize import minimize
 from swaying import possessed_chair
 
-from enliven.document import GraphShape, Project, character_from_graph_shape
+from enliven.document import GraphCharacter, Project, character_from_graph_shape
 from enliven.document.character import Pose
 from enliven.document.project import are_identical
 from enliven.document.time_map import Segment
@@ -43,7 +43,7 @@ def chair() -> Project:
     return possessed_chair(30, nodes=24)[0]
 
 
-def lifted(shape: GraphShape, size: float = 0.3, frames: int = FRAMES) -> PerformedMotion:
+def lifted(shape: GraphCharacter, size: float = 0.3, frames: int = FRAMES) -> PerformedMotion:
     """Returns an edge's messages for the chair held at its top, which swings away from its playing
     position.
     """
@@ -197,8 +197,8 @@ SPANS = st.tuples(st.floats(0.0, 1.5), st.floats(0.3, 1.0))
 @given(SPANS, st.booleans(), st.booleans())
 @settings(max_examples=30)
 def test_punch_in_changes_layer_only_within_its_span(span, hold: bool, loop: bool) -> None:
-    own = waving({1: 0.7})
-    project, _ = add_performance(Project().with_characters(ARM), performed(own), BEGIN - 500_000_000)
+    own = create_waving_rotations({1: 0.7})
+    project, _ = add_performance(Project().with_characters(ARM), create_performance(own), BEGIN - 500_000_000)
     layer = replace(project.shape("arm").layers[0], hold=hold, loop=loop)
     length, punch = project.length_of(layer), PunchIn(span[0], sum(span), 3.0)
     left = punch(project, layer)
@@ -214,8 +214,10 @@ def test_punch_in_changes_layer_only_within_its_span(span, hold: bool, loop: boo
 
 
 def test_a_recording_in_the_place_of_another_replaces_its_span_and_no_more(chair: Project) -> None:
-    longer, _ = add_performance(Project().with_characters(ARM), performed(waving({1: 0.5, 2: 0.5})), BEGIN)
-    short = performed(waving({1: 0.9})[:8], "take 2")
+    longer, _ = add_performance(
+        Project().with_characters(ARM), create_performance(create_waving_rotations({1: 0.5, 2: 0.5})), BEGIN
+    )
+    short = create_performance(create_waving_rotations({1: 0.9})[:8], "take 2")
     begin = BEGIN - 100_000_000
     merged, _ = add_performance(longer, short, begin, replaces=True)
     for second in (0.02, 0.09, 0.345, 0.36):
@@ -237,7 +239,9 @@ def test_a_recording_in_the_place_of_another_replaces_its_span_and_no_more(chair
 
 
 def test_clips_that_were_blended_are_punched_too() -> None:
-    project, _ = add_performance(Project().with_characters(ARM), performed(waving({1: 0.7})), BEGIN)
+    project, _ = add_performance(
+        Project().with_characters(ARM), create_performance(create_waving_rotations({1: 0.7})), BEGIN
+    )
     layer = project.shape("arm").layers[0]
     blended = replace(layer, segments=(Segment(0.0, 2.0), Segment(1.2, 3.0, 0.1)))
     left = PunchIn(1.4, 2.5, 4.0)(project, blended)

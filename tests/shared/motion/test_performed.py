@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from performed_arm import ARM, BEGIN, BONES, FRAMES, STEP, performed, waving
+from performed_arm import ARM, BEGIN, BONES, FRAMES, STEP, create_performance, create_waving_rotations
 
 from enliven.document.project import Project, are_identical
 from enliven.frames import BodyFrame
@@ -23,9 +23,9 @@ BENDS = st.dictionaries(st.integers(1, BONES - 1), st.floats(0.2, 1.0), min_size
 @given(BENDS, st.floats(0.0, 4.0))
 @settings(max_examples=25)
 def test_shape_plays_recording_from_its_start_time(bends, start: float) -> None:
-    own = waving(bends)
+    own = create_waving_rotations(bends)
     merged, names = add_performance(
-        Project().with_characters(ARM), performed(own), BEGIN - round(start * 1e9)
+        Project().with_characters(ARM), create_performance(own), BEGIN - round(start * 1e9)
     )
     shape = merged.shape("arm")
     assert names == ("arm",) and {layer.take for layer in shape.layers} == {"take 1 on arm"}
@@ -33,7 +33,7 @@ def test_shape_plays_recording_from_its_start_time(bends, start: float) -> None:
     assert played == set(bends), "bones that did not move have no layer"
     limbs = [bone for bone in bends if bone - 1 not in bends]
     assert len(shape.layers) == len(limbs), "the bones of a limb have one together"
-    alone = performed(own).poses["arm", 3]
+    alone = create_performance(own).poses["arm", 3]
     for frame in (0, 4, FRAMES - 1):
         shown = pose_from(shape, evaluate_pose(merged, "arm", start + frame * STEP * 1e-9), 0.0)
         np.testing.assert_allclose(shown.linear, alone[frame].linear, atol=2e-3)
@@ -42,16 +42,22 @@ def test_shape_plays_recording_from_its_start_time(bends, start: float) -> None:
 
 
 def test_a_second_recording_is_added_to_the_first_or_takes_its_place_and_the_take_stays() -> None:
-    first, _ = add_performance(Project().with_characters(ARM), performed(waving({1: 0.5})), BEGIN)
-    second, _ = add_performance(first, performed(waving({2: 0.8}), "take 2"), BEGIN)
+    first, _ = add_performance(
+        Project().with_characters(ARM), create_performance(create_waving_rotations({1: 0.5})), BEGIN
+    )
+    second, _ = add_performance(first, create_performance(create_waving_rotations({2: 0.8}), "take 2"), BEGIN)
     turn_before = evaluate_pose(first, "arm", 0.2).turns[1]
     np.testing.assert_allclose(evaluate_pose(second, "arm", 0.2).turns[1], turn_before, atol=1e-6)
     assert (
         np.abs(evaluate_pose(second, "arm", 0.2).turns[2] - evaluate_pose(first, "arm", 0.2).turns[2]).max()
         > 0.05
     )
-    replaced, _ = add_performance(first, performed(waving({1: 0.2}), "take 2"), BEGIN, replaces=True)
-    alone, _ = add_performance(Project().with_characters(ARM), performed(waving({1: 0.2})), BEGIN)
+    replaced, _ = add_performance(
+        first, create_performance(create_waving_rotations({1: 0.2}), "take 2"), BEGIN, replaces=True
+    )
+    alone, _ = add_performance(
+        Project().with_characters(ARM), create_performance(create_waving_rotations({1: 0.2})), BEGIN
+    )
     np.testing.assert_allclose(
         evaluate_pose(replaced, "arm", 0.2).turns, evaluate_pose(alone, "arm", 0.2).turns, atol=1e-6
     )
@@ -63,8 +69,10 @@ def test_a_second_recording_is_added_to_the_first_or_takes_its_place_and_the_tak
 @given(BENDS, BENDS, st.booleans())
 @settings(max_examples=15)
 def test_live_display_matches_later_playback(first, second, replaces: bool) -> None:
-    before, _ = add_performance(Project().with_characters(ARM), performed(waving(first)), BEGIN)
-    live = performed(waving(second), "take 2", root=0.0)
+    before, _ = add_performance(
+        Project().with_characters(ARM), create_performance(create_waving_rotations(first)), BEGIN
+    )
+    live = create_performance(create_waving_rotations(second), "take 2", root=0.0)
     after, _ = add_performance(before, live, BEGIN, replaces=replaces)
     shown = LiveLayer(before, "arm", frozenset(second) if replaces else frozenset())
     for frame in (1, FRAMES // 2, FRAMES - 1):
@@ -82,7 +90,9 @@ def test_live_display_matches_later_playback(first, second, replaces: bool) -> N
 
 def test_moving_root_carries_shape_from_its_position() -> None:
     merged, _ = add_performance(
-        Project().with_characters(ARM), performed(waving({0: 0.4, 1: 0.4}), root=0.1), BEGIN
+        Project().with_characters(ARM),
+        create_performance(create_waving_rotations({0: 0.4, 1: 0.4}), root=0.1),
+        BEGIN,
     )
     went = [evaluate_pose(merged, "arm", frame * STEP * 1e-9).joints[0] for frame in (0, 5)]
     np.testing.assert_allclose(went[0], ARM.skeleton.positions[0], atol=1e-6)
@@ -90,7 +100,7 @@ def test_moving_root_carries_shape_from_its_position() -> None:
 
 
 def test_visible_performers_become_takes_and_still_parts_add_nothing() -> None:
-    still = performed(waving({}))
+    still = create_performance(create_waving_rotations({}))
     rng = np.random.default_rng(0)
     joints = rng.normal(size=(20, 3))
     for frame in range(40):

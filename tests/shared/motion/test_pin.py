@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from layer_edits import set_layer
-from tolerances import alike
+from tolerances import are_alike
 
 from enliven.document.clip import Clip
 from enliven.document.pin import ContactSettings
@@ -86,7 +86,7 @@ def test_sliding_feet_are_pinned():
     for j in range(1, 9):
         link = rotate(turns[:, j], WALKER.vectors[j])
         np.testing.assert_allclose(joints[:, j] - joints[:, PARENTS[j]], link, atol=1e-9)
-    assert alike(joints[:, 0], before[:, 0]) and angle(turns[:, 4], old[:, 4]) < 1e-9
+    assert are_alike(joints[:, 0], before[:, 0]) and angle(turns[:, 4], old[:, 4]) < 1e-9
     blend = ContactSettings().blend
     contact = contacts["ankle L"]
     free = np.all(

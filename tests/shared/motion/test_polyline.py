@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from polylines import sample, turns
+from polylines import compute_knot_rotations, sample_rotations
 
 from enliven.document.layers import Layer
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.motion.layers.polyline import Polyline, arc_lengths
-from enliven.motion.layers.timing import Clocks
+from enliven.motion.layers.timing import LayerClocks
 from enliven.rotation import conjugate, multiply, slerp
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -64,7 +64,7 @@ def test_the_kernel_is_the_definition(seed, s, frame, weight, mirrored):
     clip = random_clip(rng, skeleton)
     chain = skeleton.path(*rng.integers(0, 9, 2).tolist())
     basis = random_turn(rng)
-    ours = sample(Polyline.of(clip, chain), [s], [frame], weight, basis, mirrored)[0, 0]
+    ours = sample_rotations(Polyline.from_clip(clip, chain), [s], [frame], weight, basis, mirrored)[0, 0]
     assert angle(ours, plain_q(clip, chain, s, frame, weight, basis, mirrored)) < 1e-9
 
 
@@ -74,9 +74,9 @@ def test_a_chain_up_the_tree_is_measured_against_the_root(seed):
     rng = np.random.default_rng(seed)
     skeleton = random_skeleton(rng, 7, branching=0.0)
     clip = random_clip(rng, skeleton)
-    line = Polyline.of(clip, (6, 5, 4, 3))
+    line = Polyline.from_clip(clip, (6, 5, 4, 3))
     expected = multiply(conjugate(clip.turns[:, 0]), clip.turns[:, 4])
-    assert angle(sample(line, [1.0], np.arange(9))[:, 0], expected) < 1e-9
+    assert angle(sample_rotations(line, [1.0], np.arange(9))[:, 0], expected) < 1e-9
 
 
 @laws
@@ -84,7 +84,9 @@ def test_a_chain_up_the_tree_is_measured_against_the_root(seed):
 def test_neighbouring_knots_have_one_sign(seed):
     rng = np.random.default_rng(seed)
     skeleton = random_skeleton(rng, 9)
-    knots = turns(Polyline.of(random_clip(rng, skeleton), skeleton.path(0, 8)), np.linspace(0, 8, 30))
+    knots = compute_knot_rotations(
+        Polyline.from_clip(random_clip(rng, skeleton), skeleton.path(0, 8)), np.linspace(0, 8, 30)
+    )
     assert ((knots[:, 1:] * knots[:, :-1]).sum(-1) >= 0).all()
     assert np.abs(np.linalg.norm(knots, axis=-1) - 1).max() < 1e-12
 
@@ -95,7 +97,7 @@ def test_a_bone_without_length_keeps_its_turn_to_itself():
     arc = arc_lengths(skeleton, (0, 1, 2, 3))
     assert (np.diff(arc) > 0).all() and arc[-1] == 1.0
     clip = random_clip(np.random.default_rng(1), skeleton)
-    q = sample(Polyline.of(clip, (0, 1, 2, 3)), arc, np.arange(9))
+    q = sample_rotations(Polyline.from_clip(clip, (0, 1, 2, 3)), arc, np.arange(9))
     for j in (1, 2, 3):
         relative = multiply(conjugate(clip.turns[:, 0]), clip.turns[:, j])
         assert angle(q[:, j], relative) < 1e-9
@@ -121,16 +123,16 @@ def test_a_bone_without_length_keeps_its_turn_to_itself():
 )
 def test_layer_time_is_clamped_and_looped(played, seconds, expected):
     clip = random_clip(np.random.default_rng(0), random_skeleton(np.random.default_rng(0), 3))
-    clocks = Clocks.of([Layer("layer", "take", (0,), **played)], [clip])
+    clocks = LayerClocks.from_layers([Layer("layer", "take", (0,), **played)], [clip])
     assert clocks.frames_at(np.array([seconds]))[0][0] == pytest.approx([expected], abs=1e-9)
 
 
 def test_one_frame_is_played_for_ever():
     clip = random_clip(np.random.default_rng(0), random_skeleton(np.random.default_rng(0), 3), frames=1)
     layer = Layer("layer", "take", (0, 1), loop=True, speed=-3.0)
-    frames, _, _, rounds, _ = Clocks.of([layer], [clip]).frames_at(np.array([-1.0, 0.0, 7.0]))
+    frames, _, _, rounds, _ = LayerClocks.from_layers([layer], [clip]).frames_at(np.array([-1.0, 0.0, 7.0]))
     assert not frames.any() and not rounds.any()
-    knots = turns(Polyline.of(clip, (0, 1)), [0.0])
+    knots = compute_knot_rotations(Polyline.from_clip(clip, (0, 1)), [0.0])
     assert angle(knots[0, 1], multiply(conjugate(clip.turns[0, 0]), clip.turns[0, 1])) < 1e-9
 
 
@@ -142,4 +144,4 @@ def test_invalid_chain_is_refused(chain, said):
     skeleton = Skeleton(("a", "b", "c"), np.array([-1, 0, 1], np.int32), np.eye(3))
     clip = random_clip(np.random.default_rng(0), skeleton)
     with pytest.raises(InputError, match=said):
-        Polyline.of(clip, chain)
+        Polyline.from_clip(clip, chain)

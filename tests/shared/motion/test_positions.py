@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tolerances import alike
+from tolerances import are_alike
 
 from enliven.document.skeleton import Skeleton
 from enliven.rotation import from_matrix, from_rotation_vector, multiply, rotate, swing
@@ -77,7 +77,7 @@ def test_coincident_joints_keep_parent_rotation():
     assert angle(turns[1:], np.tile(turns[0], (3, 1))) < 1e-9
     np.testing.assert_allclose(rotate(turns[1], [0, 1, 0]), [1, 0, 0], atol=1e-12)
     alone = Skeleton(("a",), np.array([-1], np.int32), np.zeros((1, 3)))
-    assert alike(rotations_from_positions(alone, np.ones((2, 1, 3))), np.tile(EYE, (2, 1, 1)))
+    assert are_alike(rotations_from_positions(alone, np.ones((2, 1, 3))), np.tile(EYE, (2, 1, 1)))
 
 
 @laws

@@ -14,10 +14,10 @@ from layer_edits import set_layer
 from enliven.document.clip import Clip
 from enliven.document.layers import Ref, Span
 from enliven.document.project import Project
-from enliven.document.rigged import Shape, still_shape
+from enliven.document.rigged import RiggedCharacter, still_shape
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.modeling.rigged.spans import joined_spans, split_spans
+from enliven.modeling.rigged.spans import join_consecutive_spans, split_spans
 from enliven.motion.layers.copying import copy_motion
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.retarget import bind_chain, chain_between, clear_chain, extend_to_leaf, set_travel
@@ -44,7 +44,7 @@ def polyline(rng, joints, id="line"):
     return still_shape(id, random_skeleton(rng, joints, branching=0.0))
 
 
-def with_node(shape: Shape, bone: int, at: float) -> Shape:
+def with_node(shape: RiggedCharacter, bone: int, at: float) -> RiggedCharacter:
     """Returns the shape with a node inserted into a bone, and a map of the joint numbers."""
     old = shape.skeleton
     place = old.positions[old.parents[bone]] + at * old.vectors[bone]
@@ -94,7 +94,7 @@ def test_taking_the_node_out_restores_the_motion(seed, at):
     shape = project.shape("line")
     upper, lower = split_spans(shape.spans[2], at)
     spans = list(shape.spans)
-    spans[2] = joined_spans(upper, lower, at)
+    spans[2] = join_consecutive_spans(upper, lower, at)
     times = times_of(clip)
     restored = Player(project.with_characters(shape.with_changes(spans=tuple(spans))), "line").sample(times)
     assert angle(restored[0], Player(project, "line").sample(times)[0]) < 1e-9

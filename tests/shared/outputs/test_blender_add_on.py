@@ -33,7 +33,7 @@ def bones_of(body) -> dict:
     """Returns the bones of a performer in the form that the add-on receives."""
     receiver = VmcReceiver("127.0.0.1", 0)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
-        for packet in VmcOutput().packets(LiveFrame(0, {1: body})):
+        for packet in VmcOutput().encode_packets(LiveFrame(0, {1: body})):
             out.sendto(packet, ("127.0.0.1", receiver.port))
     assert receiver.poll() and receiver.is_loaded
     receiver.close()
@@ -41,7 +41,7 @@ def bones_of(body) -> dict:
 
 
 def test_packets_are_read_as_python_osc_reads_them():
-    for packet in VmcOutput().packets(four_characters()):
+    for packet in VmcOutput().encode_packets(four_characters()):
         expected = [(m.message.address, m.message.params) for m in OscPacket(packet).messages]
         assert read_packet(packet) == expected
 
@@ -49,7 +49,7 @@ def test_packets_are_read_as_python_osc_reads_them():
 @settings(max_examples=300, deadline=None)
 @given(st.binary(max_size=60), st.integers(0, 10_000), st.integers(0, 255))
 def test_broken_packets_are_refused(garbage, place, value):
-    packet = bytearray(VmcOutput().packets(LiveFrame(0, {1: performer()}))[0])
+    packet = bytearray(VmcOutput().encode_packets(LiveFrame(0, {1: performer()}))[0])
     packet[place % len(packet)] = value
     receiver = VmcReceiver("127.0.0.1", 0)
     for data in (

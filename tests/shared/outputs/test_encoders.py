@@ -96,7 +96,7 @@ def same_placement(numbers, expected, precision: float) -> bool:
 @given(SEEDS, st.sampled_from(["", "anna", "ben", "performer-3"]))
 def test_vmc_sends_the_numbers_of_its_twin(seed, source):
     frame = random_frame(seed)
-    values, expected = messages(VmcOutput(source).packets(frame)), plain_vmc(frame, source)
+    values, expected = messages(VmcOutput(source).encode_packets(frame)), plain_vmc(frame, source)
     for kind, address in (("bones", "/VMC/Ext/Bone/Pos"), ("trackers", "/VMC/Ext/Tra/Pos")):
         sent = {key[1]: numbers for key, numbers in values.items() if key[0] == address}
         assert sent.keys() == expected[kind].keys()
@@ -111,14 +111,14 @@ def test_one_vmc_output_sends_changing_stages(seed):
     for number in range(4):
         frame = random_frame(seed + number)
         expected = plain_vmc(frame)
-        names = {key[1] for key in messages(output.packets(frame)) if key[0] == "/VMC/Ext/Tra/Pos"}
+        names = {key[1] for key in messages(output.encode_packets(frame)) if key[0] == "/VMC/Ext/Tra/Pos"}
         assert names == set(expected["trackers"])
 
 
 @given(SEEDS)
 def test_vrchat_sends_the_numbers_of_its_twin(seed):
     frame = random_frame(seed)
-    packets = VrchatOutput().packets(frame)
+    packets = VrchatOutput().encode_packets(frame)
     assert bool(packets) == bool(frame.performers)
     if packets:
         number = min(frame.performers)
@@ -133,7 +133,7 @@ def test_vrchat_sends_the_numbers_of_its_twin(seed):
 @given(SEEDS)
 def test_osc_sends_the_numbers_of_its_twin(seed):
     frame = random_frame(seed)
-    values, rows = messages(OscOutput().packets(frame)), plain_rows(frame)
+    values, rows = messages(OscOutput().encode_packets(frame)), plain_rows(frame)
     expected = {"/enliven/time": [0.0], "/enliven/performers": [len(frame.performers)]}
     for number, body in frame.performers.items():
         path = f"/enliven/performer/{number}"
@@ -163,7 +163,9 @@ def test_osc_addresses_follow_the_specification_and_name_one_character_each(name
     mesh, pose = chair()
     characters = {name: CharacterInfo(replace(mesh, id=name)) for name in names}
     frame = LiveFrame(0, {}, [replace(pose, character=name) for name in names], characters)
-    sent = [timed.message.address for p in OscOutput().packets(frame) for timed in OscPacket(p).messages]
+    sent = [
+        timed.message.address for p in OscOutput().encode_packets(frame) for timed in OscPacket(p).messages
+    ]
     middles = [address.removesuffix("/held") for address in sent if address.endswith("/held")]
     assert len(set(middles)) == len(names)
     assert len(set(sent)) == len(sent) == 2 + 3 * len(names)
@@ -190,7 +192,7 @@ def test_rokoko_sends_the_numbers_of_its_twin(seed):
     output = RokokoOutput()
     for number in range(2):
         frame = random_frame(seed + number)
-        (packet,) = output.packets(frame)
+        (packet,) = output.encode_packets(frame)
         scene = json.loads(lz4.frame.decompress(packet))["scene"]
         sent, expected = dict(parts(scene)), dict(parts(plain_rokoko(frame)))
         constant = {path for path in sent if path.endswith(("color", "type", "timestamp")) or "/meta" in path}
@@ -218,7 +220,7 @@ NUMBERS = st.one_of(
 def test_numbers_of_json_are_rounded_and_short(rows):
     numbers, decimals = (np.array(column) for column in zip(*rows, strict=True))
     value = {"ü": [MARK] * len(rows), "text": 'a "quoted" name'}
-    text = JsonTemplate(value, decimals).filled(numbers).decode()
+    text = JsonTemplate(value, decimals).fill_numbers(numbers).decode()
     read = json.loads(text)
     assert read.keys() == value.keys() and read["text"] == value["text"]
     texts = re.search(r"\[(.*?)\]", text)[1].split(",")
@@ -242,9 +244,9 @@ def test_no_output_sends_numbers_that_are_not_finite(seed, bad):
     for body in frame.performers.values():
         body.joints[:] = bad
     for output in (VmcOutput(), OscOutput(), VrchatOutput()):
-        for values in messages(output.packets(frame)).values():
+        for values in messages(output.encode_packets(frame)).values():
             assert np.isfinite(np.array(values, float)).all()
-    text = RokokoOutput(compress=False).packets(frame)[0].decode()
+    text = RokokoOutput(compress=False).encode_packets(frame)[0].decode()
     assert "null" not in text and json.loads(text, parse_constant=lambda word: pytest.fail(word))
 
 
@@ -253,7 +255,7 @@ def test_a_pose_of_another_version_of_its_character_is_left_out():
     short = replace(frame.poses[0], linear=frame.poses[0].linear[:3], positions=frame.poses[0].positions[:3])
     frame = replace(frame, poses=[short, *frame.poses[1:]])
     assert "anna" not in frame.rows.names and frame.human_character("anna") is None
-    assert ("/VMC/Ext/Tra/Pos", "anna") not in messages(VmcOutput("ben").packets(frame))
+    assert ("/VMC/Ext/Tra/Pos", "anna") not in messages(VmcOutput("ben").encode_packets(frame))
 
 
 def test_unity_numbers_of_the_twin_are_those_of_the_protocol():

@@ -15,7 +15,7 @@ pytest.importorskip("google.protobuf", reason="protobuf is not installed")
 from foxglove_client import FoxgloveClient
 from live_receivers import turn
 from live_scenes import CHAIR_PLACE, CHAIR_TURN, chair, four_characters
-from patience import until
+from patience import wait_until
 from posed_people import performer
 
 from enliven.camera import Intrinsics
@@ -26,7 +26,7 @@ from enliven.outputs.foxglove.server import FoxgloveServer
 from enliven.outputs.live_frame import CharacterInfo, LiveEvent, LiveFrame
 from enliven.outputs.opening import open_outputs
 from enliven.outputs.output_plan import plan_outputs
-from enliven.outputs.settings import LiveOutputSettings, outputs_of
+from enliven.outputs.settings import LiveOutputSettings, collect_output_settings
 from enliven.person import Joint
 from enliven.rotation import rotate
 
@@ -55,7 +55,7 @@ def shown(server, client, frame, topic):
         server.send(frame)
         return client.newest(topic)
 
-    return until(arrived, topic)
+    return wait_until(arrived, topic)
 
 
 def with_depth(frame: LiveFrame, **keys) -> LiveFrame:
@@ -194,11 +194,11 @@ def test_depth_images_have_a_limited_rate(server, port):
     with FoxgloveClient(port, ["/depth", "/stage"]) as client:
         shown(server, client, frame, "/stage")
         server.send(replace(frame, time_ns=frame.time_ns + 10**9))
-        until(lambda: client.newest("/depth"), "the first image")
+        wait_until(lambda: client.newest("/depth"), "the first image")
         client.messages.clear()
         for step in range(1, 31):
             server.send(replace(frame, time_ns=frame.time_ns + 10**9 + step * 33_000_000))
-            until(lambda step=step: client.newest("/stage") and len(client.messages["/stage"]) >= step)
+            wait_until(lambda step=step: client.newest("/stage") and len(client.messages["/stage"]) >= step)
         assert 7 <= len(client.messages["/depth"]) <= 10, "ten in a second"
 
 
@@ -206,18 +206,18 @@ def test_events_and_health_are_logs(server, port):
     state = HealthState(HealthKind.COVERED, Severity.ERROR, 5, "The lens is covered.", "Uncover it.")
     server.put_health([state])
     with FoxgloveClient(port, ["/health", "/events"]) as client:
-        until(lambda: client.newest("/health"), "a state that began before the client came")
+        wait_until(lambda: client.newest("/health"), "a state that began before the client came")
         line = client.messages["/health"][0][0]
         assert (line.level, line.name) == (4, "lens covered")
         assert line.message == "The lens is covered. Uncover it."
         server.put_health([state])
         server.put_health([])
-        until(lambda: client.newest("/health").message == "Over: The lens is covered.", "the end")
+        wait_until(lambda: client.newest("/health").message == "Over: The lens is covered.", "the end")
         assert len(client.messages["/health"]) == 2, "a state that lasts is not repeated"
         server.send(
             LiveFrame(0, {}, events=[LiveEvent("possess", 1, "chair"), LiveEvent("release", 0, "chair")])
         )
-        until(lambda: client.newest("/events") and len(client.messages["/events"]) == 2)
+        wait_until(lambda: client.newest("/events") and len(client.messages["/events"]) == 2)
         texts = [line.message for line, _ in client.messages["/events"]]
         assert texts == ["performer-1 possess chair", "all performers release chair"]
 
@@ -229,7 +229,7 @@ def test_a_client_may_be_absent_leave_and_come_back(server, port):
     for _ in range(2):
         with FoxgloveClient(port, ["/tf"]) as client:
             assert placed(shown(server, client, frame, "/tf"))
-    until(lambda: not server._transforms.has_sinks(), "the client is gone")
+    wait_until(lambda: not server._transforms.has_sinks(), "the client is gone")
 
 
 def newest_depth(client) -> int:
@@ -252,10 +252,10 @@ def test_a_slow_client_delays_neither_the_edge_nor_others(server, port, caplog):
         quick.messages.clear()
         for step in range(1, 301):
             server.send(replace(frame, time_ns=frame.time_ns + step * 200_000_000))
-            until(lambda step=step: quick.newest("/stage") and len(quick.messages["/stage"]) >= step)
+            wait_until(lambda step=step: quick.newest("/stage") and len(quick.messages["/stage"]) >= step)
         # 300 images of 0.6 MB are 184 MB, more than a connection buffers. A call that waited for the slow
         # client would not have returned. The client receives the first images and the newest ones.
-        until(
+        wait_until(
             lambda: (slow.poll(0.1), newest_depth(slow) >= frame_ns + 300 * 200_000_000)[1], "the newest one"
         )
         assert len(slow.messages["/depth"]) < 200
@@ -270,7 +270,7 @@ def test_a_replay_that_begins_again_starts_a_new_session(server, port):
         first = client.messages["/stage"][-1][1]
         assert abs(first - time.time_ns()) < 60 * 10**9, "times are those of the wall clock"
         server.send(LiveFrame(10**9, {}))
-        until(lambda: (client.poll(0.05), [t for t in client.texts if t["op"] == "serverInfo"])[1])
+        wait_until(lambda: (client.poll(0.05), [t for t in client.texts if t["op"] == "serverInfo"])[1])
         (info,) = [text for text in client.texts if text["op"] == "serverInfo"]
         assert info["sessionId"] != client.info["sessionId"]
 
@@ -282,14 +282,14 @@ def test_a_port_in_use_is_refused_and_leaves_nothing_running(server, port):
     with pytest.raises(
         ResourceError, match=rf"port {port} of 127\.0\.0\.1.*Address already in use.*another port"
     ):
-        open_outputs(outputs_of(["vmc:127.0.0.1", f"foxglove:127.0.0.1:{port}"], {}))
+        open_outputs(collect_output_settings(["vmc:127.0.0.1", f"foxglove:127.0.0.1:{port}"], {}))
     assert threading.active_count() == before
 
 
 def test_the_port_is_free_again_after_the_end(port):
     for _ in range(2):
-        with open_outputs(outputs_of([f"foxglove:localhost:{port}"], {})) as outputs:
-            until(lambda outputs=outputs: outputs.is_ready, "the server")
+        with open_outputs(collect_output_settings([f"foxglove:localhost:{port}"], {})) as outputs:
+            wait_until(lambda outputs=outputs: outputs.is_ready, "the server")
             with FoxgloveClient(port) as client:
                 assert client.info["op"] == "serverInfo"
 
@@ -297,8 +297,8 @@ def test_the_port_is_free_again_after_the_end(port):
 def test_an_address_that_others_reach_needs_permission(port):
     word = f"foxglove:0.0.0.0:{port}"
     with pytest.raises(InputError, match=r"could watch the performers.*ssh -L.*insecure = true"):
-        open_outputs(outputs_of([word], {}))
-    (plan,) = plan_outputs(outputs_of([word], {}), insecure=True)
+        open_outputs(collect_output_settings([word], {}))
+    (plan,) = plan_outputs(collect_output_settings([word], {}), insecure=True)
     assert plan_outputs({"watch": LiveOutputSettings(word, insecure=True)})[0].place == plan.place
     with plan.open(), FoxgloveClient(port):
         pass
@@ -320,5 +320,5 @@ def test_log_of_the_library_does_not_reach_python(port, monkeypatch):
             shown(opened, client, four_characters(), "/stage")
             again = [{"id": 100, "channelId": client.channels["/stage"]["id"]}]
             client.socket.send(json.dumps({"op": "subscribe", "subscriptions": again}))
-            until(lambda: client.poll(0.05) or [text for text in client.texts if text["op"] == "status"])
+            wait_until(lambda: client.poll(0.05) or [text for text in client.texts if text["op"] == "status"])
     assert records == []

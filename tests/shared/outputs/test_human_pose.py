@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from made_bodies import horse, man
-from made_people import CONVENTIONS, name_in, person
-from posed_people import facing_away, performer, posed, some_turns
+from made_people import CONVENTIONS, convention_name, person
+from posed_people import create_pose, facing_away, performer, some_turns
 
 from enliven.document.skeleton import Skeleton
 from enliven.outputs.humanoid_map import humanoid_map
@@ -78,7 +78,7 @@ def test_orientations_from_joints_agree_with_measured_ones():
 def test_a_rig_at_rest_with_a_t_pose_has_no_rotations(convention):
     skeleton = person(convention)
     mapped = humanoid_map(skeleton)
-    human = mapped.pose(posed("x", skeleton, np.tile(IDENTITY, (len(skeleton), 1)))[0])
+    human = mapped.pose(create_pose("x", skeleton, np.tile(IDENTITY, (len(skeleton), 1)))[0])
     assert {"Hips", "Spine", "Head", "LeftUpperArm", "RightHand", "LeftFoot"} <= set(human.bones)
     for bone in ("Hips", "Spine", "Head", "LeftFoot", "RightFoot"):
         assert np.allclose(np.abs(human.at(bone)[1]), IDENTITY), bone
@@ -93,11 +93,13 @@ def test_bones_of_a_rig_point_along_its_limbs(seed, convention, away):
     if away:
         skeleton = facing_away(skeleton)
     mapped = humanoid_map(skeleton)
-    pose, joints = posed("x", skeleton, some_turns(len(skeleton), seed), random.uniform(-2, 2, 3))
+    pose, joints = create_pose("x", skeleton, some_turns(len(skeleton), seed), random.uniform(-2, 2, 3))
     human = mapped.pose(pose)
     for side in ("Left", "Right"):
         for bone, begins, ends in LIMBS:
-            begin, end = (joints[skeleton.index(name_in(convention, f"{side} {j}"))] for j in (begins, ends))
+            begin, end = (
+                joints[skeleton.index(convention_name(convention, f"{side} {j}"))] for j in (begins, ends)
+            )
             place, turn = human.at(f"{side}{bone}")
             assert np.allclose(place, begin, atol=1e-5)
             assert np.allclose(rotate(turn, t_direction(side, bone)), unit(end - begin), atol=1e-4)
@@ -110,7 +112,7 @@ def test_the_front_of_the_rest_pose_does_not_matter(away):
     quarter = from_rotation_vector([0.0, -np.pi / 2 if away else np.pi / 2, 0.0])
     turns = np.tile(IDENTITY, (len(skeleton), 1))
     turns[0] = quarter
-    human = humanoid_map(skeleton).pose(posed("x", skeleton, turns)[0])
+    human = humanoid_map(skeleton).pose(create_pose("x", skeleton, turns)[0])
     assert np.allclose(rotate(human.at("Hips")[1], [0.0, 0.0, 1.0]), [1.0, 0.0, 0.0], atol=1e-6)
     # Facing +X, the left is at -Z.
     assert human.at("LeftUpperArm")[0][2] < -0.1 < 0.1 < human.at("RightUpperArm")[0][2]

@@ -29,7 +29,7 @@ def test_the_page_lists_every_address():
               for kind in ("enter", "leave", "possess", "release")]  # fmt: skip
     frame = four_characters()
     frame = LiveFrame(0, frame.performers, frame.poses, frame.characters, frame.held, frame.props, events)
-    for address in addresses(OscOutput().packets(frame)):
+    for address in addresses(OscOutput().encode_packets(frame)):
         parts = address.split("/")
         general = re.sub(r"/performer/\d+", "/performer/N", address)
         general = re.sub(r"/character/\w+/", "/character/ID/", general)
@@ -39,7 +39,7 @@ def test_the_page_lists_every_address():
         assert plain, address
         if parts[-2] == "joint":
             assert f"`{parts[-1].replace('right', 'left')}`" in PAGE, address
-    for address in addresses(VmcOutput().packets(frame)):
+    for address in addresses(VmcOutput().encode_packets(frame)):
         assert f"`{address}`" in PAGE
 
 
@@ -49,6 +49,6 @@ def test_the_mapping_file_of_the_page_is_read(tmp_path):
     output = OscOutput(read_address_map(tmp_path / "lights.toml"))
     frame = four_characters()
     frame = LiveFrame(0, frame.performers, events=[LiveEvent("enter", 1)])
-    sent = addresses(output.packets(frame))
+    sent = addresses(output.encode_packets(frame))
     assert sent == {"/spot/1/target", "/person/1/height", "/person/2/height", "/cue/enter"}
-    assert np.all([len(packet) <= 1472 for packet in output.packets(frame)])
+    assert np.all([len(packet) <= 1472 for packet in output.encode_packets(frame)])

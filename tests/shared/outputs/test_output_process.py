@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from live_receivers import OscReceiver
 from live_scenes import four_characters
-from patience import until
+from patience import wait_until
 
 from enliven.camera import Intrinsics
 from enliven.document import Character, SkinWeights
@@ -25,7 +25,7 @@ from enliven.frames import DepthFrame
 from enliven.outputs.live_frame import CharacterInfo, LiveEvent, LiveFrame
 from enliven.outputs.opening import OutputSet, open_outputs
 from enliven.outputs.output_plan import plan_outputs
-from enliven.outputs.settings import outputs_of
+from enliven.outputs.settings import collect_output_settings
 
 posix_only = pytest.mark.skipif(sys.platform == "win32", reason="this system has no such signals")
 
@@ -38,7 +38,7 @@ def free_port() -> int:
 
 def ready(outputs: OutputSet) -> int:
     """Waits until the process sends, and returns its process id."""
-    until(lambda: outputs.is_ready, "the process")
+    wait_until(lambda: outputs.is_ready, "the process")
     assert outputs.process_id is not None
     return outputs.process_id
 
@@ -52,7 +52,7 @@ def test_killed_process_is_restarted_and_sends_again(caplog):
     with (
         caplog.at_level(logging.WARNING),
         OscReceiver() as receiver,
-        open_outputs(outputs_of([f"vmc:127.0.0.1:{receiver.port}/anna"], {})) as outputs,
+        open_outputs(collect_output_settings([f"vmc:127.0.0.1:{receiver.port}/anna"], {})) as outputs,
     ):
         frame, ended = four_characters(), set()
 
@@ -62,13 +62,13 @@ def test_killed_process_is_restarted_and_sends_again(caplog):
 
         for _ in range(2):
             process = ready(outputs)
-            until(arrived, "a frame")
+            wait_until(arrived, "a frame")
             os.kill(process, signal.SIGKILL)
             ended.add(process)
-            until(lambda: outputs.process_id not in ended, "the end is noticed")
+            wait_until(lambda: outputs.process_id not in ended, "the end is noticed")
             ready(outputs)
             receiver.values.clear()
-        until(arrived, "a frame of the third process, which needs all characters again")
+        wait_until(arrived, "a frame of the third process, which needs all characters again")
         assert outputs.troubles == {} and outputs.process_id not in ended
     texts = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
     assert ["starts again now" in text or "starts again in 1 s" in text for text in texts] == [True, True], (
@@ -91,12 +91,12 @@ def cloud() -> CharacterInfo:
 def test_stopped_process_blocks_nothing_and_gets_the_newest_frame_with_all_events():
     with (
         OscReceiver() as receiver,
-        open_outputs(outputs_of([f"osc:127.0.0.1:{receiver.port}"], {})) as outputs,
+        open_outputs(collect_output_settings([f"osc:127.0.0.1:{receiver.port}"], {})) as outputs,
     ):
         process, info = ready(outputs), cloud()
         frame = LiveFrame(0, {}, [info.character.rest_pose()], {"cloud": info})
         outputs.put(frame)
-        until(lambda: seconds_of(receiver) == 0.0, "the first frame")
+        wait_until(lambda: seconds_of(receiver) == 0.0, "the first frame")
         os.kill(process, signal.SIGSTOP)
         try:
             for k in range(
@@ -106,22 +106,22 @@ def test_stopped_process_blocks_nothing_and_gets_the_newest_frame_with_all_event
                 outputs.put(replace(frame, time_ns=k * 10**9, events=events))
         finally:
             os.kill(process, signal.SIGCONT)
-        until(lambda: seconds_of(receiver) == 100.0, "the newest frame, without another one")
+        wait_until(lambda: seconds_of(receiver) == 100.0, "the newest frame, without another one")
         for k in range(20, 101, 20):
-            until(lambda k=k: ("/enliven/event/possess", f"event {k}") in receiver.values, f"event {k}")
+            wait_until(lambda k=k: ("/enliven/event/possess", f"event {k}") in receiver.values, f"event {k}")
 
 
 @posix_only
 def test_termination_signal_of_a_service_leaves_the_end_to_the_program():
     with (
         OscReceiver() as receiver,
-        open_outputs(outputs_of([f"osc:127.0.0.1:{receiver.port}"], {})) as outputs,
+        open_outputs(collect_output_settings([f"osc:127.0.0.1:{receiver.port}"], {})) as outputs,
     ):
         process = ready(outputs)
         os.kill(process, signal.SIGTERM)
         os.kill(process, signal.SIGINT)
         outputs.put(LiveFrame(0, {}))
-        until(lambda: seconds_of(receiver) == 0.0, "a frame after the signals")
+        wait_until(lambda: seconds_of(receiver) == 0.0, "a frame after the signals")
         assert outputs.process_id == process
     with pytest.raises(ProcessLookupError):
         os.kill(process, 0)
@@ -129,10 +129,10 @@ def test_termination_signal_of_a_service_leaves_the_end_to_the_program():
 
 def test_the_last_frame_is_sent_although_the_process_has_not_started_yet():
     with OscReceiver() as receiver:
-        with open_outputs(outputs_of([f"osc:127.0.0.1:{receiver.port}"], {})) as outputs:
+        with open_outputs(collect_output_settings([f"osc:127.0.0.1:{receiver.port}"], {})) as outputs:
             outputs.put(LiveFrame(0, {}, events=[LiveEvent("possess", 1, "first")]))
             outputs.put(LiveFrame(10**9, {}))
-        until(lambda: ("/enliven/event/possess", "first") in receiver.values, "the event")
+        wait_until(lambda: ("/enliven/event/possess", "first") in receiver.values, "the event")
         assert seconds_of(receiver) == 0.0, "the first frame that is sent has the time 0"
         outputs.close()  # A second call does nothing.
         outputs.put(LiveFrame(0, {}))
@@ -164,7 +164,7 @@ def test_process_ends_with_a_killed_program(number):
         program = subprocess.Popen([sys.executable, "-c", OPEN, *words], stdout=-1, stderr=-1, text=True)
         try:
             assert int(program.stdout.readline()) > 0
-            until(lambda: seconds_of(receiver) == 0.0, "a frame")
+            wait_until(lambda: seconds_of(receiver) == 0.0, "a frame")
         finally:
             program.send_signal(number)
         # Both processes share stderr, which is closed when the last of them ends.
@@ -185,11 +185,11 @@ def test_nothing_is_left_after_the_end():
         return len(list(descriptors.iterdir())) if descriptors.is_dir() else 0
 
     files, memory = open_files(), shared_memory()
-    with open_outputs(outputs_of([f"foxglove:127.0.0.1:{free_port()}"], {})) as outputs:
+    with open_outputs(collect_output_settings([f"foxglove:127.0.0.1:{free_port()}"], {})) as outputs:
         process = ready(outputs)
         assert shared_memory() <= memory, "the memory has no name that could be left behind"
         os.kill(process, signal.SIGKILL)
-        until(lambda: outputs.process_id not in (process, None), "the next process")
+        wait_until(lambda: outputs.process_id not in (process, None), "the next process")
         second = ready(outputs)
     assert open_files() <= files
     assert "live outputs" not in {thread.name for thread in threading.enumerate()}
@@ -204,7 +204,7 @@ def test_depth_images_reach_a_client_from_shared_memory():
     from foxglove_client import FoxgloveClient
 
     camera, port = Intrinsics(8, 6, 7.0, 7.5, 3.0, 2.5), free_port()
-    with open_outputs(outputs_of([f"foxglove:127.0.0.1:{port}"], {})) as outputs:
+    with open_outputs(collect_output_settings([f"foxglove:127.0.0.1:{port}"], {})) as outputs:
         ready(outputs)
         with FoxgloveClient(port, ["/depth"]) as client:
             images = {}
@@ -220,7 +220,7 @@ def test_depth_images_reach_a_client_from_shared_memory():
                     images.update((time_ns, image) for image, time_ns in client.messages["/depth"])
                 return len(images) >= 7
 
-            until(seven_arrived, "seven images, which is more than the memory has places")
+            wait_until(seven_arrived, "seven images, which is more than the memory has places")
     values = [np.frombuffer(image.data, "<u2") for image in images.values()]
     assert all((image == image[0]).all() for image in values), "no image is a mixture of two"
     assert len({int(image[0]) for image in values}) == len(images), "no image came twice"
@@ -229,7 +229,7 @@ def test_depth_images_reach_a_client_from_shared_memory():
 def test_characters_join_change_and_leave_while_the_process_runs():
     with (
         OscReceiver() as receiver,
-        open_outputs(outputs_of([f"vmc:127.0.0.1:{receiver.port}/anna"], {})) as outputs,
+        open_outputs(collect_output_settings([f"vmc:127.0.0.1:{receiver.port}/anna"], {})) as outputs,
     ):
         everyone = four_characters()
         anna = everyone.characters["anna"]
@@ -242,7 +242,7 @@ def test_characters_join_change_and_leave_while_the_process_runs():
                 outputs.put(frame)
                 return "/VMC/Ext/OK" in receiver.values and "/VMC/Ext/T" in receiver.values
 
-            until(came, "a frame")
+            wait_until(came, "a frame")
             return {key[1] for key in receiver.values if key[0] == "/VMC/Ext/Tra/Pos"}
 
         def with_characters(**infos: CharacterInfo) -> LiveFrame:
@@ -254,7 +254,7 @@ def test_characters_join_change_and_leave_while_the_process_runs():
                 names = trackers_with(frame)
                 return ("chair" in names) == has_chair and receiver.values["/VMC/Ext/OK"][0] == status
 
-            until(settled)
+            wait_until(settled)
 
         chair = everyone.characters["chair"]
         settles(with_characters(anna=anna), False, 1)
@@ -268,14 +268,14 @@ def test_characters_join_change_and_leave_while_the_process_runs():
 def test_a_port_taken_after_the_check_is_named_and_tried_again(caplog):
     pytest.importorskip("foxglove", reason="foxglove-sdk is not installed (the extra foxglove)")
     port = free_port()
-    plans = plan_outputs(outputs_of([f"foxglove:127.0.0.1:{port}"], {}))
+    plans = plan_outputs(collect_output_settings([f"foxglove:127.0.0.1:{port}"], {}))
     with contextlib.ExitStack() as stack:
         stack.enter_context(caplog.at_level(logging.WARNING))
         with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as other:
             other.bind(("127.0.0.1", port))
             other.listen(1)
             outputs = stack.enter_context(OutputSet(plans))
-            until(lambda: "cannot be opened" in "".join(outputs.troubles.values()), "the reason")
+            wait_until(lambda: "cannot be opened" in "".join(outputs.troubles.values()), "the reason")
         ready(outputs)
         assert outputs.troubles == {}
     assert any(

@@ -12,7 +12,7 @@ from enliven.outputs import vmc, vrchat
 from enliven.outputs.address import OutputAddress, parse_address, resolve
 from enliven.outputs.opening import open_outputs
 from enliven.outputs.registry import OUTPUTS
-from enliven.outputs.settings import LiveOutputSettings, outputs_of
+from enliven.outputs.settings import LiveOutputSettings, collect_output_settings
 from enliven.settings import load_settings
 from enliven_edge.settings import EdgeSettings
 
@@ -61,7 +61,7 @@ def test_an_address_is_parsed(text, parts):
 )
 def test_a_wrong_address_is_refused(text, message):
     with pytest.raises(InputError, match=message):
-        open_outputs(outputs_of([text], {}))
+        open_outputs(collect_output_settings([text], {}))
 
 
 def test_the_same_receiver_twice_is_refused():
@@ -69,12 +69,12 @@ def test_the_same_receiver_twice_is_refused():
     with pytest.raises(
         InputError, match=r"--out osc:127\.0\.0\.1:7000.*same output as outputs\.desk.*another port"
     ):
-        open_outputs(outputs_of(["osc:127.0.0.1:7000"], twice))
+        open_outputs(collect_output_settings(["osc:127.0.0.1:7000"], twice))
     with pytest.raises(InputError, match="same output as"):
-        open_outputs(outputs_of(["vmc:localhost/anna", "vmc:127.0.0.1"], {}))
+        open_outputs(collect_output_settings(["vmc:localhost/anna", "vmc:127.0.0.1"], {}))
     with pytest.raises(InputError, match="same output as"):
-        open_outputs(outputs_of(["vmc:127.0.0.1", "vmc:127.0.0.1"], {}))
-    with open_outputs(outputs_of(["vmc:127.0.0.1:7000", "osc:127.0.0.1:7000"], {})) as outputs:
+        open_outputs(collect_output_settings(["vmc:127.0.0.1", "vmc:127.0.0.1"], {}))
+    with open_outputs(collect_output_settings(["vmc:127.0.0.1:7000", "osc:127.0.0.1:7000"], {})) as outputs:
         assert len(outputs.statuses) == 2, "two protocols are two outputs"
 
 
@@ -83,7 +83,7 @@ def test_a_failed_start_leaves_no_thread():
 
     before = threading.active_count()
     with pytest.raises(InputError):
-        open_outputs(outputs_of(["vmc:127.0.0.1", "vmc:127.0.0.1:x"], {}))
+        open_outputs(collect_output_settings(["vmc:127.0.0.1", "vmc:127.0.0.1:x"], {}))
     assert threading.active_count() == before
 
 
@@ -123,9 +123,9 @@ def test_a_wrong_mapping_file_is_refused(text, message, tmp_path):
 def test_a_missing_library_is_named(monkeypatch):
     monkeypatch.setattr(doctor.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(ResourceError, match=r"pythonosc.*enliven\[outputs\]"):
-        open_outputs(outputs_of(["vmc:127.0.0.1"], {}))
+        open_outputs(collect_output_settings(["vmc:127.0.0.1"], {}))
     with pytest.raises(ResourceError, match=r"lz4.*enliven\[outputs\]"):
-        open_outputs(outputs_of(["rokoko:127.0.0.1"], {}))
+        open_outputs(collect_output_settings(["rokoko:127.0.0.1"], {}))
 
 
 def test_settings_and_command_line_are_joined():
@@ -133,7 +133,7 @@ def test_settings_and_command_line_are_joined():
         "outputs": {"avatar": {"to": "vmc:127.0.0.1"}, "headset": {"to": "vrchat:10.0.0.9", "height": 1.6}}
     }
     settings = load_settings(EdgeSettings, text).outputs
-    with open_outputs(outputs_of(["osc:127.0.0.1:7000"], settings)) as outputs:
+    with open_outputs(collect_output_settings(["osc:127.0.0.1:7000"], settings)) as outputs:
         names = [status.name for status in outputs.statuses]
     assert names == ["vmc:127.0.0.1:39539", "vrchat:10.0.0.9:9000", "osc:127.0.0.1:7000"]
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from live_receivers import Avatar, JsonReceiver, OscReceiver, euler_turn, turn
 from live_scenes import CHAIR_PLACE, CHAIR_TURN, chair, four_characters
-from made_people import name_in, person
-from patience import until
-from posed_people import character, performer, posed, some_turns
+from made_people import convention_name, person
+from patience import wait_until
+from posed_people import character, create_pose, performer, some_turns
 
 from enliven.document import Props
 from enliven.errors import InputError
@@ -50,7 +50,7 @@ def sent(tmp_path):
         with open_outputs({"test": settings}, tmp_path) as outputs:
             for number, frame in enumerate(frames):
                 outputs.put(frame)
-                until(lambda n=number: len(receiver.history[last]) > n, f"frame {number}")
+                wait_until(lambda n=number: len(receiver.history[last]) > n, f"frame {number}")
         return receiver
 
     yield send
@@ -72,14 +72,14 @@ def trackers_of(receiver: OscReceiver) -> dict[str, tuple[float, ...]]:
 def test_vmc_moves_an_avatar_as_the_performer_moves(sent):
     body = performer()
     receiver = sent("vmc", LiveFrame(0, {1: body}), last="/VMC/Ext/OK")
-    until(lambda: len(bones_of(receiver)) == 21, "all bones")
+    wait_until(lambda: len(bones_of(receiver)) == 21, "all bones")
     avatar = Avatar(bones_of(receiver))
     for bone, (begins, ends) in SEGMENTS.items():
         along = unit(body.joints[ends] - body.joints[begins])
         assert np.allclose(avatar.direction(bone), MIRROR * along, atol=1e-5), bone
         assert np.allclose(avatar.position(bone), MIRROR * body.joints[begins], atol=1e-5), bone
     # The pose in words, in Unity's axes: the left arm points to the front, and the left knee is up.
-    front, left = avatar.turned("Hips", [0, 0, 1]), avatar.turned("Hips", [-1, 0, 0])
+    front, left = avatar.rotate_direction("Hips", [0, 0, 1]), avatar.rotate_direction("Hips", [-1, 0, 0])
     assert avatar.direction("LeftUpperArm") @ front > 0.8 and avatar.direction("RightUpperArm") @ left < -0.6
     assert avatar.direction("LeftUpperLeg") @ front > 0.6 > 0.2 > avatar.direction("RightUpperLeg") @ front
     assert avatar.position("LeftUpperArm") @ left > avatar.position("RightUpperArm") @ left
@@ -97,7 +97,7 @@ def test_vmc_sends_status_time_and_root(sent):
 def test_vmc_sends_four_characters_in_small_bundles(sent):
     frame = four_characters()
     receiver = sent("vmc", frame, last=("/VMC/Ext/Tra/Pos", "prop-4"))
-    until(lambda: len(trackers_of(receiver)) >= 40, "all trackers")
+    wait_until(lambda: len(trackers_of(receiver)) >= 40, "all trackers")
     assert max(receiver.sizes) <= MAX_PACKET_BYTES < 1500
     trackers = trackers_of(receiver)
     # Anna is the first human on the stage. All other objects are trackers, and so are the bones of their
@@ -117,7 +117,7 @@ def test_vmc_sends_four_characters_in_small_bundles(sent):
 def test_vmc_sends_the_character_that_the_address_names(sent, name):
     frame = four_characters()
     receiver = sent("vmc", frame, source=f"/{name}", last="/VMC/Ext/OK")
-    until(lambda: len(bones_of(receiver)) >= 20, "the bones")
+    wait_until(lambda: len(bones_of(receiver)) >= 20, "the bones")
     avatar, human = Avatar(bones_of(receiver)), frame.human_character(name)
     for bone in ("LeftUpperArm", "RightLowerLeg"):
         place, way = human.at(bone)
@@ -129,14 +129,16 @@ def test_vmc_sends_the_character_that_the_address_names(sent, name):
 @pytest.mark.parametrize("convention", ["mixamo", "rigify"])
 def test_vmc_moves_an_avatar_as_the_rig_moves(sent, convention):
     skeleton = person(convention, np.random.default_rng(5))
-    pose, joints = posed("rig", skeleton, some_turns(len(skeleton), 5), (0.3, 0.0, -1.0))
+    pose, joints = create_pose("rig", skeleton, some_turns(len(skeleton), 5), (0.3, 0.0, -1.0))
     info = CharacterInfo(character("rig", skeleton), humanoid_map(skeleton))
     receiver = sent("vmc", LiveFrame(0, {}, [pose], {"rig": info}), last="/VMC/Ext/OK")
-    until(lambda: len(bones_of(receiver)) >= 20, "the bones")
+    wait_until(lambda: len(bones_of(receiver)) >= 20, "the bones")
     avatar = Avatar(bones_of(receiver))
     for side in ("Left", "Right"):
         for bone, begins, ends in (("UpperArm", "shoulder", "elbow"), ("LowerLeg", "knee", "ankle")):
-            begin, end = (joints[skeleton.index(name_in(convention, f"{side} {j}"))] for j in (begins, ends))
+            begin, end = (
+                joints[skeleton.index(convention_name(convention, f"{side} {j}"))] for j in (begins, ends)
+            )
             assert np.allclose(avatar.direction(f"{side}{bone}"), MIRROR * unit(end - begin), atol=1e-4)
 
 
@@ -246,7 +248,7 @@ def test_rokoko_sends_people_rigs_and_objects():
 def test_osc_sends_joints_confidence_contacts_and_characters(sent):
     frame = four_characters()
     receiver = sent("osc", frame, last="/enliven/prop/4/position")
-    until(lambda: "/enliven/character/chair/held" in receiver.values)
+    wait_until(lambda: "/enliven/character/chair/held" in receiver.values)
     values, body = receiver.values, frame.performers[2]
     assert values["/enliven/performers"] == (2,) and values["/enliven/time"] == (0.0,)
     for joint in Joint:
@@ -269,7 +271,7 @@ def test_osc_sends_every_event_although_frames_are_skipped(sent):
     events = [LiveEvent("enter", 1), LiveEvent("possess", 1, "chair"), LiveEvent("release", 0, "chair")]
     frame = LiveFrame(0, {}, events=events)
     receiver = sent("osc", frame, last="/enliven/time")
-    until(lambda: ("/enliven/event/release", "chair") in receiver.values)
+    wait_until(lambda: ("/enliven/event/release", "chair") in receiver.values)
     assert receiver.values["/enliven/event/enter"] == (1,)
     assert receiver.values["/enliven/event/possess", "chair"] == (1,)
     assert receiver.values["/enliven/event/release", "chair"] == (0,)

@@ -6,13 +6,13 @@ import threading
 
 from live_receivers import OscReceiver
 from live_scenes import four_characters
-from patience import until
+from patience import wait_until
 from posed_people import performer
 
 from enliven.outputs.frame_thread import FrameThread
 from enliven.outputs.live_frame import LiveEvent, LiveFrame, PerformerSlots
 from enliven.outputs.opening import open_outputs
-from enliven.outputs.settings import outputs_of
+from enliven.outputs.settings import collect_output_settings
 from enliven.outputs.udp_sender import UdpSender
 
 
@@ -70,12 +70,12 @@ def test_a_slow_output_gets_the_newest_frame_with_all_events_and_never_blocks():
     slow, other = Slow(), Collector()
     with outputs_with(slow, other) as (outputs, _):
         outputs.put(LiveFrame(-1, {}))
-        until(lambda: slow.begun, "the first frame")
+        wait_until(lambda: slow.begun, "the first frame")
         for k in range(500):  # All are accepted although none can be sent.
             events = [LiveEvent("enter", k)] if k % 100 == 0 else []
             outputs.put(LiveFrame(k, {}, events=events))
         slow.go.release(2)
-        until(lambda: len(other.frames) == 2)
+        wait_until(lambda: len(other.frames) == 2)
         assert slow.times == other.times == [-1, 499], "the frame after a slow one is the newest"
         for output in (slow, other):
             assert [event.performer for event in output.frames[1].events] == [0, 100, 200, 300, 400]
@@ -86,11 +86,11 @@ def test_all_outputs_are_served_by_one_thread_that_ends_with_them():
     with outputs_with(*collectors) as (outputs, _):
         for k in range(20):
             outputs.put(LiveFrame(k, {}))
-            until(lambda k=k: all(output.times[-1:] == [k] for output in collectors), f"frame {k}")
+            wait_until(lambda k=k: all(output.times[-1:] == [k] for output in collectors), f"frame {k}")
     assert all(output.times == list(range(20)) for output in collectors), "each frame once"
     (thread,) = set.union(*(output.threads for output in collectors))
     assert thread != threading.get_ident()
-    until(lambda: thread not in {running.ident for running in threading.enumerate()}, "its end")
+    wait_until(lambda: thread not in {running.ident for running in threading.enumerate()}, "its end")
 
 
 def test_the_last_frame_is_sent_before_the_end():
@@ -98,7 +98,7 @@ def test_the_last_frame_is_sent_before_the_end():
     with outputs_with(collector) as (outputs, _):
         for k in range(100):
             outputs.put(LiveFrame(k, {}))
-    until(lambda: collector.times[-1:] == [99], "the last frame")
+    wait_until(lambda: collector.times[-1:] == [99], "the last frame")
     outputs.close()  # A second call does nothing.
 
 
@@ -106,7 +106,7 @@ def test_a_receiver_may_start_late_and_restart():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    with open_outputs(outputs_of([f"vmc:127.0.0.1:{port}"], {})) as outputs:
+    with open_outputs(collect_output_settings([f"vmc:127.0.0.1:{port}"], {})) as outputs:
         (sender,) = outputs.statuses
         frame = four_characters()
 
@@ -114,7 +114,7 @@ def test_a_receiver_may_start_late_and_restart():
             outputs.put(frame)
             return sender.errors
 
-        until(lost, "a lost packet")
+        wait_until(lost, "a lost packet")
         for _ in range(2):
             with OscReceiver(port) as receiver:
 
@@ -122,20 +122,20 @@ def test_a_receiver_may_start_late_and_restart():
                     outputs.put(frame)
                     return "/VMC/Ext/OK" in receiver.values and len(receiver.values) > 60
 
-                until(arrived, "a whole frame")
+                wait_until(arrived, "a whole frame")
             before = sender.errors
-            until(lambda before=before: lost() > before, "the end of the receiver is noticed")
+            wait_until(lambda before=before: lost() > before, "the end of the receiver is noticed")
 
 
 def test_a_fault_of_an_output_is_counted_and_stops_neither_its_next_frame_nor_others():
     faulty, after = Faulty(), Collector()
     with outputs_with(faulty, after) as (outputs, senders):
         outputs.put(LiveFrame(0, {}))
-        until(lambda: after.times == [0], "the frame of the other output")
+        wait_until(lambda: after.times == [0], "the frame of the other output")
         assert senders[0].errors == 1
         assert "could not be converted (broken)" in senders[0].trouble
         outputs.put(LiveFrame(1, {}))
-        until(lambda: faulty.times == [1] and after.times == [0, 1], "the next frame")
+        wait_until(lambda: faulty.times == [1] and after.times == [0, 1], "the next frame")
 
 
 def test_an_absent_receiver_costs_the_others_nothing():
@@ -144,14 +144,14 @@ def test_an_absent_receiver_costs_the_others_nothing():
         absent = free.getsockname()[1]
     with OscReceiver() as receiver:
         words = [f"osc:127.0.0.1:{absent}", f"vmc:127.0.0.1:{receiver.port}"]
-        with open_outputs(outputs_of(words, {})) as outputs:
+        with open_outputs(collect_output_settings(words, {})) as outputs:
             missing, present = outputs.statuses
 
             def both():
                 outputs.put(four_characters())
                 return missing.errors and "/VMC/Ext/OK" in receiver.values
 
-            until(both, "a lost packet, and a packet that arrives")
+            wait_until(both, "a lost packet, and a packet that arrives")
             assert present.errors == 0
 
 
@@ -162,7 +162,7 @@ def test_a_packet_that_is_too_long_is_counted():
 
     with outputs_with(Long()) as (outputs, senders):
         outputs.put(LiveFrame(0, {}))
-        until(lambda: senders[0].errors)
+        wait_until(lambda: senders[0].errors)
         assert senders[0].trouble
 
 

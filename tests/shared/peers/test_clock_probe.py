@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from patience import until
+from patience import wait_until
 
 from enliven.keys.key_files import KeyStore
 from enliven.peers.clock_probe import ClockProbe
@@ -50,11 +50,11 @@ def test_offset_of_an_edge_on_this_machine_is_known(
     access = None
     if locked:
         store = KeyStore()
-        access = Access("edge", store.make(), store)
+        access = Access("edge", store.create_own_pair(), store)
     with Publisher(name=uuid.uuid4().hex, pose_port=0, control_port=0, access=access) as publisher:
         probe = ClockProbe(publisher.endpoint, "test")
         with running(publisher), contextlib.closing(probe):
-            until(lambda: probe.is_known, "the offset")
+            wait_until(lambda: probe.is_known, "the offset")
             # The round trips do not include the edge's frame time, and bound the error.
             bound_ns = probe.sync.round_trip_ns + 1_000_000
             assert abs(probe.offset_ns() - true_offset_ns()) < bound_ns
@@ -69,4 +69,4 @@ def test_an_edge_that_starts_later_is_found() -> None:
         assert not probe.is_known
         publisher = Publisher(name=uuid.uuid4().hex, pose_port=pose, control_port=control)
         with publisher, running(publisher):
-            until(lambda: probe.is_known, "the offset")
+            wait_until(lambda: probe.is_known, "the offset")

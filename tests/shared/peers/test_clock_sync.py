@@ -14,8 +14,8 @@ from enliven.peers.clock_sync import (
     MAX_SLEW,
     PROBE_INTERVAL_S,
     PROBES_PER_BURST,
+    ClockExchange,
     ClockSync,
-    Exchange,
 )
 
 SECOND = 1_000_000_000
@@ -53,21 +53,21 @@ class Network:
     def true_offset(self, local_ns: int) -> int:
         return self.offset + round(self.drift * local_ns)
 
-    def probe(self, sent_ns: int) -> Exchange | None:
+    def probe(self, sent_ns: int) -> ClockExchange | None:
         if self.rng.uniform() < self.loss:
             return None
         there, back = (0.1 * MS + self.rng.exponential(self.delay) for _ in range(2))
         arrived = sent_ns + round(there)
         answered = arrived + round(self.rng.exponential(self.answer))
-        return Exchange(sent_ns, self.edge_ns(arrived), self.edge_ns(answered), answered + round(back))
+        return ClockExchange(sent_ns, self.edge_ns(arrived), self.edge_ns(answered), answered + round(back))
 
 
 def run(sync: ClockSync, network: Network, start_ns: int, seconds: float) -> list[tuple[int, int]]:
     """Simulates both sides. Returns (local time, offset) of each step."""
-    waiting: list[Exchange] = []
+    waiting: list[ClockExchange] = []
     offsets = []
     for now in range(start_ns, start_ns + round(seconds * SECOND), STEP):
-        if sync.probes_due(now) and (exchange := network.probe(now)) is not None:
+        if sync.take_due_probe(now) and (exchange := network.probe(now)) is not None:
             waiting.append(exchange)
         for exchange in sorted((e for e in waiting if e.received_ns <= now), key=lambda e: e.received_ns):
             waiting.remove(exchange)
@@ -81,7 +81,7 @@ def test_burst_of_eight_probes_starts_every_two_seconds() -> None:
     sync, network = ClockSync(), Network()
     sent = []
     for now in range(0, 10 * SECOND, MS):
-        if sync.probes_due(now):
+        if sync.take_due_probe(now):
             sent.append(now)
             exchange = network.probe(now)
             assert exchange is not None
@@ -148,11 +148,11 @@ def test_too_few_answers_change_nothing() -> None:
 
 def test_impossible_answers_are_dropped() -> None:
     sync = ClockSync()
-    assert sync.probes_due(0)
+    assert sync.take_due_probe(0)
     for _ in range(20):
-        sync.add(Exchange(0, 100, 50, 1000))  # answered before it arrived
-        sync.add(Exchange(10, 0, 5000, 20))  # the edge needed longer than the whole exchange
-        sync.add(Exchange(-5, 0, 0, 10))  # sent before the burst
+        sync.add(ClockExchange(0, 100, 50, 1000))  # answered before it arrived
+        sync.add(ClockExchange(10, 0, 5000, 20))  # the edge needed longer than the whole exchange
+        sync.add(ClockExchange(-5, 0, 0, 10))  # sent before the burst
     assert not sync.is_known
 
 
@@ -162,9 +162,9 @@ def test_long_round_trips_move_the_offset_less() -> None:
     def burst(start: int, round_trip: int, offset: int) -> None:
         for k in range(PROBES_PER_BURST):
             now = start + k * round(PROBE_INTERVAL_S * SECOND)
-            assert sync.probes_due(now)
+            assert sync.take_due_probe(now)
             middle = now + round_trip // 2 + offset
-            sync.add(Exchange(now, middle, middle, now + round_trip))
+            sync.add(ClockExchange(now, middle, middle, now + round_trip))
 
     burst(0, MS // 10, 0)
     burst(2 * SECOND, 40 * MS, 8 * MS)

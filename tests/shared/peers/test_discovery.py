@@ -14,9 +14,9 @@ from typing import Any, ClassVar
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from patience import until
+from patience import wait_until
 
-from enliven.commands.doctor import announced_checks
+from enliven.commands.doctor import check_announced_edges
 from enliven.errors import InputError
 from enliven.keys.key_files import KeyStore, PairedEdge
 from enliven.peers.announcement import SERVICE_TYPE, Announcement, pack_announcement, parse_announcement
@@ -61,13 +61,13 @@ def test_edge_is_found_changes_and_vanishes(
 ) -> None:
     name = unique(request)
     with Announcer(Announcement(name, listening, 6001, characters=2), "127.0.0.1") as announcer:
-        until(lambda: any(edge.is_usable for edge in named(browser, name)), "the edge")
+        wait_until(lambda: any(edge.is_usable for edge in named(browser, name)), "the edge")
         (edge,) = named(browser, name)
         assert edge.endpoint.host == "127.0.0.1" and edge.endpoint.pose_port == listening
         assert edge.endpoint.control_port == 6001 and edge.announcement.characters == 2
         announcer.set_characters(5)
-        until(lambda: named(browser, name)[0].announcement.characters == 5, "the change")
-    until(lambda: not named(browser, name), "its end")
+        wait_until(lambda: named(browser, name)[0].announcement.characters == 5, "the change")
+    wait_until(lambda: not named(browser, name), "its end")
 
 
 @SLOW
@@ -79,8 +79,8 @@ def test_two_edges_of_one_name_are_both_listed(
         for control in (6001, 6002):
             announcer = Announcer(Announcement(name, listening, control), "127.0.0.1")
             stack.enter_context(announcer)
-            until(lambda a=announcer: a.name, "its registration")
-        until(lambda: len(named(browser, name)) == 2, "both edges")
+            wait_until(lambda a=announcer: a.name, "its registration")
+        wait_until(lambda: len(named(browser, name)) == 2, "both edges")
         first, second = named(browser, name)
         assert first.service != second.service and second.service.startswith(f"{name}-2")
         assert {first.endpoint.control_port, second.endpoint.control_port} == {6001, 6002}
@@ -92,7 +92,7 @@ def test_edge_of_another_version_is_listed_with_its_problem(
 ) -> None:
     name = unique(request)
     with Announcer(Announcement(name, listening, 6001, wire_version=VERSION + 1), "127.0.0.1"):
-        until(lambda: any(edge.host for edge in named(browser, name)), "the edge")
+        wait_until(lambda: any(edge.host for edge in named(browser, name)), "the edge")
         (edge,) = named(browser, name)
         assert not edge.is_usable and f"version {VERSION + 1}" in edge.problem
 
@@ -101,7 +101,7 @@ def test_crashed_edge_is_listed_as_silent(browser: EdgeBrowser, request: pytest.
     name = unique(request)
     (port,) = free_ports(1)
     with Announcer(Announcement(name, port, 6001), "127.0.0.1"):
-        until(lambda: named(browser, name), "the edge")
+        wait_until(lambda: named(browser, name), "the edge")
         assert named(browser, name)[0].problem == "does not answer"
 
 
@@ -112,11 +112,11 @@ def test_pairing_is_shown(
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
     name = unique(request)
     with Announcer(Announcement(name, listening, 6001, has_keys=True), "127.0.0.1") as announcer:
-        until(lambda: announcer.name, "its registration")
-        checks = {check.name: check for check in announced_checks(1.5, LOOPBACK)}
+        wait_until(lambda: announcer.name, "its registration")
+        checks = {check.name: check for check in check_announced_edges(1.5, LOOPBACK)}
         assert not checks[name].ok and f"enliven pair 127.0.0.1:{listening}:6001 CODE" in checks[name].remedy
         KeyStore().add_edge(PairedEdge(bytes(32), name, "127.0.0.1", 6001, "watch"))
-        checks = {check.name: check for check in announced_checks(1.5, LOOPBACK)}
+        checks = {check.name: check for check in check_announced_edges(1.5, LOOPBACK)}
         assert checks[name].ok and "paired" in checks[name].detail
 
 
@@ -145,8 +145,10 @@ def test_hostile_announcements_are_escaped_or_dropped(
             )
             liar.register_service(info, allow_name_change=True)
         with Announcer(Announcement(name + " good", listening, 6001), "127.0.0.1"):
-            until(lambda: named(browser, f"{name} good"), "the good edge")
-            until(lambda: any(edge.service.startswith("escape") for edge in browser.edges), "the escaped one")
+            wait_until(lambda: named(browser, f"{name} good"), "the good edge")
+            wait_until(
+                lambda: any(edge.service.startswith("escape") for edge in browser.edges), "the escaped one"
+            )
     shown = [edge.announcement.name for edge in browser.edges if name in edge.announcement.name]
     assert all(text.isprintable() and len(text) <= 64 for text in shown)
     assert not any(edge.service.startswith(("no name", "empty", "bytes")) for edge in browser.edges)
@@ -197,7 +199,7 @@ def test_an_announcement_survives() -> None:
 
 def test_failed_registration_is_only_logged(caplog: pytest.LogCaptureFixture) -> None:
     announcer = Announcer(Announcement("edge", 5580, 5581), "192.0.2.77")  # not an address of this machine
-    until(lambda: not announcer._thread.is_alive(), "its failure")
+    wait_until(lambda: not announcer._thread.is_alive(), "its failure")
     announcer.close()
     assert any("is not announced" in record.getMessage() for record in caplog.records)
 

@@ -74,7 +74,7 @@ def test_another_exaggeration_counts_from_its_frame_on(seed, first, then, at):
     swing, followed = FollowThrough(stiffness, first), []
     for k, places in enumerate(way):
         if k == at:
-            swing.exaggerate(then)
+            swing.set_exaggeration(then)
         followed.append(swing(places, k * FRAME))
     np.testing.assert_array_equal(followed[:at], shown(way, stiffness, first)[:at])
     after = FollowThrough(stiffness, then)

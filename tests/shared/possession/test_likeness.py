@@ -76,7 +76,7 @@ def test_limbs_are_found_by_how_far_they_stand_out():
 def test_a_pole_is_spine_and_arm_and_has_no_legs():
     pole = built([((0, 0.1, 0), (0, 1.4, 0)), ((0, 1.4, 0), (0, 1.5, 0.5))], [0.08, 0.08])
     like = find_body_in_mesh(*pole)
-    assert not like.human and np.isnan(like.joints[Joint.KNEE_LEFT]).all() and np.isnan(like.leg)
+    assert not like.human and np.isnan(like.joints[Joint.KNEE_LEFT]).all() and np.isnan(like.leg_length)
     assert np.isfinite(like.joints[[Joint.HIP_CENTER, Joint.HEAD, Joint.HAND_RIGHT]]).all()
     assert like.joints[Joint.HIP_CENTER, 1] < 0.4 and like.joints[Joint.HAND_RIGHT, 1] > 1.1
 

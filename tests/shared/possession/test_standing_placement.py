@@ -11,7 +11,12 @@ from sample_meshes.chair import make_chair
 from enliven.meshes.mesh import Mesh
 from enliven.person.joints import PARENTS, Joint
 from enliven.possession.placement import rotation_about_y
-from enliven.possession.standing_placement import _Nearness, fit_figures, fit_standing_person, standing_figure
+from enliven.possession.standing_placement import (
+    _ProximityGrid,
+    fit_figures,
+    fit_standing_person,
+    standing_figure,
+)
 
 FRONT = np.array([0.0, 0.0, 1.0])
 
@@ -91,10 +96,10 @@ def test_two_who_stand_apart_share_a_horse(horse) -> None:
 def test_a_point_is_as_near_as_the_cell_that_it_is_in(seed) -> None:
     """One by one, in the grid and beyond it, against all points and places at once."""
     dice = np.random.default_rng(seed)
-    near = _Nearness(dice.uniform(-1, 1, (20, 3)), 0.2, 0.1)
+    near = _ProximityGrid(dice.uniform(-1, 1, (20, 3)), 0.2, 0.1)
     points, shifts = dice.uniform(-2, 2, (9, 3)), dice.uniform(-2, 2, (7, 3)) * [1, 0, 1]
     grid = near._values[1:-1, 1:-1, 1:-1]
-    nearness = near.over(points, shifts)
+    nearness = near.sample_shifted(points, shifts)
     for s, shift in enumerate(shifts):
         for p, point in enumerate(points):
             cell = np.round((point + shift - near._low) / near.cell).astype(int)

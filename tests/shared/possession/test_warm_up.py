@@ -59,4 +59,4 @@ def test_warm_up_compiles_all_kernels(nodes):
 
 @pytest.mark.timeout(700)
 def test_first_frames_without_warm_up_load_kernels():
-    assert {"next_frame", "refactor"} <= kernels_of(40, warm=False)
+    assert {"next_frame", "refactorize_matrix"} <= kernels_of(40, warm=False)

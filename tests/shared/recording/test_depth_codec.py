@@ -6,7 +6,7 @@ import zlib
 import numpy as np
 import pytest
 import zstandard
-from archived_depth import archived
+from archived_depth import encode_archived
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -20,7 +20,7 @@ LEVELS = (1, 19, "archived")
 
 def packed(image: np.ndarray, level: int | str) -> bytes:
     """Returns the payload of an image."""
-    return archived(image) if level == "archived" else encode_depth(image, level)
+    return encode_archived(image) if level == "archived" else encode_depth(image, level)
 
 
 def room(seed: int = 0, height: int = 120, width: int = 160) -> np.ndarray:

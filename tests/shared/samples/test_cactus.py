@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.document.project import are_identical
-from enliven.examples.puppet_examples import examples_from_key_poses, missing
+from enliven.examples.puppet_examples import examples_from_key_poses, find_missing_examples
 from enliven.meshes.mesh import Mesh
 from enliven.samples.shipped import load_sample
 
@@ -41,7 +41,7 @@ def test_cactus_stands_on_the_floor_with_two_arms(mesh: Mesh) -> None:
 def test_the_puppet_can_move_and_is_the_same_every_time() -> None:
     project = cactus_project(0.05)
     puppet = project.puppet("cactus")
-    assert missing(project, puppet) == ()
+    assert find_missing_examples(project, puppet) == ()
     assert len({point.vertex for point in puppet.points}) == len(puppet.points)
     examples = examples_from_key_poses(project, puppet)
     assert len(examples) > len(puppet.poses)

@@ -20,7 +20,7 @@ def filled(distance, voxel=1.0):
     volume = TsdfVolume(VolumeSettings(voxel=0.01), voxel=voxel)
     volume.blocks.places[:8] = [(k & 1, k >> 1 & 1, k >> 2) for k in range(8)]
     volume.blocks.count = 8
-    volume.blocks.retain(np.arange(8))
+    volume.blocks.keep_blocks(np.arange(8))
     for k, (x, y, z) in enumerate(volume.blocks.places[:8] * SIDE):
         part = distance[z : z + SIDE, y : y + SIDE, x : x + SIDE].reshape(VOXELS)
         volume.distance[k], volume.weight[k], volume.solid[k] = part, 1.0, (part < 0).any()

@@ -23,7 +23,7 @@ from enliven.scanning import (
     VolumeSettings,
     frame_to_model_tracking,
 )
-from enliven.scanning.icp import look_up
+from enliven.scanning.icp import interpolate_field
 from enliven.scanning.rigid import cross_matrix
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -183,7 +183,7 @@ def test_slope_noise_correction_matches_slow_sum():
     for row in range(0, view.worth.shape[0], stride):
         for column in range((row // stride % 2) * (stride // 2), view.worth.shape[1], stride):
             q = pose[:3, :3] @ view.points[row, column].astype(float)
-            if view.worth[row, column] == 0 or not look_up(field, *(q + pose[:3, 3]), sample, last):
+            if view.worth[row, column] == 0 or not interpolate_field(field, *(q + pose[:3, 3]), sample, last):
                 continue
             g, normal = sample[1:], pose[:3, :3] @ view.normals[row, column].astype(float)
             cosine = g @ normal / np.linalg.norm(g)

@@ -233,14 +233,14 @@ def test_images_without_colour_do_not_darken_and_gaps_take_nearest_colour():
 def test_every_block_is_found_again_also_after_others_are_gone(places):
     table, wanted = BlockTable(), np.array(sorted(places), np.int32)
     table.places[: len(wanted)], table.count = wanted, len(wanted)
-    table.retain(np.arange(len(wanted)))
+    table.keep_blocks(np.arange(len(wanted)))
     assert (table.find(wanted) == np.arange(len(wanted))).all()
     assert (table.find(wanted + 100) == -1).all()
     for b, place in enumerate(wanted):
         for k in range(8):
             beside = tuple(int(c) for c in np.add(place, (k & 1, k >> 1 & 1, k >> 2)))
             number = sorted(places).index(beside) if beside in places else -1
-            assert table.beside[b, k] == number
-    table.retain(np.arange(0, len(wanted), 2))
+            assert table.neighbour_blocks[b, k] == number
+    table.keep_blocks(np.arange(0, len(wanted), 2))
     assert (table.find(wanted[::2]) == np.arange(len(wanted[::2]))).all()
     assert (table.find(wanted[1::2]) == -1).all()

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_bodies import body, horse, man, snake, spider, turned_body
+from made_bodies import build_skeleton, horse, man, rotate_skeleton, snake, spider
 
 from enliven.document.skeleton import Skeleton, skeleton_from_links
 from enliven.skeletons.anatomy import find_anatomy, has_parallel_fingers, is_tip_start, tip_number
-from enliven.skeletons.facing import facing_of, rotate_about_y, side_from_name
+from enliven.skeletons.facing import find_facing, rotate_about_y, side_from_name
 
 ANGLES = st.floats(-np.pi + 0.01, np.pi - 0.01)
 
@@ -23,13 +23,13 @@ def apart(a, b):
 @given(ANGLES)
 def test_names_tell_where_the_front_is(angle):
     for skeleton in (man(), horse(), spider()):
-        assert apart(facing_of(turned_body(skeleton, angle)), angle) < 1e-6
+        assert apart(find_facing(rotate_skeleton(skeleton, angle)), angle) < 1e-6
 
 
 @settings(max_examples=30, deadline=None)
 @given(ANGLES)
 def test_symmetry_and_toes_tell_where_the_front_is(angle):
-    heading = facing_of(turned_body(man(named=False), angle))
+    heading = find_facing(rotate_skeleton(man(named=False), angle))
     assert apart(heading, angle) < np.radians(4.0)  # +Z is believed where it is nearly right
 
 
@@ -93,7 +93,7 @@ def test_eight_legs_from_front_to_back_and_none():
 
 
 def test_ears_on_a_trunk_that_goes_on_are_no_arms():
-    skeleton = body(
+    skeleton = build_skeleton(
         ("hips", None, (0, 1, 0)),
         ("chest", "hips", (0, 2, 0)),
         ("head", "chest", (0, 3, 0)),
@@ -113,7 +113,7 @@ def test_ears_on_a_trunk_that_goes_on_are_no_arms():
 def test_parts_do_not_depend_on_size_place_heading_or_order(seed, angle, scale):
     random = np.random.default_rng(seed)
     for skeleton in (man(), horse(), spider()):
-        moved = turned_body(skeleton, angle)
+        moved = rotate_skeleton(skeleton, angle)
         at = moved.positions * scale + random.normal(size=3) * [1, 0, 1]
         order = [0, *(1 + random.permutation(len(skeleton) - 1))]
         links = [(order.index(int(p)), order.index(j)) for j, p in enumerate(skeleton.parents) if p >= 0]
@@ -137,7 +137,7 @@ def test_a_single_bone_is_a_head():
 
 
 def test_brows_are_no_arms_and_fingers_are_left_to_the_hand():
-    crab = body(
+    crab = build_skeleton(
         ("shell", None, (0, 0.5, 0)),
         ("top", "shell", (0, 0.9, 0)),
         ("crest", "top", (0, 1.2, 0)),
@@ -149,7 +149,7 @@ def test_brows_are_no_arms_and_fingers_are_left_to_the_hand():
     assert len(find_anatomy(unnamed).pairs) == 1
     arm = find_anatomy(man()).arms[0][0]
     assert man().names[arm.chain[-1]] == "Left finger"
-    longer = body(*FINGERED)
+    longer = build_skeleton(*FINGERED)
     assert [[longer.names[j] for j in limb.tip] for limb in find_anatomy(longer).arms[0]] == [
         ["Left wrist", "Left finger"],
         ["Right wrist", "Right finger"],
@@ -181,7 +181,7 @@ def test_a_file_that_rests_in_mid_stride_faces_where_its_hips_do():
         ("Right finger", 0.6),
     ):
         striding[man().index(name), 2] += ahead
-    assert facing_of(replace(man(), positions=striding)) == pytest.approx(0.0, abs=1e-9)
+    assert find_facing(replace(man(), positions=striding)) == pytest.approx(0.0, abs=1e-9)
 
 
 @settings(max_examples=25, deadline=None)
@@ -189,7 +189,7 @@ def test_a_file_that_rests_in_mid_stride_faces_where_its_hips_do():
 def test_fingers_that_begin_at_the_elbow_have_no_wrist(upper, fore, spread):
     """Their first bones lead along the forearm. An upper arm of any length ends at the elbow."""
     elbow, wrist = 0.18 + upper, 0.18 + upper + fore
-    claws = body(
+    claws = build_skeleton(
         *FINGERED[:3],
         ("Lshoulder", "chest", (0.18, 1.44, 0)),
         ("Lelbow", "Lshoulder", (elbow, 1.44, 0)),
@@ -213,7 +213,7 @@ def test_fingers_that_begin_at_the_elbow_have_no_wrist(upper, fore, spread):
 
 
 def test_fingers_of_a_palm_are_not_parallel():
-    hand = body(
+    hand = build_skeleton(
         *FINGERED, ("Lthumb", "Lwrist", (0.76, 1.44, 0.05)), ("Lthumb 2", "Lthumb", (0.8, 1.44, 0.08))
     )
     assert not any(has_parallel_fingers(hand, joint) for joint in range(len(hand)))

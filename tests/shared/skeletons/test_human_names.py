@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from made_bodies import horse, man, spider
-from made_people import CONVENTIONS, name_in, person
+from made_people import CONVENTIONS, convention_name, person
 
 from enliven.document.skeleton import Skeleton
 from enliven.person import PARENTS
@@ -19,7 +19,7 @@ def test_limbs_are_found_by_name(convention, extras):
     limbs = human_joints(skeleton)
 
     def named(*joints):
-        return tuple(skeleton.index(name_in(convention, joint)) for joint in joints)
+        return tuple(skeleton.index(convention_name(convention, joint)) for joint in joints)
 
     for side, arm, leg in zip(("Left", "Right"), limbs.arms, limbs.legs, strict=True):
         assert arm.knots == named(f"{side} shoulder", f"{side} elbow", f"{side} wrist")
@@ -38,10 +38,10 @@ def test_a_weapon_does_not_make_a_tail_of_an_arm(convention):
     assert (len(anatomy.arms), len(anatomy.legs), anatomy.tail) == (1, 1, None)
     left, right = anatomy.arms[0]
     assert [skeleton.names[j] for j in left.main] == [
-        name_in(convention, f"Left {joint}") for joint in ("shoulder", "elbow", "wrist")
+        convention_name(convention, f"Left {joint}") for joint in ("shoulder", "elbow", "wrist")
     ]
     assert [skeleton.names[j] for j in right.main] == [
-        name_in(convention, f"Right {joint}") for joint in ("shoulder", "elbow", "wrist")
+        convention_name(convention, f"Right {joint}") for joint in ("shoulder", "elbow", "wrist")
     ]
 
 

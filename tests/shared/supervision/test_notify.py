@@ -25,8 +25,8 @@ def supervisor(tmp_path: Path) -> Iterator[socket.socket]:
 
 def test_ready_and_progress_reach_the_supervisor(supervisor: socket.socket) -> None:
     notifier = Notifier(supervisor.getsockname())
-    notifier.ready("waiting\nfor visitors")
-    notifier.progress("30 frames/s")
+    notifier.report_ready("waiting\nfor visitors")
+    notifier.report_progress("30 frames/s")
     assert read_notification(supervisor.recv(4096)) == {"READY": "1", "STATUS": "waiting for visitors"}
     assert read_notification(supervisor.recv(4096)) == {"WATCHDOG": "1", "STATUS": "30 frames/s"}
 
@@ -34,7 +34,7 @@ def test_ready_and_progress_reach_the_supervisor(supervisor: socket.socket) -> N
 def test_progress_is_reported_rarely(supervisor: socket.socket) -> None:
     notifier = Notifier(supervisor.getsockname())
     for _ in range(100):
-        notifier.progress()
+        notifier.report_progress()
     assert supervisor.recv(4096) == b"WATCHDOG=1"
     with pytest.raises(BlockingIOError):
         supervisor.recv(4096)
@@ -45,17 +45,17 @@ def test_a_supervisor_that_is_gone_or_does_not_read_delays_nothing(
 ) -> None:
     notifier = Notifier(supervisor.getsockname())
     for number in range(10_000):
-        notifier.status(str(number))
+        notifier.report_status(str(number))
     gone = Notifier(str(tmp_path / "gone"))
-    gone.ready()
+    gone.report_ready()
     assert gone.is_supervised
 
 
 def test_without_a_supervisor_nothing_is_sent(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
     notifier = Notifier()
-    notifier.ready()
-    notifier.progress()
+    notifier.report_ready()
+    notifier.report_progress()
     assert not notifier.is_supervised
 
 
@@ -63,7 +63,7 @@ def test_without_a_supervisor_nothing_is_sent(monkeypatch: pytest.MonkeyPatch) -
 def test_an_abstract_address_is_reached() -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
         listener.bind("\0enliven-test-notify")
-        Notifier("@enliven-test-notify").stopping()
+        Notifier("@enliven-test-notify").report_stopping()
         assert listener.recv(100) == b"STOPPING=1"
 
 

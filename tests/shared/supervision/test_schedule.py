@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.errors import InputError
-from enliven.supervision.schedule import NightlyRestart, minute_of_day
+from enliven.supervision.schedule import NightlyRestart, parse_time_of_day
 
 BERLIN = ZoneInfo("Europe/Berlin")
 HOUR_S = 3600.0
@@ -80,4 +80,4 @@ def test_jumps_of_the_clock_cause_at_most_a_restart_in_three_hours(jumps_s) -> N
 @pytest.mark.parametrize("text", ["4:00", "24:00", "04:60", "noon", "04:00:00", "٠٤:٠٠"])
 def test_wrong_time_of_day_is_refused(text) -> None:
     with pytest.raises(InputError, match="not a time of day"):
-        minute_of_day(text)
+        parse_time_of_day(text)

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from enliven.supervision.causes import OUT_OF_MEMORY, count_memory_kills
+from enliven.supervision.causes import OUT_OF_MEMORY_CAUSE, count_memory_kills
 from enliven.supervision.records import read_restarts
-from enliven.supervision.service_end import cause_from_systemd, service_from_words
+from enliven.supervision.service_end import cause_from_systemd, service_from_arguments
 
 
 @pytest.mark.parametrize(
@@ -24,7 +24,7 @@ from enliven.supervision.service_end import cause_from_systemd, service_from_wor
         ("signal", "SEGV", "signal SIGSEGV"),
         ("core-dump", "ABRT", "signal SIGABRT"),
         ("watchdog", "TERM", "no progress for too long"),
-        ("oom-kill", "KILL", OUT_OF_MEMORY),
+        ("oom-kill", "KILL", OUT_OF_MEMORY_CAUSE),
         ("a-new-word", "1", "a-new-word"),
     ],
 )
@@ -37,7 +37,7 @@ def test_cause_of_systemd_is_a_sentence(result: str, status: str, cause: str) ->
     [(["edge", "edge"], "edge"), (["edge", "stairs"], "edge stairs"), (["window"], "window")],
 )
 def test_service_has_the_name_of_its_record(words: list[str], name: str) -> None:
-    assert service_from_words(words) == name
+    assert service_from_arguments(words) == name
 
 
 def test_end_of_a_service_is_recorded(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from patience import until
+from patience import wait_until
 
 from enliven.supervision import supervisor as supervisor_module
 from enliven.supervision.child import Program
@@ -86,8 +86,8 @@ def is_running(pid: int) -> bool:
 def test_ended_program_is_started_again_and_the_cause_is_recorded(tmp_path, end, cause) -> None:
     log = tmp_path / "starts"
     with supervised(tmp_path, Program("edge", script(f"note({str(log)!r}); {end}"))):
-        until(lambda: len(starts(log)) >= 3, "three starts")
-        until(lambda: len(causes(tmp_path)) >= 2, "two causes")
+        wait_until(lambda: len(starts(log)) >= 3, "three starts")
+        wait_until(lambda: len(causes(tmp_path)) >= 2, "two causes")
     assert set(causes(tmp_path)) == {cause}
     assert len(set(starts(log))) == len(starts(log))
 
@@ -101,7 +101,7 @@ def test_program_without_progress_is_restarted_even_if_it_ignores_the_signal(
     log = tmp_path / "starts"
     freezes = f"{ignores}note({str(log)!r}); report('READY=1'); time.sleep(600)"
     with supervised(tmp_path, Program("window", script(freezes), frozen_after_s=SHORT_S)):
-        until(lambda: len(starts(log)) >= 2, "a second start")
+        wait_until(lambda: len(starts(log)) >= 2, "a second start")
         first = starts(log)[0]
         assert not is_running(first)
     assert causes(tmp_path)[0] == "no progress for 0.3 s"
@@ -112,9 +112,9 @@ def test_stopped_process_is_killed_and_restarted(tmp_path, monkeypatch) -> None:
     log = tmp_path / "starts"
     lively = f"report('READY=1'); note({str(log)!r})\nwhile True: report('WATCHDOG=1'); time.sleep(0.05)"
     with supervised(tmp_path, Program("edge", script(lively), frozen_after_s=SHORT_S)):
-        until(lambda: starts(log), "a start")
+        wait_until(lambda: starts(log), "a start")
         os.kill(starts(log)[0], signal.SIGSTOP)
-        until(lambda: len(starts(log)) >= 2, "a second start")
+        wait_until(lambda: len(starts(log)) >= 2, "a second start")
 
 
 def test_program_with_progress_is_left_alone(tmp_path) -> None:
@@ -123,7 +123,7 @@ def test_program_with_progress_is_left_alone(tmp_path) -> None:
     lively += "for number in range(30): report('WATCHDOG=1'); time.sleep(0.05)\n"
     lively += f"note({str(tmp_path / 'done')!r}); time.sleep(600)"
     with supervised(tmp_path, Program("edge", script(lively), frozen_after_s=1.0)):
-        until(lambda: starts(tmp_path / "done"), "1.5 s of progress")
+        wait_until(lambda: starts(tmp_path / "done"), "1.5 s of progress")
         assert len(starts(log)) == 1
     assert causes(tmp_path) == []
 
@@ -133,7 +133,7 @@ def test_progress_before_ready_does_not_count(tmp_path) -> None:
     never_ready = f"note({str(log)!r})\nwhile True: report('WATCHDOG=1'); time.sleep(0.05)"
     program = Program("edge", script(never_ready), frozen_after_s=SHORT_S, start_timeout_s=0.5)
     with supervised(tmp_path, program):
-        until(lambda: len(starts(log)) >= 2, "a second start")
+        wait_until(lambda: len(starts(log)) >= 2, "a second start")
     assert causes(tmp_path)[0].startswith("not ready after 0")
 
 
@@ -143,14 +143,14 @@ def test_start_is_extended_on_request(tmp_path) -> None:
     slow += f"report('READY=1'); note({str(tmp_path / 'ready')!r}); time.sleep(600)"
     program = Program("edge", script(slow), frozen_after_s=60.0, start_timeout_s=0.5)
     with supervised(tmp_path, program):
-        until(lambda: starts(tmp_path / "ready"), "a ready program")
+        wait_until(lambda: starts(tmp_path / "ready"), "a ready program")
         assert len(starts(log)) == 1
 
 
 def test_states_are_recorded(tmp_path) -> None:
     busy = "report('READY=1\\nSTATUS=30 frames/s'); time.sleep(600)"
     with supervised(tmp_path, Program("edge floor", script(busy), frozen_after_s=60.0)):
-        until(lambda: any(s.progress_s for s in read_services(tmp_path / "run")), "progress")
+        wait_until(lambda: any(s.progress_s for s in read_services(tmp_path / "run")), "progress")
         record = read_services(tmp_path / "run")[0]
         assert is_running(record.pid)
     assert (record.name, record.status) == ("edge floor", "30 frames/s")
@@ -163,7 +163,7 @@ def test_first_progress_is_recorded_at_once(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(supervisor_module, "_RECORD_INTERVAL_S", 86400.0)
     busy = "time.sleep(0.2); report('READY=1'); time.sleep(600)"
     with supervised(tmp_path, Program("edge", script(busy), frozen_after_s=60.0)):
-        until(lambda: any(s.progress_s for s in read_services(tmp_path / "run")), "the first progress")
+        wait_until(lambda: any(s.progress_s for s in read_services(tmp_path / "run")), "the first progress")
 
 
 @pytest.mark.skipif(not hasattr(os, "pidfd_open"), reason="needs Linux")
@@ -179,7 +179,7 @@ def test_end_of_a_program_is_noticed_without_waiting_for_the_next_check(tmp_path
     )
     thread = threading.Thread(target=supervisor.run, daemon=True)
     thread.start()
-    until(lambda: len(causes(tmp_path)) >= 2)
+    wait_until(lambda: len(causes(tmp_path)) >= 2)
     supervisor.stop()
     thread.join(60)
     assert not thread.is_alive(), "the next end wakes the supervisor, which then stops"
@@ -197,7 +197,9 @@ for number in range(10**9):
     time.sleep(0.3)
 """
     with supervised(tmp_path, Program("edge", script(own))):
-        until(lambda: any(s.progress_s > 15 for s in read_services(tmp_path / "run")), "4.5 s of own states")
+        wait_until(
+            lambda: any(s.progress_s > 15 for s in read_services(tmp_path / "run")), "4.5 s of own states"
+        )
         statuses = {read_services(tmp_path / "run")[0].status for _ in range(1)}
     assert statuses == {"own"}
 
@@ -210,14 +212,14 @@ def test_program_is_not_watched_if_its_socket_cannot_be_made(tmp_path, monkeypat
     ends = f"note({str(log)!r}); time.sleep(0.6)"
     program = Program("edge", script(ends), frozen_after_s=SHORT_S, start_timeout_s=SHORT_S)
     with supervised(tmp_path, program):
-        until(lambda: causes(tmp_path), "its end")
+        wait_until(lambda: causes(tmp_path), "its end")
     assert causes(tmp_path)[0] == "exit code 0"
     assert "not when they freeze" in caplog.text
 
 
 def test_missing_program_is_tried_again_and_named(tmp_path) -> None:
     with supervised(tmp_path, Program("window", [str(tmp_path / "nowhere")])):
-        until(lambda: len(causes(tmp_path)) >= 3, "three tries")
+        wait_until(lambda: len(causes(tmp_path)) >= 3, "three tries")
     assert causes(tmp_path)[0] == "cannot be started (No such file or directory)"
 
 
@@ -225,7 +227,7 @@ def test_full_disk_does_not_end_the_supervision(tmp_path, caplog) -> None:
     log = tmp_path / "starts"
     (tmp_path / "history").write_text("a file where the folder should be")
     with supervised(tmp_path, Program("edge", script(f"note({str(log)!r})"))):
-        until(lambda: len(starts(log)) >= 5, "five starts")
+        wait_until(lambda: len(starts(log)) >= 5, "five starts")
     unwritable = [record for record in caplog.records if "cannot be recorded" in record.getMessage()]
     assert len(unwritable) == 1, "logged once, not for each restart"
 
@@ -235,7 +237,7 @@ def test_programs_end_with_the_run(tmp_path) -> None:
     ends = "signal.signal(signal.SIGTERM, lambda *_: (note({0!r}), sys.exit(0)))\n"
     ends = ends.format(str(tmp_path / "cleanly")) + f"note({str(log)!r})\nwhile True: time.sleep(0.01)"
     with supervised(tmp_path, Program("one", script(ends)), Program("two", script(ends))):
-        until(lambda: len(starts(log)) == 2, "two programs")
+        wait_until(lambda: len(starts(log)) == 2, "two programs")
     assert sorted(starts(tmp_path / "cleanly")) == sorted(starts(log))
     assert causes(tmp_path) == []
 
@@ -255,7 +257,7 @@ def test_exit_codes_of_programs_that_the_supervisor_ends(tmp_path, monkeypatch) 
         Program(name, script(f"{form}; note({str(log)!r}); time.sleep(600)")) for name, form in forms.items()
     ]
     with supervised(tmp_path, *programs) as supervisor:
-        until(lambda: len(starts(log)) == 3, "three starts")
+        wait_until(lambda: len(starts(log)) == 3, "three starts")
     assert supervisor.exit_codes == {"edge": 130, "window": -signal.SIGTERM, "page": -signal.SIGKILL}
 
 
@@ -275,10 +277,10 @@ raise SystemExit(Supervisor([Program("edge", [{sys.executable!r}, "-c", {frozen!
 """
     run = subprocess.Popen([sys.executable, "-c", own])
     try:
-        until(lambda: starts(log), "a child")
+        wait_until(lambda: starts(log), "a child")
         run.send_signal(number)
         assert run.wait(30) == (-9 if number == signal.SIGKILL else 130)
-        until(lambda: not is_running(starts(log)[0]), "the end of the child")
+        wait_until(lambda: not is_running(starts(log)[0]), "the end of the child")
     finally:
         run.kill()
         run.wait()
@@ -292,7 +294,7 @@ def test_flood_of_reports_delays_no_other_program(tmp_path) -> None:
         Program("flood", script(flood), frozen_after_s=60.0),
         Program("edge", script(f"note({str(log)!r})")),
     ):
-        until(lambda: len(starts(log)) >= 4, "four starts")
+        wait_until(lambda: len(starts(log)) >= 4, "four starts")
 
 
 @settings(max_examples=50, deadline=None)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from sample_meshes.chair import make_chair
 
 from enliven.document.character import Character, Pose
-from enliven.document.puppet import ControlPoint, Puppet, character_from_puppet
+from enliven.document.puppet import ControlPoint, ExampleCharacter, character_from_puppet
 from enliven.document.surface_settings import ArapSettings
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
@@ -37,7 +37,7 @@ SMALL = Mesh(np.eye(3), np.array([[0, 1, 2]], np.int32))
 
 def character(count: int = 12, surface: ArapSettings = SOFT) -> Character:
     points = tuple(ControlPoint(str(k), int(v), weight=k or None) for k, v in enumerate(TWELVE[:count]))
-    return character_from_puppet(Puppet("cactus", CHAIR, points, surface=surface))
+    return character_from_puppet(ExampleCharacter("cactus", CHAIR, points, surface=surface))
 
 
 def acting(seed: int, character: Character, far: float = 0.4) -> Pose:
@@ -101,7 +101,7 @@ def test_a_large_mesh_travels_without_weights_that_nobody_needs() -> None:
     vertices = np.stack([x, np.zeros_like(x), z], -1).reshape(-1, 3) * 0.01
     corner = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).reshape(-1)
     faces = np.concatenate([np.stack([corner, corner + side, corner + 1], 1)])
-    puppet = Puppet("sheet", Mesh(vertices, faces), (ControlPoint("a", 0),))
+    puppet = ExampleCharacter("sheet", Mesh(vertices, faces), (ControlPoint("a", 0),))
     message = character_to_message(character_from_puppet(puppet), 0)
     assert message.indices == message.weights == b""
     got = there_and_back(message)
@@ -175,7 +175,7 @@ def test_settings_out_of_range_are_refused(surface: object) -> None:
 @given(st.data())
 def test_cut_and_flipped_characters_raise_nothing_else(data: st.DataObject) -> None:
     points = tuple(ControlPoint(str(k), k, weight=k or None) for k in range(3))
-    sent = character_from_puppet(Puppet("three", SMALL, points, surface=SOFT))
+    sent = character_from_puppet(ExampleCharacter("three", SMALL, points, surface=SOFT))
     raw = bytearray(msgspec.msgpack.encode(character_to_message(sent, 0)))
     for _ in range(data.draw(st.integers(1, 4))):
         raw[data.draw(st.integers(0, len(raw) - 1))] = data.draw(st.integers(0, 255))

@@ -79,9 +79,9 @@ def test_nearest_rotation_is_that_of_the_singular_values(seed: int, scale: float
     assert q[0] >= 0 and np.isclose(np.linalg.norm(q), 1)
     assert np.allclose(r, matrix(q), atol=1e-12)
     assert np.trace(r.T @ a) >= np.trace(polar(a).T @ a) - 1e-9 * singular[0]
-    quantize.stretch_of(a, r, stretch)
+    quantize.compute_stretch(a, r, stretch)
     again = np.empty((3, 3))
-    quantize.stretched(r, stretch, again)
+    quantize.apply_stretch_entries(r, stretch, again)
     assert np.allclose(again, a, atol=1e-7 * singular[0]), "Q S must be A, reflected or not"
 
 
@@ -96,8 +96,8 @@ def test_degenerate_matrices_still_get_a_rotation_and_their_stretch(a: np.ndarra
     quantize.nearest_rotation(a, np.empty((2, 4, 6))[:, :, :4], q)
     rotation.rotation_matrix(q, r)
     assert np.isclose(np.linalg.norm(q), 1) and np.isclose(np.linalg.det(r), 1)
-    quantize.stretch_of(a, r, stretch)
-    quantize.stretched(r, stretch, again)
+    quantize.compute_stretch(a, r, stretch)
+    quantize.apply_stretch_entries(r, stretch, again)
     assert np.allclose(again, a, atol=1e-9)
 
 
@@ -111,7 +111,7 @@ def test_rotation_vector_and_back_and_antipodes(seed: int, turn: float) -> None:
     v, opposite, back = np.empty(3), np.empty(3), np.empty(4)
     quantize.rotation_vector(q, v)
     quantize.rotation_vector(-q, opposite)
-    quantize.turned_by(np.array([1.0, 0, 0, 0]), *v, back)
+    quantize.rotate_by_vector(np.array([1.0, 0, 0, 0]), *v, back)
     assert back[0] >= 0 and np.linalg.norm(v) <= np.pi + 1e-12
     assert np.allclose(np.abs(back @ q), 1, atol=1e-12)
     if turn < np.pi - 1e-6:
@@ -173,7 +173,7 @@ def test_bad_transforms_are_pulled_back_and_counted_and_hurt_nobody_else(bad: fl
     linear, positions = codec.decode(encoded.data)
     assert encoded.clamped == 2
     assert np.isfinite(linear).all() and np.isfinite(positions).all()
-    assert np.abs(linear).max() <= quantize.LARGEST_LINEAR * 1.01
+    assert np.abs(linear).max() <= quantize.MAX_LINEAR_ENTRY * 1.01
     good = [i for i in range(12) if i not in (3, 7)]
     assert np.abs(positions - pose.positions)[good].max() <= quantize.POSITION_ERROR + 1e-6
 
@@ -217,7 +217,7 @@ def test_random_bytes_decode_to_finite_numbers_or_are_refused(noise: bytes) -> N
 
 
 @few
-@given(arrays(np.int32, (7, 3), elements=st.integers(-bits.LIMIT, bits.LIMIT) | st.integers(-5, 5)))
+@given(arrays(np.int32, (7, 3), elements=st.integers(-bits.MAX_VALUE, bits.MAX_VALUE) | st.integers(-5, 5)))
 def test_integers_survive_with_size_of_slow_reference(table: np.ndarray) -> None:
     data = bits.encode_columns(table)
     data.setflags(write=False)  # as the bytes of a message are
@@ -232,7 +232,7 @@ def slow_column(column: list[int]) -> str:
     """Returns a Rice-coded column as a string of bits."""
     if not any(column):
         return "1111"
-    return min((slow_rice(column, k) for k in range(bits.ALL_ZERO)), key=len)
+    return min((slow_rice(column, k) for k in range(bits.ALL_ZERO_PARAMETER)), key=len)
 
 
 def slow_rice(column: list[int], k: int) -> str:
@@ -240,7 +240,11 @@ def slow_rice(column: list[int], k: int) -> str:
     for n in column:
         u = 2 * n if n >= 0 else -2 * n - 1
         low = f"{u % 2**k:0{k}b}" if k else ""
-        text += "1" * (u >> k) + "0" + low if u >> k < bits.ESCAPE else "1" * bits.ESCAPE + f"{u:022b}"
+        text += (
+            "1" * (u >> k) + "0" + low
+            if u >> k < bits.ESCAPE_LENGTH
+            else "1" * bits.ESCAPE_LENGTH + f"{u:022b}"
+        )
     return text
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
-from message_values import accepted, fields_of, nested, outside, unchecked
+from message_values import encode_unchecked, fields_of, invalid_values, reachable_messages, valid_values
 from msgspec import inspect
 
 from enliven.document import ArapSettings, Character, SkinWeights
@@ -21,13 +21,13 @@ from enliven.wire.envelope import MalformedMessageError, check_character, check_
 
 STREAM_KINDS = [topic.type for topic in TOPICS if topic.pattern == "stream"]
 ANSWERS = [*requests.Answer.__args__]
-KINDS = nested([*STREAM_KINDS, *REQUESTS, *ANSWERS])
+KINDS = reachable_messages([*STREAM_KINDS, *REQUESTS, *ANSWERS])
 few = settings(max_examples=4, deadline=None, phases=[Phase.explicit, Phase.generate])
 
 
 def strategy(kind: type) -> st.SearchStrategy:
     info = inspect.type_info(kind)
-    return accepted(info)
+    return valid_values(info)
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -62,9 +62,9 @@ def test_each_field_out_of_its_range_is_refused_at_both_doors(name: str, data: s
     kind = KINDS[name]
     example = data.draw(strategy(kind))
     for field in fields_of(kind):
-        for value in outside(field.type):
+        for value in invalid_values(field.type):
             with pytest.raises(msgspec.MsgspecError):
-                msgspec.msgpack.decode(unchecked(example, **{field.name: value}), type=kind)
+                msgspec.msgpack.decode(encode_unchecked(example, **{field.name: value}), type=kind)
             try:
                 wrong = msgspec.structs.replace(example, **{field.name: value})
             except (TypeError, ValueError):

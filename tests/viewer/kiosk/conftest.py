@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from enliven.kiosk.profile import EdgeOfKiosk, KioskCharacter, KioskProfile, StorySettings
+from enliven.kiosk.profile import KioskCharacter, KioskEdge, KioskProfile, StorySettings
 
 
 @pytest.fixture
 def profile() -> KioskProfile:
     """Returns a kiosk profile with a chair and a lamp. Its edge does not run."""
     return KioskProfile(
-        edges={"floor": EdgeOfKiosk(port=9)},
+        edges={"floor": KioskEdge(port=9)},
         characters={"chair": KioskCharacter("chair", "chair"), "lamp": KioskCharacter("lamp", "lamp")},
         story=StorySettings(language="en"),
     )

@@ -7,7 +7,7 @@ import gc
 import pytest
 from kiosk_visitors import RATE_HZ, StagedKiosk, SyntheticVisitor
 
-from enliven.kiosk.profile import EdgeOfKiosk, KioskCharacter, KioskProfile
+from enliven.kiosk.profile import KioskCharacter, KioskEdge, KioskProfile
 from enliven.wire import CameraMessage
 from enliven_viewer.kiosk.stage_link import KioskLink
 from enliven_viewer.link.edge_client import EdgeClient
@@ -28,7 +28,7 @@ class Run:
     def __init__(self, stage: StagedKiosk) -> None:
         self.stage = stage
         profile = KioskProfile(
-            edges={"floor": EdgeOfKiosk()}, characters={"chair": KioskCharacter("chair", "chair")}
+            edges={"floor": KioskEdge()}, characters={"chair": KioskCharacter("chair", "chair")}
         )
         clients = [EdgeClient([stage.endpoint])]
         self.link = KioskLink(profile, None, clients, clock=lambda: stage.now)

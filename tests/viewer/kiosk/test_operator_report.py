@@ -14,7 +14,7 @@ from PIL import Image
 from enliven.errors import ResourceError
 from enliven.kiosk.screen_lock import ScreenLock
 from enliven.supervision.notify import Notifier, read_notification
-from enliven.supervision.records import SCREEN_PICTURE, read_services
+from enliven.supervision.records import SCREEN_PICTURE_FILE, read_services
 from enliven_viewer.kiosk.cue_sounds import CHORDS, CueSounds, make_sound
 from enliven_viewer.kiosk.operator_report import OperatorReport
 
@@ -40,10 +40,10 @@ def received(supervisor) -> list[dict]:
 
 def test_only_changed_pictures_are_progress(supervisor, tmp_path):
     report = OperatorReport(Notifier(str(tmp_path / "notify")), tmp_path)
-    report.drawn(1.0, "attract", "", lambda: b"first")
+    report.report_picture(1.0, "attract", "", lambda: b"first")
     assert "WATCHDOG" in received(supervisor)[-1]
     for k in range(10):
-        report.drawn(2.0 + k, "attract", "", lambda: b"first")
+        report.report_picture(2.0 + k, "attract", "", lambda: b"first")
     assert received(supervisor) == [], "a frozen picture is no progress"
 
 
@@ -51,7 +51,7 @@ def test_state_and_problem_are_recorded_for_operators(tmp_path, caplog):
     report = OperatorReport(Notifier(""), tmp_path)
     with caplog.at_level(logging.WARNING):
         for k in range(20):
-            report.drawn(float(k), "attract", "the edge does not answer", lambda: b"x")
+            report.report_picture(float(k), "attract", "the edge does not answer", lambda: b"x")
     record = read_services(tmp_path)[0]
     assert (record.name, record.status) == ("window", "the edge does not answer")
     assert record.figures["fps"] == pytest.approx(1.0, abs=0.6)
@@ -62,7 +62,7 @@ def test_short_gap_is_not_logged(tmp_path, caplog):
     report = OperatorReport(Notifier(""), tmp_path)
     with caplog.at_level(logging.WARNING):
         for k in range(30):
-            report.drawn(0.1 * k, "attract", "gone" if 5 < k < 15 else "", lambda: b"x")
+            report.report_picture(0.1 * k, "attract", "gone" if 5 < k < 15 else "", lambda: b"x")
     assert not caplog.records
 
 
@@ -74,16 +74,16 @@ def test_picture_of_the_screen_is_small_and_written_every_ten_seconds(tmp_path):
         return np.full((1080, 1920, 3), 90, np.uint8)
 
     for k in range(25):
-        report.picture(float(k), pixels)
+        report.write_picture_if_due(float(k), pixels)
     assert len(calls) == 3
-    assert Image.open(tmp_path / SCREEN_PICTURE).size == (480, 270)
+    assert Image.open(tmp_path / SCREEN_PICTURE_FILE).size == (480, 270)
 
 
 def test_missing_runtime_folder_does_not_stop_the_show(tmp_path):
     report = OperatorReport(Notifier(""), tmp_path / "file")
     (tmp_path / "file").write_text("in the way")
-    report.picture(0.0, lambda: np.zeros((10, 10, 3), np.uint8))
-    report.drawn(0.0, "attract", "", lambda: b"x")
+    report.write_picture_if_due(0.0, lambda: np.zeros((10, 10, 3), np.uint8))
+    report.report_picture(0.0, "attract", "", lambda: b"x")
 
 
 def test_second_kiosk_on_a_screen_is_refused(tmp_path):

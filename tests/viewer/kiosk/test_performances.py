@@ -13,7 +13,7 @@ from enliven.deformation.graph.graph import DeformationGraph, character_from_gra
 from enliven.frames import BodyFrame
 from enliven.meshes import Mesh
 from enliven.recording import Recorder, Recording
-from enliven_viewer.kiosk.performances import Programme, list_shipped_visits
+from enliven_viewer.kiosk.performances import PerformanceCycle, list_shipped_visits
 
 PLACE = (0.3, -2.5)
 
@@ -29,14 +29,14 @@ def person(make_box):
     return character_from_graph(mesh, DeformationGraph.build(mesh, nodes=24), "box")
 
 
-def make_programme(paths=(), order=("box",)) -> Programme:
+def make_programme(paths=(), order=("box",)) -> PerformanceCycle:
     """Returns a programme of recordings."""
-    return Programme(list(paths), {}, PLACE, 0.5, 1.5, order)
+    return PerformanceCycle(list(paths), {}, PLACE, 0.5, 1.5, order)
 
 
 def prepare(programme, character) -> None:
     """Waits until a character can perform."""
-    programme.meet({"box": character})
+    programme.update_characters({"box": character})
     deadline = time.monotonic() + 60.0
     while not programme._prepared["box"][1].done():
         assert time.monotonic() < deadline

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from kiosk_visitors import RATE_HZ, RecordedVisitorSensor, StagedKiosk
 
-from enliven.kiosk.profile import EdgeOfKiosk, KioskCharacter, KioskProfile, StorySettings, ZoneSettings
+from enliven.kiosk.profile import KioskCharacter, KioskEdge, KioskProfile, StorySettings, ZoneSettings
 from enliven.kiosk.spot import LeaveCharacter
 from enliven.kiosk.story_table import Phase
 from enliven.person import Joint
@@ -107,7 +107,7 @@ def enter(edges, tmp_path):
         )
         performers = story.get("performers", 1)
         profile = KioskProfile(
-            edges={"left": EdgeOfKiosk(), "right": EdgeOfKiosk(port=5600)},
+            edges={"left": KioskEdge(), "right": KioskEdge(port=5600)},
             characters={"chair": KioskCharacter("chair"), "lamp": KioskCharacter("lamp")},
             zone=ZoneSettings(
                 center=((performers - 1) * APART_M / 2, 0.0), width=5.0, depth=5.0, space="space.toml"

@@ -140,7 +140,7 @@ def test_attract_without_an_edge_shows_the_shipped_chair(profile):
 
 def assert_pictures_move(screening: Screening) -> None:
     """Fails if the camera and the characters do not move."""
-    before = screening.show.look(16 / 9).clip_from_world
+    before = screening.show.get_camera_view(16 / 9).clip_from_world
     for _ in range(30):
         screening.step()
-    assert np.abs(screening.show.look(16 / 9).clip_from_world - before).max() > 1e-3
+    assert np.abs(screening.show.get_camera_view(16 / 9).clip_from_world - before).max() > 1e-3

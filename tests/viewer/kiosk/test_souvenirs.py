@@ -19,7 +19,7 @@ import pytest
 import segno
 from kiosk_screening import Screening
 from kiosk_visitors import RATE_HZ, StagedKiosk, SyntheticVisitor
-from patience import PATIENCE
+from patience import TIMEOUT_S
 from PIL import Image
 
 from enliven.keys.key_files import is_loopback
@@ -97,7 +97,7 @@ class Visit:
 
     def wait_for_code(self) -> SouvenirCode:
         """Draws until the code of the finished souvenir is on the screen."""
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + TIMEOUT_S
         while self.maker.codes[0] is None:
             assert time.monotonic() < deadline, self.maker.problem
             time.sleep(0.01)
@@ -157,16 +157,16 @@ def serving(profile: KioskProfile) -> Iterator[None]:
         yield
     finally:
         has_ended.set()
-        thread.join(PATIENCE)
+        thread.join(TIMEOUT_S)
         assert not thread.is_alive()
 
 
 def fetch(address: str) -> bytes:
     """Returns the response for an address, once the server has started."""
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + TIMEOUT_S
     while True:
         try:
-            with urllib.request.urlopen(address, timeout=PATIENCE) as answer:
+            with urllib.request.urlopen(address, timeout=TIMEOUT_S) as answer:
                 return answer.read()
         except OSError:
             assert time.monotonic() < deadline

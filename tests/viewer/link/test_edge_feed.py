@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 import pytest
-from patience import PATIENCE
+from patience import TIMEOUT_S
 
 from enliven.document.character import Pose
 from enliven.person.body import Body
@@ -29,7 +29,7 @@ def publisher():
     opened.close()
 
 
-def until(condition, *steps, seconds: float = PATIENCE) -> None:
+def until(condition, *steps, seconds: float = TIMEOUT_S) -> None:
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "it never came"

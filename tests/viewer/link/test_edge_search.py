@@ -7,7 +7,7 @@ import socket
 import uuid
 
 import pytest
-from patience import until
+from patience import wait_until
 
 from enliven.peers.announcement import Announcement
 from enliven.peers.announcer import Announcer
@@ -27,7 +27,7 @@ def test_view_lists_the_edges_of_the_network_if_none_runs_here(capsys: pytest.Ca
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
         with Announcer(Announcement(name, port, 6001, characters=3), "127.0.0.1") as announcer:
-            until(lambda: announcer.name, "its registration")
+            wait_until(lambda: announcer.name, "its registration")
             (silent,) = free_ports(1)
             assert list_network_edges(f"127.0.0.1:{silent}")
             shown = capsys.readouterr().out
@@ -48,7 +48,7 @@ def test_camera_image_of_an_edge_is_received() -> None:
             return glance.camera is not None
 
         with contextlib.closing(glance):
-            until(is_received, "its image")
+            wait_until(is_received, "its image")
             assert glance.camera == camera
             assert edge.viewers == 0, "a list is not a viewer"
 
@@ -70,4 +70,4 @@ def test_search_shows_the_camera_of_a_found_edge(monkeypatch: pytest.MonkeyPatch
                 ours = [edge for edge in search.edges if edge.announcement.name == name]
                 return bool(ours) and search.camera(ours[0]) is not None
 
-            until(has_image, "its image")
+            wait_until(has_image, "its image")

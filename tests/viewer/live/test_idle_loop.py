@@ -69,9 +69,9 @@ def test_last_performance_is_replayed_until_the_edge_returns(shown, change, loss
     feed, live, loop, camera = shown
     feed.edge, feed.performs = replace(feed.edge, **change), False
     advance(live, loop, camera, 1.0)
-    assert loop.words == "" and live.playhead.live, "a second is no loss"
+    assert loop.audience_text == "" and live.playhead.live, "a second is no loss"
     advance(live, loop, camera, 1.0)
-    assert loop.words == LOSS_TEXTS[loss] and not live.playhead.live
+    assert loop.audience_text == LOSS_TEXTS[loss] and not live.playhead.live
     places = set()
     for _ in range(1000):
         advance(live, loop, camera, 0.1)
@@ -82,7 +82,7 @@ def test_last_performance_is_replayed_until_the_edge_returns(shown, change, loss
     )
     feed.edge, feed.performs = EdgeState(connected=True, phase="tracking"), True
     advance(live, loop, camera, 0.1)
-    assert loop.words == "" and live.playhead.live
+    assert loop.audience_text == "" and live.playhead.live
     advance(live, loop, camera, 0.1)
     assert live.playhead.time_ns == live.document.timeline.end_ns
 
@@ -111,14 +111,14 @@ def test_a_take_and_no_stage_at_all_are_not_lost() -> None:
     assert find_loss_reason(LiveStage(feed, Document(), take="take.mcap")) == ""
     loop = IdleLoop()
     loop.advance(None, OrbitCamera(), math.inf, orbits=True)
-    assert loop.words == ""
+    assert loop.audience_text == ""
 
 
 @given(st.lists(st.sets(st.integers(1, 60), max_size=6), max_size=12))
 def test_performers_have_the_lowest_numbers_and_keep_them_while_they_are_there(steps) -> None:
     numbers, before = PerformerNumbers(), {}
     for present in steps:
-        numbers.see(present)
+        numbers.update_performers(present)
         now = {body: numbers.number_of(body) for body in present}
         assert len(set(now.values())) == len(now) and all(1 <= n <= 6 for n in now.values())
         assert all(now[body] == n for body, n in before.items() if body in now)
@@ -128,6 +128,6 @@ def test_performers_have_the_lowest_numbers_and_keep_them_while_they_are_there(s
 def test_person_who_returns_is_performer_1_again() -> None:
     numbers = PerformerNumbers()
     for body in (1, 17, 23):
-        numbers.see([body])
+        numbers.update_performers([body])
         assert numbers.number_of(body) == 1
-        numbers.see([])
+        numbers.update_performers([])

@@ -8,14 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from patience import until
+from patience import wait_until
 from sample_meshes.chair import make_chair
-from tolerances import SOLVED, assert_alike
+from tolerances import SOLVER_TOLERANCE, assert_alike
 
 from enliven.arrays import Float
 from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.document.character import Character, Pose
-from enliven.document.puppet import ControlPoint, Puppet, character_from_puppet
+from enliven.document.puppet import ControlPoint, ExampleCharacter, character_from_puppet
 from enliven.document.surface_settings import ArapSettings
 from enliven.meshes.mesh import Mesh, refine
 from enliven.rotation import from_rotation_vector, to_matrix
@@ -31,9 +31,9 @@ FEET = tuple(int(v) for v in np.argsort(CHAIR.vertices[:, 1])[[0, 40, 80]])
 HELD = (TOP, *FEET)
 
 
-def puppet(mesh: Mesh = CHAIR, settings: ArapSettings | None = None) -> Puppet:
+def puppet(mesh: Mesh = CHAIR, settings: ArapSettings | None = None) -> ExampleCharacter:
     points = tuple(ControlPoint(str(k), v) for k, v in enumerate(HELD))
-    return Puppet("chair", mesh, points, surface=settings or ArapSettings())
+    return ExampleCharacter("chair", mesh, points, surface=settings or ArapSettings())
 
 
 CHARACTER = character_from_puppet(puppet())
@@ -58,7 +58,7 @@ def bent(by: float = 0.2) -> Float:
 
 def shown(surfaces: SolvedSurfaces, made: Pose, character: Character = CHARACTER) -> Float:
     """Returns the vertices once they are solved."""
-    until(lambda: surfaces.vertices(character, made) is not None, "the surface")
+    wait_until(lambda: surfaces.vertices(character, made) is not None, "the surface")
     vertices = surfaces.vertices(character, made)
     assert vertices is not None
     return vertices
@@ -134,7 +134,7 @@ def test_invalid_frame_is_drawn_rigidly() -> None:
 def test_undeformable_mesh_is_rigid_and_reported_once(caplog) -> None:
     loose = Mesh(np.vstack([CHAIR.vertices, [[0.0, 3.0, 0.0]]]), CHAIR.faces)
     points = (ControlPoint("nowhere", len(CHAIR.vertices)),)
-    lost = character_from_puppet(Puppet("chair", loose, points))
+    lost = character_from_puppet(ExampleCharacter("chair", loose, points))
     surfaces, moved = SolvedSurfaces(wait=True), pose(np.array([[0.0, 3.0, 0.0]]))
     for _ in range(3):
         assert surfaces.vertices(lost, moved) is None
@@ -169,7 +169,7 @@ def test_another_revision_of_a_character_is_another_surface() -> None:
     surfaces.vertices(CHARACTER, pose(bent()))
     other = replace(CHARACTER, surface=ArapSettings(squash_and_stretch=False))
     seen, fresh = (s.vertices(other, pose(bent())) for s in (surfaces, SolvedSurfaces(wait=True)))
-    assert_alike(seen, fresh, SOLVED)
+    assert_alike(seen, fresh, SOLVER_TOLERANCE)
 
 
 def test_a_scene_has_the_solved_surface_and_lets_go_of_who_is_gone() -> None:

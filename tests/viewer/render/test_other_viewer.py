@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from gltf_builder import GltfBuilder
 from PIL import Image
-from three_viewer import MISSING
+from three_viewer import MISSING_REASON
 from web_pictures import SIZE, compare
 
 from enliven.cli import run
@@ -21,7 +21,7 @@ from enliven.formats.rig.rig import play_clip
 from enliven.meshes import Mesh, load_mesh, save_mesh
 from enliven.motion.layers.evaluate import Player
 
-pytestmark = pytest.mark.skipif(bool(MISSING), reason=MISSING or "all is here")
+pytestmark = pytest.mark.skipif(bool(MISSING_REASON), reason=MISSING_REASON or "all is here")
 PICTURES = Path(__file__).parents[3] / "out" / "web" / "pictures"
 LEAST = 0.97
 """Minimum intersection over union of the silhouettes. The outline of a shape of 100 pixels may be a quarter

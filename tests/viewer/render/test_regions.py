@@ -19,7 +19,7 @@ from enliven_viewer.render.gl.region import full_region, regions_around
 from enliven_viewer.render.overlay.tubes import Tubes, make_tube_rows
 from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
-from enliven_viewer.render.surface import neighbours_in_turn
+from enliven_viewer.render.surface import order_along_morton_curve
 from enliven_viewer.settings import RenderSettings
 
 SIZE = (320, 180)
@@ -161,11 +161,11 @@ def test_neighbours_are_drawn_in_turn() -> None:
         np.int32
     )
     shuffled = np.random.default_rng(0).permutation(faces)
-    ordered = neighbours_in_turn(vertices, shuffled)
+    ordered = order_along_morton_curve(vertices, shuffled)
     assert {tuple(face) for face in ordered.tolist()} == {tuple(face) for face in faces.tolist()}
     assert len(ordered) == len(faces) and misses(ordered) < 0.5 * misses(shuffled)
     assert misses(ordered) < 1.6 * len(vertices)
-    assert len(neighbours_in_turn(vertices, faces[:0])) == 0
+    assert len(order_along_morton_curve(vertices, faces[:0])) == 0
 
 
 def misses(faces: np.ndarray, size: int = 256) -> int:

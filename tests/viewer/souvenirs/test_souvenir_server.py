@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 from certificates import CertificateFolder
-from patience import PATIENCE
+from patience import TIMEOUT_S
 
 from enliven.errors import InputError, ResourceError
 from enliven.kiosk.profile import KioskProfile, SouvenirSettings
@@ -57,7 +57,7 @@ def serving(profile: KioskProfile) -> Iterator[None]:
 
     thread = threading.Thread(target=serve)
     thread.start()
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + TIMEOUT_S
     try:
         while True:
             with contextlib.suppress(OSError):
@@ -68,7 +68,7 @@ def serving(profile: KioskProfile) -> Iterator[None]:
         yield
     finally:
         has_ended.set()
-        thread.join(PATIENCE)
+        thread.join(TIMEOUT_S)
         assert not thread.is_alive()
     assert not failures
 
@@ -88,9 +88,9 @@ def connect(profile: KioskProfile) -> http.client.HTTPConnection:
     """Returns a phone's connection. It trusts the certificate of the kiosk if there is one."""
     settings = profile.souvenir
     if not settings.certificate:
-        return http.client.HTTPConnection("127.0.0.1", settings.port, timeout=PATIENCE)
+        return http.client.HTTPConnection("127.0.0.1", settings.port, timeout=TIMEOUT_S)
     context = ssl.create_default_context(cafile=settings.certificate)
-    return http.client.HTTPSConnection("localhost", settings.port, timeout=PATIENCE, context=context)
+    return http.client.HTTPSConnection("localhost", settings.port, timeout=TIMEOUT_S, context=context)
 
 
 def add(profile: KioskProfile, data: bytes, kind: str = "photo") -> tuple[str, Path]:
@@ -124,8 +124,8 @@ def test_photo_is_encrypted_with_the_certificate_of_the_profile(profile, tmp_pat
     token, _ = add(profile, b"picture")
     with serving(profile):
         assert request(profile, "GET", f"/{token}")[::2] == (200, b"picture")
-        with socket.create_connection(("127.0.0.1", profile.souvenir.port), PATIENCE) as plain:
-            plain.settimeout(PATIENCE)
+        with socket.create_connection(("127.0.0.1", profile.souvenir.port), TIMEOUT_S) as plain:
+            plain.settimeout(TIMEOUT_S)
             plain.sendall(f"GET /{token} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
             answer = b""
             with contextlib.suppress(ConnectionError):
@@ -184,7 +184,7 @@ def test_a_souvenir_whose_time_is_over_is_deleted_while_the_server_runs(profile)
     over = path.rename(path.with_name(f"{token}-{round(time.time()) - 1}.jpg"))
     with serving(profile):
         assert request(profile, "GET", f"/{token}")[0] == 404
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + TIMEOUT_S
         while over.exists():
             assert time.monotonic() < deadline
             time.sleep(0.05)
@@ -202,7 +202,7 @@ def test_visitors_read_in_their_language_that_a_souvenir_is_gone(profile):
 def test_operators_see_the_server_on_the_health_page(profile):
     add(profile, b"picture")
     with serving(profile):
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + TIMEOUT_S
         while not (records := read_services()):
             assert time.monotonic() < deadline
             time.sleep(0.05)

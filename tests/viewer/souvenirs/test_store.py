@@ -59,17 +59,17 @@ def test_a_souvenir_is_gone_after_its_time(tmp_path):
     store = make_store(tmp_path, clock)
     token = add(store)
     clock.now += KEEP_S - 1.0
-    assert store.sweep() == 1 and store.find(token) is not None
+    assert store.delete_expired() == 1 and store.find(token) is not None
     clock.now += 2.0
     assert store.find(token) is None, "it is refused even before its file is deleted"
-    assert store.sweep() == 0 and not list((tmp_path / "souvenirs").iterdir())
+    assert store.delete_expired() == 0 and not list((tmp_path / "souvenirs").iterdir())
 
 
 def test_a_store_with_other_settings_deletes_old_souvenirs(tmp_path):
     clock = Clock()
     add(make_store(tmp_path, clock))
     clock.now += KEEP_S + 1.0
-    SouvenirStore(tmp_path / "souvenirs", 1e4, 10**9, 0, clock).sweep()
+    SouvenirStore(tmp_path / "souvenirs", 1e4, 10**9, 0, clock).delete_expired()
     assert not list((tmp_path / "souvenirs").iterdir())
 
 
@@ -78,7 +78,7 @@ def test_a_clock_that_was_set_back_prolongs_no_souvenir(tmp_path):
     store = make_store(tmp_path, clock)
     token = add(store)
     clock.now -= MAX_SOUVENIR_AGE_S
-    assert store.find(token) is None and store.sweep() == 0
+    assert store.find(token) is None and store.delete_expired() == 0
 
 
 @given(sizes=st.lists(st.integers(0, 400), max_size=20))
@@ -90,7 +90,7 @@ def test_the_newest_souvenirs_fit_the_limit(sizes):
         for size in sizes:
             clock.now += 1.0
             tokens.append(add(store, size))
-        count = store.sweep()
+        count = store.delete_expired()
         kept = [store.find(token) is not None for token in tokens]
         assert kept == sorted(kept), "a newer one is never deleted before an older one"
         assert sum(kept) == count
@@ -109,7 +109,7 @@ def test_other_files_stay_and_links_are_not_served(tmp_path):
     other = path.with_name("notes.txt")
     other.write_text("mine")
     clock.now += KEEP_S + 1.0
-    assert store.find(token) is None and store.sweep() == 0
+    assert store.find(token) is None and store.delete_expired() == 0
     assert other.exists() and secret.exists()
 
 
@@ -121,7 +121,7 @@ def test_remains_of_a_killed_program_are_deleted(tmp_path):
     for part, age_s in ((old, MAX_PART_AGE_S + 1.0), (new, 1.0)):
         part.write_bytes(b"x")
         os.utime(part, (clock.now - age_s, clock.now - age_s))
-    store.sweep()
+    store.delete_expired()
     assert not old.exists() and new.exists()
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
-from patience import PATIENCE
+from patience import TIMEOUT_S
 from sample_meshes.chair import make_chair
 
 from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
@@ -61,13 +61,13 @@ class House:
         self.person = Person()
         self.edge = Edge(self.person, Tracker(), Stage([self.actor]), outlet)
         self.workspace = Workspace(Editor(project=project_of_mesh(mesh, "chair")), folder)
-        self.workspace.editor.choose("chair")
+        self.workspace.editor.select_only("chair")
         self.session = self.workspace.perform
         self.session.active_workspace = "Perform"
         self.session.connect(str(outlet.publisher.endpoint))
 
     def until(self, done: Callable[[], object]) -> None:
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + TIMEOUT_S
         while not done():
             assert time.monotonic() < deadline, "it never came to be"
             self.edge.step(self.person.read())

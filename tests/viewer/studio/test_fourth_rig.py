@@ -13,7 +13,7 @@ from cage import Cage, CageRig, cage_of
 from sample_meshes.chair import make_chair
 from staged_session import StagedSession, person, staged_sessions
 
-from enliven.document import GraphShape, Project
+from enliven.document import GraphCharacter, Project
 from enliven.formats.gltf.read import read_gltf
 from enliven.modeling.edits import compute_vertices, move_character
 from enliven.oneshot.exporting import export
@@ -33,7 +33,7 @@ def perform(session: StagedSession) -> Project:
     """Puts a cage on the stage and records a performer that raises both hands. Returns the project."""
     editor = session.editor
     editor.edit("open", lambda project: project.with_characters(cage_of(make_chair(0.05), "chair")))
-    editor.choose("chair")
+    editor.select_only("chair")
     session.connect()
     session.present = [person()]
     session.until(lambda: session.perform.performers)
@@ -48,7 +48,7 @@ def perform(session: StagedSession) -> Project:
         for joint in cage_actor.JOINTS[:2]:
             joints[joint, 1] += RAISED_M * step / 30
         session.present = [replace(body, joints=joints)]
-        session.pictures(2)
+        session.run_frames(2)
     session.perform.recording.stop()
     session.until(lambda: editor.project.takes, "the recording is kept")
     return editor.project
@@ -80,6 +80,6 @@ def test_without_an_actor_performers_hold_its_surface(sitting, monkeypatch) -> N
     project = perform(session)
     assert isinstance(project.character("chair"), Cage), "the character stays"
     (performed,) = project.graphs.values()
-    assert isinstance(performed, GraphShape)
+    assert isinstance(performed, GraphCharacter)
     assert len(performed.mesh.vertices) == len(project.character("chair").mesh.vertices)
     assert project.length_of(performed.parts[0]) > 0.5

@@ -3,7 +3,7 @@
 import time
 
 import pytest
-from patience import PATIENCE
+from patience import TIMEOUT_S
 
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.perform.session import PerformSession
@@ -22,7 +22,7 @@ def test_local_camera_start_error_is_shown(tmp_path, words, said):
     perform = PerformSession(editor, tmp_path)
     perform.connect_local(*words)
     assert not perform.known_addresses, "its address is another one the next time"
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + TIMEOUT_S
     while perform.live is not None:
         assert time.monotonic() < deadline, "the edge never ended"
         perform.advance(0.01)

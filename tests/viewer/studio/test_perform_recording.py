@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from patience import PATIENCE
+from patience import TIMEOUT_S
 from swaying import swaying
 
 from enliven.document.project import Project
@@ -76,7 +76,7 @@ def test_unmoved_or_absent_performer_does_not_end_the_recording() -> None:
 
 def test_still_end_is_trimmed() -> None:
     frames = [BodyFrame([standing(1)], n * STEP, "edge") for n in range(10)]
-    kept = PerformedMotion("take 1", 0, frames=frames).until(4 * STEP)
+    kept = PerformedMotion("take 1", 0, frames=frames).cut_at(4 * STEP)
     assert [frame.time_ns // STEP for frame in kept.frames] == [0, 1, 2, 3, 4]
 
 
@@ -100,7 +100,7 @@ def session(tmp_path: Path):
 
 
 def until(session: PerformSession, done: Callable[[], object]) -> None:
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + TIMEOUT_S
     while not done():
         assert time.monotonic() < end
         session.advance(0.01)

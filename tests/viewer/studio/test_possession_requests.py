@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from patience import PATIENCE
+from patience import TIMEOUT_S
 from sample_meshes.chair import make_chair
 from staged_session import person, staged_sessions
 
@@ -48,11 +48,11 @@ def test_possession_without_people_waits_for_the_first_person(sitting) -> None:
     session.connect()
     session.perform.possession_requests.press()
     assert session.perform.possession_requests.words.startswith("No one is in view"), "it is said at once"
-    session.pictures(5)
-    assert not session.held and session.perform.possession_requests.waits
+    session.run_frames(5)
+    assert not session.held and session.perform.possession_requests.is_waiting
     session.present = [person()]
     session.until(lambda: session.held == {"chair"})
-    assert not session.perform.possession_requests.waits and not session.toasts
+    assert not session.perform.possession_requests.is_waiting and not session.toasts
 
 
 def test_the_next_press_gives_up_one_that_waits(sitting) -> None:
@@ -62,8 +62,8 @@ def test_the_next_press_gives_up_one_that_waits(sitting) -> None:
     session.perform.possession_requests.press()
     session.present = [person()]
     session.until(lambda: session.perform.performers)
-    session.pictures(10)
-    assert not session.held and not session.perform.possession_requests.waits
+    session.run_frames(10)
+    assert not session.held and not session.perform.possession_requests.is_waiting
 
 
 def test_press_without_a_performer_ends_with_a_reason(sitting, monkeypatch) -> None:
@@ -71,7 +71,7 @@ def test_press_without_a_performer_ends_with_a_reason(sitting, monkeypatch) -> N
     session = sitting(actor())
     session.connect()
     session.perform.possession_requests.press()
-    session.until(lambda: not session.perform.possession_requests.waits)
+    session.until(lambda: not session.perform.possession_requests.is_waiting)
     assert session.toasts == [("Possess has timed out", "No one is in view: step in front of the camera")]
 
 
@@ -84,7 +84,7 @@ def test_refusal_by_the_edge_is_shown_with_advice(sitting) -> None:
     session.until(lambda: session.toasts)
     ((message, remedy),) = session.toasts
     assert message.startswith("No part of the mesh is within") and remedy.startswith("Step into the mesh")
-    assert not session.perform.possession_requests.waits
+    assert not session.perform.possession_requests.is_waiting
 
 
 def test_a_chosen_character_that_is_not_on_the_stage_is_put_there_first(sitting) -> None:
@@ -92,7 +92,7 @@ def test_a_chosen_character_that_is_not_on_the_stage_is_put_there_first(sitting)
     session.connect()
     session.present = [person()]
     add_sample(session.editor, "chair")
-    session.editor.choose("chair")
+    session.editor.select_only("chair")
     session.until(lambda: session.perform.performers)
     session.perform.possession_requests.press()
     assert session.perform.possession_requests.words == "chair is being made ready for the stage"
@@ -118,9 +118,9 @@ def test_a_waiting_press_outlasts_a_silent_edge(sitting, monkeypatch, is_local) 
     requests = session.perform.possession_requests
 
     def press() -> bool:
-        if not requests.waits:
+        if not requests.is_waiting:
             requests.press()
-        return requests.waits
+        return requests.is_waiting
 
     # On a busy machine, the edge may be silent when the button is pressed, and the request is refused.
     session.until(press)
@@ -128,7 +128,7 @@ def test_a_waiting_press_outlasts_a_silent_edge(sitting, monkeypatch, is_local) 
     session.until(lambda: requests.words.startswith("No one is in view"))
     with monkeypatch.context() as silent:
         silent.setattr(PerformSession, "connected", property(lambda _: False))
-        session.pictures(5)
+        session.run_frames(5)
         assert requests.words == "The stage is silent. Check that its camera's program runs"
     session.present = [person()]
     session.until(lambda: session.held == {"chair"})
@@ -140,7 +140,7 @@ def test_a_new_press_on_a_silent_stage_is_refused(sitting, monkeypatch) -> None:
     session.connect()
     monkeypatch.setattr(PerformSession, "connected", property(lambda _: False))
     session.perform.possession_requests.press()
-    assert not session.perform.possession_requests.waits
+    assert not session.perform.possession_requests.is_waiting
     assert session.toasts == [("The stage is silent", "Check that its camera's program runs")]
 
 
@@ -157,7 +157,7 @@ def test_a_press_while_a_scan_is_made_is_for_the_character_that_it_becomes(sitti
     session.until(lambda: session.perform.possession_requests._scan_message.phase == "finishing")
     session.perform.possession_requests.press()
     assert session.perform.possession_requests.words == "The scan becomes a character"
-    session.pictures(5)
+    session.run_frames(5)
     assert not session.held
     session.house.outlet.send(ScanMessage(1, "done", character="scan"), 0)
     session.until(lambda: session.held == {"scan"})
@@ -170,7 +170,7 @@ def test_a_busy_stage_is_asked_again(sitting, monkeypatch) -> None:
     session.present = [person()]
     session.until(lambda: session.perform.performers)
     session.perform.possession_requests.press()
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + TIMEOUT_S
     while not session.perform.possession_requests.words and time.monotonic() < end:
         session.poll()  # meanwhile the edge compiles, and is otherwise idle
         time.sleep(0.01)
@@ -186,4 +186,4 @@ def test_empty_and_missing_stage_are_reported(sitting) -> None:
     assert session.toasts == [("The stage has no character", "Choose one, and put it there")]
     session.perform.disconnect()
     session.perform.possession_requests.press()
-    assert not session.perform.possession_requests.waits
+    assert not session.perform.possession_requests.is_waiting

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from patience import PATIENCE
+from patience import TIMEOUT_S
 
 from enliven.errors import InputError
 from enliven_viewer.live.followed_edge import shared_performer_id
@@ -48,7 +48,7 @@ def two(tmp_path: Path):
 
 
 def until(session: PerformSession, done: Callable[[], object]) -> None:
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + TIMEOUT_S
     while not done():
         assert time.monotonic() < end
         session.advance(0.01)

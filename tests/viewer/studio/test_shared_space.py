@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from patience import PATIENCE
+from patience import TIMEOUT_S
 
 from enliven.document.character import Character, SkinWeights
 from enliven.person import Body
@@ -89,7 +89,7 @@ ORIGIN_NS = time.time_ns()
 
 
 def until(session: PerformSession, done: Callable[[], Any], *edges: MovingEdge) -> None:
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + TIMEOUT_S
     while not done():
         for edge in edges:
             edge.poll()
@@ -206,7 +206,7 @@ def test_edges_of_one_name_do_not_mix() -> None:
     """Names are equal only on different machines, so this tests the names alone."""
     messages: list[tuple[str, str]] = []
     shared = SharedSpace(lambda problem, remedy: messages.append((problem, remedy)))
-    shared.place("stage", [])
+    shared.update_transforms("stage", [])
     assert shared.prefix_of(1, "stage") == "stage (2)" == shared.prefix_of(1, "stage")
     assert shared.prefix_of(2, "stage") == "stage (3)"
     assert shared.prefix_of(3, "hall") == "hall"

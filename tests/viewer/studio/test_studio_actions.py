@@ -79,12 +79,12 @@ def test_actions_at_random_are_undone_bit_for_bit(stage: Workspace) -> None:
         assert not any("internal error of enliven" in toast.text for toast in editor.toasts.shown), name
         if chance.random() < 0.1:
             stage.actions.do(chance.choice(["edit.undo", "edit.redo"]))
-    assert done > AT_RANDOM // 2 and editor.history.at > AT_RANDOM // 8
-    last, at = editor.project, editor.history.at
+    assert done > AT_RANDOM // 2 and editor.history.current_step > AT_RANDOM // 8
+    last, at = editor.project, editor.history.current_step
     while editor.history.undo_name:
         stage.actions.do("edit.undo")
     assert are_identical(editor.project, first)
-    while editor.history.at < at:
+    while editor.history.current_step < at:
         stage.actions.do("edit.redo")
     assert are_identical(editor.project, last)
     editor.go_to(0)

@@ -50,7 +50,7 @@ def test_the_chosen_character_is_followed_when_it_walks_off_and_not_when_it_is_s
         editor = workspace.editor
         workspace.input.key("f")
         settle(editor)
-        editor.choose("walker")
+        editor.select_only("walker")
         if follow:
             workspace.input.key("shift+f")
         for _ in range(60):

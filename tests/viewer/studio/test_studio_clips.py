@@ -173,7 +173,7 @@ def test_markers_are_dragged_jumped_to_and_named(tmp_path: Path) -> None:
     editor, timeline, clips = workspace.editor, workspace.state(TimelineInput), ClipCommands(workspace.editor)
     for time in (0.5, 1.25):
         editor.scrub(time)
-        clips.mark()
+        clips.add_marker_at_playhead()
     assert {key: marker.seconds for key, marker in editor.project.markers.items()} == {
         "marker": 0.5,
         "marker 2": 1.25,
@@ -181,7 +181,7 @@ def test_markers_are_dragged_jumped_to_and_named(tmp_path: Path) -> None:
     editor.scrub(0.6)
     times = []
     for way in (1, 1, -1, -1, -1):
-        clips.jump(way)
+        clips.go_to_marker(way)
         times.append(editor.time)
     assert times == [1.25, editor.length, 1.25, 0.5, 0.0]
     x = timeline.layout.x(0.5)
@@ -236,7 +236,7 @@ def test_keys_split_blend_reverse_and_remove_what_is_under_the_playhead(rig: str
     name = NAMES[rig]
     workspace = desk(tmp_path)
     editor, press = workspace.editor, workspace.actions.press
-    editor.choose(name)
+    editor.select_only(name)
     editor.select(layer=0)
     bar = bar_of(workspace, name)
     number = bar.layers[0]

@@ -43,7 +43,7 @@ def desk(rig: str, handle: int | None = BONE, keyed: bool = False) -> tuple[Edit
     editor = Editor(project=project)
     if rig == "points":
         editor.motion_solver.settle(project, name)
-    editor.choose(name, handle if rig != "graph" else None)
+    editor.select_only(name, handle if rig != "graph" else None)
     curves = CurveInput(editor, TimeAxis(editor))
     curves.toggle()
     return editor, curves, name
@@ -54,7 +54,7 @@ def test_places_and_turns_are_those_that_are_played(rig: str) -> None:
     editor, curves, name = desk(rig)
     groups = curves.settle()
     character = editor.project.characters[name]
-    player = get_rig_edits(character).player(editor.project, character)
+    player = get_rig_edits(character).create_player(editor.project, character)
     for k in (0, 57, 120, 239):
         pose, handles = player(float(curves.times[k]))
         linear, place = np.asarray(pose.linear, float), groups["place"].values[k]
@@ -79,7 +79,7 @@ def test_weight_and_speed_are_those_of_the_layer(speed: float, weight: float, of
     how = {"offset": offset, "speed": speed, "weight": weight, "loop": False, "segments": ()}
     project = change_layers(project, name, [0], **how)
     editor = Editor(project=project)
-    editor.choose(name)
+    editor.select_only(name)
     editor.select(layer=0)
     curves = CurveInput(editor, TimeAxis(editor))
     groups, layer = curves.settle(), project.characters[name].playing[0]
@@ -136,9 +136,11 @@ def test_keys_are_added_by_a_double_click_eased_and_removed() -> None:
     assert len(keys) == 4 and 33.0 in [pytest.approx(value, abs=0.01) for value in keys[2][1].degrees]
     curves.press(*at(curves, 2, 0))
     curves.release(*at(curves, 2, 0))
-    curves.ease("step")
+    curves.set_interpolation("step")
     assert find_keys(editor.project, name, BONE)[2][1].ease == "step"
-    assert curves.type("delete") and not curves.type("delete"), "the node stays where no key is chosen"
+    assert curves.handle_key("delete") and not curves.handle_key("delete"), (
+        "the node stays where no key is chosen"
+    )
     assert len(find_keys(editor.project, name, BONE)) == 3
     assert editor.history.names == ("set key", "step key", "remove key")
 
@@ -252,7 +254,9 @@ def test_a_character_is_moved_over_the_stage_by_keys_while_that_is_on(rig: str) 
     if rig != "points":
         np.testing.assert_allclose(seen, after, atol=1e-5)
     handles = (
-        get_rig_edits(editor.find_selected()).player(editor.project, editor.find_selected())(1.0).handles
+        get_rig_edits(editor.find_selected())
+        .create_player(editor.project, editor.find_selected())(1.0)
+        .handles
     )
     np.testing.assert_allclose(editor.stage_character(name).handles, handles, atol=1e-6)
     curves.group = "moves"
@@ -290,7 +294,7 @@ def test_weight_and_speed_have_keys_on_their_curves(rig: str) -> None:
         assert editor.toasts.shown
         curves.press(*at(curves, 0, 0))
         curves.release(*at(curves, 0, 0))
-        curves.ease("linear")
+        curves.set_interpolation("linear")
         assert layer_keys(editor.project, name, 0, number)[0].ease == "linear"
         curves.remove()
         assert len(layer_keys(editor.project, name, 0, number)) == 1

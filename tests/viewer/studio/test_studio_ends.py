@@ -36,7 +36,7 @@ def workspace() -> Workspace:
     project = project_of_mesh(KNOWN.mesh, "man")
     settings = StudioSettings(render=RenderSettings(shadow_size=64, contact_size=32, samples=1))
     opened = Workspace(Editor(project=project, settings=settings))
-    opened.editor.choose("man")
+    opened.editor.select_only("man")
     opened.editor.frame_all(at_once=True)
     return opened
 
@@ -104,7 +104,7 @@ def test_a_mesh_that_is_no_person_has_five_marks_too(tool):
     tool.editor.open_project(
         project_of_mesh(KNOWN.mesh.with_faces(np.arange(len(KNOWN.mesh.faces)) < 60), "rag")
     )
-    tool.editor.choose("rag")
+    tool.editor.select_only("rag")
     assert not len(tool.marks)
     tool.wait()
     assert tool.marks.shape == (5,)

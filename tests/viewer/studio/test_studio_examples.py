@@ -256,13 +256,13 @@ def test_a_click_on_a_joint_pairs_it_with_the_chosen_point(tmp_path) -> None:
     figure = view.figure()
     assert figure is not None
     pixel = view.lens.project(figure.joints)[0][figure.skeleton.index("bone 1")]
-    workspace.editor.choose("star", 0)
+    workspace.editor.select_only("star", 0)
     view.press((float(pixel[0]), float(pixel[1])))
     assert workspace.editor.project.puppets["star"].points[0].joint == "bone 1"
     assert figure.skeleton.index("bone 1") in view.paired()
     workspace.editor.undo()
     assert workspace.editor.project.puppets["star"].points[0].joint == "bone 3"
-    workspace.editor.choose("star", None)
+    workspace.editor.select_only("star", None)
     view.pair("bone 2")
     assert workspace.puppets.point == 2, "without a chosen point the one that follows the joint is chosen"
 

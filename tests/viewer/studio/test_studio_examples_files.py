@@ -90,7 +90,7 @@ def test_a_table_of_exponential_maps_opens_as_a_take(workspace: Workspace, tmp_p
 def test_session_is_saved_and_opens_next_to_the_others(tmp_path) -> None:
     workspace, _ = studio(tmp_path / "recovery", *NAMES)
     workspace.store.new(acting())
-    workspace.editor.choose("star")
+    workspace.editor.select_only("star")
     workspace.ask("session")
     assert (
         workspace.asking == "session"
@@ -138,7 +138,7 @@ def test_failed_export_is_reported_and_exports_are_queued(tmp_path) -> None:
     (tmp_path / "file").write_text("in the way")
     workspace.ask("export")
     workspace.finish_file_dialog(tmp_path / "file" / "star.glb")
-    workspace.editor.background.begin("second", lambda: "never", workspace.editor.toasts.say)
+    workspace.editor.background.begin("second", lambda: "never", workspace.editor.toasts.show_message)
     assert "still running" in said(workspace)
     workspace.editor.background.finish()
     assert any(toast.is_error for toast in workspace.editor.toasts.shown) and "never" not in said(workspace)

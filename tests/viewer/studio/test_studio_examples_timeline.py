@@ -42,7 +42,7 @@ def posed(times: tuple[float, ...], **changes) -> Project:
 def desk_with(tmp_path: Path, project: Project) -> Workspace:
     workspace, _ = studio(tmp_path, *NAMES)
     workspace.store.new(project)
-    workspace.editor.choose("star")
+    workspace.editor.select_only("star")
     return workspace
 
 

@@ -38,7 +38,7 @@ def workspace(tmp_path: Path) -> Workspace:
     for name in ("star", "post"):
         opened.editor.edit("delete", lambda project, name=name: project.without(name))
     opened.actions.do("edit.duplicate")
-    opened.editor.choose("limb")
+    opened.editor.select_only("limb")
     opened.actions.do("edit.duplicate")
     return opened
 

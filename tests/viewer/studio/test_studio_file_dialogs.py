@@ -117,7 +117,7 @@ def test_foreign_project_file_is_identified_in_plain_words(kind: str, tmp_path: 
     path.write_bytes(FOREIGN[kind])
     workspace = Workspace.new(Editor(), tmp_path / "own")
     before = workspace.editor.project
-    assert not workspace.attempt(lambda: workspace.open(path))
+    assert not workspace.run_and_report(lambda: workspace.open(path))
     messages = " ".join(f"{toast.text} {toast.remedy}" for toast in workspace.editor.toasts.shown)
     assert kind in messages or "cut short or damaged" in messages, messages
     assert "ending in .enliven" not in messages

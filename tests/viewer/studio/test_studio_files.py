@@ -17,7 +17,7 @@ from pygltflib import GLTF2
 from studio_driver import HeadlessStage, Key, Wait, play
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "mapping"))
-from made_bodies import man, meshed, random_motion
+from made_bodies import man, random_motion, shape_with_markers
 
 from enliven.document.project import Project, are_identical
 from enliven.errors import InputError, ResourceError
@@ -95,7 +95,7 @@ def test_unsaved_work_is_not_discarded_without_asking(workspace: Workspace, tmp_
     workspace.cancel()
     assert workspace.asking == "" and workspace.editor.project is before and not workspace.ended
     workspace.ask(wish)
-    workspace.go_on(discard=False)
+    workspace.continue_waiting_command(discard=False)
     assert workspace.asking == "save as" and workspace.browser is not None
     workspace.finish_file_dialog(tmp_path / "kept.enliven")
     assert (tmp_path / "kept.enliven").is_file()
@@ -104,7 +104,7 @@ def test_unsaved_work_is_not_discarded_without_asking(workspace: Workspace, tmp_
 
 def test_discarding_continues_at_once(workspace: Workspace) -> None:
     workspace.ask("new")
-    workspace.go_on(discard=True)
+    workspace.continue_waiting_command(discard=True)
     assert workspace.editor.project.shapes == {} and "wave" in workspace.editor.project.takes
     workspace.ask("quit")
     assert workspace.ended, "a new project has nothing to lose"
@@ -115,7 +115,7 @@ def test_opening_another_project_asks_first(workspace: Workspace, tmp_path) -> N
     other.store.save(tmp_path / "other.enliven")
     workspace.open(tmp_path / "other.enliven")
     assert workspace.asking == "unsaved" and "limb" in workspace.editor.project.shapes
-    workspace.go_on(discard=True)
+    workspace.continue_waiting_command(discard=True)
     assert "limb" not in workspace.editor.project.shapes and workspace.store.name == "other"
 
 
@@ -299,7 +299,7 @@ def test_real_windows_killed_at_random_moments_give_back_all_but_the_last_second
 def model_with_clips(path: Path, *loops: bool, seed: int = 2) -> Path:
     """Writes a man with clips "clip 0", "clip 1" ..., which loop or not."""
     random, skeleton = np.random.default_rng(seed), man()
-    shape, performances = meshed("man", skeleton), []
+    shape, performances = shape_with_markers("man", skeleton), []
     for number, loop in enumerate(loops):
         clip = random_motion(random, skeleton, 6, 0.2, f"clip {number}")
         back = clip.mapped(lambda track: np.concatenate([track, track[-2::-1]])) if loop else clip
@@ -380,7 +380,7 @@ def test_recent_files_are_kept_between_runs_and_opened_again(workspace: Workspac
 def test_a_save_that_fails_does_not_quit_later(workspace: Workspace, tmp_path) -> None:
     (tmp_path / "file").write_text("in the way")
     workspace.ask("quit")
-    workspace.go_on(discard=False)
+    workspace.continue_waiting_command(discard=False)
     with pytest.raises(ResourceError):
         workspace.finish_file_dialog(tmp_path / "file" / "work.enliven")
     workspace.ask("save")

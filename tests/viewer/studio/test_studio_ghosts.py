@@ -47,7 +47,7 @@ def desk(rig: str, time: float = 0.8) -> tuple[Editor, Ghosts, str]:
     editor = Editor(project=project)
     if rig == "points":
         editor.motion_solver.settle(project, name)
-    editor.choose(name)
+    editor.select_only(name)
     editor.time = time
     ghosts = Ghosts(editor)
     ghosts.toggle()
@@ -92,7 +92,7 @@ def test_trails_go_through_where_its_ends_were_and_follow_an_edit(rig: str) -> N
         sampled = ghosts._samples[name]
         for frame in (sampled.request.first, sampled.request.last):
             time = frame * sampled.request.step
-            pose, handles = get_rig_edits(editor.project.characters[name]).player(
+            pose, handles = get_rig_edits(editor.project.characters[name]).create_player(
                 editor.project, editor.project.characters[name]
             )(time)
             near(sampled.points[frame], handles if len(handles) else pose.positions, 1e-5)
@@ -157,7 +157,7 @@ def test_ghosts_stand_at_the_keys_of_what_is_chosen_of_every_rig(rig: str, handl
     if rig == "points":
         editor.motion_solver.settle(editor.project, name)
     for chosen in ({"handle": handle}, {"layer": number}):
-        editor.choose(name)
+        editor.select_only(name)
         editor.select(**chosen)
         ghosts.settle()
         moments = ghosts._samples[name].request.moments

@@ -10,7 +10,7 @@ from pathlib import Path
 import polib
 import pytest
 from in_a_window import in_a_window
-from untranslated_texts import untranslated
+from untranslated_texts import find_untranslated
 
 from enliven_viewer.language import (
     CATALOGUES,
@@ -100,7 +100,7 @@ def test_every_shown_text_is_translated(script) -> None:
     bypassing = [
         f"{path.relative_to(script.HOUSE)}:{node.lineno}: {node.value!r}"
         for path in script.modules()
-        for node in untranslated(
+        for node in find_untranslated(
             ast.parse(path.read_text("utf-8")),
             errors_are_shown=not {"kiosk", "souvenirs"} & set(path.parts),
         )
@@ -122,7 +122,7 @@ def draw(workspace, name, count):
     editor.edit(f"move {name}", change)
     raise InputError("no such thing", where="shape", remedy=tr("Fine."))
 """
-    assert [node.value for node in untranslated(ast.parse(module))] == [
+    assert [node.value for node in find_untranslated(ast.parse(module))] == [
         *("Save it", "Save###save", " bones of it", "Choose one", "It is saved.", "move ", "no such thing"),
     ]
     fine = """
@@ -133,7 +133,7 @@ def draw(workspace, name, count):
     imgui.text(tr("{0} bones", count))
     editor.edit("move it", change)
 """
-    assert list(untranslated(ast.parse(fine))) == []
+    assert list(find_untranslated(ast.parse(fine))) == []
 
 
 def test_a_language_changes_at_once_and_is_kept(tmp_path) -> None:

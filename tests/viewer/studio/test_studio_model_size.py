@@ -56,7 +56,7 @@ def test_a_rigged_model_of_any_size_opens_near_the_camera(make_limb, tmp_path: P
     project = scale_character(Project().with_characters(make_limb()), "limb", larger)
     export(project, path)
     workspace = Workspace.new(Editor(), tmp_path)
-    assert workspace.attempt(lambda: workspace.open(path))
+    assert workspace.run_and_report(lambda: workspace.open(path))
     editor = workspace.editor
     tall = float(np.ptp(editor.visible_characters[0].vertices[:, 1]))
     assert 0.25 <= tall <= 3.0

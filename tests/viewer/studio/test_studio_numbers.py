@@ -57,10 +57,18 @@ def test_sums_and_units_are_those_of_python(one, other, a, b, sign) -> None:
 
 
 def test_units_sums_and_percentages_are_read() -> None:
-    assert LENGTH.read("50 cm") == 0.5 and LENGTH.read("1,5") == 1.5 and LENGTH.read("1.2+0.3") == 1.5
-    assert LENGTH.read("2 m - 4cm * 2") == pytest.approx(1.92) and LENGTH.read(".5M") == 0.5
-    assert LENGTH.read("150%", percent=0.02) == 3.0 and ANGLE.read("90°") == 90.0
-    assert TIME.read("250 ms") == 0.25 and LENGTH.write(-0.0) == "0 m" and LENGTH.write(1.25) == "1.25 m"
+    assert (
+        LENGTH.parse_value("50 cm") == 0.5
+        and LENGTH.parse_value("1,5") == 1.5
+        and LENGTH.parse_value("1.2+0.3") == 1.5
+    )
+    assert LENGTH.parse_value("2 m - 4cm * 2") == pytest.approx(1.92) and LENGTH.parse_value(".5M") == 0.5
+    assert LENGTH.parse_value("150%", percent=0.02) == 3.0 and ANGLE.parse_value("90°") == 90.0
+    assert (
+        TIME.parse_value("250 ms") == 0.25
+        and LENGTH.format_value(-0.0) == "0 m"
+        and LENGTH.format_value(1.25) == "1.25 m"
+    )
 
 
 @example("²")
@@ -68,7 +76,7 @@ def test_units_sums_and_percentages_are_read() -> None:
 @given(st.text(max_size=20))
 def test_anything_else_is_refused_with_the_units(typed) -> None:
     try:
-        assert math.isfinite(LENGTH.read(typed))
+        assert math.isfinite(LENGTH.parse_value(typed))
     except InputError as error:
         assert "cm" in error.remedy
 
@@ -93,7 +101,7 @@ def test_typed_position_size_and_rotation_are_applied(workspace) -> None:
             assert np.allclose(place + rotate(turn, old - place), new, atol=1e-4)
     with pytest.raises(InputError, match="possible height"):
         figures.set_height(-1.0)
-    workspace.state(Outliner).lock("post", on=True)
+    workspace.state(Outliner).set_locked("post", is_locked=True)
     before = editor.project
     figures.move_to(0, 3.0)
     assert editor.project is before, "a locked one among them is not moved"
@@ -131,7 +139,7 @@ def test_a_drag_snaps_by_the_switch_or_while_ctrl_is_held(workspace) -> None:
         workspace.input.press(at, **held)
         workspace.input.move((at[0] + 47.0, at[1] - 13.0), **held)
         workspace.input.release((at[0] + 47.0, at[1] - 13.0), **held)
-        editor.choose("post")
+        editor.select_only("post")
         place = workspace.selection_transform.place
         editor.undo()
         return place / 0.1

@@ -52,11 +52,11 @@ def test_the_tree_has_characters_with_what_is_below_them_and_takes(workspace) ->
     outliner = workspace.state(Outliner)
     assert labels(outliner)[:4] == [(0, "Shapes"), (1, "star"), (1, "limb"), (1, "post")]
     assert (0, "Takes") in labels(outliner) and (1, "wave") in labels(outliner)
-    outliner.fold(row(outliner, "character limb"))
+    outliner.toggle_folded(row(outliner, "character limb"))
     joints = workspace.editor.project.shape("limb").skeleton.names
     below = [entry for entry in outliner.rows if entry.id == "limb" and entry.kind == "handle"]
     assert sorted(entry.label for entry in below) == sorted(joints) and below[0].note == "root"
-    outliner.fold(row(outliner, "group shapes"))
+    outliner.toggle_folded(row(outliner, "group shapes"))
     assert labels(outliner)[:2] == [(0, "Shapes"), (0, "Takes")]
 
 
@@ -77,7 +77,7 @@ def test_clicks_choose_one_a_range_or_one_more(workspace) -> None:
     assert editor.selection.characters == ("star", "post")
     outliner.click(row(outliner, "character limb"), ctrl=True)
     assert editor.selection.characters == ("star", "post", "limb") and editor.find_selected().id == "limb"
-    outliner.fold(row(outliner, "character limb"))
+    outliner.toggle_folded(row(outliner, "character limb"))
     outliner.click(row(outliner, "handle limb 1"))
     assert editor.selection.characters == ("limb",) and editor.selection.handle == 1
     assert outliner.is_chosen(row(outliner, "handle limb 1"))
@@ -94,7 +94,7 @@ def test_hidden_character_is_not_picked_or_framed_but_exported(workspace) -> Non
     assert np.ptp(np.array(editor.measure_bounds()), axis=0)[0] < wide
     workspace.actions.do("shape.show_all")
     assert len(editor.visible_characters) == 3 and editor.history.names[-1] == "show post"
-    editor.choose("star")
+    editor.select_only("star")
     workspace.actions.do("shape.hide_others")
     assert [posed.id for posed in editor.visible_characters] == ["star"]
     editor.undo()
@@ -106,8 +106,8 @@ def test_locked_character_is_not_picked_and_refuses_edits(workspace) -> None:
     joint = JointPlace("limb", 1)
     play([Click(joint)], stage)
     assert editor.selection.character == "limb"
-    workspace.state(Outliner).lock("limb", on=True)
-    editor.choose(None)
+    workspace.state(Outliner).set_locked("limb", is_locked=True)
+    editor.select_only(None)
     before = editor.project
     play([Click(joint), Key("g"), Drag((joint, JointPlace("limb", 2)))], stage)
     assert editor.selection.character is None and editor.project is before
@@ -160,7 +160,7 @@ def test_a_character_goes_to_its_place_in_the_list_and_the_others_keep_their_ord
 
 def test_renaming_changes_only_the_name(workspace) -> None:
     outliner, editor = workspace.state(Outliner), workspace.editor
-    outliner.hide("limb", on=True)
+    outliner.set_hidden("limb", is_hidden=True)
     outliner.begin_rename(row(outliner, "character limb"))
     outliner.draft = " arm "
     outliner.end_rename(row(outliner, "character limb"), keep=True)

@@ -29,7 +29,7 @@ LEFT, RIGHT = ([Joint.ELBOW_LEFT, Joint.WRIST_LEFT], [Joint.ELBOW_RIGHT, Joint.W
 def workspace(tmp_path) -> Workspace:
     settings = StudioSettings(render=RenderSettings(shadow_size=64, contact_size=32, samples=1))
     opened = Workspace(Editor(project=project_of_mesh(KNOWN.mesh, "man"), settings=settings), tmp_path)
-    opened.editor.choose("man")
+    opened.editor.select_only("man")
     opened.editor.frame_all(at_once=True)
     return opened
 

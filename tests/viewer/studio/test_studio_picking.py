@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.document.rigged import Shape, character_of, still_shape
+from enliven.document.rigged import RiggedCharacter, character_of, still_shape
 from enliven.document.skeleton import Skeleton
 from enliven.motion.layers.evaluate import ShapePose, pose_from
 from enliven.rotation import IDENTITY
@@ -26,7 +26,7 @@ from enliven_viewer.studio.viewport.stage_character import StageCharacter
 SIZE = (900.0, 600.0)
 
 
-def standing(shape: Shape, joints: np.ndarray) -> StageCharacter:
+def standing(shape: RiggedCharacter, joints: np.ndarray) -> StageCharacter:
     """Returns a shape without bone rotations whose joints have random positions."""
     pose = pose_from(shape, ShapePose(np.tile(IDENTITY, (len(joints), 1)), joints), 0.0)
     return StageCharacter(shape, None if shape.mesh is None else character_of(shape), pose, joints)

@@ -196,7 +196,7 @@ def test_performers_reattach_after_a_cut_and_undo_reverts_it(tmp_path: Path) -> 
     editor.edit("cut", lambda project: cut_character(project, name, plane, 0.0)[0])
     cut = editor.project
     assert stale(cut, cut.graph(name))
-    editor.choose(name)
+    editor.select_only(name)
     opened.commands.motion.solve_again()
     editor.background.finish()
     assert not stale(editor.project, editor.project.graph(name))
@@ -215,12 +215,12 @@ def test_performance_is_copied_onto_another_mesh_by_two_keys(workspace: Workspac
     editor.edit("move", lambda project: move_character(project, "stool", [2.0, 0.0, 0.0]))
     paste, copy = workspace.actions["motion.paste"], workspace.actions["motion.copy"]
     assert "No motion was copied" in paste.why_not()
-    editor.choose("post")
+    editor.select_only("post")
     assert "a mesh that was performed" in copy.why_not(), "the post was never performed"
-    editor.choose(performed)
+    editor.select_only(performed)
     stage = HeadlessStage(workspace)
     play([Key("ctrl+shift+c")], stage)
-    editor.choose("stool")
+    editor.select_only("stool")
     before = editor.project
     play([Key("ctrl+shift+v")], stage)
     editor.edit("scale", lambda project: scale_character(project, "stool", 1.5))
@@ -236,8 +236,8 @@ def test_performance_is_copied_onto_another_mesh_by_two_keys(workspace: Workspac
     assert abs(find_base_centre(seen[0])[0] - 2.0) < 0.2
     editor.undo()
     assert are_identical(editor.project, before)
-    editor.choose(performed)
+    editor.select_only(performed)
     editor.edit("delete", lambda project: delete_character(project, performed))
-    editor.choose("stool")
+    editor.select_only("stool")
     play([Key("ctrl+shift+v")], stage)
     assert "no longer exists" in editor.toasts.shown[-1].text

@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from made_studio_puppets import SIDES, TIPS, project_with, star, vertex
 
-from enliven.document.puppet import Puppet
+from enliven.document.puppet import ExampleCharacter
 from enliven.examples.puppet_motion import to_world_frame
 from enliven.modeling.edits import move_character, turn_character
 from enliven.modeling.puppet.poses import set_symmetry
@@ -28,7 +28,7 @@ def editor_with(*names: str) -> Editor:
     editor = Editor(project=project_with(*names))
     editor.size = (640.0, 480.0)
     editor.frame_all(at_once=True)
-    editor.choose("star")
+    editor.select_only("star")
     return editor
 
 
@@ -39,7 +39,7 @@ def seen() -> Editor:
 
 
 @cache
-def five() -> Puppet:
+def five() -> ExampleCharacter:
     """Returns the star with a control point at each end, and its symmetry plane."""
     names = ("left", "right", "head", "foot", "other")
     return set_symmetry(project_with(*names), "star", SIDES).puppets["star"]

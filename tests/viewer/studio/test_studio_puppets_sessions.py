@@ -20,7 +20,7 @@ from studio_driver import (
     Wait,
     play,
 )
-from tolerances import SOLVED, alike
+from tolerances import SOLVER_TOLERANCE, are_alike
 
 from enliven.document.project import are_identical
 from enliven.formats.project.file import read_project, write_project
@@ -250,7 +250,7 @@ def test_scrubbing_shows_the_same_whatever_came_before(tmp_path) -> None:
         _ = workspace.puppets.stage_puppets
         workspace.editor.scrub(0.8)
         vertices.append(workspace.puppets.stage_puppets[0].vertices)
-    assert alike(vertices[0], vertices[1], SOLVED)
+    assert are_alike(vertices[0], vertices[1], SOLVER_TOLERANCE)
 
 
 def test_large_mesh_is_prepared_in_the_background(tmp_path, monkeypatch) -> None:
@@ -316,7 +316,7 @@ def test_puppet_is_baked_in_the_background(tmp_path, make_limb) -> None:
     workspace.editor.edit("post", lambda p: play_take(make_puppet(p, mesh, "post"), "post", "sway"))
     for number, joint in ((0, "root"), (len(mesh.vertices) - 1, "bone 3")):
         workspace.editor.edit("put", lambda p, n=number, j=joint: add_point(p, "post", n, j, joint=j))
-    workspace.editor.choose("post")
+    workspace.editor.select_only("post")
     rest = workspace.puppets.puppet.rest
     for time, way in ((0.0, 0.0), (0.8, 0.3)):
         places = np.add(rest, [[0.0, 0.0, 0.0], [way, 0.0, 0.0]])
@@ -330,7 +330,7 @@ def test_puppet_is_baked_in_the_background(tmp_path, make_limb) -> None:
         and not bad(workspace)
     )
     play([Key("ctrl+z")], stage)
-    workspace.editor.choose("post")
+    workspace.editor.select_only("post")
     workspace.state(PuppetCommands).bake_puppet()
     workspace.puppets.add_point(20)
     workspace.editor.background.finish()

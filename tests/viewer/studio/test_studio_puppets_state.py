@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_studio_puppets import SIDES, project_with, star, studio, vertex
-from tolerances import SOLVED, alike
+from tolerances import SOLVER_TOLERANCE, are_alike
 
 from enliven.document.project import are_identical
 from enliven.modeling.puppet.poses import add_key_pose, set_symmetry
@@ -22,7 +22,7 @@ from enliven_viewer.studio.puppets.symmetry import find_partner_point, find_part
 
 def posing(*names: str, take: str = "sway") -> PuppetEditor:
     editor = Editor(project=project_with(*names, take=take))
-    editor.choose("star")
+    editor.select_only("star")
     return editor.puppets
 
 
@@ -120,13 +120,13 @@ def test_cancel_keeps_points_that_were_put_meanwhile() -> None:
 def test_another_puppet_and_another_project_leave_the_key_pose() -> None:
     puppets = posing("head", "left")
     puppets.begin_pose("sway", 0.5)
-    puppets.editor.choose(None)
+    puppets.editor.select_only(None)
     puppets.editor.advance(0.0)
-    puppets.editor.choose("star")
+    puppets.editor.select_only("star")
     assert not puppets.is_posing
     puppets.edit_pose(0)
     puppets.editor.open_project(puppets.editor.project)
-    puppets.editor.choose("star")
+    puppets.editor.select_only("star")
     assert not puppets.is_posing
 
 
@@ -205,7 +205,7 @@ def test_unsolvable_puppet_is_reported_and_repaired() -> None:
     puppets.editor.edit("as a file may have it", lambda p: p.with_characters(wrong))
     assert np.array_equal(puppets.stage_puppets[0].surface, loose.vertices)
     assert puppets.editor.toasts.shown[-1].is_error, "it is told"
-    puppets.editor.choose("star", 2)
+    puppets.editor.select_only("star", 2)
     puppets.remove_point()
     puppets.begin_pose("sway", 0.5)
     puppets.drag(1, puppets.places[1] + [0.0, 0.2, 0.0])
@@ -221,14 +221,14 @@ def test_a_new_point_is_on_the_surface_of_every_key_pose() -> None:
     settled = puppets.stage.surfaces.settle_each(puppet_of(puppets), [puppet_of(puppets).poses[0].places])
     assert settled is not None
     assert puppets.add_point(vertex("right")) and puppets.point == 3
-    assert alike(puppet_of(puppets).poses[0].places[3], settled[0][vertex("right")], SOLVED)
+    assert are_alike(puppet_of(puppets).poses[0].places[3], settled[0][vertex("right")], SOLVER_TOLERANCE)
 
 
 def test_removing_a_used_point_is_reported_and_undoable() -> None:
     puppets = posing("head", "left", "foot")
     puppets.begin_pose("sway", 0.5)
     before = puppet_of(puppets)
-    puppets.editor.choose("star", 1)
+    puppets.editor.select_only("star", 1)
     assert puppets.remove_point() and puppets.point is None and len(puppets.places) == 2
     assert "also from 1 key pose" in puppets.editor.toasts.shown[-1].text
     puppets.editor.undo()
@@ -240,7 +240,7 @@ def test_the_last_point_gone_leaves_the_mesh_at_rest() -> None:
     puppets.begin_pose("sway", 0.5)
     puppets.drag(0, puppets.places[0] + 0.2)
     puppets.drop()
-    puppets.editor.choose("star", 0)
+    puppets.editor.select_only("star", 0)
     puppets.remove_point()
     assert np.array_equal(puppets.stage_puppets[0].surface, star().vertices)
 
@@ -259,7 +259,7 @@ def test_with_symmetry_points_are_put_and_dragged_in_pairs() -> None:
     gone = puppets.places - puppet.rest
     assert np.allclose(gone[2] * [-1, 1, 1], gone[1]) and np.allclose(gone[1], [0.0, 0.2, 0.1])
     puppets.drop()
-    puppets.editor.choose("star", 2)
+    puppets.editor.select_only("star", 2)
     puppets.reset_point()
     assert np.allclose(puppets.places, puppet.rest), "what is at rest is so in the mirror too"
 
@@ -299,7 +299,7 @@ def test_whatever_is_done_undo_brings_every_project_back(commands: list[str], se
     for command in commands:
         count = len(puppet_of(puppets).points)
         if count:
-            puppets.editor.choose("star", int(rng.integers(count)))
+            puppets.editor.select_only("star", int(rng.integers(count)))
         match command:
             case "drag" if count:
                 puppets.drag(puppets.point or 0, rng.normal(0.5, 0.4, 3))

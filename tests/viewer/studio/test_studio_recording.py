@@ -82,7 +82,7 @@ def test_a_clean_project_asks_while_it_records(workspace: Workspace, tmp_path: P
     workspace.cancel()
     assert workspace.perform.recording.phase == "recording", "it went on meanwhile"
     workspace.ask(wish)
-    workspace.go_on(discard=False)
+    workspace.continue_waiting_command(discard=False)
     assert seconds(tmp_path / "work.enliven") > 0.9
     assert workspace.perform.recording.phase == "idle"
     assert workspace.ended if wish == "quit" else workspace.store.path is None
@@ -92,14 +92,14 @@ def test_opening_another_project_asks_while_it_records(workspace: Workspace, tmp
     write_project(tmp_path / "other.enliven", workspace.editor.project)
     workspace.open(tmp_path / "other.enliven")
     assert workspace.asking == "unsaved"
-    workspace.go_on(discard=False)
+    workspace.continue_waiting_command(discard=False)
     assert workspace.store.name == "other" and seconds(tmp_path / "work.enliven") > 0.9
 
 
 def test_discarding_drops_the_recording_and_nothing_else(workspace: Workspace, tmp_path: Path) -> None:
     before = (tmp_path / "work.enliven").read_bytes()
     workspace.ask("quit")
-    workspace.go_on(discard=True)
+    workspace.continue_waiting_command(discard=True)
     assert workspace.ended and not workspace.perform.recording.recorder.recording
     assert (tmp_path / "work.enliven").read_bytes() == before
 

@@ -137,10 +137,10 @@ def test_clicks_and_boxes_in_the_view_choose_several(workspace) -> None:
     assert np.array_equal(editor.lens.view.eye, view), "the box does not turn the view"
     workspace.actions.do("edit.none")
     assert editor.selection.characters == ()
-    workspace.state(Outliner).lock("post", on=True)
+    workspace.state(Outliner).set_locked("post", is_locked=True)
     workspace.actions.do("edit.all")
     assert editor.selection.characters == ("star", "limb")
-    editor.choose("star")
+    editor.select_only("star")
     workspace.actions.do("edit.inverse")
     assert editor.selection.characters == ("limb",)
 
@@ -184,5 +184,5 @@ def test_single_shape_actions_refuse_multiple_selection(workspace) -> None:
     editor.choose_all("post", "limb")
     for deed in ("shape.puppet", "motion.clear", "view.best", "shape.up"):
         assert "Several" in workspace.actions[deed].why_not(), deed
-    editor.choose("limb")
+    editor.select_only("limb")
     assert workspace.actions["motion.clear"].why_not() == ""

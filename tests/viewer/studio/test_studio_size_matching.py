@@ -37,7 +37,7 @@ def test_fitting_matches_the_others_height_in_place(stage, name, size) -> None:
     editor.go_to(0)
     editor.scrub(0.0)
     editor.edit("scale", lambda project: scale_character(project, name, size))
-    editor.choose(name)
+    editor.select_only(name)
     low, high = box(stage, name)
     others = [
         np.ptp([side[1] for side in box(stage, other_name)])
@@ -62,5 +62,5 @@ def test_only_a_differing_size_is_reported_on_opening(stage: Workspace, tmp_path
         texts = [toast.text for toast in editor.toasts.shown if f"It is {size:g} m tall" in toast.text]
         assert bool(texts) == (name == "giant")
         editor.undo()
-    editor.choose(None)
+    editor.select_only(None)
     assert not stage.actions.do("shape.fit")

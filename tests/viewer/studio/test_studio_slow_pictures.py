@@ -38,7 +38,7 @@ def test_every_place_is_taken_once_and_in_order_however_many_a_picture_has(pictu
             sent.append((x, y))
         at = sent[-1] if sent else at
         while True:  # a position that repeats ends a frame early, and the rest comes with the next
-            some = path.take(at)
+            some = path.take_positions(at)
             assert some[-1] == at
             if some == [at] and len(taken) >= len(sent):
                 break
@@ -50,10 +50,14 @@ def test_pointer_path_stops_at_button_changes_and_resets_on_jumps() -> None:
     path = PointerPath()
     for x in range(6):
         path.add(float(x), 0.0)
-    assert path.take((2.0, 0.0)) == [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)], "the button went down there"
-    assert path.take((5.0, 0.0)) == [(3.0, 0.0), (4.0, 0.0), (5.0, 0.0)]
+    assert path.take_positions((2.0, 0.0)) == [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)], (
+        "the button went down there"
+    )
+    assert path.take_positions((5.0, 0.0)) == [(3.0, 0.0), (4.0, 0.0), (5.0, 0.0)]
     path.add(7.0, 0.0)
-    assert path.take((40.0, 40.0)) == [(40.0, 40.0)] and path.take((7.0, 0.0)) == [(7.0, 0.0)]
+    assert path.take_positions((40.0, 40.0)) == [(40.0, 40.0)] and path.take_positions((7.0, 0.0)) == [
+        (7.0, 0.0)
+    ]
 
 
 def test_strokes_have_every_place_of_a_slow_picture_in_the_window(tmp_path) -> None:
@@ -100,7 +104,7 @@ def test_texture_is_white_until_decoded_in_the_background(gl, monkeypatch, besid
 
         plain = decoding._decode_pixels
         monkeypatch.setattr(decoding, "_decode_pixels", lambda *told: goes_on.wait(20.0) and plain(*told))
-    held = textures.take(source, "base")
+    held = textures.acquire_texture(source, "base")
     if beside:
         textures.upload_decoded()
         assert held.texture.size == (1, 1)
@@ -110,8 +114,8 @@ def test_texture_is_white_until_decoded_in_the_background(gl, monkeypatch, besid
             textures.upload_decoded()
             time.sleep(0.001)
     assert held.texture.size == (8, 8) and tuple(held.texture.read()[:3]) == colour
-    assert textures.take(source, "base") is held
-    textures.give_back(source, "base")
-    textures.give_back(source, "base")
+    assert textures.acquire_texture(source, "base") is held
+    textures.release_texture(source, "base")
+    textures.release_texture(source, "base")
     assert len(textures) == 0
     textures.upload_decoded()

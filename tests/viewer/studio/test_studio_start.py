@@ -229,7 +229,7 @@ def test_tour_stroke_cuts_exactly_one_leg(workspace: Workspace, size: tuple[floa
     workspace.actions.do("sample.chair")
     editor = workspace.editor
     (chair,) = editor.project.graphs.values()
-    editor.choose(chair.id)
+    editor.select_only(chair.id)
     editor.size, rest, strokes = size, chair.mesh.vertices, 0
     box = (rest.min(0), rest.max(0))
     for turn in np.linspace(0.0, 2 * np.pi, 7, endpoint=False):
@@ -247,7 +247,7 @@ def test_tour_stroke_cuts_exactly_one_leg(workspace: Workspace, size: tuple[floa
         assert shares[-1] > 0.25 and shares[-2] == 0.0, shares
         assert gone.sum() < 0.025 * len(rest), "nothing but the leg"
         workspace.actions.do("edit.undo")
-        editor.choose(chair.id)
+        editor.select_only(chair.id)
     assert strokes > 4, "from most sides"
 
 
@@ -295,8 +295,8 @@ def test_sample_opens_next_to_the_others_and_is_undone(workspace: Workspace, nam
     if name == "cactus":
         project = workspace.editor.project
         puppet = next(iter(project.puppets.values()))
-        assert not get_rig_edits(puppet).lacking(project, puppet) and project.end_of(puppet) > 5.0
-        hands = [get_rig_edits(puppet).player(project, puppet)(time).handles[7] for time in (0.0, 3.0)]
+        assert not get_rig_edits(puppet).find_missing_data(project, puppet) and project.end_of(puppet) > 5.0
+        hands = [get_rig_edits(puppet).create_player(project, puppet)(time).handles[7] for time in (0.0, 3.0)]
         assert np.abs(hands[1] - hands[0]).max() > 0.3, "it dances"
     assert not [toast.text for toast in workspace.editor.toasts.shown if toast.is_error]
     workspace.actions.do("edit.undo")

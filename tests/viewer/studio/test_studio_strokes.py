@@ -55,14 +55,14 @@ def test_strokes_of_every_tool_at_random_are_undone_bit_for_bit(tmp_path) -> Non
     editor, stage = workspace.editor, HeadlessStage(workspace)
     first, done = editor.project, 0
     for number in range(STROKES):
-        before = editor.history.at
+        before = editor.history.current_step
         play(list(strokes(editor, chance)), stage)
-        done += editor.history.at != before
+        done += editor.history.current_step != before
         faults = [toast.text for toast in editor.toasts.shown if "internal error of enliven" in toast.text]
         assert not faults, (number, workspace.input.tool.name, faults)
     assert done > STROKES // 6, "many of them did something"
     play([Key("escape"), Key("escape")], stage)
-    last, at = editor.project, editor.history.at
+    last, at = editor.project, editor.history.current_step
     editor.go_to(0)
     assert are_identical(editor.project, first)
     editor.go_to(at)

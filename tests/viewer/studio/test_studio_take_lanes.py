@@ -28,7 +28,7 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 def stage(tmp_path: Path) -> Workspace:
     workspace = acting_stage(tmp_path)
     workspace.editor.edit("two takes", two_takes)
-    workspace.editor.choose("limb")
+    workspace.editor.select_only("limb")
     return workspace
 
 

@@ -14,7 +14,7 @@ from strokes import limb
 from enliven.document.clip import Clip
 from enliven.document.layers import Layer, Ref, Span
 from enliven.document.project import Project
-from enliven.document.rigged import Shape, still_shape
+from enliven.document.rigged import RiggedCharacter, still_shape
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.modeling.edits import change_layers
@@ -106,9 +106,9 @@ def test_layers_that_no_shape_uses_have_no_lane() -> None:
 
 def test_messages_stay_their_time_and_bad_ones_longer() -> None:
     toasts = Toasts(2.0)
-    toasts.say("done")
-    toasts.complain(InputError("it is flat", where="stroke", remedy="Draw a circle."))
-    toasts.say("done")
+    toasts.show_message("done")
+    toasts.show_error(InputError("it is flat", where="stroke", remedy="Draw a circle."))
+    toasts.show_message("done")
     assert [toast.text for toast in toasts.shown] == ["stroke: it is flat", "done"], "once each"
     assert toasts.shown[0].remedy == "Draw a circle." and toasts.shown[0].is_error
     toasts.advance(3.0)
@@ -143,9 +143,9 @@ def test_the_lanes_of_what_is_chosen_or_was_recorded_come_into_sight_and_stay_wh
     for _ in range(4):
         wanted, recorded = data.draw(st.sampled_from(names)), data.draw(st.booleans())
         if not recorded:
-            editor.choose(None)
+            editor.select_only(None)
             timeline.scroll_to_recording(tall)
-            editor.choose(wanted)
+            editor.select_only(wanted)
         timeline.scroll_to_recording(tall, wanted if recorded else "")
         mine = [lane for lane in timeline.layout.lanes() if lane.character.id == wanted]
         assert min(lane.top for lane in mine) >= RULER_HEIGHT
@@ -204,7 +204,7 @@ def test_lanes_are_named_by_the_limb_first() -> None:
     assert describe_limb("way") == "path" and describe_limb("whole") == "whole body"
 
 
-def limb_with_two_layers(clip: Clip, take: str) -> tuple[Shape, Project]:
+def limb_with_two_layers(clip: Clip, take: str) -> tuple[RiggedCharacter, Project]:
     """Returns a shape with two limbs that one take moves, with names from the retargeting."""
     bones = np.array([[0.0, 0.0], [0.05, 0.3], [0.0, 0.6], [0.0, 0.9]])
     shape = shape_from_stroke(limb(bones, np.array([0.08, 0.07, 0.06, 0.05])), id="limb")

@@ -29,10 +29,10 @@ from studio_driver import (
 )
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "mapping"))
-from made_bodies import horse, meshed, random_motion, walk
+from made_bodies import horse, random_motion, shape_with_markers, walk
 
 from enliven.document.project import Project
-from enliven.document.rigged import Shape
+from enliven.document.rigged import RiggedCharacter
 from enliven.mapping.model_clips import play_own_clip
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.retarget import bind_chain
@@ -42,7 +42,7 @@ from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
 from enliven_viewer.studio.workspace.files import read_library
 from enliven_viewer.studio.workspace.workspace import Workspace
 
-Limb = Callable[..., Shape]
+Limb = Callable[..., RiggedCharacter]
 
 
 @pytest.fixture
@@ -351,12 +351,12 @@ def test_take_of_another_build_gives_advice_or_is_fully_mapped(workspace: Worksp
 
 def test_whole_body_is_fitted_in_the_background_and_measured(workspace: Workspace) -> None:
     """The result equals the command's: on the floor, stepping, smoothed. Edits made meanwhile are kept."""
-    clip, shape = replace(walk(0.3), id="steps"), meshed("horse", horse())
+    clip, shape = replace(walk(0.3), id="steps"), shape_with_markers("horse", horse())
     tool = workspace.input.tools["map"]
     assert isinstance(tool, MapTool)
     workspace.store.new(workspace.editor.project.with_characters(shape).with_takes(clip))
     editor = workspace.editor
-    editor.choose("horse")
+    editor.select_only("horse")
     tool.source.show(clip.id)
     tool.whole_body.travel = True
     tool.map_whole()
@@ -374,12 +374,12 @@ def test_whole_body_honours_loop_box_and_is_replaced_by_remapping(
     workspace: Workspace,
 ) -> None:
     """The checkbox "loop" also applies to the whole body. A second retargeting replaces the first."""
-    clip, shape = replace(walk(0.3), id="steps"), meshed("horse", horse())
+    clip, shape = replace(walk(0.3), id="steps"), shape_with_markers("horse", horse())
     tool = workspace.input.tools["map"]
     assert isinstance(tool, MapTool)
     workspace.store.new(workspace.editor.project.with_characters(shape).with_takes(clip))
     editor = workspace.editor
-    editor.choose("horse")
+    editor.select_only("horse")
     tool.source.show(clip.id)
     poses = []
     for loop in (True, False, False):
@@ -395,13 +395,13 @@ def test_whole_body_honours_loop_box_and_is_replaced_by_remapping(
 
 
 def test_a_take_of_the_very_model_is_copied_joint_by_joint(workspace: Workspace) -> None:
-    random, shape = np.random.default_rng(4), meshed("horse", horse())
+    random, shape = np.random.default_rng(4), shape_with_markers("horse", horse())
     clip = random_motion(random, horse(), 6, name="own")
     tool = workspace.input.tools["map"]
     assert isinstance(tool, MapTool)
     workspace.store.new(workspace.editor.project.with_characters(shape).with_takes(clip))
     editor = workspace.editor
-    editor.choose("horse")
+    editor.select_only("horse")
     tool.source.show("own")
     tool.map_whole()
     editor.background.finish()

@@ -98,7 +98,7 @@ def test_quit_waiting_for_the_save_continues_after_the_answer(windows) -> None:
     first, second = windows
     first.ask("save")
     second.ask("quit")
-    second.go_on(discard=False)
+    second.continue_waiting_command(discard=False)
     assert second.asking == "changed" and not second.ended
     second.save(over=True)
     assert second.ended
@@ -110,7 +110,7 @@ def test_an_answer_of_cancel_does_not_quit_later(windows) -> None:
     first, second = windows
     first.ask("save")
     second.ask("quit")
-    second.go_on(discard=False)
+    second.continue_waiting_command(discard=False)
     second.cancel()
     second.save(over=True)
     assert not second.ended
@@ -133,8 +133,8 @@ def test_unchanged_content_asks_no_question(windows, tmp_path: Path) -> None:
 def test_equal_edits_in_two_windows_ask_no_question(windows, tmp_path: Path) -> None:
     first, second = windows
     first.ask("save")
-    assert second.attempt(lambda: second.open(tmp_path / "work.enliven"))
-    second.go_on(discard=True)
+    assert second.run_and_report(lambda: second.open(tmp_path / "work.enliven"))
+    second.continue_waiting_command(discard=True)
     assert are_identical(first.editor.project, second.editor.project)
     for window in windows:
         window.editor.edit("remove", lambda project: project.without("shared"))

@@ -45,7 +45,7 @@ def test_voice_and_physics_wait_for_a_starting_edge_and_call_only_a_silent_one_o
     def texts() -> tuple[str, str]:
         voice.advance(link, is_near=False)
         physics.advance(link)
-        return voice.status, physics.words
+        return voice.status, physics.state_text
 
     assert texts() == (WAITING, WAITING), "no message yet"
     clock.seconds += 600.0

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from in_a_window import in_a_window
 from live_receivers import Avatar, OscReceiver
-from made_people import name_in, person
-from patience import until
+from made_people import convention_name, person
+from patience import wait_until
 
 from enliven import cli
 from enliven.document import FREE, Clip, Project, Skeleton, SkinWeights, still_shape
@@ -20,7 +20,7 @@ from enliven.formats.project.file import write_project
 from enliven.meshes import Mesh
 from enliven.motion.layers.retarget import bind_chain
 from enliven.outputs.opening import open_outputs
-from enliven.outputs.settings import outputs_of
+from enliven.outputs.settings import collect_output_settings
 from enliven.person import Body
 from enliven.rotation import IDENTITY, from_rotation_vector, unit
 from enliven_viewer.live.live_stage import LiveStage
@@ -39,7 +39,7 @@ def waving(name: str, take: str, project: Project, *, mesh: bool = True, lift: f
     """Returns a project with one more person, whose left arm swings forward within two seconds."""
     skeleton = person("vrm")
     shape = still_shape(name, skeleton, *(triangles(skeleton) if mesh else ()))
-    frames, chain = 21, tuple(skeleton.index(name_in("vrm", joint)) for joint in ARM)
+    frames, chain = 21, tuple(skeleton.index(convention_name("vrm", joint)) for joint in ARM)
     turns = np.tile(IDENTITY, (frames, len(skeleton), 1))
     angles = lift * np.linspace(0.0, 1.2, frames)
     for joint in chain[1:]:
@@ -65,7 +65,7 @@ def workspace(tmp_path) -> Workspace:
 
 
 def opened(workspace: Workspace, *words: str) -> WindowOutputs:
-    return WindowOutputs(workspace, open_outputs(outputs_of(words, {})))
+    return WindowOutputs(workspace, open_outputs(collect_output_settings(words, {})))
 
 
 def bones_of(receiver: OscReceiver) -> dict[str, tuple[float, ...]]:
@@ -75,7 +75,7 @@ def bones_of(receiver: OscReceiver) -> dict[str, tuple[float, ...]]:
 def arm_of(workspace: Workspace, name: str, skeleton: Skeleton) -> np.ndarray:
     """Returns (3,) the direction of the left upper arm as drawn by the window."""
     handles = workspace.editor.stage_character(name).handles
-    shoulder, elbow = (handles[skeleton.index(name_in("vrm", joint))] for joint in ARM[:2])
+    shoulder, elbow = (handles[skeleton.index(convention_name("vrm", joint))] for joint in ARM[:2])
     return unit(elbow - shoulder)
 
 
@@ -95,7 +95,9 @@ def test_a_project_is_sent_as_it_is_at_the_playhead(tmp_path, mesh):
         for seconds in (0.0, 0.7, 1.5, 0.3):
             editor.time = seconds
             direction = arm_of(workspace, "anna", skeleton)
-            until(lambda d=direction: (outputs.send(), shows(receiver, d))[1], f"the pose at {seconds} s")
+            wait_until(
+                lambda d=direction: (outputs.send(), shows(receiver, d))[1], f"the pose at {seconds} s"
+            )
             seen.append(direction)
         # The arm swings to the front, +Z. The last tested time is earlier than the one before it.
         assert seen[0][2] < seen[3][2] < seen[1][2] < seen[2][2] and seen[2][2] > 0.5
@@ -105,10 +107,10 @@ def test_a_project_is_sent_as_it_is_at_the_playhead(tmp_path, mesh):
 def test_a_paused_project_sends_its_pose_again_while_the_time_runs(workspace):
     with OscReceiver() as receiver, opened(workspace, f"vmc:127.0.0.1:{receiver.port}") as outputs:
         times = receiver.history["/VMC/Ext/T"]
-        until(lambda: (outputs.send(), len(times) >= 4)[1], "four frames")
+        wait_until(lambda: (outputs.send(), len(times) >= 4)[1], "four frames")
         assert times[0] == (0.0,) and all(a < b for a, b in pairwise(times))
         poses = receiver.history["/VMC/Ext/Bone/Pos", "LeftUpperArm"]
-        until(lambda: len(poses) >= 4, "four poses")
+        wait_until(lambda: len(poses) >= 4, "four poses")
         assert len(set(poses)) == 1
 
 
@@ -122,15 +124,17 @@ def test_several_characters_are_sent_and_hidden_ones_are_not(tmp_path):
     with OscReceiver() as first, OscReceiver() as second, OscReceiver() as osc:
         words = [f"vmc:127.0.0.1:{first.port}/anna", f"vmc:127.0.0.1:{second.port}/ben"]
         with opened(workspace, *words, f"osc:127.0.0.1:{osc.port}") as outputs:
-            until(lambda: (outputs.send(), shows(first, anna) and shows(second, ben))[1], "both")
-            until(lambda: ("/VMC/Ext/Tra/Pos", "ben") in first.values, "the trackers")
-            until(lambda: "/enliven/character/ben/position" in osc.values, "the positions")
+            wait_until(lambda: (outputs.send(), shows(first, anna) and shows(second, ben))[1], "both")
+            wait_until(lambda: ("/VMC/Ext/Tra/Pos", "ben") in first.values, "the trackers")
+            wait_until(lambda: "/enliven/character/ben/position" in osc.values, "the positions")
             hide(workspace, "ben")
-            until(lambda: (outputs.send(), second.values.get("/VMC/Ext/OK") == (0, 0, 0, 0))[1], "hidden")
+            wait_until(
+                lambda: (outputs.send(), second.values.get("/VMC/Ext/OK") == (0, 0, 0, 0))[1], "hidden"
+            )
             count = len(osc.history["/enliven/character/anna/position"])
             osc.values.pop("/enliven/character/ben/position", None)
             history = osc.history["/enliven/character/anna/position"]
-            until(lambda: (outputs.send(), len(history) > count + 2)[1], "later frames")
+            wait_until(lambda: (outputs.send(), len(history) > count + 2)[1], "later frames")
             assert "/enliven/character/ben/position" not in osc.values
 
 
@@ -149,7 +153,9 @@ def test_a_take_is_sent_as_it_is_at_the_playhead(workspace, tmp_path):
     player.perform.follow_take(tmp_path / "dance.mcap")
     live, skeleton = player.perform.live, person("vrm")
     try:
-        until(lambda: (player.perform.advance(0.01), live.document.timeline.end_ns > 1.9e9)[1], "the take")
+        wait_until(
+            lambda: (player.perform.advance(0.01), live.document.timeline.end_ns > 1.9e9)[1], "the take"
+        )
         with OscReceiver() as receiver, opened(player, f"vmc:127.0.0.1:{receiver.port}") as outputs:
             for fraction in (0.0, 0.5, 0.9):
                 live.playhead.scrub(fraction)
@@ -163,7 +169,7 @@ def test_a_take_is_sent_as_it_is_at_the_playhead(workspace, tmp_path):
                     arm = Avatar(bones).direction("LeftUpperArm") if len(bones) >= 15 else np.zeros(3)
                     return np.allclose(arm, MIRROR * direction, atol=0.01)
 
-                until(arrived, f"the pose at {fraction} of the take")
+                wait_until(arrived, f"the pose at {fraction} of the take")
     finally:
         player.perform.disconnect()
 
@@ -197,10 +203,10 @@ def test_performers_of_a_stage_are_sent_by_their_numbers(workspace):
                     "/enliven/performer/1/joint/head" in osc.values
                 )
 
-            until(arrived, "the performer")
+            wait_until(arrived, "the performer")
             assert osc.values["/enliven/event/enter"] == (1,)
             # The project is shown as well. Its characters come in the last packet of a frame.
-            until(lambda: "/enliven/character/anna/position" in osc.values, "the character")
+            wait_until(lambda: "/enliven/character/anna/position" in osc.values, "the character")
             assert osc.values["/enliven/performer/1/height"] == pytest.approx((1.7,))
 
 
@@ -212,7 +218,7 @@ def test_a_missing_receiver_is_shown_once(workspace):
     with OscReceiver() as receiver:
         port = receiver.port
     with opened(workspace, f"vmc:127.0.0.1:{port}") as outputs:
-        until(lambda: (outputs.send(), said(workspace))[1], "the message")
+        wait_until(lambda: (outputs.send(), said(workspace))[1], "the message")
         for _ in range(30):
             outputs.send()
     (text,) = said(workspace)

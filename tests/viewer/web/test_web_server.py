@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import msgspec
 import numpy as np
 import pytest
-from patience import PATIENCE
+from patience import TIMEOUT_S
 from published_stage import PublishedStage
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
@@ -37,7 +37,7 @@ def serving(edge: str, access: WebAccess | None = None, port: int = 0) -> Iterat
         yield server
     finally:
         server.stop()
-        thread.join(PATIENCE)
+        thread.join(TIMEOUT_S)
         assert not thread.is_alive()
 
 
@@ -51,18 +51,18 @@ def stage(box: Character) -> Iterator[PublishedStage]:
 
 def join(server: WebServer, query: str = "", **options: str) -> ClientConnection:
     return connect(
-        f"ws://127.0.0.1:{server.port}/live{query}", max_size=None, open_timeout=PATIENCE, **options
+        f"ws://127.0.0.1:{server.port}/live{query}", max_size=None, open_timeout=TIMEOUT_S, **options
     )
 
 
 def messages(page: ClientConnection, topics: set[str], answers: bool = True) -> dict[str, bytes]:
     """Returns the newest message of each topic once all have arrived. ``state`` is JSON."""
     received: dict[str, bytes] = {}
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + TIMEOUT_S
     while not topics <= received.keys():
         # Messages of other topics may arrive at any time.
         assert time.monotonic() < deadline, f"only {sorted(received)} came, of {sorted(topics)}"
-        data = page.recv(timeout=PATIENCE)
+        data = page.recv(timeout=TIMEOUT_S)
         if isinstance(data, str):
             received["state"] = data.encode()
             continue
@@ -146,7 +146,7 @@ def closed_with(page: ClientConnection) -> int:
     """Returns the close code that the server sends."""
     with pytest.raises(ConnectionClosed) as caught:
         while True:
-            page.recv(timeout=PATIENCE)
+            page.recv(timeout=TIMEOUT_S)
     assert caught.value.rcvd is not None
     return caught.value.rcvd.code
 
@@ -173,7 +173,7 @@ def test_foreign_site_and_wrong_token_are_refused(stage: PublishedStage) -> None
 
 def fetch(server: WebServer, path: str) -> tuple[bytes, str]:
     """Returns the body and the media type of a file."""
-    with urllib.request.urlopen(f"http://127.0.0.1:{server.port}/{path}", timeout=PATIENCE) as response:
+    with urllib.request.urlopen(f"http://127.0.0.1:{server.port}/{path}", timeout=TIMEOUT_S) as response:
         assert "default-src 'self'" in response.headers["Content-Security-Policy"]
         return response.read(), response.headers["Content-Type"]
 

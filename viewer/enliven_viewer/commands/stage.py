@@ -176,7 +176,7 @@ def _connect(edge: str) -> Iterator[EdgeClient]:
 
     client = EdgeClient([edge], "enliven stage")
     with contextlib.closing(client):
-        _poll_until(client, lambda: client.edges[0].complete, _ANSWER_TIMEOUT_S)
+        _poll_until(client, lambda: client.edges[0].has_all_characters, _ANSWER_TIMEOUT_S)
         if client.status is None:
             remedy = "Start one with 'enliven edge', or give its address with --edge."
             raise ResourceError("no edge answers", where=edge, remedy=remedy)

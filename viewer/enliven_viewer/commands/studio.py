@@ -56,7 +56,7 @@ def studio(
         )
     # Heavy modules are imported only here, so that `--help` appears quickly.
     from enliven.outputs.opening import open_outputs
-    from enliven.outputs.settings import outputs_of
+    from enliven.outputs.settings import collect_output_settings
     from enliven.space.space_file import load_space
     from enliven_viewer.studio.editor.editor import Editor
     from enliven_viewer.studio.settings import StudioSettings
@@ -73,7 +73,7 @@ def studio(
     workspace.starting = not files
     if workspace.store.list_recoverable():
         workspace.ask("recover")
-    outputs = outputs_of(out or [], chosen_settings.outputs)
+    outputs = collect_output_settings(out or [], chosen_settings.outputs)
     opened = open_outputs(outputs, settings.parent if settings else None)
     with WindowOutputs(workspace, opened) as sending:
         opening = WindowStart(full_screen=fullscreen)

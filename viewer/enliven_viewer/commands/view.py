@@ -13,7 +13,7 @@ import typer
 from enliven.commands.terminal import print_line
 from enliven.errors import InputError, ResourceError
 from enliven.files import require_folder
-from enliven.outputs.settings import LiveOutputSettings, outputs_of
+from enliven.outputs.settings import LiveOutputSettings, collect_output_settings
 from enliven.settings import load_settings
 from enliven.supervision.lifetime import terminate_as_interrupt
 from enliven_viewer.doctor import has_display
@@ -114,7 +114,10 @@ def view(
             _make_film(take, addresses, film, sheet, chosen_settings, seconds, hud)
         else:
             start = WindowStart(_make_title(take), not hud, fullscreen, escape_ends=True, audience=True)
-            outputs = outputs_of(out or [], chosen_settings.outputs), settings and settings.parent
+            outputs = (
+                collect_output_settings(out or [], chosen_settings.outputs),
+                settings and settings.parent,
+            )
             _open_window(take, addresses, chosen_settings, seconds, start, space, outputs)
 
 

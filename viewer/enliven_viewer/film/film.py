@@ -166,7 +166,7 @@ def _iterate_moments(
     allows.
     """
     timeline, rate = document.timeline, settings.film.rate
-    _await_first(feed, document, settings.film.patience)
+    _wait_for_first_moment(feed, document, settings.film.patience)
     start, count = timeline.start_ns, 0
     last_arrival_time = time.monotonic()
     while not parent_is_gone() and (seconds is None or count < round(seconds * rate)):
@@ -194,7 +194,7 @@ def _iterate_moments(
             time.sleep(_IDLE_SLEEP_S)
 
 
-def _await_first(feed: FilmSource, document: Document, patience: float) -> None:
+def _wait_for_first_moment(feed: FilmSource, document: Document, patience: float) -> None:
     """Waits until the document contains a first moment and its characters."""
     deadline = time.monotonic() + patience
     while True:

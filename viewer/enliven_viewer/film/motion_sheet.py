@@ -11,7 +11,16 @@ import numpy as np
 
 from enliven.arrays import Float, Float32, UInt8
 from enliven.deformation.skinning import skin_vertices
-from enliven.document import Character, Clip, Pose, Project, Shape, Skeleton, character_of, still_shape
+from enliven.document import (
+    Character,
+    Clip,
+    Pose,
+    Project,
+    RiggedCharacter,
+    Skeleton,
+    character_of,
+    still_shape,
+)
 from enliven.exporters import octahedral_bone_mesh
 from enliven.formats.rig.rig import play_clip
 from enliven.mapping.automatic_mapping import RetargetedShape
@@ -111,7 +120,7 @@ def _make_take_row(retargeted: RetargetedShape, times: Float) -> MotionRow:
     return make_performer_row(retargeted.clip, retargeted.take_facing, retargeted.plan.travel, times)
 
 
-def make_stick_shape(name: str, skeleton: Skeleton) -> Shape:
+def make_stick_shape(name: str, skeleton: Skeleton) -> RiggedCharacter:
     """Returns a shape that displays a skeleton: a slender double pyramid for every bone."""
     mesh, skin = octahedral_bone_mesh(skeleton)
     if mesh is not None:

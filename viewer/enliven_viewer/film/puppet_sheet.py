@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.deformation.arap.control_point_surface import PuppetSurface
-from enliven.document import Project, Puppet, character_from_puppet
+from enliven.document import ExampleCharacter, Project, character_from_puppet
 from enliven.examples.puppet_motion import (
     evaluate_state,
     loop_position,
@@ -16,14 +16,14 @@ from enliven.examples.puppet_motion import (
     solve_layer_motion,
     to_world_frame,
 )
-from enliven.skeletons.facing import facing_of
+from enliven.skeletons.facing import find_facing
 from enliven_viewer.film.motion_sheet import CAMERA_AZIMUTH, MotionRow, make_performer_row, write_rows
 
 
 def write_puppet_sheet(
     path: Path,
     project: Project,
-    puppet: Puppet,
+    puppet: ExampleCharacter,
     span: tuple[float, float],
     *,
     frames: int = 6,
@@ -46,7 +46,7 @@ def write_puppet_sheet(
     write_rows(path, rows, times, puppet.id, f"{span[1] - span[0]:.1f} s, {counts_text}", size)
 
 
-def _make_performer_row(project: Project, puppet: Puppet, times: Float) -> MotionRow:
+def _make_performer_row(project: Project, puppet: ExampleCharacter, times: Float) -> MotionRow:
     """Returns the row of the performer in the take that the lowest unmuted layer plays, at the frames that it
     plays.
     """
@@ -54,10 +54,10 @@ def _make_performer_row(project: Project, puppet: Puppet, times: Float) -> Motio
     layer, motion = puppet.layers[number], solve_layer_motion(project, puppet, number)
     clip = project.takes[layer.take]
     seconds = [loop_position(layer, motion, time)[0] * clip.step for time in times]
-    return make_performer_row(clip, facing_of(clip.skeleton), motion.travels, seconds)
+    return make_performer_row(clip, find_facing(clip.skeleton), motion.travels, seconds)
 
 
-def _make_puppet_row(project: Project, puppet: Puppet, times: Float) -> MotionRow:
+def _make_puppet_row(project: Project, puppet: ExampleCharacter, times: Float) -> MotionRow:
     held_vertices, weights = zip(*((point.vertex, point.weight) for point in puppet.points), strict=True)
     surface = PuppetSurface(puppet.mesh, held_vertices, weights, puppet.surface)
     states = [evaluate_state(project, puppet, time) for time in times]

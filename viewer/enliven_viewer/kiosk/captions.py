@@ -57,7 +57,7 @@ _FADE_S = 0.45
 """Duration of a fade of the words in seconds."""
 _TITLE_TIME_S = 4.0
 """Seconds for which a performing visitor sees the title. After that, the picture shows only the character."""
-_DRIFT = 0.012
+_DRIFT_FRACTION = 0.012
 """Amplitude of the captions' drift as a fraction of the picture's height. It exceeds the width of a letter's
 stroke.
 """
@@ -65,7 +65,7 @@ _DRIFT_PERIODS_S = (19.0, 27.0)
 """Periods in seconds of the horizontal and the vertical drift."""
 _EXCHANGE_S = 40.0
 """Seconds after which title and hint swap places in the attract state. Burn-in begins after minutes."""
-_INK = (0.97, 0.975, 0.985)
+_TEXT_COLOUR = (0.97, 0.975, 0.985)
 """sRGB of the words."""
 _SHADOW = (0.0, 0.0, 0.0)
 """sRGB of the words' shadow, which keeps them readable on a bright picture."""
@@ -129,19 +129,19 @@ class Captions:
     def _draw_line(self, pen: Pen, size: tuple[int, int], line: _Line, letters: int) -> None:
         rows = wrap_words(pen, line.text, letters, _WIDTH * size[0])
         height = _LINE_HEIGHT * letters * len(rows)
-        x = size[0] / 2 + self._drift(0, size)
+        x = size[0] / 2 + self._compute_drift(0, size)
         y = _MARGIN * size[1] if line.at_top else (1 - _MARGIN) * size[1] - height
-        y += self._drift(1, size)
+        y += self._compute_drift(1, size)
         shadow = max(letters / 24, 1.0)
         for k, row in enumerate(rows):
             top = y + k * _LINE_HEIGHT * letters
             for dx, dy in ((shadow, shadow), (-shadow / 2, shadow), (0.0, -shadow / 2)):
                 pen.text(x + dx, top + dy, row, letters, (*_SHADOW, 0.35 * line.opacity), align=0.5)
-            pen.text(x, top, row, letters, (*_INK, line.opacity), align=0.5)
+            pen.text(x, top, row, letters, (*_TEXT_COLOUR, line.opacity), align=0.5)
 
-    def _drift(self, axis: int, size: tuple[int, int]) -> float:
+    def _compute_drift(self, axis: int, size: tuple[int, int]) -> float:
         """Returns the current offset of the captions along an axis in pixels."""
-        return _DRIFT * size[1] * math.sin(2 * math.pi * self._now / _DRIFT_PERIODS_S[axis])
+        return _DRIFT_FRACTION * size[1] * math.sin(2 * math.pi * self._now / _DRIFT_PERIODS_S[axis])
 
     def _find_texts(self, frame: ShowFrame) -> tuple[str, str]:
         """Returns the title and the hint of a picture in the language in use."""

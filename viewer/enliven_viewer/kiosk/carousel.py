@@ -16,9 +16,9 @@ _MOVE_TIME_S = 0.15
 """Time constant of the carousel's motion, in seconds."""
 _GAP_M = 1.05
 """Distance in metres between two adjacent characters."""
-_BACK_M = 0.7
+_NEIGHBOUR_DISTANCE_M = 0.7
 """Distance in metres from the offered character back to its neighbours."""
-_SMALL = 0.55
+_NEIGHBOUR_SCALE = 0.55
 """Size of a neighbour relative to the offered character."""
 _MIN_OPENING = 0.03
 """Fraction of the carousel's opening animation, 0..1, below which no neighbour is visible."""
@@ -60,13 +60,15 @@ class Carousel:
         gain = -math.expm1(-seconds / _MOVE_TIME_S)
         self._opening += gain * (float(open) - self._opening)
         goal = names.index(offered)
-        self._position += gain * _wrap(goal - self._position, count)
+        self._position += gain * _shortest_way(goal - self._position, count)
         if self._opening < _MIN_OPENING:
             # Nothing is visible, but the meshes stay in GPU memory. So no frame waits for an upload when a
             # visitor appears.
             hidden = WaitingPlace(place, size=_HIDDEN_SIZE)
             return [stand_character(characters[name], hidden) for name in names if name != offered]
-        offsets = {name: _wrap(k - self._position, count) for k, name in enumerate(names) if name != offered}
+        offsets = {
+            name: _shortest_way(k - self._position, count) for k, name in enumerate(names) if name != offered
+        }
         return [self._stand(characters[name], offset, place) for name, offset in offsets.items()]
 
     def _stand(self, character: Character, offset: float, place: Place) -> SceneCharacter:
@@ -75,12 +77,12 @@ class Carousel:
         """
         # Beyond the neighbours' places, characters shrink to nothing as they move around the back.
         fade = min(max((_MAX_OFFSET - abs(offset)) / (_MAX_OFFSET - 1.0), 0.0), 1.0)
-        size = max(_SMALL * self._opening * fade, _HIDDEN_SIZE)
+        size = max(_NEIGHBOUR_SCALE * self._opening * fade, _HIDDEN_SIZE)
         x = place[0] - offset * _GAP_M
-        z = place[1] - _BACK_M * min(abs(offset), 1.0)
+        z = place[1] - _NEIGHBOUR_DISTANCE_M * min(abs(offset), 1.0)
         return stand_character(character, WaitingPlace((x, z), 0.35 * offset, size=size))
 
 
-def _wrap(steps: float, count: int) -> float:
+def _shortest_way(steps: float, count: int) -> float:
     """Returns the signed shortest distance, in places, around a carousel of ``count`` places."""
     return (steps + count / 2) % count - count / 2

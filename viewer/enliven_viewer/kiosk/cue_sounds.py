@@ -55,7 +55,7 @@ class CueSounds:
         self._stream: Any = None
         self._playing: Int16 = np.zeros(0, np.int16)
         if is_on:
-            self._open()
+            self._open_output()
         self._sounds = {name: make_sound(name) for name in CHORDS} if self._stream is not None else {}
 
     def play(self, name: str) -> None:
@@ -79,7 +79,7 @@ class CueSounds:
         if self._playing is playing:
             self._playing = playing[count:]
 
-    def _open(self) -> None:
+    def _open_output(self) -> None:
         """Opens the audio output. A failure is logged."""
         try:
             import sounddevice

@@ -16,7 +16,7 @@ from enliven.arrays import UInt8
 from enliven.errors import EnlivenError
 from enliven.files import write_picture
 from enliven.supervision.notify import Notifier
-from enliven.supervision.records import SCREEN_PICTURE, ServiceRecord, runtime_folder, write_service
+from enliven.supervision.records import SCREEN_PICTURE_FILE, ServiceRecord, runtime_folder, write_service
 
 log = logging.getLogger(__name__)
 
@@ -52,7 +52,7 @@ class OperatorReport:
         self._problem, self._problem_since = "", 0.0
         self._logged = ""
 
-    def drawn(self, now: float, status: str, problem: str, probe: Callable[[], bytes]) -> None:
+    def report_picture(self, now: float, status: str, problem: str, probe: Callable[[], bytes]) -> None:
         """Reports that a new picture is on the screen.
 
         Reports progress only if the picture differs from the previous one, so that a frozen picture is
@@ -72,13 +72,13 @@ class OperatorReport:
             pixels = probe()
             if pixels != self._probe:
                 self._probe, self._progress_s = pixels, time.time()
-                self._notifier.progress(text)
+                self._notifier.report_progress(text)
         if now - self._recorded >= _RECORD_INTERVAL_S:
             self._fps = self._count / (now - self._recorded)
             self._recorded, self._count = now, 0
             self._write_record(text)
 
-    def picture(self, now: float, pixels: Callable[[], UInt8]) -> None:
+    def write_picture_if_due(self, now: float, pixels: Callable[[], UInt8]) -> None:
         """Writes a small picture of the screen if one is due. Continues if the disk is full.
 
         Args:
@@ -90,17 +90,17 @@ class OperatorReport:
         image = Image.fromarray(pixels())
         image.thumbnail((_PICTURE_WIDTH, _PICTURE_WIDTH))
         try:
-            write_picture((self._folder or runtime_folder()) / SCREEN_PICTURE, image)
+            write_picture((self._folder or runtime_folder()) / SCREEN_PICTURE_FILE, image)
         except (EnlivenError, OSError) as error:
             log.warning("%s", error)
 
-    def ready(self) -> None:
+    def report_ready(self) -> None:
         """Reports that the first picture is on the screen."""
-        self._notifier.ready("the window is open")
+        self._notifier.report_ready("the window is open")
 
     def close(self) -> None:
         """Reports that the window closes as intended."""
-        self._notifier.stopping()
+        self._notifier.report_stopping()
         self._notifier.close()
 
     def _write_record(self, text: str) -> None:

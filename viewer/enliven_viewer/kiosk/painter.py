@@ -51,7 +51,7 @@ class Painter:
             souvenirs: takes its pictures before the captions are drawn, and provides QR codes to show; None
                 for none.
         """
-        self._renderer.draw(frame.scene, show.look(self.size[0] / self.size[1]))
+        self._renderer.draw(frame.scene, show.get_camera_view(self.size[0] / self.size[1]))
         self._copy.draw(self._renderer.picture.texture, self._picture, self.size, mirrored=True)
         self.captions.advance(frame, seconds)
         if souvenirs is not None:

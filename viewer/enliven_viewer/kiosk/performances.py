@@ -45,7 +45,7 @@ mesh.
 
 
 @dataclass(frozen=True)
-class Act:
+class SpotContent:
     """The content of one spot of the picture in one frame.
 
     Attributes:
@@ -70,7 +70,7 @@ class RecordedPerformance(Protocol):
 
     character: str
 
-    def advance(self, seconds: float) -> Act | None:
+    def advance(self, seconds: float) -> SpotContent | None:
         """Advances the performance. Returns what to show, or None at its end."""
         ...
 
@@ -106,7 +106,7 @@ class VisitPerformance:
         self._now = self._ring = 0.0
         self._number = random.randrange(1 << 16)  # Distinguishes this visit from the previous one.
 
-    def advance(self, seconds: float) -> Act | None:
+    def advance(self, seconds: float) -> SpotContent | None:
         """Advances the visit. Returns the content of the spot, or None at the end of the visit."""
         step = min(seconds, _MAX_STEP_S)
         self._now += step
@@ -115,15 +115,15 @@ class VisitPerformance:
         body = self._body_at(self._now)
         if body is None:
             self._release()
-            return Act(self.character, None, 0.0, self._perform([]), f"visit {self._number}")
+            return SpotContent(self.character, None, 0.0, self._perform([]), f"visit {self._number}")
         if not self._actor.holds:
             hips = body.joints[Joint.HIP_CENTER, [0, 2]]
             if math.dist(hips, self._place) <= self._radius:
                 self._ring = min(self._ring + step / self._dwell, 1.0)
             if self._ring < 1.0:
-                return Act(self.character, body, self._ring)
+                return SpotContent(self.character, body, self._ring)
             self._actor.possess(body, self._parts)
-        return Act(self.character, body, 0.0, self._perform([body]), f"visit {self._number}")
+        return SpotContent(self.character, body, 0.0, self._perform([body]), f"visit {self._number}")
 
     def _perform(self, bodies: list[Body]) -> SceneCharacter:
         pose = self._actor.perform(bodies, round(self._now * NS_PER_S))
@@ -164,7 +164,7 @@ class TakePerformance:
         self.character = ""
         self._shown = 0.0
 
-    def advance(self, seconds: float) -> Act | None:
+    def advance(self, seconds: float) -> SpotContent | None:
         """Advances the take. Returns the content of the spot, or None at the end of the take."""
         self._live.advance(seconds)
         self._shown += seconds
@@ -174,25 +174,25 @@ class TakePerformance:
             self._live.close()
             return None
         if not actors:
-            return Act("")
+            return SpotContent("")
         offset = self._offset
         if offset is None:
             middle = np.concatenate([actor.extent for actor in actors]).mean(0)
             offset = np.array([self._place[0] - middle[0], 0.0, self._place[1] - middle[2]], np.float32)
             self._offset = offset
-        moved = [_move(actor, offset) for actor in actors]
+        moved = [_offset_character(actor, offset) for actor in actors]
         self.character = moved[0].character.id
-        return Act(self.character, None, 0.0, moved[0], f"take {self._name}", tuple(moved[1:]))
+        return SpotContent(self.character, None, 0.0, moved[0], f"take {self._name}", tuple(moved[1:]))
 
 
-def _move(actor: SceneCharacter, offset: Float32) -> SceneCharacter:
+def _offset_character(actor: SceneCharacter, offset: Float32) -> SceneCharacter:
     """Returns a character moved by (3,) metres."""
     pose = replace(actor.pose, positions=actor.pose.positions + offset)
     vertices = None if actor.vertices is None else actor.vertices + offset
     return replace(actor, pose=pose, vertices=vertices, cues=None)
 
 
-class Programme:
+class PerformanceCycle:
     """Plays the performances of a kiosk in turn, endlessly.
 
     Characters are prepared in the background, because fitting a person into a mesh takes seconds.
@@ -218,7 +218,7 @@ class Programme:
         self.problems: list[str] = []
         self._parts, self._place, self._radius, self._dwell = parts, place, radius, dwell
         self._order = list(order)
-        self._makers = self._read(paths or list_shipped_visits())
+        self._makers = self._list_recordings(paths or list_shipped_visits())
         self._background = ThreadPoolExecutor(1, "kiosk performances")
         self._prepared: dict[str, tuple[Character, Future[EmbeddedActor]]] = {}
         self._characters: Mapping[str, Character] = {}
@@ -233,16 +233,16 @@ class Programme:
         names = [name for name in self._order if name in self._characters]
         return playing or (names[self._turn % len(names)] if names else "")
 
-    def meet(self, characters: Mapping[str, Character]) -> None:
+    def update_characters(self, characters: Mapping[str, Character]) -> None:
         """Updates the characters of the stage. Starts to prepare new ones in the background."""
         self._characters = characters
         for name, character in characters.items():
             before = self._prepared.get(name)
             if character.kind == "graph" and (before is None or before[0] is not character):
-                future = self._background.submit(_prepare, character)
+                future = self._background.submit(_prepare_actor, character)
                 self._prepared[name] = character, future
 
-    def advance(self, seconds: float) -> Act:
+    def advance(self, seconds: float) -> SpotContent:
         """Advances the current performance, or starts the next. Returns the content of the spot."""
         if self._current is not None:
             act = self._current.advance(seconds)
@@ -253,7 +253,7 @@ class Programme:
         self._pause_s -= seconds
         if self._pause_s <= 0.0:
             self._current = self._start()
-        return Act(self.character)
+        return SpotContent(self.character)
 
     def stop(self) -> None:
         """Ends the current performance, because a visitor has come."""
@@ -273,7 +273,7 @@ class Programme:
                 return performance
         return None
 
-    def _read(self, paths: Sequence[Path]) -> list[Callable[[], RecordedPerformance | None]]:
+    def _list_recordings(self, paths: Sequence[Path]) -> list[Callable[[], RecordedPerformance | None]]:
         """Returns a function for each readable recording. Each function starts the performance."""
         makers: list[Callable[[], RecordedPerformance | None]] = []
         for path in paths:
@@ -333,7 +333,7 @@ def list_shipped_visits() -> list[Path]:
     return sorted(folder.glob("*.mcap"))
 
 
-def _prepare(character: Character) -> EmbeddedActor:
+def _prepare_actor(character: Character) -> EmbeddedActor:
     """Fits a person into the mesh of a character and compiles its solver. Returns both as an actor."""
     actor = EmbeddedActor(character, graph_from_character(character))
     actor.warm_up()

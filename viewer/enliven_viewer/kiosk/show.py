@@ -13,7 +13,7 @@ import numpy as np
 
 from enliven.arrays import Float, Float32
 from enliven.character_store.prepared import PreparedCharacter, prepare_once
-from enliven.character_store.store import key_of
+from enliven.character_store.store import compute_cache_key
 from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.document import Character
 from enliven.kiosk.profile import KioskProfile
@@ -27,7 +27,7 @@ from enliven.samples.shipped import load_sample
 from enliven_viewer.kiosk.carousel import Carousel
 from enliven_viewer.kiosk.figures import STANDING_HEIGHT_M, CharacterFigure
 from enliven_viewer.kiosk.floor_marks import FloorMark, SpotMark
-from enliven_viewer.kiosk.performances import Act, Programme
+from enliven_viewer.kiosk.performances import PerformanceCycle, SpotContent
 from enliven_viewer.kiosk.stage_link import EdgeReport, KioskLink, find_parts
 from enliven_viewer.render.camera import CameraView, OrbitCamera
 from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
@@ -122,7 +122,7 @@ class KioskShow:
         count = len(self._view.spots)
         paths = [folder / path for path in story.attract]
         place = self._view.spots[0].place
-        self._programme = Programme(paths, find_parts(profile), place, zone.spot, story.dwell, names)
+        self._programme = PerformanceCycle(paths, find_parts(profile), place, zone.spot, story.dwell, names)
         self._figures: dict[tuple[int, str], CharacterFigure] = {}
         self._spot_marks = [
             SpotMark(k, _SPOT_COLOURS[k % len(_SPOT_COLOURS)], _RING_COLOUR) for k in range(count)
@@ -161,14 +161,16 @@ class KioskShow:
             )
         )
         self._link.send(self._view.requests)
-        characters = {name: report.characters[name] for name in self._names(report)} or self._find_spare()
-        self._programme.meet(characters)
+        characters = {
+            name: report.characters[name] for name in self._list_available_characters(report)
+        } or self._find_spare()
+        self._programme.update_characters(characters)
         acts = self._find_acts(report, seconds)
         scene = self._make_scene(acts, characters, report, seconds)
         name = acts[self._view.shown].character
         return ShowFrame(scene, self._view, name, self._now, report)
 
-    def look(self, aspect: float) -> CameraView:
+    def get_camera_view(self, aspect: float) -> CameraView:
         """Returns the camera's view, which drifts slowly.
 
         Args:
@@ -199,28 +201,28 @@ class KioskShow:
         """
         return self._spare.result() if self._spare.done() and not self._spare.exception() else {}
 
-    def _names(self, report: EdgeReport) -> list[str]:
+    def _list_available_characters(self, report: EdgeReport) -> list[str]:
         """Returns the names of the profile's characters that are on the stage."""
         return [name for name in self._profile.characters if name in report.characters]
 
-    def _find_acts(self, report: EdgeReport, seconds: float) -> list[Act]:
+    def _find_acts(self, report: EdgeReport, seconds: float) -> list[SpotContent]:
         """Returns the content of each spot: recorded performances without visitors, otherwise the story."""
         if all(spot.phase is Phase.ATTRACT for spot in self._view.spots):
             first = self._programme.advance(seconds)
-            rest = [Act(spot.character) for spot in self._view.spots[1:]]
+            rest = [SpotContent(spot.character) for spot in self._view.spots[1:]]
             return [first, *(act for act in rest if act.character != first.character)]
         self._programme.stop()
         return [self._find_act(spot, report) for spot in self._view.spots]
 
-    def _find_act(self, spot: SpotView, report: EdgeReport) -> Act:
+    def _find_act(self, spot: SpotView, report: EdgeReport) -> SpotContent:
         """Returns the content of a spot while there are visitors."""
         body = report.bodies.get(spot.body)
         if spot.phase is Phase.POSSESSED:
-            return Act(spot.character, body, 0.0, report.shown.get(spot.character), "edge")
-        return Act(spot.character, body, spot.ring, source="waits")
+            return SpotContent(spot.character, body, 0.0, report.shown.get(spot.character), "edge")
+        return SpotContent(spot.character, body, spot.ring, source="waits")
 
     def _make_scene(
-        self, acts: list[Act], characters: Mapping[str, Character], report: EdgeReport, seconds: float
+        self, acts: list[SpotContent], characters: Mapping[str, Character], report: EdgeReport, seconds: float
     ) -> Scene:
         """Returns the scene of a picture."""
         actors: list[SceneCharacter] = []
@@ -254,7 +256,7 @@ class KioskShow:
         self._half_width += (wanted - self._half_width) * -math.expm1(-seconds / _VIEW_TIME_S)
 
     def _show_figure(
-        self, k: int, act: Act, character: Character, spot: SpotView, seconds: float
+        self, k: int, act: SpotContent, character: Character, spot: SpotView, seconds: float
     ) -> SceneCharacter:
         """Returns the character of a spot, turned to its visitor or driven."""
         figure = self._figures.setdefault((k, act.character), CharacterFigure(spot.place))
@@ -266,7 +268,7 @@ class KioskShow:
         performer = _find_place(act.body) if is_live and act.body is not None else None
         return figure.show(character, act.driven, act.source, seconds, performer)
 
-    def _draw_spot(self, k: int, act: Act, spot: SpotView) -> list[SceneCharacter]:
+    def _draw_spot(self, k: int, act: SpotContent, spot: SpotView) -> list[SceneCharacter]:
         """Returns the marks of a spot. While a visitor performs there, it has no marks."""
         if spot.phase is Phase.POSSESSED or (act.driven is not None and spot.phase is Phase.ATTRACT):
             return []
@@ -298,7 +300,9 @@ class KioskShow:
             names, characters, spot.character, spot.place, open=chooses, seconds=seconds
         )
 
-    def _find_shown_bodies(self, acts: list[Act], report: EdgeReport, seconds: float) -> tuple[Body, ...]:
+    def _find_shown_bodies(
+        self, acts: list[SpotContent], report: EdgeReport, seconds: float
+    ) -> tuple[Body, ...]:
         """Returns the skeletons to show: those of waiting visitors, and those inside waiting characters."""
         farewells = {k for k, spot in enumerate(self._view.spots) if spot.phase is Phase.FAREWELL}
         waits = [
@@ -339,7 +343,7 @@ def make_spare_character(profile: KioskProfile) -> dict[str, Character]:
     name = names[0] if names else next(iter(profile.characters), "chair")
     mesh = profile.characters[names[0]].mesh if names else "chair"
     sample: Literal["chair", "lamp"] = "lamp" if mesh == "lamp" else "chair"
-    key = key_of("spare character", sample, name, _SPARE_NODES)
+    key = compute_cache_key("spare character", sample, name, _SPARE_NODES)
     return {name: prepare_once(key, lambda: _prepare_spare(sample, name)).character}
 
 

@@ -53,7 +53,7 @@ MIN_FILM_S = 1.0
 """Shortest film in seconds. A shorter one is deleted."""
 _PHOTO_INTERVAL_S = 1.0
 """Minimum seconds between two photos. Each photo must read the picture from the GPU."""
-_WIDER = 1.05
+_MIN_WIDENING_FACTOR = 1.05
 """A new photo replaces the current one if its gesture is wider by at least this factor."""
 _PHOTO_QUALITY = 90
 """Quality of the JPEG file, from 0 to 100."""
@@ -120,10 +120,10 @@ class SouvenirMaker:
         for k, spot in enumerate(frame.story.spots):
             if spot.phase is Phase.POSSESSED:
                 session = self._sessions.setdefault(k, _Session(spot.since_s))
-                self._take(session, spot, frame, grab)
+                self._take_picture_if_due(session, spot, frame, grab)
             elif k in self._sessions:
-                self._end(self._sessions.pop(k), is_wanted=spot.phase is Phase.FAREWELL)
-        self._collect(frame.now)
+                self._end_session(self._sessions.pop(k), is_wanted=spot.phase is Phase.FAREWELL)
+        self._show_finished_codes(frame.now)
 
     def draw(self, pen: Pen, size: tuple[int, int]) -> None:
         """Draws the QR codes of the souvenirs into an area of ``size`` pixels (width, height)."""
@@ -134,11 +134,11 @@ class SouvenirMaker:
     def close(self) -> None:
         """Stops the background work. Unfinished souvenirs are dropped."""
         for session in self._sessions.values():
-            self._end(session, is_wanted=False)
+            self._end_session(session, is_wanted=False)
         self._sessions.clear()
         self._background.shutdown(cancel_futures=True)
 
-    def _take(self, session: _Session, spot: SpotView, frame: ShowFrame, grab: Grab) -> None:
+    def _take_picture_if_due(self, session: _Session, spot: SpotView, frame: ShowFrame, grab: Grab) -> None:
         """Takes a picture if it is due."""
         elapsed = frame.now - session.since_s - FIRST_PICTURE_S
         if elapsed < 0.0:
@@ -146,18 +146,20 @@ class SouvenirMaker:
         if self._settings.kind == "photo":
             self._take_photo(session, measure_gesture(frame.report.bodies.get(spot.body)), frame.now, grab)
         elif elapsed <= self._settings.length:
-            self._film(session, elapsed, grab)
+            self._film_if_due(session, elapsed, grab)
         elif session.pictures is not None:
             self._end_film(session)
 
     def _take_photo(self, session: _Session, extent: float, now: float, grab: Grab) -> None:
         """Replaces the photo if the visitor's gesture is wider."""
         is_first = session.photo is None
-        if not is_first and (extent < _WIDER * session.extent or now - session.tried_s < _PHOTO_INTERVAL_S):
+        if not is_first and (
+            extent < _MIN_WIDENING_FACTOR * session.extent or now - session.tried_s < _PHOTO_INTERVAL_S
+        ):
             return
         session.photo, session.extent, session.tried_s = grab(PHOTO_SIZE), extent, now
 
-    def _film(self, session: _Session, elapsed: float, grab: Grab) -> None:
+    def _film_if_due(self, session: _Session, elapsed: float, grab: Grab) -> None:
         """Passes a picture to the encoder if one is due. It is repeated if the screen's frame rate is lower
         than the film's.
         """
@@ -165,7 +167,7 @@ class SouvenirMaker:
         if due < 1:
             return
         if session.is_written is None:
-            if not self._reserve(session):
+            if not self._reserve_file(session):
                 return
             session.pictures = queue.Queue()
             session.is_written = self._background.submit(_write_film, session.path, session.pictures)
@@ -174,9 +176,9 @@ class SouvenirMaker:
         session.pictures.put_nowait((grab(FILM_SIZE), due))
         session.count += due
 
-    def _end(self, session: _Session, is_wanted: bool) -> None:
+    def _end_session(self, session: _Session, is_wanted: bool) -> None:
         """Ends a session, and stores its souvenir."""
-        if session.photo is not None and is_wanted and self._reserve(session):
+        if session.photo is not None and is_wanted and self._reserve_file(session):
             written = self._background.submit(_write_photo, session.path, session.photo)
             self._finished.append((session.token, written))
         elif session.is_written is not None:
@@ -193,7 +195,7 @@ class SouvenirMaker:
             session.pictures.put_nowait(None)
             session.pictures = None
 
-    def _reserve(self, session: _Session) -> bool:
+    def _reserve_file(self, session: _Session) -> bool:
         """Reserves a file for a session. Returns False if that fails."""
         if session.token:
             return True
@@ -204,7 +206,7 @@ class SouvenirMaker:
             return False
         return True
 
-    def _collect(self, now: float) -> None:
+    def _show_finished_codes(self, now: float) -> None:
         """Shows the codes of finished souvenirs, each for a limited time."""
         for side, since_s in enumerate(self._shown_s):
             if now - since_s > self._settings.code:
@@ -217,16 +219,16 @@ class SouvenirMaker:
                 self._report(str(error))
                 continue
             if is_usable:
-                self._show(token, now)
+                self._show_code(token, now)
 
-    def _show(self, token: str, now: float) -> None:
+    def _show_code(self, token: str, now: float) -> None:
         """Shows the code of a souvenir."""
         start = find_souvenir_address(self._settings)
         if not start:
             self._report("this computer has no address in a network, so phones cannot fetch souvenirs")
             return
         self.problem = ""
-        self._background.submit(self._store.sweep)
+        self._background.submit(self._store.delete_expired)
         # Show the code at the right if that is free, otherwise at the left. Otherwise replace the older code.
         side = next((k for k, code in enumerate(self.codes) if code is None), None)
         if side is None:

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from enliven.document import Character
-from enliven.kiosk.profile import EdgeOfKiosk, KioskProfile
+from enliven.kiosk.profile import KioskEdge, KioskProfile
 from enliven.kiosk.spot import Press, StoryRequest, TakeCharacter
 from enliven.kiosk.visitors import Visitor, visitor_from_body
 from enliven.person import Body
-from enliven.samples.shipped import parts_for
+from enliven.samples.shipped import default_parts
 from enliven.space.space_file import load_space
 from enliven.wire import BODIES, CALLS, HOLDS, Done, Possess, Release, Topic
 from enliven_viewer.kiosk.visitor_merge import VisitorMerge
@@ -68,7 +68,7 @@ def find_edge_addresses(profile: KioskProfile) -> list[str]:
     return [find_edge_address(edge) for edge in profile.edges.values()]
 
 
-def find_edge_address(edge: EdgeOfKiosk) -> str:
+def find_edge_address(edge: KioskEdge) -> str:
     """Returns the address of an edge of the profile."""
     if not edge.address:
         return f"127.0.0.1:{edge.port}"
@@ -78,7 +78,8 @@ def find_edge_address(edge: EdgeOfKiosk) -> str:
 def find_parts(profile: KioskProfile) -> dict[str, str]:
     """Returns the body parts that control each character, by its name."""
     return {
-        name: character.parts or parts_for(character.mesh) for name, character in profile.characters.items()
+        name: character.parts or default_parts(character.mesh)
+        for name, character in profile.characters.items()
     }
 
 
@@ -110,7 +111,7 @@ class KioskLink:
             EdgeClient([address], name=profile.name) for address in find_edge_addresses(profile)
         ]
         settings = PlaybackSettings(minutes=_MEMORY_MIN)
-        self._edges = [EdgeOfShow(client, k, settings, clock) for k, client in enumerate(links)]
+        self._edges = [ShowEdge(client, k, settings, clock) for k, client in enumerate(links)]
         self._space = SharedSpace(self._report)
         self._problems: list[str] = []
         if len(self._edges) > 1:
@@ -132,7 +133,7 @@ class KioskLink:
             for edge in reversed(self._edges)
             for name, character in edge.live.document.characters.items()
         }
-        seeing = [edge for edge in self._edges if edge.sees and self._is_placed(edge)]
+        seeing = [edge for edge in self._edges if edge.is_delivering and self._is_placed(edge)]
         if not seeing:
             return EdgeReport(False, presses=presses, characters=characters, problem=problem)
         holders = self._find_holders(seeing)
@@ -146,13 +147,13 @@ class KioskLink:
         """Sends the story's requests to the edges. Refusals are logged for operators."""
         for request in requests:
             if isinstance(request, TakeCharacter):
-                self._take(request.character, *split_performer_id(request.body))
+                self._give_character(request.character, *split_performer_id(request.body))
             elif request.body is None:
                 for edge in self._edges:
-                    self._release(edge, request.character, None)
+                    self._release_character(edge, request.character, None)
             else:
                 number, body = split_performer_id(request.body)
-                self._release(self._edges[number], request.character, body)
+                self._release_character(self._edges[number], request.character, body)
 
     def close(self) -> None:
         """Closes the sockets."""
@@ -162,19 +163,19 @@ class KioskLink:
     def _receive(self, seconds: float) -> None:
         """Processes the messages of all edges, and makes the scene of each edge for the same moment."""
         if len(self._edges) > 1:
-            self._space.place(self._name_of(0), self._edges[1:])
+            self._space.update_transforms(self._find_edge_name(0), self._edges[1:])
         for edge in self._edges:
             edge.receive(seconds)
-        self._space.align([(edge.live, edge.feed) for edge in self._edges])
+        self._space.align_times([(edge.live, edge.feed) for edge in self._edges])
         for edge in self._edges:
             edge.live.compose(seconds)
 
-    def _name_of(self, number: int) -> str:
+    def _find_edge_name(self, number: int) -> str:
         """Returns the name that an edge has sent, or the name in the profile before its first message."""
         edge = self._edges[number]
         return edge.name if edge.is_heard or number >= len(self._names) else self._names[number]
 
-    def _is_placed(self, edge: EdgeOfShow) -> bool:
+    def _is_placed(self, edge: ShowEdge) -> bool:
         """Returns True if the visitors of an edge have correct positions in the shared space.
 
         If the kiosk has a calibration file, an edge that it does not contain is ignored. Its visitors would
@@ -182,7 +183,7 @@ class KioskLink:
         """
         return edge.number == 0 or self._space.space is None or edge.feed.transform is not None
 
-    def _find_holders(self, edges: Sequence[EdgeOfShow]) -> dict[str, tuple[int, ...]]:
+    def _find_holders(self, edges: Sequence[ShowEdge]) -> dict[str, tuple[int, ...]]:
         """Returns the shared ids of the bodies that control each character on any edge."""
         holders: dict[str, tuple[int, ...]] = {}
         for edge in edges:
@@ -192,7 +193,7 @@ class KioskLink:
         return holders
 
     def _find_shown(
-        self, edges: Sequence[EdgeOfShow], holders: Mapping[str, tuple[int, ...]]
+        self, edges: Sequence[ShowEdge], holders: Mapping[str, tuple[int, ...]]
     ) -> dict[str, SceneCharacter]:
         """Returns each character in its newest pose, on the edge that tracks the visitor who controls it."""
         shown: dict[str, SceneCharacter] = {}
@@ -207,7 +208,7 @@ class KioskLink:
             shown |= {actor.character.id: actor for actor in actors if actor.character.id == name}
         return shown
 
-    def _take(self, character: str, number: int, body: int) -> None:
+    def _give_character(self, character: str, number: int, body: int) -> None:
         """Lets a visitor control a character on the edge that tracks the visitor, and releases it on all
         other edges.
         """
@@ -216,9 +217,9 @@ class KioskLink:
             if edge.number == number:
                 edge.ask(Possess(character, body, self._parts.get(character, "all"), "alone"))
             elif edge.holders.get(character):
-                self._release(edge, character, None)
+                self._release_character(edge, character, None)
 
-    def _release(self, edge: EdgeOfShow, character: str, body: int | None) -> None:
+    def _release_character(self, edge: ShowEdge, character: str, body: int | None) -> None:
         """Releases a character on an edge. Sends nothing if no visitor controls it there."""
         if body is not None or edge.number == 0 or edge.holders.get(character):
             edge.ask(Release(character, body))
@@ -228,7 +229,7 @@ class KioskLink:
         self._problems.append(f"{problem}. {remedy}")
 
 
-class EdgeOfShow(FollowedEdge):
+class ShowEdge(FollowedEdge):
     """One edge of a kiosk.
 
     Args:
@@ -239,12 +240,12 @@ class EdgeOfShow(FollowedEdge):
         self, client: EdgeClient, number: int, settings: PlaybackSettings, clock: Callable[[], float]
     ) -> None:
         super().__init__(client, number, settings)
-        self.feed.on_message = self._note
+        self.feed.on_message = self._record_message
         self._clock, self._bodies_at = clock, -_SILENCE_S
         self._presses: list[Press] = []
 
     @property
-    def sees(self) -> bool:
+    def is_delivering(self) -> bool:
         """Returns True if the edge answers and its sensor delivers."""
         return self.connected and self._clock() - self._bodies_at < _SILENCE_S
 
@@ -254,7 +255,7 @@ class EdgeOfShow(FollowedEdge):
         edge = self.live.document.edge
         if not edge.connected:
             return f"the edge at {edge.address} does not answer"
-        if not self.sees:
+        if not self.is_delivering:
             return f"the camera of the edge {self.name} delivers nothing"
         return edge.health[0].what if edge.health and edge.health[0].severity > 1 else ""
 
@@ -272,7 +273,7 @@ class EdgeOfShow(FollowedEdge):
         """Sends a request. A refusal is logged for operators."""
         self.client.ask(order, lambda answer: _log_refusal(order, answer))
 
-    def _note(self, topic: Topic, value: Any) -> None:
+    def _record_message(self, topic: Topic, value: Any) -> None:
         """Stores the time at which bodies arrive, and the pressed buttons."""
         if topic is BODIES:
             self._bodies_at = self._clock()

@@ -73,7 +73,7 @@ class VisitorMerge:
             for other, kept_number in self._hidden.items()
             if other != number
             and {other, kept_number} <= bodies.keys()
-            and _distance(bodies[other], bodies[kept_number]) <= SAME_VISITOR_M * LEAVING_FACTOR
+            and _hip_distance(bodies[other], bodies[kept_number]) <= SAME_VISITOR_M * LEAVING_FACTOR
         }
         pairs = before | dict(hidden)
         taken = {kept_number for other, kept_number in pairs.items() if edges[other] == edges[number]}
@@ -82,20 +82,20 @@ class VisitorMerge:
             if edges[other] == edges[number] or other in taken:
                 continue
             was_double = self._hidden.get(number) == other
-            distance = _distance(bodies[number], body)
+            distance = _hip_distance(bodies[number], body)
             if distance <= SAME_VISITOR_M * (LEAVING_FACTOR if was_double else 1.0):
                 candidates.append((distance, other))
         return min(candidates)[1] if candidates else None
 
 
-def _distance(first: Body, second: Body) -> float:
+def _hip_distance(first: Body, second: Body) -> float:
     """Returns the horizontal distance between the hips of two bodies in metres, or infinity if
     it is unknown.
     """
-    a, b = _place(first), _place(second)
+    a, b = _floor_position(first), _floor_position(second)
     return math.inf if a is None or b is None else math.dist(a, b)
 
 
-def _place(body: Body) -> Place | None:
+def _floor_position(body: Body) -> Place | None:
     hips = body.joints[Joint.HIP_CENTER, [0, 2]]
     return (float(hips[0]), float(hips[1])) if np.isfinite(hips).all() else None

@@ -60,7 +60,7 @@ _MAX_STEP_S = 0.5
 
 
 @dataclass(frozen=True)
-class _Place:
+class _WindowPlacement:
     """The position and size of the window in screen coordinates, and whether it fills the monitor."""
 
     monitor: Any
@@ -153,13 +153,13 @@ class KioskWindow:
         glfw.swap_buffers(self._window)
         self.pictures += 1
         if self.pictures == 1:
-            self._report.ready()
+            self._report.report_ready()
         now = time.monotonic()
         self._delete_old_souvenirs(now)
         souvenirs = "" if self.souvenirs is None else self.souvenirs.problem
         problem = frame.report.problem or frame.story.problem or " ".join(self.show.problems) or souvenirs
-        self._report.drawn(now, f"the screen shows: {frame.story.phase}", problem, painter.probe)
-        self._report.picture(now, painter.pixels)
+        self._report.report_picture(now, f"the screen shows: {frame.story.phase}", problem, painter.probe)
+        self._report.write_picture_if_due(now, painter.pixels)
 
     def pixels(self) -> UInt8:
         """Returns (H, W, 3) sRGB of the last picture before its rotation, top row first."""
@@ -180,7 +180,7 @@ class KioskWindow:
         """Deletes old souvenirs periodically, even if this kiosk no longer makes any."""
         if now - self._swept_s >= _SWEEP_INTERVAL_S:
             self._swept_s = now
-            self._store.sweep()
+            self._store.delete_expired()
 
     def _fit_painter(self) -> Painter | None:
         """Returns a painter for the window's size, or None while the window has no pixels."""
@@ -244,7 +244,7 @@ def _begin_glfw() -> None:
         )
 
 
-def _find_place(profile: KioskProfile) -> _Place:
+def _find_place(profile: KioskProfile) -> _WindowPlacement:
     """Returns the position and size of the window on the profile's monitor.
 
     Raises:
@@ -261,12 +261,12 @@ def _find_place(profile: KioskProfile) -> _Place:
     monitor = monitors[screen.number]
     mode, (x, y) = glfw.get_video_mode(monitor), glfw.get_monitor_pos(monitor)
     if not screen.size:
-        return _Place(monitor, x, y, (mode.size.width, mode.size.height), True)
+        return _WindowPlacement(monitor, x, y, (mode.size.width, mode.size.height), True)
     chosen = with_size(ViewerSettings(), screen.size)
-    return _Place(monitor, x, y, (chosen.width, chosen.height), False)
+    return _WindowPlacement(monitor, x, y, (chosen.width, chosen.height), False)
 
 
-def _open_window(profile: KioskProfile, place: _Place) -> Any:
+def _open_window(profile: KioskProfile, place: _WindowPlacement) -> Any:
     """Returns a window without a border.
 
     Raises:
@@ -289,7 +289,7 @@ def _open_window(profile: KioskProfile, place: _Place) -> Any:
     return window
 
 
-def _window_hints(place: _Place) -> Iterator[tuple[int, int]]:
+def _window_hints(place: _WindowPlacement) -> Iterator[tuple[int, int]]:
     """Yields the GLFW hints (hint, value) of the window."""
     mode = glfw.get_video_mode(place.monitor)
     yield glfw.CONTEXT_VERSION_MAJOR, 3

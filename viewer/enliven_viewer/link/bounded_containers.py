@@ -44,7 +44,7 @@ class BoundedQueue(Generic[T]):
         self.bytes -= size
         return value
 
-    def take(self) -> list[T]:
+    def take_all(self) -> list[T]:
         """Removes all values and returns them, oldest first."""
         values = [value for value, _ in self._held]
         self._held.clear()
@@ -68,7 +68,7 @@ class NewestValues(dict[str, Any]):
         self._sizes: dict[str, int] = {}
         self.bytes = 0
 
-    def put(self, key: str, value: Any, size: int) -> None:
+    def set_newest(self, key: str, value: Any, size: int) -> None:
         """Sets the newest value of a key, with its size in bytes."""
         self.forget(key)
         self[key], self._sizes[key] = value, size
@@ -81,7 +81,7 @@ class NewestValues(dict[str, Any]):
         self.pop(key, None)
         self.bytes -= self._sizes.pop(key, 0)
 
-    def take(self) -> list[Any]:
+    def take_all(self) -> list[Any]:
         """Removes all values and returns them, the most recently updated value last."""
         values = list(self.values())
         self.clear()

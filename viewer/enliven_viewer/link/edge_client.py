@@ -152,7 +152,7 @@ class EdgeClient:
         ``keep`` determines whether these are all values or only the newest of each key.
         """
         inboxes = [edge.inbox[topic.name] for edge in self.edges if topic.name in edge.inbox]
-        return [value for inbox in inboxes for value in inbox.take()]
+        return [value for inbox in inboxes for value in inbox.take_all()]
 
     def take_notices(self) -> list[Notice]:
         """Returns messages for the user since the last call.
@@ -172,13 +172,13 @@ class EdgeClient:
         character = getattr(order, "character", None)
         if character is None:
             for edge in self.edges:
-                edge.command(order, on_reply)
+                edge.send_command(order, on_reply)
             return
         for edge in self.edges:
             if character in edge.held:
                 prefix = f"{self._prefix(edge.name)}/" if self._prefixed else ""
                 edge_order = msgspec.structs.replace(order, character=character.removeprefix(prefix))
-                edge.command(edge_order, on_reply)
+                edge.send_command(edge_order, on_reply)
                 return
         character_names = ", ".join(self.characters) or "none"
         refusal = Refused(f"unknown character {character!r}; known: {character_names}"[:400])

@@ -13,7 +13,7 @@ from msgspec.structs import astuple
 
 from enliven.document import Character
 from enliven.errors import EnlivenError, InputError
-from enliven.keys.client import ClientKeys, HandshakeWatch, handshake_advice
+from enliven.keys.client import ClientKeys, HandshakeMonitor, handshake_advice
 from enliven.peers.clock_probe import ClockProbe
 from enliven.wire import (
     MAX_STREAM_BYTES,
@@ -52,7 +52,7 @@ from enliven_viewer.link.received_data import Health, Notice, ReceivedPose
 from enliven_viewer.link.requests import Requests
 from enliven_viewer.link.stage_link import StageLink
 from enliven_viewer.link.topic_health import SILENCE_TIMEOUT_S, TopicHealth, TopicWatch
-from enliven_viewer.link.topic_tracks import find_track, relabel
+from enliven_viewer.link.topic_tracks import find_track, relabel_character
 
 _POLL_BUDGET_S = 0.01
 """Maximum time in seconds that one poll spends on messages, so that many messages do not block drawing."""
@@ -166,7 +166,7 @@ class EdgeConnection:
         self._after_silence = True
         self._has_reported_listening = False
         self.stage = StageLink(self)
-        self._begin(None)
+        self._begin_instance(None)
 
     def poll(self) -> None:
         """Processes received messages and requests missing data. Does not block."""
@@ -179,7 +179,7 @@ class EdgeConnection:
             except zmq.Again:
                 break
             self._receive(b"".join(parts), latched=False)
-        self._ask()
+        self._request_missing_data()
         self.stage.poll()
 
     @property
@@ -190,7 +190,7 @@ class EdgeConnection:
     def health(self) -> Health:
         """Returns the health of the edge."""
         now = time.monotonic()
-        poses = self._watch(POSE).health(self.status.fps if self.status else 0.0)
+        poses = self._get_topic_watch(POSE).health(self.status.fps if self.status else 0.0)
         state, text = self._state(now, poses)
         hz = poses.hz * max(len(self.latest.get(POSE.name, {})), 1)
         return Health(state, text, hz, self._rejects.total, self._lost)
@@ -198,9 +198,9 @@ class EdgeConnection:
     def topics(self) -> dict[str, TopicHealth]:
         """Returns the health of each topic, by name."""
         fps = self.status.fps if self.status else 0.0
-        return {name: self._watch(topic).health(fps) for name, topic in STREAMS.items()}
+        return {name: self._get_topic_watch(topic).health(fps) for name, topic in STREAMS.items()}
 
-    def command(self, request: Order, on_reply: Callable[[Answer], None] | None) -> None:
+    def send_command(self, request: Order, on_reply: Callable[[Answer], None] | None) -> None:
         """Sends a command. A refusal becomes a notice. ``on_reply`` receives the reply."""
 
         def replied(answer: Answer | None) -> None:
@@ -232,7 +232,7 @@ class EdgeConnection:
         return self._wanted.get(character, 0)
 
     @property
-    def complete(self) -> bool:
+    def has_all_characters(self) -> bool:
         """Returns True if the edge's list of characters is known and all of them have been received."""
         is_list_current = self.status is not None and self._known_revision == self.status.revision
         return is_list_current and self._revisions == self._wanted
@@ -270,7 +270,7 @@ class EdgeConnection:
     def _open_stream(self, keys: ClientKeys | None) -> None:
         """Opens the SUB socket and connects it to the edge's streams."""
         self._stream = make_socket(self._context, zmq.SUB, MAX_STREAM_BYTES, MAX_UNREAD_STREAMS, keys)
-        self._handshake = HandshakeWatch(self._stream, keys is not None)
+        self._handshake = HandshakeMonitor(self._stream, keys is not None)
         self._stream.setsockopt(zmq.SUBSCRIBE, b"")
         self._stream.connect(self.endpoint.stream_address)
 
@@ -326,7 +326,7 @@ class EdgeConnection:
             return "on rate", f"{self.name}: {self.status.phase}"
         return "connected", f"{self.name}: {self.status.phase}"
 
-    def _begin(self, instance: int | None) -> None:
+    def _begin_instance(self, instance: int | None) -> None:
         """Resets counters and requests after the edge was started or restarted. The known characters stay on
         the screen until the new process has sent its list.
         """
@@ -350,7 +350,7 @@ class EdgeConnection:
             self._other_version = error.version
             self._notify(Notice("error", self._state(0.0, TopicHealth())[1]))
         if error.kind in STREAMS:
-            self._watch(STREAMS[error.kind]).count_failure()
+            self._get_topic_watch(STREAMS[error.kind]).count_failure()
         self._rejects.add(error)
 
     def _receive(self, data: bytes, latched: bool) -> None:
@@ -367,9 +367,9 @@ class EdgeConnection:
                 self._unsure.append(data, len(data))
                 return
             elif self.status is not None and self._accepts_message(topic, message):
-                own_message = relabel(message, lambda character: self._label(self.name, character))
+                own_message = relabel_character(message, lambda character: self._label(self.name, character))
                 track = find_track(topic)
-                self._keep(
+                self._store_value(
                     topic,
                     topic.key(own_message),
                     track.read(own_message, self.name),
@@ -377,13 +377,13 @@ class EdgeConnection:
                 )
                 self._forward(message)
             if not latched:
-                self._watch(topic).count_message(topic.key(message))
+                self._get_topic_watch(topic).count_message(topic.key(message))
             if self._after_silence and not latched:
                 self._process_held_back()
         except MalformedMessageError as error:
             self._reject(error)
         except (EnlivenError, ValueError) as error:
-            self._watch(topic).count_failure()
+            self._get_topic_watch(topic).count_failure()
             self._rejects.add(error)
 
     def _record_arrival(self, topic: Topic) -> None:
@@ -401,7 +401,7 @@ class EdgeConnection:
         self._after_silence = False
         # If this thread is suspended meanwhile, messages are queued again. So the queue may not be empty at
         # the end.
-        for data in self._unsure.take():
+        for data in self._unsure.take_all():
             self._receive(data, latched=False)
 
     def _accepts_message(self, topic: Topic, message: Any) -> bool:
@@ -419,7 +419,7 @@ class EdgeConnection:
         self._unknown.add(message.character)
         return True
 
-    def _keep(self, topic: Topic, key: str, value: Any, size: int) -> None:
+    def _store_value(self, topic: Topic, key: str, value: Any, size: int) -> None:
         """Stores a value of ``size`` bytes in the inbox for the caller, and as the newest value
         of its key.
         """
@@ -432,14 +432,14 @@ class EdgeConnection:
                 else NewestValues(_MAX_KEYS, _MAX_NEWEST_BYTES)
             )
             self.latest[topic.name] = NewestValues(_MAX_KEYS, _MAX_NEWEST_BYTES)
-        self.latest[topic.name].put(key, value, size)
+        self.latest[topic.name].set_newest(key, value, size)
         inbox = self.inbox[topic.name]
         if isinstance(inbox, NewestValues):
-            inbox.put(key, value, size)
+            inbox.set_newest(key, value, size)
         else:
             inbox.append(value, size)
 
-    def _watch(self, topic: Topic) -> TopicWatch:
+    def _get_topic_watch(self, topic: Topic) -> TopicWatch:
         """Returns the message counter of a topic."""
         return self._watches.setdefault(topic.name, TopicWatch(topic))
 
@@ -447,7 +447,7 @@ class EdgeConnection:
         if message.instance != self.instance:
             if self.instance is not None:
                 self._notify(Notice("info", f"{message.edge} has restarted"))
-            self._begin(message.instance)
+            self._begin_instance(message.instance)
         self.status = message
         self.clock.add_heartbeat(message.published_ns, time.time_ns())
         if message.revision != self._known_revision:
@@ -458,7 +458,7 @@ class EdgeConnection:
         if message.instance != self.instance:
             if latched:
                 return
-            self._begin(message.instance)
+            self._begin_instance(message.instance)
         self._accepts_message(POSE, message)
         last = self._sequences.get(message.character)
         if last is not None and (latched or message.sequence <= last):
@@ -480,7 +480,7 @@ class EdgeConnection:
         times = (message.captured_ns, message.published_ns, received_ns, self.clock_offset_ns)
         revision_of_pose = held_character.character, message.revision
         size = pose.linear.nbytes + pose.positions.nbytes
-        self._keep(
+        self._store_value(
             POSE,
             character_id,
             ReceivedPose(pose, self.name, message.sequence, *times, *revision_of_pose),
@@ -488,7 +488,7 @@ class EdgeConnection:
         )
         self._forward(message)
 
-    def _ask(self) -> None:
+    def _request_missing_data(self) -> None:
         """Sends a hello until it is answered, and requests missing characters and the time."""
         now = time.monotonic()
         listening = now - self.last_heard < SILENCE_TIMEOUT_S
@@ -508,9 +508,9 @@ class EdgeConnection:
                 self._revisions.get(character) != revision
                 and now - self._asked_at.get(character, 0.0) > interval
             ):
-                self._fetch(character, now)
+                self._request_character(character, now)
 
-    def _fetch(self, character: str, now: float) -> None:
+    def _request_character(self, character: str, now: float) -> None:
         key = f"character {character}\0"
         if self._requests.count_pending(
             "character "
@@ -576,7 +576,7 @@ class EdgeConnection:
             return
         self.held[character_id] = _HeldCharacter(answer.revision, character, codec, size)
         self._revisions[answer.id] = answer.revision
-        for message, received_ns in self._waiting.take():
+        for message, received_ns in self._waiting.take_all():
             try:
                 self._decode(message, received_ns)
             except ValueError as error:

@@ -113,7 +113,7 @@ class StageLink:
         self._last: dict[str, int] = {}
 
     @property
-    def busy(self) -> bool:
+    def is_uploading(self) -> bool:
         """Returns True if an upload is in progress."""
         return bool(self._sending)
 
@@ -147,7 +147,7 @@ class StageLink:
     def remove(self, character: str, then: AnswerCallback | None = None) -> None:
         """Removes a character from the stage."""
         on_answer = then or (lambda answer: None)
-        self._ask(RemoveCharacter(character), on_answer)
+        self._send_request(RemoveCharacter(character), on_answer)
 
     def poll(self) -> None:
         """Continues the uploads. Does not block."""
@@ -157,7 +157,7 @@ class StageLink:
                 self._announce(sending)
             if sending.order is not None and now >= sending.ask_at:
                 sending.ask_at = float("inf")
-                self._ask(sending.order, partial(self._handle_state, sending))
+                self._send_request(sending.order, partial(self._handle_state, sending))
 
     def restart(self) -> None:
         """Discards the known revisions, because a restarted edge starts to count again."""
@@ -173,18 +173,18 @@ class StageLink:
         try:
             sending.data = sending.packed.result()
         except EnlivenError as error:
-            self._end(sending, Refused(str(error)[:400]))
+            self._end_upload(sending, Refused(str(error)[:400]))
             return
         size, digest = len(sending.data), hashlib.sha256(sending.data).digest()
         if size > MAX_UPLOAD_BYTES:
             text = f"{sending.name} packs to {size} bytes, an edge takes {MAX_UPLOAD_BYTES}: simplify it"
-            self._end(sending, Refused(text))
+            self._end_upload(sending, Refused(text))
             return
         revision = max(self._edge.revision(sending.name), self._last.get(sending.name, 0)) + 1
         self._last[sending.name] = revision
         sending.order = PutCharacter(sending.name, revision, digest, size, sending.fit)
         sending.ask_at = float("inf")
-        self._ask(sending.order, partial(self._handle_state, sending))
+        self._send_request(sending.order, partial(self._handle_state, sending))
         # Send the chunks together with the announcement. Waiting for its answer would cost one frame of the
         # edge.
         self._send_parts(sending)
@@ -192,7 +192,7 @@ class StageLink:
     def _handle_state(self, sending: _Upload, answer: Answer) -> None:
         """Processes the answer to a state request."""
         if not isinstance(answer, Awaited):
-            self._end(sending, answer)
+            self._end_upload(sending, answer)
         elif sending.under_way:
             return  # Ignore this answer, because the answers to the chunks will report the state.
         elif answer.received >= len(sending.data):
@@ -210,7 +210,7 @@ class StageLink:
             part = CharacterPart(sending.name, sending.order.digest, sending.sent, data)
             sending.sent += len(data)
             sending.under_way += 1
-            self._ask(part, partial(self._handle_part_answer, sending))
+            self._send_request(part, partial(self._handle_part_answer, sending))
 
     def _handle_part_answer(self, sending: _Upload, answer: Answer) -> None:
         """Processes the answer to a chunk. After a refusal, requests the state to find out
@@ -227,9 +227,9 @@ class StageLink:
             _REFUSAL_PAUSE_S if sending.refused else _STATE_REQUEST_INTERVAL_S
         )
         if sending.restarts > _MAX_RESTARTS:
-            self._end(sending, answer)
+            self._end_upload(sending, answer)
 
-    def _end(self, sending: _Upload, answer: Answer) -> None:
+    def _end_upload(self, sending: _Upload, answer: Answer) -> None:
         """Ends an upload, and starts the queued one."""
         if self._sending.pop(sending.name, None) is None:
             return
@@ -243,7 +243,7 @@ class StageLink:
         if waiting is not None:
             waiting()
 
-    def _ask(self, body: Ask, on_answer: AnswerCallback) -> None:
+    def _send_request(self, body: Ask, on_answer: AnswerCallback) -> None:
         """Sends a request. A missing answer counts as a refusal."""
         silent = Refused("the edge does not answer")
         if not self._edge.request(body, _ANSWER_TIMEOUT_S, lambda answer: on_answer(answer or silent)):

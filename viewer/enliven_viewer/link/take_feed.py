@@ -67,7 +67,7 @@ class TakeFeed:
     def poll(self, document: Document) -> int:
         """Applies the next messages in order of time. Returns their number, or 0 at the end of the take."""
         count = 0
-        for _, topic, data in self._next():
+        for _, topic, data in self._iterate_messages():
             count += 1
             try:
                 self._apply(document, topic, data)
@@ -86,14 +86,14 @@ class TakeFeed:
     def close(self) -> None:
         """Does nothing: no file stays open between polls."""
 
-    def _next(self) -> Iterator[tuple[int, str, bytes]]:
+    def _iterate_messages(self) -> Iterator[tuple[int, str, bytes]]:
         for _, message in zip(range(_MESSAGES_PER_POLL), self._messages, strict=False):
             yield message
 
     def _apply(self, document: Document, topic: str, data: bytes) -> None:
         """Applies one message to the document."""
         if topic == CHARACTER.name:
-            self._introduce(document, data)
+            self._add_character(document, data)
         elif topic == POSE.name:
             pose = msgspec.msgpack.decode(data, type=PoseMessage)
             key = (pose.character, pose.revision)
@@ -106,7 +106,7 @@ class TakeFeed:
             message = msgspec.msgpack.decode(data, type=STREAMS[topic].type)
             track.put(document, track.read(message, self.name))
 
-    def _introduce(self, document: Document, data: bytes) -> None:
+    def _add_character(self, document: Document, data: bytes) -> None:
         """Adds the character of a message to the document unless it is already there."""
         message = msgspec.msgpack.decode(data, type=CharacterMessage)
         if self._revisions.get(message.id) != message.revision:
@@ -124,7 +124,7 @@ class TakeFeed:
             try:
                 message = msgspec.msgpack.decode(data, type=CharacterMessage)
                 if (message.id, message.revision) == (character_id, revision):
-                    self._introduce(document, data)
+                    self._add_character(document, data)
                     return
             except (msgspec.MsgspecError, EnlivenError, ValueError):
                 continue

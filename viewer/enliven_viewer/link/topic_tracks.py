@@ -116,7 +116,7 @@ def list_shown_topics() -> list[Topic]:
     return sort_topics(topic for topic in STREAMS.values() if topic.recorded)
 
 
-def relabel(message: Any, label: Callable[[str], str]) -> Any:
+def relabel_character(message: Any, label: Callable[[str], str]) -> Any:
     """Returns a message with this viewer's id of its character. Messages without a character
     stay unchanged.
     """

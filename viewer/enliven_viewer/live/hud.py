@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from enliven.health import HealthState, Severity
 from enliven_viewer.language import later, tr
-from enliven_viewer.live.match_cards import Card, draw_cards
+from enliven_viewer.live.match_cards import MatchCard, draw_cards
 from enliven_viewer.playback.document import EdgeState
 from enliven_viewer.theme import ACCENT, BAD, GLASS, GOOD, INK, QUIET, TRACK, WAIT, Colour
 
@@ -73,7 +73,7 @@ class HudState:
     near: bool = False
     possession: str = ""
     score: str = ""
-    cards: tuple[Card, ...] = ()
+    cards: tuple[MatchCard, ...] = ()
 
 
 def timeline_area(size: tuple[int, int], scale: float) -> tuple[float, float, float, float]:
@@ -112,7 +112,7 @@ class Hud:
         self.draw_choice(size, state.cards, state.notice, state.among)
 
     def draw_choice(
-        self, size: tuple[int, int], cards: tuple[Card, ...], notice: str, among: bool = False
+        self, size: tuple[int, int], cards: tuple[MatchCard, ...], notice: str, among: bool = False
     ) -> None:
         """Draws the match candidates, and one notice. ``among`` is defined in :class:`HudState`."""
         if cards:

@@ -57,7 +57,7 @@ class IdleLoop:
         self._lost_s, self._replays = 0.0, False
 
     @property
-    def words(self) -> str:
+    def audience_text(self) -> str:
         """Returns the text for the audience, or an empty text while the stage is live."""
         return LOSS_TEXTS[self.loss]
 

@@ -83,7 +83,7 @@ class LiveStage:
         moment = self.playhead.moment()
         style = self._showing.style(self.style, moment, self.playhead.time_ns / NS_PER_S)
         self.scene = self._without_next_matches(make_scene(self.document, moment, style, self._surfaces))
-        self.numbers.see((*(body.id for body in self.scene.bodies), *self.holding))
+        self.numbers.update_performers((*(body.id for body in self.scene.bodies), *self.holding))
 
     @property
     def is_quiet(self) -> bool:
@@ -118,7 +118,7 @@ class LiveStage:
 
     def choose_parts(self, number: int) -> None:
         """Chooses the body parts of the next possession, and shows a preview."""
-        self.possession.choose(number)
+        self.possession.choose_parts(number)
         self.possess("preview")
 
     def choose_performer(self) -> None:
@@ -158,12 +158,12 @@ class LiveStage:
         if look is not None:
             self.feed.ask(look)
 
-    def switch(self, *names: str) -> None:
+    def toggle_overlays(self, *names: str) -> None:
         """Switches overlays of the style on, or off if the first of them is on."""
         new_strength = 0.0 if getattr(self.style, names[0]) > 0 else 1.0
         self.style = replace(self.style, **dict.fromkeys(names, new_strength))
 
-    def words(self, view: CameraView) -> str:
+    def describe_next_possession(self, view: CameraView) -> str:
         """Returns a text about the next possession, or advice if bones point at the camera.
 
         Returns an empty text for a take.
@@ -172,10 +172,10 @@ class LiveStage:
             return ""
         if is_end_on(self.scene, view):
             return tr("Some bones point at you: V shows more of them")
-        return self.possession.words(self.numbers.number_of)
+        return self.possession.describe_choice(self.numbers.number_of)
 
     @property
-    def notice(self) -> str:
+    def empty_image_text(self) -> str:
         """Returns the text that an image without characters shows."""
         if self.document.characters or len(self.document.timeline):
             return ""

@@ -32,7 +32,7 @@ PICTURE_ASPECT = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class Card:
+class MatchCard:
     """One match, ready to be drawn.
 
     Attributes:
@@ -57,7 +57,7 @@ class Card:
     tints: tuple[tuple[float, float, float], ...] = ()
 
 
-def make_cards(scene: Scene, view: CameraView) -> tuple[Card, ...]:
+def make_cards(scene: Scene, view: CameraView) -> tuple[MatchCard, ...]:
     """Returns the cards of each character with match candidates, as seen by the camera."""
     boards = [(actor, scene.boards.get(actor.character.id)) for actor in scene.actors]
     choosing = [(actor, board) for actor, board in boards if board is not None and board.state == "choosing"]
@@ -71,7 +71,7 @@ def make_cards(scene: Scene, view: CameraView) -> tuple[Card, ...]:
 
 def _make_character_cards(
     actor: SceneCharacter, board: MatchList, view: CameraView, number_of_row: int, several: bool
-) -> list[Card]:
+) -> list[MatchCard]:
     bones = actor.pose.positions[actor.character.edges].astype(np.float64)
     pivots = [bones.reshape(-1, 3), *(line for row in board.rows for line in row.lines)]
     projected = view.project(np.concatenate(pivots)) * [1.0, -1.0]
@@ -94,11 +94,15 @@ def _make_character_cards(
         is_highlighted = number == board.shown
         score = row.name[:16]
         bones, held = parts[0].reshape(-1, 2, 2), board.held * is_highlighted
-        cards.append(Card(title, score, is_highlighted, bones, lines, held, number_of_row, find_tints(row)))
+        cards.append(
+            MatchCard(title, score, is_highlighted, bones, lines, held, number_of_row, find_tints(row))
+        )
     return cards
 
 
-def draw_cards(canvas: Pen, size: tuple[int, int], scale: float, text: int, cards: tuple[Card, ...]) -> None:
+def draw_cards(
+    canvas: Pen, size: tuple[int, int], scale: float, text: int, cards: tuple[MatchCard, ...]
+) -> None:
     """Draws a centred row of cards above the timeline for each character. Cards that do not fit are omitted.
 
     Args:
@@ -115,7 +119,7 @@ def draw_cards(canvas: Pen, size: tuple[int, int], scale: float, text: int, card
             _draw_card(canvas, left + number * step, top, scale, text, card)
 
 
-def _draw_card(canvas: Pen, x: float, y: float, s: float, text: int, card: Card) -> None:
+def _draw_card(canvas: Pen, x: float, y: float, s: float, text: int, card: MatchCard) -> None:
     width, height = CARD_WIDTH_PX * s, CARD_HEIGHT_PX * s
     if card.meant:
         canvas.rectangle(x - 2 * s, y - 2 * s, width + 4 * s, height + 4 * s, ACCENT, 11 * s)

@@ -15,7 +15,7 @@ class PerformerNumbers:
     def __init__(self) -> None:
         self._numbers: dict[int, int] = {}
 
-    def see(self, present: Iterable[int]) -> None:
+    def update_performers(self, present: Iterable[int]) -> None:
         """Updates the numbers from the ids of all performers who are in view or control a character. Other
         numbers become free.
         """

@@ -41,7 +41,7 @@ class PossessionChoice:
         self.locked = False
         self._smoothing: dict[int, int] = {}
 
-    def choose(self, number: int) -> None:
+    def choose_parts(self, number: int) -> None:
         """Chooses the body parts of a key. ``number`` is the index in PART_CHOICES."""
         self.parts = PART_CHOICES[number]
 
@@ -63,7 +63,7 @@ class PossessionChoice:
             self._smoothing[body], amounts[body] = index, SMOOTHING_AMOUNTS[index]
         return amounts
 
-    def words(self, number_of: Callable[[int], int]) -> str:
+    def describe_choice(self, number_of: Callable[[int], int]) -> str:
         """Returns a description such as "P steps in: the legs of performer 2". ``number_of`` converts a
         performer's id to the displayed number.
         """

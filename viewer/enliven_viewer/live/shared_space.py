@@ -22,14 +22,14 @@ class SharedSpace:
     """The transforms from the worlds of all edges to the world of the primary edge, which is shown.
 
     Args:
-        say: called to show a message and its remedy.
+        show_message: called to show a message and its remedy.
 
     Attributes:
         space: the calibrated poses by the names of the edges. None shows all worlds unchanged.
     """
 
-    def __init__(self, say: Callable[[str, str], None]) -> None:
-        self._say = say
+    def __init__(self, show_message: Callable[[str, str], None]) -> None:
+        self._say = show_message
         self.space: Space | None = None
         self._reported: set[str] = set()
         self._prefixes: dict[tuple[int, str], str] = {}
@@ -48,7 +48,7 @@ class SharedSpace:
             self._prefixes[number, edge] = edge if edge not in taken_names else f"{edge} ({number + 1})"
         return self._prefixes[number, edge]
 
-    def place(self, primary: str, guests: Sequence[FollowedEdge]) -> None:
+    def update_transforms(self, primary: str, guests: Sequence[FollowedEdge]) -> None:
         """Sets the transforms of secondary edges. Reports edges that the calibrated space does not contain.
 
         Args:
@@ -81,7 +81,7 @@ class SharedSpace:
         places = self.space.sensors
         return invert(places[primary].level) @ places[guest].level
 
-    def align(self, stages: Sequence[tuple[LiveStage, EdgeFeed]]) -> None:
+    def align_times(self, stages: Sequence[tuple[LiveStage, EdgeFeed]]) -> None:
         """Sets the delays of the stages so that all show the same moment."""
         newest = {}
         for index, (stage, feed) in enumerate(stages):

@@ -79,7 +79,7 @@ class Playhead:
         self.live, self.paused = False, True
         self._time = float(time)
 
-    def faster(self, steps: int = 1) -> None:
+    def change_speed(self, steps: int = 1) -> None:
         """Switches to a higher (or lower) speed in :data:`PLAYBACK_SPEEDS`, ``steps`` entries away.
 
         In live mode, starts playback.

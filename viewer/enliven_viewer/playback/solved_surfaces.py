@@ -88,13 +88,13 @@ class _SolvedSurface:
         """Returns the vertices (V, 3) in metres of the world, or None before the surface is prepared, or if
         that failed.
         """
-        surface = self._surface(wait)
+        surface = self._get_surface(wait)
         frame, pivot = _puppet_frame(pose), self.character.pivots[0].astype(np.float64)
         if surface is None or frame is None:
             return None
         linear, position = frame
         places = (pose.positions[1:] - position) @ np.linalg.inv(linear).T + pivot
-        self._take()
+        self._fetch_solved()
         if self._is_due(places):
             self._solve(surface, places, wait)
         if self._local is None:
@@ -113,11 +113,11 @@ class _SolvedSurface:
             or not np.array_equal(transform, self._transform)
         ):
             self._world = np.empty_like(self._local)
-            carry(self._local, transform, self._world)
+            transform_points(self._local, transform, self._world)
             self._carried_from, self._transform = self._local, transform
         return self._world
 
-    def _surface(self, wait: bool) -> PuppetSurface | None:
+    def _get_surface(self, wait: bool) -> PuppetSurface | None:
         """Returns the prepared surface, or None before it is ready. An error is logged once."""
         if not wait and not self._prepare_surface.done():
             return None
@@ -161,7 +161,7 @@ class _SolvedSurface:
             self._seconds = time.perf_counter() - started_at
         return vertices.astype(np.float32)
 
-    def _take(self) -> None:
+    def _fetch_solved(self) -> None:
         """Fetches the surface that a thread has solved, if it is ready."""
         if self._solving is not None and self._solving.done():
             self._local, self._solving = self._solving.result(), None
@@ -197,7 +197,7 @@ def _prepare_surface(character: Character) -> PuppetSurface:
 
 
 @njit(cache=True, nogil=True)
-def carry(local: Float32, by: Float, world: Float32) -> None:
+def transform_points(local: Float32, by: Float, world: Float32) -> None:
     """Transforms (V, 3) points by ``by`` (3, 4): a linear part and an offset (kernel)."""
     for v in range(len(local)):
         x, y, z = local[v, 0], local[v, 1], local[v, 2]

@@ -46,7 +46,7 @@ class CueFrame:
     held: int | None = None
 
     @property
-    def firm(self) -> Bool:
+    def attached_mask(self) -> Bool:
         """Returns (A,) flags: True for attached pivots, False for previewed ones."""
         every = len(self.nodes) if self.state == "possessed" else 0
         return np.arange(len(self.nodes)) < (every if self.held is None else self.held)

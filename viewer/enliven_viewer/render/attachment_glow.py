@@ -38,7 +38,7 @@ def compute_node_glow(actor: SceneCharacter, strength: float, bodies: Sequence[i
     level = (
         strength
         * np.clip(cues.strengths[is_valid], 0, 1)
-        * np.where(cues.firm[is_valid], 1.0, _PREVIEW_GLOW_FRACTION)
+        * np.where(cues.attached_mask[is_valid], 1.0, _PREVIEW_GLOW_FRACTION)
     )
     light = np.zeros((count, 3), np.float32)
     np.maximum.at(

@@ -54,7 +54,7 @@ class MeshPass:
         if revealing:
             self._bones.write(block.tobytes())
             self._bones.bind_to_uniform_block(BLOCK_BINDINGS["Bones"])
-            picture.behind().use(TEXTURE_UNITS["picture"])
+            picture.copy_as_texture().use(TEXTURE_UNITS["picture"])
         self.ctx.depth_func = "<="
         self.ctx.enable_only(moderngl.DEPTH_TEST)
         transparent_parts = list[tuple[SkinnedMesh, DrawnPart]]()

@@ -59,5 +59,5 @@ def _is_choosing(moment: TimelineMoment) -> bool:
     """Returns True if a preview of a possession is shown, even if another performer already possesses the
     character.
     """
-    previewed = any(len(cues.nodes) and not cues.firm.all() for cues in moment.cues.values())
+    previewed = any(len(cues.nodes) and not cues.attached_mask.all() for cues in moment.cues.values())
     return previewed or any(board.state == "choosing" for board in moment.boards.values())

@@ -24,7 +24,7 @@ from enliven_viewer.render.scene import find_corners
 from enliven_viewer.render.surface import (
     cluster_faces,
     is_closed,
-    neighbours_in_turn,
+    order_along_morton_curve,
     split_creases,
 )
 
@@ -92,11 +92,12 @@ class SkinnedMesh:
         )
         paint = paint_surface(character, surface)
         self.parts = tuple(
-            DrawnPart(part, start, count, self._take(part, textures)) for part, start, count in paint.parts
+            DrawnPart(part, start, count, self._acquire_textures(part, textures))
+            for part, start, count in paint.parts
         )
         faces = np.concatenate(
             [
-                neighbours_in_turn(rest_vertices, surface.faces[paint.order[start : start + count]])
+                order_along_morton_curve(rest_vertices, surface.faces[paint.order[start : start + count]])
                 for _, start, count in paint.parts
             ]
         )
@@ -214,14 +215,14 @@ class SkinnedMesh:
                 buffer.release()
         for drawn_part in self.parts:
             for name, number, _ in drawn_part.part.maps:
-                self._textures.give_back(self._sources[number], name)
+                self._textures.release_texture(self._sources[number], name)
 
     @property
     def _sources(self) -> tuple[Texture, ...]:
         return () if self.character.materials is None else self.character.materials.textures
 
-    def _take(self, part: Part, textures: Textures) -> dict[str, SharedTexture]:
-        return {name: textures.take(self._sources[number], name) for name, number, _ in part.maps}
+    def _acquire_textures(self, part: Part, textures: Textures) -> dict[str, SharedTexture]:
+        return {name: textures.acquire_texture(self._sources[number], name) for name, number, _ in part.maps}
 
     def _get_array(self, program: moderngl.Program, faces: moderngl.Buffer) -> moderngl.VertexArray:
         key = program.glo, faces.glo

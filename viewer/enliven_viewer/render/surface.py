@@ -12,12 +12,12 @@ import numpy as np
 from enliven.arrays import Float, Float32, Int, Int32
 from enliven.meshes import space_curve
 from enliven_viewer.render.surface_kernels import (
-    bounds_something,
-    corners_of,
-    drawn_of,
-    firsts_of,
-    groups_of,
-    places_of,
+    compute_corner_normals,
+    find_smoothing_groups,
+    first_indices,
+    is_closed_mesh,
+    number_drawn_vertices,
+    number_equal_rows,
     sum_normals,
 )
 
@@ -61,13 +61,13 @@ def split_creases(
             seams are not visible in the shading.
     """
     faces = np.array(faces, np.int32)
-    kinds = faces if keys is None else places_of(keys).reshape(-1, 3)
+    kinds = faces if keys is None else number_equal_rows(keys).reshape(-1, 3)
     # Adding 0 maps -0 to 0, so that both have the same bits.
     rounded_vertices = np.ascontiguousarray(vertices, np.float32) + np.float32(0.0)
-    place = places_of(rounded_vertices.view(np.int32))[faces]
-    normals, angles = corners_of(rounded_vertices, faces)
-    group, groups = groups_of(place, normals, math.cos(crease))
-    corner, first = drawn_of(group, kinds, len(vertices) if keys is None else len(keys))
+    place = number_equal_rows(rounded_vertices.view(np.int32))[faces]
+    normals, angles = compute_corner_normals(rounded_vertices, faces)
+    group, groups = find_smoothing_groups(place, normals, math.cos(crease))
+    corner, first = number_drawn_vertices(group, kinds, len(vertices) if keys is None else len(keys))
     drawn_normals = sum_normals(group, groups, normals, angles)[group[first]]
     length = np.linalg.norm(drawn_normals, axis=1, keepdims=True)
     unit = np.where(length > 1e-12, drawn_normals / np.maximum(length, 1e-12), [0.0, 1.0, 0.0])
@@ -84,7 +84,7 @@ def split_creases(
 
 def is_closed(vertices: Float32, faces: Int32) -> bool:
     """Returns True if the mesh is closed with its faces outwards, so that back faces are never visible."""
-    if not bounds_something(np.array(faces, np.int32), len(vertices)):
+    if not is_closed_mesh(np.array(faces, np.int32), len(vertices)):
         return False
     a, b, c = (vertices[faces[:, k]].astype(np.float64) for k in range(3))
     return bool(np.einsum("ij,ij->", a, np.cross(b, c)) > 0)
@@ -98,13 +98,13 @@ def cluster_faces(vertices: Float32, faces: Int32, cell: float) -> Int32:
     key -= key.min(0)
     x, y, z = (int(size) for size in key.max(0) + 1)
     numbers = (key[:, 0] * y + key[:, 1]) * z + key[:, 2] if x * y * z < 2**62 else np.arange(len(key))
-    coarse = firsts_of(numbers)[faces]
+    coarse = first_indices(numbers)[faces]
     a, b, c = coarse.T
     is_kept = coarse[(a != b) & (b != c) & (c != a)]
     return np.ascontiguousarray(is_kept if len(is_kept) else faces, dtype=np.int32)
 
 
-def neighbours_in_turn(vertices: Float32, faces: Int32) -> Int32:
+def order_along_morton_curve(vertices: Float32, faces: Int32) -> Int32:
     """Returns the same faces (F, 3), sorted along a Morton curve so that adjacent faces are close in the
     order.
 

@@ -13,7 +13,7 @@ _SORTED_ABOVE = 64
 
 
 @njit(cache=True, nogil=True)
-def _room(count):
+def _allocate_table(count):
     """Returns the key and value arrays of a hash table for ``count`` keys. The table's size is a power of two
     with spare slots.
     """
@@ -24,7 +24,7 @@ def _room(count):
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _slot(keys, key):
+def _find_slot(keys, key):
     """Returns the slot of a key in the table, or the empty slot for it."""
     mask = np.uint64(len(keys) - 1)
     mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
@@ -35,7 +35,7 @@ def _slot(keys, key):
 
 
 @njit(cache=True, nogil=True)
-def places_of(bits):
+def number_equal_rows(bits):
     """Returns (V,) group numbers for the rows of ``bits`` (V, C) int32. Equal rows get the same number."""
     count, columns = bits.shape
     size = 16
@@ -68,7 +68,7 @@ def places_of(bits):
 
 
 @njit(cache=True, nogil=True)
-def corners_of(vertices, faces):
+def compute_corner_normals(vertices, faces):
     """Returns (F, 3) unit normals (zero for a face without area), and (F, 3) angles at the corners."""
     normals, angles = np.zeros((len(faces), 3)), np.empty((len(faces), 3))
     edges, lengths = np.empty((3, 3)), np.empty(3)
@@ -96,7 +96,7 @@ def corners_of(vertices, faces):
 
 
 @njit(cache=True, nogil=True)
-def groups_of(place, normals, cosine):
+def find_smoothing_groups(place, normals, cosine):
     """Returns (3 F,) the smoothing group of every corner of the faces (F, 3), and the number of groups.
 
     Uses union-find over the edges that are not sharp. Each face is joined with the previous face at the same
@@ -107,13 +107,13 @@ def groups_of(place, normals, cosine):
     # Sort the half-edges by their lower vertex (counting sort). First count them, then sum the counts.
     starts = np.zeros(most + 1, np.int64)
     for k in range(3 * count):
-        starts[_low(place, k) + 1] += 1
+        starts[_lower_vertex(place, k) + 1] += 1
     for v in range(most):
         starts[v + 1] += starts[v]
     # Put each half-edge into the range of its lower vertex.
     halves, filled = np.empty(3 * count, np.int64), starts[:-1].copy()
     for k in range(3 * count):
-        low = _low(place, k)
+        low = _lower_vertex(place, k)
         halves[filled[low]] = k
         filled[low] += 1
     # Join the faces on both sides of each edge that is not sharp. At a vertex with few edges, compare them
@@ -123,7 +123,7 @@ def groups_of(place, normals, cosine):
         around = halves[starts[v] : starts[v + 1]]
         highs = np.empty(len(around), np.int64)
         for i in range(len(around)):
-            highs[i] = _high(place, around[i])
+            highs[i] = _higher_vertex(place, around[i])
         if len(around) > _SORTED_ABOVE:
             order = np.argsort(highs, kind="mergesort")
             for i in range(1, len(order)):
@@ -135,17 +135,17 @@ def groups_of(place, normals, cosine):
                 if highs[j] == highs[i]:
                     _link(place, normals, cosine, parents, around[j], around[i])
                     break
-    return _numbered(parents)
+    return _number_groups(parents)
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _low(place, half):
+def _lower_vertex(place, half):
     """Returns the lower vertex number of the edge that begins at a corner."""
     return min(place[half // 3, half % 3], place[half // 3, (half % 3 + 1) % 3])
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _high(place, half):
+def _higher_vertex(place, half):
     """Returns the higher vertex number of the edge that begins at a corner."""
     return max(place[half // 3, half % 3], place[half // 3, (half % 3 + 1) % 3])
 
@@ -168,7 +168,7 @@ def _link(place, normals, cosine, parents, one, other):
 
 
 @njit(cache=True, nogil=True)
-def _numbered(parents):
+def _number_groups(parents):
     """Returns (K,) group numbers from 0 for a union-find forest (K,), and the number of groups."""
     numbers, group_count = np.full(len(parents), -1), 0
     for k in range(len(parents)):
@@ -183,17 +183,17 @@ def _numbered(parents):
 
 
 @njit(cache=True, nogil=True)
-def drawn_of(group, faces, vertices):
+def number_drawn_vertices(group, faces, vertices):
     """Returns (3 F,) the drawn vertex of every corner, and (N,) the first corner of each drawn vertex.
 
     There is one drawn vertex per pair of a group and a number. ``faces`` (F, 3) contains the numbers, usually
     vertex indices. All are below ``vertices``.
     """
-    keys, number = _room(len(group))
+    keys, number = _allocate_table(len(group))
     corner, first, drawn_count = np.empty(len(group), np.int32), np.empty(len(group), np.int64), 0
     for k in range(len(group)):
         key = group[k] * vertices + faces[k // 3, k % 3]
-        at = _slot(keys, key)
+        at = _find_slot(keys, key)
         if keys[at] == _EMPTY:
             keys[at], number[at] = key, drawn_count
             first[drawn_count] = k
@@ -214,30 +214,30 @@ def sum_normals(group, count, normals, angles):
 
 
 @njit(cache=True, nogil=True)
-def bounds_something(faces, vertices):
+def is_closed_mesh(faces, vertices):
     """Returns True if the mesh is closed, so that every edge exists once in each direction."""
-    keys, _ = _room(3 * len(faces))
+    keys, _ = _allocate_table(3 * len(faces))
     for f in range(len(faces)):
         for k in range(3):
             key = np.int64(faces[f, k]) * vertices + faces[f, (k + 1) % 3]
-            at = _slot(keys, key)
+            at = _find_slot(keys, key)
             if keys[at] != _EMPTY:
                 return False
             keys[at] = key
     for f in range(len(faces)):
         for k in range(3):
-            if keys[_slot(keys, np.int64(faces[f, (k + 1) % 3]) * vertices + faces[f, k])] == _EMPTY:
+            if keys[_find_slot(keys, np.int64(faces[f, (k + 1) % 3]) * vertices + faces[f, k])] == _EMPTY:
                 return False
     return True
 
 
 @njit(cache=True, nogil=True)
-def firsts_of(cells):
+def first_indices(cells):
     """Returns (V,) indices: for each number in ``cells`` (V,), the index of its first occurrence."""
-    keys, first = _room(len(cells))
+    keys, first = _allocate_table(len(cells))
     out = np.empty(len(cells), np.int32)
     for v in range(len(cells)):
-        at = _slot(keys, cells[v])
+        at = _find_slot(keys, cells[v])
         if keys[at] == _EMPTY:
             keys[at], first[at] = cells[v], v
         out[v] = first[at]

@@ -113,9 +113,9 @@ class SouvenirApplication:
     async def _sweep_forever(self) -> None:
         """Deletes expired souvenirs, and reports progress."""
         while not self._should_stop():
-            count = await asyncio.to_thread(self._store.sweep)
+            count = await asyncio.to_thread(self._store.delete_expired)
             status = f"souvenirs kept: {count}"
-            self._notifier.progress(status)
+            self._notifier.report_progress(status)
             await asyncio.to_thread(self._write_record, status)
             await asyncio.sleep(_SWEEP_INTERVAL_S)
         self._stop()
@@ -167,9 +167,9 @@ def serve_souvenirs(
         server = make_server(application.asgi(), certificate)
         protocol = "without encryption" if certificate is None else "with TLS"
         log.info("souvenirs are served %s at %s, port %s", protocol, settings.host, settings.port)
-        notifier.ready(f"at port {settings.port}")
+        notifier.report_ready(f"at port {settings.port}")
         try:
             server.run(sockets=[listener])
         finally:
-            notifier.stopping()
+            notifier.report_stopping()
             notifier.close()

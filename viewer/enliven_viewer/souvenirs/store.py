@@ -104,7 +104,7 @@ class SouvenirStore:
         souvenir = next((each for each in self._list() if tokens_match(token, each.token)), None)
         return None if souvenir is None or self._is_over(souvenir) else souvenir.path
 
-    def sweep(self) -> int:
+    def delete_expired(self) -> int:
         """Deletes expired souvenirs, the oldest souvenirs beyond the limits, and unfinished files of killed
         programs.
 

@@ -159,23 +159,23 @@ class Toasts:
         self._seconds = seconds
         self.shown: tuple[Toast, ...] = ()
 
-    def say(self, text: str, remedy: str = "") -> None:
+    def show_message(self, text: str, remedy: str = "") -> None:
         """Shows a message about a finished action."""
         self._add(Toast(text, remedy, False, self._seconds))
 
-    def complain(self, error: EnlivenError) -> None:
+    def show_error(self, error: EnlivenError) -> None:
         """Shows an error that the artist can fix."""
         translated = translate_error(error)
         message = f"{translated.where}: {translated.what}" if translated.where else translated.what
         self._add(Toast(message, translated.remedy, True, 2 * self._seconds))
 
-    def tell(self, error: BaseException, remedy: str = "") -> EnlivenError:
+    def show_any_error(self, error: BaseException, remedy: str = "") -> EnlivenError:
         """Shows any error. Internal errors are shown too, because they must not close the window."""
         if not isinstance(error, EnlivenError):
             log.error("internal error of enliven", exc_info=error)
             message = tr("an internal error of enliven{0}; the log has the details", error_location(error))
             error = EnlivenError(message, remedy=remedy)
-        self.complain(error)
+        self.show_error(error)
         return error
 
     def advance(self, seconds: float) -> None:

@@ -62,7 +62,7 @@ class Bridge:
         self._loop, self._on_failure = loop, on_failure
         self.failure: Exception | None = None
         self._received: dict[str, bytes] = {}
-        self._link = EdgeClient([address], "web", forward=self._take)
+        self._link = EdgeClient([address], "web", forward=self._store_newest)
         self._surfaces = SolvedSurfaces()
         self._revisions: dict[str, tuple[int, Character]] = {}
         self._sent_surfaces: dict[str, Any] = {}
@@ -134,7 +134,7 @@ class Bridge:
         finally:
             self._link.close()
 
-    def _take(self, message: Any) -> None:
+    def _store_newest(self, message: Any) -> None:
         """Stores the newest message of each kind until the end of the poll."""
         topic = BY_TYPE[type(message)]
         if topic in _FORWARDED_TOPICS:

@@ -87,12 +87,12 @@ def doubt_outliers(x, w, predicted):
         for s in range(count):
             if w[s, j] > 0.0:
                 speakers += 1
-                least = min(least, _apart(x[s, j], predicted[j]))
+                least = min(least, _squared_distance(x[s, j], predicted[j]))
         if speakers < 2:
             continue
         for s in range(count):
             if w[s, j] > 0.0:
-                own = _apart(x[s, j], predicted[j])
+                own = _squared_distance(x[s, j], predicted[j])
                 w[s, j] *= (least + _OUTLIER_DISTANCE_M**2) / (own + _OUTLIER_DISTANCE_M**2)
 
 
@@ -116,7 +116,7 @@ def fuse_confidence(x, w, told, joints, out):
         for s in range(len(x)):
             share = w[s, j] / total
             mean += share * told[s, j]
-            spread += share * _apart(x[s, j], joints[j])
+            spread += share * _squared_distance(x[s, j], joints[j])
             if share > _FULL_WEIGHT_FRACTION:
                 best = max(best, told[s, j])
         out[j] = max(mean, best) / (1.0 + spread / _HALVING_DISTANCE_M**2)
@@ -126,14 +126,14 @@ def fuse_confidence(x, w, told, joints, out):
 def bones_within(joints, bones, shortest, longest):
     """Returns True if the length of every bone (B, 2) is between the given limits (B,) in metres."""
     for b in range(len(bones)):
-        squared = _apart(joints[bones[b, 0]], joints[bones[b, 1]])
+        squared = _squared_distance(joints[bones[b, 0]], joints[bones[b, 1]])
         if not shortest[b] ** 2 < squared < longest[b] ** 2:
             return False
     return True
 
 
 @njit(cache=True, nogil=True)
-def _apart(a, b):
+def _squared_distance(a, b):
     """Returns the squared distance of two points."""
     return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
 
@@ -175,7 +175,7 @@ def side_costs(x, sure, expected, other):
         if o == j:
             continue
         w = min(sure[j], sure[o]) + 1e-3
-        plain += w * min(np.sqrt(_apart(x[j], expected[j])), 0.5)
-        crossed += w * min(np.sqrt(_apart(x[o], expected[j])), 0.5)
+        plain += w * min(np.sqrt(_squared_distance(x[j], expected[j])), 0.5)
+        crossed += w * min(np.sqrt(_squared_distance(x[o], expected[j])), 0.5)
         weight += w
     return plain / weight, crossed / weight

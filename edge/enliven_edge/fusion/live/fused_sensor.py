@@ -77,7 +77,7 @@ class FusedSensors(Sensor):
             )
             for name, sensor in sensors.items()
         ]
-        self._schedule = OutputSchedule()
+        self._schedule_retry = OutputSchedule()
         self._clocks = ArrivalClocks()
         self._gone: set[str] = set()
         self._last: dict[str, SensorWarning] = {}
@@ -176,7 +176,7 @@ class FusedSensors(Sensor):
         time_ns = self._to_common_clock(sensor_bodies)
         self.fuser.update(sensor_bodies.sensor, sensor_bodies.bodies, time_ns, frozen=sensor_bodies.frozen)
         self._now_ns = max(self._now_ns, time_ns)
-        is_due = self._schedule.is_due(sensor_bodies.sensor, time_ns)
+        is_due = self._schedule_retry.is_due(sensor_bodies.sensor, time_ns)
         bodies = self.fuser.bodies(time_ns) if is_due else []
         self._log_warnings()
         return BodyFrame(bodies, time_ns, self.name, self._camera, sensor_bodies.read_ns) if is_due else None

@@ -10,7 +10,13 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.person import Body
 from enliven.rotation import IDENTITY
-from enliven_edge.fusion.live.grouping import FORBIDDEN_COST, Group, assign, body_distances, group_by_person
+from enliven_edge.fusion.live.grouping import (
+    FORBIDDEN_COST,
+    Group,
+    body_distances,
+    group_by_person,
+    solve_assignment_problem,
+)
 from enliven_edge.fusion.live.person import FusedPerson
 from enliven_edge.fusion.live.sensor_view import STATE_SENTENCES, SensorState, SensorView, SensorWarning
 from enliven_edge.fusion.settings import MAX_BODY_AGE_S, FusionSettings
@@ -44,13 +50,13 @@ class Fuser:
     identities.
 
     Args:
-        eyes: by sensor, the (3,) position of its lens in metres, world frame.
+        sensor_positions: by sensor, the (3,) position of its lens in metres, world frame.
         settings: the settings. If None, uses the defaults.
     """
 
-    def __init__(self, eyes: Mapping[str, Float], settings: FusionSettings | None = None) -> None:
+    def __init__(self, sensor_positions: Mapping[str, Float], settings: FusionSettings | None = None) -> None:
         self.settings = settings or FusionSettings()
-        self.views = [SensorView(name, np.asarray(eye, float)) for name, eye in eyes.items()]
+        self.views = [SensorView(name, np.asarray(eye, float)) for name, eye in sensor_positions.items()]
         self.people: list[FusedPerson] = []
         self.warnings: list[SensorWarning] = []
         self._numbers = {view.name: i for i, view in enumerate(self.views)}
@@ -88,7 +94,7 @@ class Fuser:
             person.hits = 1 if duplicate else person.hits + len(group.sightings)
             if person.hits >= s.sure_after:
                 bodies.append(body)
-        self._forget(time_ns)
+        self._drop_unseen_people(time_ns)
         self._now_ns = time_ns
         return sorted(bodies, key=lambda body: body.id)
 
@@ -99,7 +105,9 @@ class Fuser:
 
     def _assign_people(self, groups: list[Group], time_ns: int) -> list[tuple[Group, FusedPerson]]:
         """Assigns each group to a known person, or to a new one (data association)."""
-        pairs = assign(self._compute_costs(groups, time_ns)) if groups and self.people else []
+        pairs = (
+            solve_assignment_problem(self._compute_costs(groups, time_ns)) if groups and self.people else []
+        )
         people_by_group = {g: self.people[p] for g, p in pairs}
         recognised_people = []
         for number, group in enumerate(groups):
@@ -136,8 +144,8 @@ class Fuser:
         s = self.settings
         cost = body_distances(
             np.array([g.mean for g in groups]),
-            np.array([g.sure for g in groups]),
-            np.array([p.expected(time_ns) for p in self.people]),
+            np.array([g.max_confidence for g in groups]),
+            np.array([p.predict_joints(time_ns) for p in self.people]),
             np.array([p.confidence for p in self.people]),
         )
         gates = np.array(
@@ -146,13 +154,13 @@ class Fuser:
                 for p in self.people
             ]
         )
-        votes = np.array([[g.votes(p.id) for p in self.people] for g in groups])
+        votes = np.array([[g.person_fraction(p.id) for p in self.people] for g in groups])
         # If two tracked people turn out to be one person, keep the older identity.
         age = 1e-3 * np.arange(len(self.people))
         max_distance = (cost < gates) | (votes > 0.5)
         return np.where(max_distance, np.minimum(cost, 10.0) - s.loyalty * votes + age, FORBIDDEN_COST)
 
-    def _forget(self, time_ns: int) -> None:
+    def _drop_unseen_people(self, time_ns: int) -> None:
         """Drops people who were not seen for long. Drops unconfirmed people immediately."""
         s = self.settings
         self.people = [

@@ -11,7 +11,7 @@ from enliven.matching.assignment import solve_assignment
 from enliven.person import Body
 from enliven_edge.fusion.live.blending import bones_within, trunk_distances
 from enliven_edge.fusion.live.sensor_view import BodySighting, SensorView
-from enliven_edge.fusion.live.side_assignment import MIDDLES
+from enliven_edge.fusion.live.side_assignment import MIDLINE_JOINTS
 
 FORBIDDEN_COST = 1e3
 """Cost in metres of a forbidden pairing: above every distance in a room."""
@@ -46,11 +46,11 @@ class Group:
         return np.asarray(sum(self.joints.values()) / len(self.joints))
 
     @property
-    def sure(self) -> Float:
+    def max_confidence(self) -> Float:
         """Returns the maximum confidence (20,) of each joint over the sensors."""
         return np.max([s.body.confidence for s in self.sightings.values()], axis=0)
 
-    def votes(self, person: int) -> float:
+    def person_fraction(self, person: int) -> float:
         """Returns the fraction of the group's bodies that belonged to this person in the last update."""
         return sum(s.person == person for s in self.sightings.values()) / len(self.sightings)
 
@@ -68,7 +68,7 @@ def body_distances(a: Float, a_sure: Float, b: Float, b_sure: Float) -> Float:
     The distance does not change if left and right are exchanged.
     """
     result = np.empty((len(a), len(b)))
-    trunk_distances(a, a_sure, b, b_sure, MIDDLES, result)
+    trunk_distances(a, a_sure, b, b_sure, MIDLINE_JOINTS, result)
     return result
 
 
@@ -120,20 +120,22 @@ def _find_partners(
     """
     group_distances = body_distances(
         np.array([g.mean for g in groups]),
-        np.array([g.sure for g in groups]),
+        np.array([g.max_confidence for g in groups]),
         np.array([joints for _, joints in seen]),
         np.array([s.body.confidence for s, _ in seen]),
     )
-    previous_group = np.array([[g.votes(s.person) if s.person else 0.0 for s, _ in seen] for g in groups])
+    previous_group = np.array(
+        [[g.person_fraction(s.person) if s.person else 0.0 for s, _ in seen] for g in groups]
+    )
     return {
         n: groups[g]
-        for g, n in assign(
+        for g, n in solve_assignment_problem(
             np.where(group_distances < gate, group_distances - loyalty * previous_group, FORBIDDEN_COST)
         )
     }
 
 
-def assign(cost: Float) -> list[tuple[int, int]]:
+def solve_assignment_problem(cost: Float) -> list[tuple[int, int]]:
     """Returns the cheapest assignment of rows to columns (Hungarian algorithm).
 
     Entries of :data:`FORBIDDEN_COST` stay unassigned.

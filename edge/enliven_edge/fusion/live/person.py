@@ -65,7 +65,7 @@ class FusedPerson:
         """
         return (time_ns - self.last_ns) * 1e-9 if self.hits else np.inf
 
-    def expected(self, time_ns: int) -> Float:
+    def predict_joints(self, time_ns: int) -> Float:
         """Returns the predicted joints (20, 3)."""
         return self.joints + min(max(self.seconds_unseen(time_ns), 0.0), MAX_BODY_AGE_S) * self.velocity
 
@@ -73,7 +73,7 @@ class FusedPerson:
         """Returns the body of this person, fused from all sensors of the group."""
         seconds = self.seconds_unseen(time_ns)
         has_prediction = seconds < _MAX_GLIDE_S
-        expected = self.expected(time_ns) if self.hits else group.mean
+        expected = self.predict_joints(time_ns) if self.hits else group.mean
         if not has_prediction:
             self._reset_offsets()
         bodies, expected = self._correct_sides(group, views, expected, seconds if has_prediction else 0.0)
@@ -87,10 +87,10 @@ class FusedPerson:
         blend(x, w, expected, has_prediction, self._had_value, self._offsets, gain, joints)
         confidence = _fuse_confidence(x, w, bodies, joints)
         orientations = self._fuse_orientations(bodies, w, has_prediction, gain)
-        self._move(joints, time_ns, seconds, has_prediction)
+        self._store_joints(joints, time_ns, seconds, has_prediction)
         self.confidence, self.seen_by = confidence, frozenset(bodies)
         for sensor, sighting in group.sightings.items():
-            views[sensor].bind(sighting, self.id, _NUMBER_TRUST_S)
+            views[sensor].assign_person(sighting, self.id, _NUMBER_TRUST_S)
         return Body(
             self.id, joints, confidence, orientations, _fuse_contacts(bodies, w), _fuse_stature(bodies, w)
         )
@@ -112,7 +112,7 @@ class FusedPerson:
         self._had_value[:], self._had_orientation[:] = False, False
         self._has_orientation = False
 
-    def _move(self, joints: Float, time_ns: int, seconds: float, has_prediction: bool) -> None:
+    def _store_joints(self, joints: Float, time_ns: int, seconds: float, has_prediction: bool) -> None:
         """Updates the state for the next prediction."""
         if has_prediction and seconds > 1e-4:
             speed = (joints - self.joints) / seconds
@@ -134,7 +134,7 @@ class FusedPerson:
         ):
             self._swap_sides()
             expected = expected[OTHER_SIDE]
-        return self._sides.put_right(bodies), expected
+        return self._sides.correct_sides(bodies), expected
 
     def _swap_sides(self) -> None:
         """Exchanges left and right in the state."""

@@ -149,12 +149,12 @@ class TrackingThread(SensorThread):
             try:
                 frame = self.sensor.read(READ_TIMEOUT_S)
             except TimeoutError:
-                self._health.silent(time.monotonic() - last_frame_at)
+                self._health.record_silence(time.monotonic() - last_frame_at)
                 self.health_states = self._health.states
                 continue
             except (SensorFault, InputError) as error:
-                self._health.failed(error)
-                self._health.silent(time.monotonic() - last_frame_at)
+                self._health.record_read_error(error)
+                self._health.record_silence(time.monotonic() - last_frame_at)
                 self._end_at_fault()
                 self.health_states = self._health.states
                 continue
@@ -186,7 +186,7 @@ class TrackingThread(SensorThread):
     def _bodies(self, frame: Frame) -> list[Body]:
         """Returns the people of a frame in the world frame."""
         if isinstance(frame, BodyFrame):
-            self._health.judge(frame, frame.bodies)
+            self._health.check_result(frame, frame.bodies)
             return transform_bodies(frame.bodies, self.place.level)
         camera = self.place.camera
         if camera is None:
@@ -199,6 +199,6 @@ class TrackingThread(SensorThread):
             self._learns_room.clear()
             self._tracker.learn_room()
         bodies = self._tracker.track(dataclasses.replace(frame, world_from_camera=camera))
-        self._health.judge(frame, bodies, camera, self._tracker.state)
+        self._health.check_result(frame, bodies, camera, self._tracker.state)
         self._health.check_device(self.sensor.condition(), camera, floor_known=True)
         return bodies

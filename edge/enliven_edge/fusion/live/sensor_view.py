@@ -127,7 +127,7 @@ class SensorView:
         """
         if self.last_ns is not None and time_ns <= self.last_ns:
             return False
-        if not self._repeats(bodies):
+        if not self._has_unchanged_bodies(bodies):
             self._same_since_ns = time_ns
         frozen = frozen or time_ns - self._same_since_ns > silence * 1e9
         self.last_ns = time_ns
@@ -140,7 +140,7 @@ class SensorView:
         self.sightings = {body.id: self._create_sighting(body, time_ns) for body in bodies}
         return True
 
-    def bind(self, sighting: BodySighting, person: int, believed: float) -> None:
+    def assign_person(self, sighting: BodySighting, person: int, believed: float) -> None:
         """Stores the person of a body, in case the sensor loses and finds the body again.
 
         Args:
@@ -154,7 +154,7 @@ class SensorView:
         if len(self._person_by_body) > len(self.sightings):
             self._person_by_body = {body: b for body, b in self._person_by_body.items() if b[1] >= oldest}
 
-    def _repeats(self, bodies: list[Body]) -> bool:
+    def _has_unchanged_bodies(self, bodies: list[Body]) -> bool:
         """Returns True if there are people, and all their joints are bitwise equal to the previous ones."""
         previous, self._last_bodies = self._last_bodies, bodies
         return (

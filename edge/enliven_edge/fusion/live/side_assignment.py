@@ -16,7 +16,7 @@ OTHER_SIDE = np.array(MIRROR)
 """(20,) the mirrored joint of each joint, such as the right hand for the left hand. Joints of the trunk are
 mapped to themselves.
 """
-MIDDLES = np.array([(j, MIRROR[j]) for j in range(J) if j <= MIRROR[j]])
+MIDLINE_JOINTS = np.array([(j, MIRROR[j]) for j in range(J) if j <= MIRROR[j]])
 """(12, 2) pairs of joints with a midpoint that stays in place if left and right are exchanged."""
 _HALF_TURN = np.array([0.0, 0.0, 1.0, 0.0])
 """(4,) quaternion of a rotation by 180 degrees about a bone's length."""
@@ -24,7 +24,7 @@ _HALF_TURN = np.array([0.0, 0.0, 1.0, 0.0])
 
 def midline_points(joints: Float) -> Float:
     """Returns the (..., 12, 3) points of a body that do not move if left and right are exchanged."""
-    return np.asarray(0.5 * (joints[..., MIDDLES[:, 0], :] + joints[..., MIDDLES[:, 1], :]))
+    return np.asarray(0.5 * (joints[..., MIDLINE_JOINTS[:, 0], :] + joints[..., MIDLINE_JOINTS[:, 1], :]))
 
 
 def midline_weights(weights: Float) -> Float:
@@ -32,7 +32,7 @@ def midline_weights(weights: Float) -> Float:
 
     The weight of a midpoint is the smaller one of its two joints.
     """
-    return np.minimum(weights[..., MIDDLES[:, 0]], weights[..., MIDDLES[:, 1]])
+    return np.minimum(weights[..., MIDLINE_JOINTS[:, 0]], weights[..., MIDLINE_JOINTS[:, 1]])
 
 
 def swap_sides(body: Body) -> Body:
@@ -72,7 +72,7 @@ class SideAssignment:
         self._turn_over = turn_over
         self._doubt, self._watched = 0.0, 0.0
 
-    def put_right(self, bodies: Mapping[int, Body]) -> dict[int, Body]:
+    def correct_sides(self, bodies: Mapping[int, Body]) -> dict[int, Body]:
         """Returns the bodies with the decided assignment of left and right."""
         return {s: self._restore_names(s, body) for s, body in bodies.items()}
 

@@ -23,7 +23,7 @@ class BagReader(FileReader):
         return head.startswith(ros1.MAGIC) or (head == ros2.MAGIC and path.suffix == ".db3")
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
-        path = self.chosen(paths)
+        path = self.choose_file(paths)
         if read_head(path, len(ros2.MAGIC)) == ros2.MAGIC:
             yield from realsense.frames(path, ros2.messages, options.device)
             return

@@ -17,7 +17,7 @@ from enliven_edge.sensors.drivers.libcamera_images import LibcameraImages
 from enliven_edge.sensors.stereo.calibration import load_calibration
 from enliven_edge.sensors.stereo.matching import StereoMatcher
 from enliven_edge.sensors.stereo.pair_folder import RecordedPairs
-from enliven_edge.sensors.stereo.pairing import CameraImage, Pairing
+from enliven_edge.sensors.stereo.pairing import CameraImage, ImagePairing
 from enliven_edge.sensors.stereo.rectification import Rectification, import_opencv
 
 _MAX_TEMPERATURE_C = 75.0
@@ -96,7 +96,7 @@ class LibcameraSensor(Sensor):
         else:
             self._images = LibcameraImages(cameras, size, fps, not calibration, exposure_us, gain, tuning)
         self.name = self._images.name
-        self._pairing = Pairing(self.name, round(1e6 * apart_ms))
+        self._pairing = ImagePairing(self.name, round(1e6 * apart_ms))
         try:
             if not calibration:
                 self._estimator = MonocularPoseEstimator(

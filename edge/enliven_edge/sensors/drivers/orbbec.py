@@ -251,7 +251,7 @@ class OrbbecSensor(Sensor):
             *size, lens, self._kind, self.name, self._rehearsed
         )
         model, models = bent.model, ob.OBCameraDistortionModel
-        if not self._calibrated or model == models.NONE or not any(_coefficients(bent)):
+        if not self._calibrated or model == models.NONE or not any(_distortion_coefficients(bent)):
             return None
         plain = model == models.BROWN_CONRADY or (
             model == models.BROWN_CONRADY_K6 and not any((bent.k4, bent.k5, bent.k6))
@@ -270,16 +270,18 @@ class OrbbecSensor(Sensor):
         millimetres = image.get_depth_scale()
         depth: UInt16 = np.frombuffer(image.get_data(), np.uint16)
         if depth.size != camera.width * camera.height:
-            raise InputError(f"an image has {depth.size} pixels, not {_shape(camera)}", where=self.name)
+            raise InputError(
+                f"an image has {depth.size} pixels, not {_describe_size(camera)}", where=self.name
+            )
         depth = depth.reshape(camera.height, camera.width)
         if abs(millimetres - 1.0) > 1e-6:
             depth = np.rint(depth * millimetres).clip(0, 65535).astype(np.uint16)
         return DepthFrame(self._reach(depth), camera, time_ns, self.name, sequence=number)
 
 
-def _coefficients(bent: Any) -> tuple[float, ...]:
+def _distortion_coefficients(bent: Any) -> tuple[float, ...]:
     return bent.k1, bent.k2, bent.k3, bent.k4, bent.k5, bent.k6, bent.p1, bent.p2
 
 
-def _shape(camera: Intrinsics) -> str:
+def _describe_size(camera: Intrinsics) -> str:
     return f"those of {camera.width}x{camera.height}"

@@ -16,7 +16,7 @@ from enliven_edge.sensors.attached_cameras import ALLOW, FORBIDDEN, list_attache
 Device = TypeVar("Device")
 Sentence = tuple[str, str]
 """A problem and its remedy."""
-_CHECK = "then type: enliven doctor"
+_CONNECTION_ADVICE = "then type: enliven doctor"
 REHEARSE = "Rehearse with another recording: --set rehearse=OTHER.mcap; enliven inspect says what is in one."
 """The advice if no device is found."""
 
@@ -57,7 +57,9 @@ def convert_error(sensor: str, error: Exception, where: str = "", rehearsed: boo
         if piece in message:
             return ResourceError(problem, where=where, remedy=remedy)
     return ResourceError(
-        f"it cannot be used ({message})", where=where, remedy=f"Unplug it once and plug it in again, {_CHECK}"
+        f"it cannot be used ({message})",
+        where=where,
+        remedy=f"Unplug it once and plug it in again, {_CONNECTION_ADVICE}",
     )
 
 
@@ -118,7 +120,8 @@ def _missing_device_error(sensor: str, which: str) -> ResourceError:
                 return ResourceError(f"{camera.title}: {FORBIDDEN}", where=where, remedy=ALLOW)
             problem = f"{camera.title} is plugged in, but its library does not find it"
             remedy = (
-                f"Close other programs that use it. Otherwise unplug it once and plug it in again, {_CHECK}"
+                f"Close other programs that use it. Otherwise unplug it once and plug it in "
+                f"again, {_CONNECTION_ADVICE}"
             )
             return ResourceError(problem, where=where, remedy=remedy)
     return ResourceError(

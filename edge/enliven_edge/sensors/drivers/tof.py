@@ -104,7 +104,7 @@ class TofSensor(Sensor):
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
         over = self._driver_replay is not None and self._driver_replay.is_over()
-        frame = self._request(timeout or 0.0)
+        frame = self._request_frame(timeout or 0.0)
         if frame is None:
             if over:
                 return None
@@ -117,7 +117,7 @@ class TofSensor(Sensor):
         try:
             depth = self._filter_depth(frame.depth_data, frame.confidence_data)
         finally:
-            self._release(frame)
+            self._release_frame(frame)
         self._number = number + 1
         return DepthFrame(depth, self._lens, time_ns, self.name, sequence=number)
 
@@ -165,7 +165,7 @@ class TofSensor(Sensor):
             self.close()
             raise
 
-    def _request(self, timeout: float) -> Any:
+    def _request_frame(self, timeout: float) -> Any:
         """Returns the next frame of the library or of a rehearsal. Returns None if no frame arrived in
         time.
         """
@@ -177,10 +177,10 @@ class TofSensor(Sensor):
         frame = self._camera.requestFrame(max(round(1e3 * timeout), 1))
         if isinstance(frame, self._ac.DepthData):
             return frame
-        self._release(frame)
+        self._release_frame(frame)
         return None
 
-    def _release(self, frame: Any) -> None:
+    def _release_frame(self, frame: Any) -> None:
         """Gives a frame of the library back to it."""
         if self._camera is not None and frame is not None:
             self._camera.releaseFrame(frame)
@@ -192,7 +192,7 @@ class TofSensor(Sensor):
             problem = f"an image has the shapes {depth.shape} and {confidence.shape}"
             raise InputError(problem, where=self.name, remedy=f"Expected {(lens.height, lens.width)}.")
         trusted = np.empty(depth.shape, np.uint16)
-        _trust(depth, confidence, self._confidence, *self._limits, trusted)
+        _keep_trusted_depth(depth, confidence, self._confidence, *self._limits, trusted)
         return trusted
 
     def _send_recorded(self, frame: DepthFrame, number: int) -> None:
@@ -207,7 +207,7 @@ class TofSensor(Sensor):
 
 
 @njit(cache=True, nogil=True)
-def _trust(depth: Any, confidence: Any, least: float, low: int, high: int, trusted: Any) -> None:
+def _keep_trusted_depth(depth: Any, confidence: Any, least: float, low: int, high: int, trusted: Any) -> None:
     """Writes depths in rounded millimetres (H, W) into ``trusted``, and 0 for pixels outside the limits or
     with low confidence.
     """

@@ -210,13 +210,13 @@ class HelperProcess:
 
 
 def error_from_helper(
-    said: tuple[str, str, str, str], name: str, kind: type[InputError] | type[ResourceError]
+    description: tuple[str, str, str, str], name: str, kind: type[InputError] | type[ResourceError]
 ) -> InputError | ResourceError:
     """Converts a driver's error, received as strings, to an exception.
 
     An InputError keeps its class. All other errors become ``kind``.
     """
-    error_class, problem, where, remedy = said
+    error_class, problem, where, remedy = description
     error_type = {"InputError": InputError, "ResourceError": kind}.get(error_class, kind)
     if kind is InputError:
         error_type = InputError

@@ -36,7 +36,7 @@ class CameraImage:
     sequence: int
 
 
-class Pairing:
+class ImagePairing:
     """Pairs the images of two cameras, and drops those without a partner.
 
     Args:

@@ -62,7 +62,7 @@ class BonePose:
     yaw: float
 
 
-class Bones:
+class BoneTracker:
     """Tracks the bones of one performer over time.
 
     Args:

@@ -9,8 +9,8 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.examples.spacetime.following import complex_from_floor
 from enliven.person import Body, Joint, mirror_body
-from enliven_edge.stage.puppet.bones import Bones
-from enliven_edge.stage.puppet.locomotion import Feet, Footing, leg_length
+from enliven_edge.stage.puppet.bones import BoneTracker
+from enliven_edge.stage.puppet.locomotion import FootDetector, Footing, leg_length
 from enliven_edge.stage.puppet.retargeting import Retargeting
 
 _MIRROR = np.zeros(3), np.array([1.0, 0.0, 0.0])
@@ -35,8 +35,8 @@ class ControlPointHold:
 
     body: int
     points: frozenset[int]
-    bones: Bones
-    feet: Feet = field(default_factory=Feet)
+    bones: BoneTracker
+    feet: FootDetector = field(default_factory=FootDetector)
     pose: Float = field(default_factory=lambda: np.zeros((0, 3)))
     yaw: float = 0.0
     footing: Footing = field(default_factory=Footing)

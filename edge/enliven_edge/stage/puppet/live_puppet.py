@@ -15,7 +15,7 @@ import numpy as np
 from enliven.arrays import Float, Int
 from enliven.examples.live import LiveExamples
 from enliven.examples.mapping import ExampleMap
-from enliven.examples.puppet_motion import State
+from enliven.examples.puppet_motion import PuppetState
 from enliven_edge.stage.puppet.locomotion import Footing, Locomotion
 
 _NS = 1_000_000_000
@@ -61,11 +61,11 @@ class LivePuppet:
         self._waiting: deque[PerformerInput] = deque()
         self._last: tuple[int, PerformerInput] | None = None
         self._due_ns = 0
-        self._before = self._after = State(np.zeros((0, 3)), 0.0, np.zeros(3))
+        self._before = self._after = PuppetState(np.zeros((0, 3)), 0.0, np.zeros(3))
         self.free_points: Int = np.zeros(0, np.int64)
         self.rest: Float = np.zeros((0, 3))
 
-    def begin(self, time_ns: int, sample: PerformerInput, state: State) -> State:
+    def begin(self, time_ns: int, sample: PerformerInput, state: PuppetState) -> PuppetState:
         """Starts from a first sample, as if the performer had always had this pose.
 
         Returns the state to show.
@@ -76,36 +76,38 @@ class LivePuppet:
         self._live = LiveExamples(self._mapping, self._step_ns / _NS, self._lag)
         self._waiting.clear()
         self._locomotion.begin(state.root, sample.path_position)
-        self._after = State(np.zeros((0, 3)), 0.0, state.root)
+        self._after = PuppetState(np.zeros((0, 3)), 0.0, state.root)
         self._last, self._due_ns = (time_ns, sample), time_ns + self._step_ns
         for _ in range(self._lag + 2):
-            self._push(sample)
+            self._push_sample(sample)
         if self._locomotion.can_step:
-            offset = self._locomotion.stands(state) - self._locomotion.stands(self._after)
+            offset = self._locomotion.compute_feet_centre(state) - self._locomotion.compute_feet_centre(
+                self._after
+            )
             offset = offset * np.array([1.0, 0.0, 1.0])
             self._locomotion.shift(offset)
             self._after = replace(self._after, root=self._after.root + offset)
         self._before = self._after
         return self._after
 
-    def advance(self, time_ns: int, sample: PerformerInput) -> State:
+    def advance(self, time_ns: int, sample: PerformerInput) -> PuppetState:
         """Adds the next sample and returns the current state to show."""
         assert self._last is not None
         before_ns, before = self._last
         while self._due_ns <= time_ns:
             fraction = (self._due_ns - before_ns) / max(time_ns - before_ns, 1)
-            self._push(_interpolate(before, sample, fraction))
+            self._push_sample(_interpolate(before, sample, fraction))
             self._due_ns += self._step_ns
         self._last = time_ns, sample
         fraction = 1.0 - (self._due_ns - time_ns) / self._step_ns
         a, b = self._before, self._after
-        return State(
+        return PuppetState(
             a.places + fraction * (b.places - a.places),
             a.yaw + fraction * (b.yaw - a.yaw),
             a.root + fraction * (b.root - a.root),
         )
 
-    def _push(self, sample: PerformerInput) -> None:
+    def _push_sample(self, sample: PerformerInput) -> None:
         assert self._live is not None
         places = self._live.push(sample.pose)
         self._waiting.append(sample)
@@ -116,7 +118,7 @@ class LivePuppet:
         places, root = self._locomotion.step(
             places, delayed.yaw, delayed.footing, delayed.lift_scale_m, delayed.path_position
         )
-        self._before, self._after = self._after, State(places, delayed.yaw, root)
+        self._before, self._after = self._after, PuppetState(places, delayed.yaw, root)
 
 
 def _interpolate(a: PerformerInput, b: PerformerInput, fraction: float) -> PerformerInput:

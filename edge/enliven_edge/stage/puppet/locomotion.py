@@ -18,8 +18,8 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Int
 from enliven.document import ContactSettings, LocomotionSettings
-from enliven.examples.puppet_motion import State
-from enliven.examples.spacetime.anchoring import stand
+from enliven.examples.puppet_motion import PuppetState
+from enliven.examples.spacetime.anchoring import choose_anchors
 from enliven.examples.spacetime.following import PathFollower, complex_from_floor, floor_from_complex
 from enliven.examples.travel import PuppetTravel
 from enliven.person import Body, Joint
@@ -57,7 +57,7 @@ LEFT_FOOT = 0
 """Side of a control point that stands with the left leg. It is an index into (left, right, either)."""
 RIGHT_FOOT = 1
 """Side of a control point that stands with the right leg. See ``LEFT_FOOT``."""
-EITHER = 2
+EITHER_FOOT = 2
 """Side of a control point that belongs to neither leg. It stands if the left or the right foot stands. See
 ``LEFT_FOOT``."""
 
@@ -77,7 +77,7 @@ class Footing:
     stands: tuple[bool, bool] = (False, False)
 
 
-class Feet:
+class FootDetector:
     """Detects the feet that stand on the floor. A jump needs both feet visible and off the floor."""
 
     def __init__(self, settings: ContactSettings | None = None, runner: float = 0.4) -> None:
@@ -96,21 +96,21 @@ class Feet:
         heights = np.where(seen, at[..., 1], np.inf)
         self._floor = np.minimum(self._floor + _FLOOR_RISE_RATE * seconds, heights)
         above = np.where(seen, heights - np.where(seen, self._floor, 0.0), np.inf).min(1)
-        self._stand(body, at, seen, above)
+        self._decide_standing(body, at, seen, above)
         stands = self._down[0], self._down[1]
-        if not seen.any(1).all() or self._contacts(body).any():
+        if not seen.any(1).all() or self._read_contacts(body).any():
             return Footing(stands=stands)
         lift = min(float(above.min()) / performer_height(body), _MAX_LIFT)
         if lift <= _MIN_LIFT:
             return Footing(stands=stands)
         return Footing(False, lift - _MIN_LIFT)
 
-    def _stand(self, body: Body, at: Float, seen: Bool, above: Float) -> None:
+    def _decide_standing(self, body: Body, at: Float, seen: Bool, above: Float) -> None:
         """Decides which feet stand: by the tracker's contacts, or else by height and speed, in the same way
         as in a take.
         """
         if body.contacts is not None:
-            self._down = self._contacts(body).tolist()
+            self._down = self._read_contacts(body).tolist()
             return
         places = np.where(seen[:, :1], at[:, 0], at[:, 1])
         while self._path and self._seconds - self._path[0][0] > _SPEED_WINDOW_S:
@@ -127,7 +127,7 @@ class Feet:
             low = above[k] <= self._how.height * leg * more
             self._down[k] = bool(seen[k].any() and low and speeds[k] <= slow * more)
 
-    def _contacts(self, body: Body) -> Bool:
+    def _read_contacts(self, body: Body) -> Bool:
         """Returns (2,) flags: True if the tracker reports contact of the left and the right foot."""
         if body.contacts is None:
             return np.zeros(2, np.bool_)
@@ -142,7 +142,7 @@ def performer_height(body: Body) -> float:
 
 
 def side_of_foot(joint: Joint) -> int:
-    """Returns the side that a joint belongs to: ``LEFT_FOOT``, ``RIGHT_FOOT`` or ``EITHER``."""
+    """Returns the side that a joint belongs to: ``LEFT_FOOT``, ``RIGHT_FOOT`` or ``EITHER_FOOT``."""
     if joint.name.endswith(("LEFT", "RIGHT")) and joint.name.split("_")[0] in (
         "HIP",
         "KNEE",
@@ -150,7 +150,7 @@ def side_of_foot(joint: Joint) -> int:
         "FOOT",
     ):
         return LEFT_FOOT if joint.name.endswith("LEFT") else RIGHT_FOOT
-    return EITHER
+    return EITHER_FOOT
 
 
 def leg_length(body: Body) -> float:
@@ -189,7 +189,7 @@ class Locomotion:
         travel: PuppetTravel | None = None,
     ) -> None:
         self._feet: Int = np.asarray(feet, np.int64)
-        self._sides: Int = np.asarray([EITHER] * len(feet) if sides is None else sides, np.int64)
+        self._sides: Int = np.asarray([EITHER_FOOT] * len(feet) if sides is None else sides, np.int64)
         self._steps = np.isin(self._feet, travel.feet) if travel else np.zeros(len(feet), np.bool_)
         self._step = step
         self._sole = float(rest[self._feet, 1].min()) if len(self._feet) else 0.0
@@ -211,7 +211,7 @@ class Locomotion:
         self._roots.clear()
         self._following, self._from = self._new(), (path_position, complex(complex_from_floor(self.root)))
 
-    def stands(self, state: State) -> Float:
+    def compute_feet_centre(self, state: PuppetState) -> Float:
         """Returns the centre (3,) of the feet in metres, rotated by the yaw and moved to the root.
 
         The puppet's own placement is not applied.
@@ -246,7 +246,7 @@ class Locomotion:
         if not self._steps.any():
             self._move_without_steps(turned, root)
         elif footing.touches:
-            self._stand(turned, root, footing.stands)
+            self._move_in_contact(turned, root, footing.stands)
         else:
             self._move_in_air(root)
         places = self._follow_path(places, yaw, root, path_position, footing)
@@ -259,10 +259,10 @@ class Locomotion:
         self, places: Float, yaw: float, root: Float, path_position: complex, footing: Footing
     ) -> Float:
         """Pulls the root towards the path. Returns the places (P, 3), with standing feet locked."""
-        stands = (self._known(footing.stands) | (self._feet == self.anchor)) & footing.touches
+        stands = (self._find_known_standing(footing.stands) | (self._feet == self.anchor)) & footing.touches
         stands = stands[: len(self._following.held)]
         off = path_position - self._from[0] - (complex(complex_from_floor(root)) - self._from[1])
-        root += floor_from_complex(self._following.next(off, stands.tolist()))
+        root += floor_from_complex(self._following.compute_correction(off, stands.tolist()))
         if not self._following.held:
             return places
         out = places.copy()
@@ -277,12 +277,12 @@ class Locomotion:
             went = turned[self._feet].mean(0) - self._before[self._feet].mean(0)
             root -= went * [1.0, 0.0, 1.0]
 
-    def _stand(self, turned: Float, root: Float, stands: tuple[bool, bool]) -> None:
+    def _move_in_contact(self, turned: Float, root: Float, stands: tuple[bool, bool]) -> None:
         """Moves the root during contact, as in a take. The first anchor is the lowest foot."""
-        contacts = self._known(stands)
+        contacts = self._find_known_standing(stands)
         before = turned if self._before is None else self._before
         roots, anchors = np.stack([root, root]), np.array([self.anchor, -1])
-        stand(
+        choose_anchors(
             np.stack([before, turned]),
             self._feet,
             np.stack([contacts, contacts]),
@@ -296,7 +296,7 @@ class Locomotion:
         root[:] = roots[1]
         self._roots.append(root.copy())
 
-    def _known(self, stands: tuple[bool, bool]) -> Bool:
+    def _find_known_standing(self, stands: tuple[bool, bool]) -> Bool:
         """Returns (F,) flags: True for an alternating foot if the performer's matching foot stands."""
         return np.asarray(np.array([*stands, any(stands)])[self._sides] & self._steps)
 

@@ -9,19 +9,19 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.deformation.constraints.observed import ObservedPoints
-from enliven.document import Pose, Project, Puppet, character_from_puppet
+from enliven.document import ExampleCharacter, Pose, Project, character_from_puppet
 from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.puppet_examples import examples_from_key_poses, reference_performer
-from enliven.examples.puppet_motion import State, pose_of_state
+from enliven.examples.puppet_motion import PuppetState, pose_of_state
 from enliven.examples.travel import find_travel
 from enliven.person import MIRROR, Body, parse_parts
 from enliven.possession import Actor, Cues, Mode, PoseBlend, make_cues
 from enliven.rotation import rotate
-from enliven_edge.stage.puppet.bones import Bones
+from enliven_edge.stage.puppet.bones import BoneTracker
 from enliven_edge.stage.puppet.hold import ControlPointHold
 from enliven_edge.stage.puppet.live_puppet import LivePuppet, PerformerInput
-from enliven_edge.stage.puppet.locomotion import Feet, Locomotion, side_of_foot
+from enliven_edge.stage.puppet.locomotion import FootDetector, Locomotion, side_of_foot
 from enliven_edge.stage.puppet.retargeting import Retargeting
 from enliven_edge.stage.puppet.settings import PuppetSettings
 
@@ -43,7 +43,9 @@ class PuppetActor(Actor):
         InputError: if the puppet is incomplete, or follows joints that a tracked person does not have.
     """
 
-    def __init__(self, project: Project, puppet: Puppet, settings: PuppetSettings | None = None) -> None:
+    def __init__(
+        self, project: Project, puppet: ExampleCharacter, settings: PuppetSettings | None = None
+    ) -> None:
         self.settings = settings or PuppetSettings()
         self._project, self._puppet = project, puppet
         self._examples = examples_from_key_poses(project, puppet)
@@ -60,7 +62,7 @@ class PuppetActor(Actor):
         self._locomotion = locomotion
         self._live = LivePuppet(mapping, locomotion, self.settings.rate, self.settings.lag)
         self._live.rest = puppet.rest
-        self._state = State(puppet.rest.copy(), 0.0, np.zeros(3))
+        self._state = PuppetState(puppet.rest.copy(), 0.0, np.zeros(3))
         self._easing = PoseBlend(self.settings.fade, self.settings.fade_pace)
         self._lead: ControlPointHold | None = None
         self._yaw_offset = 0.0
@@ -120,7 +122,7 @@ class PuppetActor(Actor):
         self._candidate = (None, parts)
 
     def release(self, body: int | None = None) -> None:
-        self._need_holder(body, ("move", "moved"))
+        self._require_holder(body, ("move", "moved"))
         left = [hold for hold in self.holds if body is not None and hold.body != body]
         self._replace_holds(left)
 
@@ -142,8 +144,8 @@ class PuppetActor(Actor):
 
     def _create_hold(self, body: int, points: frozenset[int]) -> ControlPointHold:
         how = self._puppet.locomotion
-        feet = Feet(how.contact, how.runner)
-        return ControlPointHold(body, points, Bones(_VISIBLE_EASE_S), feet, seen_ns=self._time_ns)
+        feet = FootDetector(how.contact, how.runner)
+        return ControlPointHold(body, points, BoneTracker(_VISIBLE_EASE_S), feet, seen_ns=self._time_ns)
 
     def _paired_points(self, parts: str) -> frozenset[int]:
         """Returns the control points that are paired with the given parts of the performer's body."""
@@ -175,10 +177,12 @@ class PuppetActor(Actor):
             self._rest()
 
     def _rest(self) -> None:
-        still = State(self._puppet.rest.copy(), self._state.yaw, np.zeros(3))
+        still = PuppetState(self._puppet.rest.copy(), self._state.yaw, np.zeros(3))
         if self._locomotion.can_step:
-            by = self._locomotion.stands(self._state) - self._locomotion.stands(still)
-            still = State(still.places, still.yaw, by * np.array([1.0, 0.0, 1.0]))
+            by = self._locomotion.compute_feet_centre(self._state) - self._locomotion.compute_feet_centre(
+                still
+            )
+            still = PuppetState(still.places, still.yaw, by * np.array([1.0, 0.0, 1.0]))
         self._state = still
 
     def _update_holds(self, bodies: list[Body], time_ns: int) -> None:

@@ -6,10 +6,10 @@ import logging
 from collections.abc import Mapping
 from pathlib import Path
 
-from enliven.document import Project, Puppet, unused
+from enliven.document import ExampleCharacter, Project, unused
 from enliven.errors import InputError
 from enliven.example_sessions.session import read_session
-from enliven.examples.puppet_examples import missing
+from enliven.examples.puppet_examples import find_missing_examples
 from enliven.formats.project.file import read_project
 from enliven.wire import character_to_message
 from enliven_edge.stage.puppet.puppet_actor import PuppetActor
@@ -37,7 +37,7 @@ def create_puppet_actor(
         InputError: for a file that cannot be read, and for a puppet that cannot move yet. The message lists
             what is missing.
     """
-    project, puppet = _read(spec)
+    project, puppet = _read_project(spec)
     named = puppet.with_changes(id=unused(name or puppet.id, taken or {}))
     actor = create_actor_from_project(project, named, settings, f"puppet {puppet.id!r} of {spec}")
     # This raises an error now if the character cannot be sent to viewers.
@@ -46,7 +46,7 @@ def create_puppet_actor(
 
 
 def create_actor_from_project(
-    project: Project, puppet: Puppet, settings: PuppetSettings | None = None, where: str = ""
+    project: Project, puppet: ExampleCharacter, settings: PuppetSettings | None = None, where: str = ""
 ) -> PuppetActor:
     """Returns the actor of a puppet of a project, with the takes of its key poses. Error messages name
     ``where``.
@@ -54,14 +54,14 @@ def create_actor_from_project(
     Raises:
         InputError: if the puppet cannot move yet. The message lists what is missing.
     """
-    problems = missing(project, puppet)
+    problems = find_missing_examples(project, puppet)
     if problems:
         remedy = f"{' '.join(problems)} Do so in enliven studio, or in the session's file."
         raise InputError("it cannot move yet", where=where or puppet.where, remedy=remedy)
     return PuppetActor(project, puppet, settings)
 
 
-def _read(spec: str) -> tuple[Project, Puppet]:
+def _read_project(spec: str) -> tuple[Project, ExampleCharacter]:
     if spec in BUILT_IN_PUPPETS:
         sample = BUILT_IN_PUPPETS[spec]()
         return sample, sample.puppet(spec)

@@ -18,9 +18,9 @@ from enliven.errors import InputError
 from enliven.person import Body, Joint
 from enliven.possession import rotation_about_y
 from enliven.skeletons.anatomy import Anatomy, SkeletonLimb, find_anatomy
-from enliven.skeletons.facing import facing_of
+from enliven.skeletons.facing import find_facing
 from enliven.takes.capture_clip import BODY_NAMES
-from enliven_edge.stage.puppet.bones import BonePose, Bones
+from enliven_edge.stage.puppet.bones import BonePose, BoneTracker
 
 ARMS = (
     (Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT),
@@ -83,7 +83,7 @@ class Retargeting:
         numbers = [skeleton.index(name) for name in joints]
         same = _same_bones(skeleton)
         bones = same or _similar_bones(skeleton)
-        self._facing = rotation_about_y(_rest_yaw(skeleton, same) if same else facing_of(skeleton))
+        self._facing = rotation_about_y(_rest_yaw(skeleton, same) if same else find_facing(skeleton))
         self._paths = [skeleton.path(0, number)[1:] for number in numbers]
         used = sorted({joint for path in self._paths for joint in path})
         for joint in used:
@@ -142,7 +142,7 @@ def _rest_yaw(skeleton: Skeleton, bones: dict[int, _Bone]) -> float:
     """Returns the facing of a tracked person at rest in radians about +Y, computed from the hips."""
     joints = np.zeros((len(Joint), 3))
     joints[[bone.joint for bone in bones.values()]] = skeleton.positions
-    return Bones(0.0).update(Body(0, joints, np.ones(len(Joint))), 0.0).yaw
+    return BoneTracker(0.0).update(Body(0, joints, np.ones(len(Joint))), 0.0).yaw
 
 
 def _normalise_name(name: str) -> str:

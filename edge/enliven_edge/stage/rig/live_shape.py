@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Clip, Pose, Project, Shape
+from enliven.document import Clip, Pose, Project, RiggedCharacter
 from enliven.matching.views import ScreenView
 from enliven.motion.layers.evaluate import Player, pose_from
 from enliven.motion.layers.retarget import bind_chain
@@ -89,17 +89,17 @@ class LiveShape:
         fade: seconds of the blend.
     """
 
-    def __init__(self, shape: Shape, fade: float) -> None:
+    def __init__(self, shape: RiggedCharacter, fade: float) -> None:
         self.shape, self.bindings = shape, list[Binding]()
         self._easing, self._fade = PoseBlend(fade), fade
         self._count, self._time_ns = 0, 0
-        self._rebuild()
+        self._rebuild_player()
         self.joints: Float = self._player.at(0.0).joints
 
     def move_root(self, place: Float) -> None:
         """Moves the root to ``place`` (3,), metres from its modelled position."""
         self.shape = self.shape.with_changes(place=place)
-        self._rebuild()
+        self._rebuild_player()
         self.joints = self._player.at(0.0).joints
 
     def bind(
@@ -117,7 +117,7 @@ class LiveShape:
         joints = np.array(body.joints, np.float64)
         binding = Binding(body.id, tuple(pairs), take, view, mirrored, body, joints, seen_ns=self._time_ns)
         self.bindings.append(binding)
-        self._rebuild()
+        self._rebuild_player()
         self._easing.restart_fade()
 
     def release(self, body: int | None = None) -> None:
@@ -125,7 +125,7 @@ class LiveShape:
         pose.
         """
         self.bindings = [b for b in self.bindings if body is not None and b.body != body]
-        self._rebuild()
+        self._rebuild_player()
         self._easing.restart_fade()
 
     def hand_over(self, bodies: Sequence[Body], idle: Sequence[Body], time_ns: int, patience: float) -> None:
@@ -157,7 +157,7 @@ class LiveShape:
         )
         return Pose(self.shape.id, time_ns, linear.astype(np.float32), positions.astype(np.float32))
 
-    def _rebuild(self) -> None:
+    def _rebuild_player(self) -> None:
         """Builds the project of all bindings, and its player."""
         project = Project().with_characters(self.shape)
         for binding in self.bindings:

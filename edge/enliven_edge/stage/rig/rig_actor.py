@@ -10,7 +10,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.deformation.constraints.observed import ObservedPoints
-from enliven.document import Pose, Shape, Skeleton, character_of
+from enliven.document import Pose, RiggedCharacter, Skeleton, character_of
 from enliven.errors import InputError
 from enliven.formats.gltf.read import read_gltf
 from enliven.matching.body_limbs import limb_number
@@ -34,7 +34,7 @@ class RigActor(ChosenActor):
     match.
     """
 
-    def __init__(self, shape: Shape, settings: MatchingSettings | None = None) -> None:
+    def __init__(self, shape: RiggedCharacter, settings: MatchingSettings | None = None) -> None:
         self.settings = settings or MatchingSettings()
         self.character = character_of(shape)
         self.live_shape = LiveShape(shape, self.settings.fade)
@@ -95,7 +95,7 @@ class RigActor(ChosenActor):
         self._bind([body], mode)
 
     def release(self, body: int | None = None) -> None:
-        self._need_holder(body, ("drive", "driven"))
+        self._require_holder(body, ("drive", "driven"))
         self.live_shape.release(body)
         self.chooser.restart()
 

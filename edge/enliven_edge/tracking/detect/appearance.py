@@ -69,7 +69,7 @@ class EstimateAtPoints:
     probabilities: Float32
     rays: Float
 
-    def of(self, estimate: Estimate) -> EstimateAtPoints:
+    def with_estimate(self, estimate: Estimate) -> EstimateAtPoints:
         """Samples another estimate of the same frame at the points of this object."""
         return EstimateAtPoints(estimate, self.surface, estimate.parts_at(self.rays), self.rays)
 

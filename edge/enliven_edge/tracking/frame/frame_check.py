@@ -58,7 +58,7 @@ class FrameTiming:
         self.repeated = 0
         self._late_times.clear()
         self._newest = time_ns
-        self._measure()
+        self._measure_rate()
         return True
 
     @property
@@ -81,7 +81,7 @@ class FrameTiming:
         self._late_times.append(time_ns)
         return len(self._late_times) == _CLOCK_RESET_FRAMES
 
-    def _measure(self) -> None:
+    def _measure_rate(self) -> None:
         """Updates rate and loss from the last frame intervals."""
         while len(self._intervals) > _MIN_INTERVALS and sum(self._intervals) > _WINDOW_NS:
             self._intervals.popleft()

@@ -68,16 +68,16 @@ class Alarm:
         self._wrong_ns: int | None = None
         self._right_ns: int | None = None
 
-    def update(self, wrong: bool | None, time_ns: int) -> bool:
+    def update(self, is_wrong: bool | None, time_ns: int) -> bool:
         """Updates the alarm with the state at one moment. Returns True if the alarm is active now.
 
         Args:
-            wrong: whether there is trouble. If None, the state is unknown and nothing changes.
+            is_wrong: whether there is trouble. If None, the state is unknown and nothing changes.
             time_ns: the moment.
         """
-        if wrong is None:
+        if is_wrong is None:
             return self.active
-        if wrong:
+        if is_wrong:
             self._right_ns = None
             if self._wrong_ns is None or time_ns < self._wrong_ns:
                 self._wrong_ns = time_ns
@@ -114,13 +114,18 @@ class Alarms:
         return sort_by_severity([self._state(key) for key, alarm in self._alarms.items() if alarm[0].active])
 
     def update(
-        self, kind: HealthKind, wrong: bool | None, now: int, performer: int = NO_PERFORMER, **facts: object
+        self,
+        kind: HealthKind,
+        is_wrong: bool | None,
+        now: int,
+        performer: int = NO_PERFORMER,
+        **facts: object,
     ) -> None:
-        """Updates the alarm of one kind. ``wrong`` is None if its state is unknown.
+        """Updates the alarm of one kind. ``is_wrong`` is None if its state is unknown.
 
         Args:
             kind: the kind of problem.
-            wrong: whether there is trouble.
+            is_wrong: whether there is trouble.
             now: nanoseconds.
             performer: the performer's id, or ``NO_PERFORMER``.
             facts: values that are filled into the message. The values of the last moment of trouble are kept.
@@ -128,13 +133,13 @@ class Alarms:
         key = (kind, performer)
         alarm = self._alarms.get(key)
         if alarm is None:
-            if not wrong:
+            if not is_wrong:
                 return
             message = HEALTH_MESSAGES[kind]
             alarm = self._alarms[key] = (Alarm(message.raise_after, message.clear_after), {})
-        if wrong and facts:
+        if is_wrong and facts:
             alarm[1].update(facts)
-        alarm[0].update(wrong, now)
+        alarm[0].update(is_wrong, now)
 
     def is_too_low(
         self, kind: HealthKind, value: float | None, good: float, bad: float, performer: int = NO_PERFORMER

@@ -124,7 +124,7 @@ class HealthMonitor:
         name: name of the sensor, for edges with several sensors.
 
     Attributes:
-        late: number of frames that arrived out of order and were not admitted.
+        late_frames: number of frames that arrived out of order and were not admitted.
         fault: the reason why the last frame or read was unusable, one sentence; empty if it was usable or
             late.
     """
@@ -159,7 +159,7 @@ class HealthMonitor:
         self._alarms.is_device = is_device
 
     @property
-    def late(self) -> int:
+    def late_frames(self) -> int:
         """Returns the number of frames that have come out of order."""
         return self._timing.late
 
@@ -204,7 +204,7 @@ class HealthMonitor:
         self._alarms.log_changes()
         return is_usable
 
-    def failed(self, error: Exception) -> None:
+    def record_read_error(self, error: Exception) -> None:
         """Records that a read raised ``error`` instead of returning a frame."""
         reason, remedy = str(error) or "it gives no reason", ""
         if isinstance(error, EnlivenError):
@@ -212,13 +212,13 @@ class HealthMonitor:
         kind = HealthKind.BAD_FRAME if isinstance(error, InputError) else HealthKind.SENSOR_LOST
         self._update_faults(kind, reason, remedy)
 
-    def silent(self, seconds: float) -> None:
+    def record_silence(self, seconds: float) -> None:
         """Records that no frame has arrived for ``seconds``, measured by the wall clock."""
         wrong = seconds >= self.settings.silent
         self._alarms.update(HealthKind.NO_FRAMES, wrong, self._now_ns, seconds=seconds)
         self._alarms.log_changes()
 
-    def judge(
+    def check_result(
         self,
         frame: Frame,
         bodies: list[Body],

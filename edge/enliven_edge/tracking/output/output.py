@@ -54,7 +54,7 @@ class Output:
             for each in absent[: max(len(self._amounts) - _MAX_AMOUNTS, 0)]:
                 del self._amounts[each]
         if person in self._people:
-            self._people[person].set_amount(self.amount(person))
+            self._people[person].set_amount(self.smoothing_amount(person))
 
     @property
     def amounts(self) -> dict[int, float]:
@@ -65,15 +65,15 @@ class Output:
     def amounts(self, amounts: dict[int, float]) -> None:
         self._amounts = dict(amounts)
         for person, state in self._people.items():
-            state.set_amount(self.amount(person))
+            state.set_amount(self.smoothing_amount(person))
 
-    def amount(self, person: int) -> float:
+    def smoothing_amount(self, person: int) -> float:
         """Returns the amount of smoothing of a performer. 0 means no smoothing."""
         amount = self._amounts.get(person, self.settings.smoothing.amount)
         return amount if amount >= _MIN_AMOUNT else 0.0
 
     @property
-    def ahead(self) -> float:
+    def prediction_seconds(self) -> float:
         """Returns the prediction time of the joints in seconds."""
         prediction = self.settings.output.predict
         return min(max(self.latency, 0.0), _MAX_LATENCY_S) if prediction == "measured" else float(prediction)
@@ -90,7 +90,7 @@ class Output:
                 is assumed at the world's origin.
         """
         self._forget(time_ns)
-        output_bodies = [self._person(body.id)(body, time_ns, self.ahead) for body in bodies]
+        output_bodies = [self._person(body.id)(body, time_ns, self.prediction_seconds) for body in bodies]
         if self.settings.output.mirror:
             plane = mirror_plane(world_from_camera)
             output_bodies = [mirror_body(body, *plane) for body in output_bodies]
@@ -102,7 +102,7 @@ class Output:
 
     def _person(self, person: int) -> _Person:
         if person not in self._people:
-            self._people[person] = _Person(self.settings, self.amount(person))
+            self._people[person] = _Person(self.settings, self.smoothing_amount(person))
         return self._people[person]
 
     def _forget(self, time_ns: int) -> None:

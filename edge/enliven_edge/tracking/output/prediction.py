@@ -86,7 +86,7 @@ def predict_joints(joints, before, speed, delay, passed, seconds):
         passed: seconds since the previous frame. Without a previous frame it is 0, and nothing moves.
         seconds: the prediction time.
     """
-    share = _share(passed)
+    share = _speed_weight(passed)
     for j in range(len(joints)):
         for a in range(3):
             moved = (joints[j, a] - before[j, a]) / passed if passed > 0.0 else 0.0
@@ -99,14 +99,14 @@ def predict_rotations(turns, before, spin, delay, passed, seconds):
     """Returns (J, 4) the predicted rotations, and updates their (J, 3) angular velocities in radians per
     second."""
     if passed > 0.0:
-        update_spin(spin, before, turns, passed, _share(passed))
+        update_spin(spin, before, turns, passed, _speed_weight(passed))
     else:
         spin[:] = 0.0
     return rotate_for(turns, spin, prediction_times(spin, delay, seconds, _HALF_TURN_RATE))
 
 
 @njit(cache=True, nogil=True)
-def _share(passed):
+def _speed_weight(passed):
     """Returns the weight of a new speed in the low-pass after ``passed`` seconds. The first speed has weight
     1.
     """
@@ -151,7 +151,7 @@ def rotate_for(turns, spin, seconds):
     """Returns (J, 4) rotations after (J,) seconds at (J, 3) angular velocities."""
     out = turns.copy()
     for j in range(len(out)):
-        far = seconds[j] * _limit(spin[j], _MAX_TURN_RATE)
+        far = seconds[j] * _speed_limit_factor(spin[j], _MAX_TURN_RATE)
         turn(out[j], far * spin[j, 0], far * spin[j, 1], far * spin[j, 2])
     return out
 
@@ -161,7 +161,7 @@ def move_for(joints, speed, seconds):
     """Returns (J, 3) joints after (J,) ``seconds`` at (J, 3) velocities. Keeps bone lengths."""
     out = np.empty(joints.shape)
     for j in range(len(out)):
-        far = seconds[j] * _limit(speed[j], _MAX_SPEED)
+        far = seconds[j] * _speed_limit_factor(speed[j], _MAX_SPEED)
         for a in range(3):
             out[j, a] = joints[j, a] + far * speed[j, a]
     for j in range(len(out)):  # Parents come before their children.
@@ -177,7 +177,7 @@ def move_for(joints, speed, seconds):
 
 
 @njit(cache=True, nogil=True)
-def _limit(velocity, most):
+def _speed_limit_factor(velocity, most):
     """Returns the factor that limits a (3,) velocity to ``most``."""
     return min(1.0, most / max(_length(velocity), 1e-9))
 

@@ -107,7 +107,7 @@ class SpeedLimit:
             self._last, self._waited[:] = joints, 0.0
             return joints, confidence
         allowed = _MAX_JOINT_SPEED_M_S * seconds
-        if not _leaps(joints, last, allowed):
+        if not _moves_too_far(joints, last, allowed):
             self._last, self._waited[:] = joints, 0.0
             return joints, confidence
         step = joints - last
@@ -124,7 +124,7 @@ class SpeedLimit:
 
 
 @njit(cache=True, nogil=True)
-def _leaps(joints, last, allowed):
+def _moves_too_far(joints, last, allowed):
     """Returns True if any of (J, 3) joints is farther than ``allowed`` metres from its last position."""
     for j in range(len(joints)):
         x, y, z = joints[j, 0] - last[j, 0], joints[j, 1] - last[j, 1], joints[j, 2] - last[j, 2]

@@ -49,7 +49,7 @@ sensor, only the feet are visible. Without this limit, 30 % of the joints with a
 an error of 10 cm or more in the tuning films.
 """
 _IS_LEG = np.isin(np.arange(20), [j for j in Joint if j.name.startswith(("KNEE", "ANKLE", "FOOT"))])
-_OUTSIDE = NAMES.index("outside")
+_OUTSIDE_EVIDENCE = NAMES.index("outside")
 _UNSEEN_FRACTION = 0.99
 """If more than this fraction of a joint's bone is outside the image, its confidence is 0. The value means the
 whole bone, except for rounding.
@@ -88,7 +88,7 @@ def _logistic(evidence, weights):
         for f in range(evidence.shape[1]):
             score += evidence[j, f] * weights[j, f]
         likely = 1.0 / (1.0 + np.exp(-min(30.0, max(-30.0, score))))
-        out[j] = 0.0 if evidence[j, _OUTSIDE] > _UNSEEN_FRACTION else likely
+        out[j] = 0.0 if evidence[j, _OUTSIDE_EVIDENCE] > _UNSEEN_FRACTION else likely
     return out
 
 

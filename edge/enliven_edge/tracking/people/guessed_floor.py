@@ -42,7 +42,7 @@ _GAIN = 0.1
 frames."""
 
 
-class GuessedFloor:
+class FloorEstimator:
     """Estimates the error of the guessed sensor height from the visible people.
 
     A person who is visible down to the feet stands on the floor. A person who extends beyond the lower
@@ -54,7 +54,7 @@ class GuessedFloor:
         self._settings = settings
         self._frames = 0
 
-    def before_search(self, view: FrameView, background: BackgroundModel) -> float:
+    def correct_before_search(self, view: FrameView, background: BackgroundModel) -> float:
         """Returns the correction of the world's height in metres, from the first likely person.
 
         Call it in frames without tracked people.
@@ -91,7 +91,7 @@ class GuessedFloor:
             return -lowest
         return self._settings.body_height - shape.crown
 
-    def after_fit(self, people: Iterable[Person]) -> float:
+    def correct_after_fit(self, people: Iterable[Person]) -> float:
         """Returns the correction of the world's height in metres, from the soles of the tracked people."""
         soles = [person.follower.posture.lowest for person in people if not person.is_hidden]
         if not soles or self._frames > _SETTLING_FRAMES:

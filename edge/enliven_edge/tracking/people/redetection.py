@@ -102,6 +102,6 @@ def estimate_with_facing(
 ) -> EstimateAtPoints:
     """Runs the network on the same crop again, conditioned on the facing of a posture."""
     facings: list[float | None] = [chest_facing(posture, view.eye)]
-    return network_output.of(
+    return network_output.with_estimate(
         shipped_estimator().estimates(network_output.estimate.crop, view.world_from_camera, facings)[0]
     )

@@ -283,7 +283,7 @@ def _update_unmeasured(room, waited, away, v, u, step, dark):
 
 
 @njit(cache=True, nogil=True)
-def guard(owner, ids, z, guarded, guard_z):
+def guard_people(owner, ids, z, guarded, guard_z):
     """Computes :meth:`BackgroundModel.guard`. A tracked person guards only its pixels in this frame."""
     height, width = owner.shape
     for v in range(height):

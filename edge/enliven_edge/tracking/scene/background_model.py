@@ -18,7 +18,7 @@ from enliven_edge.tracking.scene.background_kernels import (
     classify_pixels,
     dilate,
     empty_background,
-    guard,
+    guard_people,
     learn_frame,
 )
 from enliven_edge.tracking.settings import BackgroundSettings
@@ -103,7 +103,7 @@ class BackgroundModel:
 
     def classify(self, view: FrameView, near: float, far: float, floor_band: float) -> UInt8:
         """Returns the class (h, w) of every pixel: BACKGROUND, FOREGROUND, UNSEEN or UNLIKELY."""
-        self._fill(view, floor_band)
+        self._fill_unseen(view, floor_band)
         return np.asarray(classify_pixels(view.z, view.points, self.z, self._fill_z, near, far, floor_band))
 
     def learn(
@@ -142,7 +142,7 @@ class BackgroundModel:
             ids: (K,) the people's ids.
             z: (h, w) metres.
         """
-        guard(owner, ids, z, self._state.guarded, self._state.guard_z)
+        guard_people(owner, ids, z, self._state.guarded, self._state.guard_z)
 
     def still_pixels(self, z: Float) -> Bool:
         """Returns the pixels (h, w) without known background that keep their depth longer than people can.
@@ -174,7 +174,7 @@ class BackgroundModel:
         """
         self._state.guarded[self._state.guarded == identity] = -1
 
-    def _fill(self, view: FrameView, floor_band: float) -> None:
+    def _fill_unseen(self, view: FrameView, floor_band: float) -> None:
         """Fills in never-seen background, if the known background has changed enough since the last fill."""
         time_ns = view.time_ns
         if self._filled_ns is None or not 0 <= time_ns - self._filled_ns < _FILL_INTERVAL_NS:

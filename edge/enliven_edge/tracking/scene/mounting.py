@@ -189,7 +189,7 @@ class Mounting:
         points = world_points(z, self._camera.ray, self.world_from_camera)
         return FrameView(frame.time_ns, z, points, self._camera, self.world_from_camera, self.is_height_known)
 
-    def watch(self, view: FrameView, agreement: Agreement, people: Bool) -> None:
+    def detect_movement(self, view: FrameView, agreement: Agreement, people: Bool) -> None:
         """Detects that the sensor was moved, and corrects drift of the floor plane.
 
         Args:

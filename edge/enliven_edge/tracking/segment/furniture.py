@@ -34,7 +34,7 @@ _MAX_RAY_DISTANCE_M = 0.06
 """Maximum distance in metres between a ray and a body for the ray to hit the body. An arm hangs this close to
 the hip.
 """
-_BODY = np.flatnonzero(
+_BODY_MODEL = np.flatnonzero(
     ~np.isin(model.CAPSULES.frame, [model.UPPER_ARM_L, model.FOREARM_L, model.UPPER_ARM_R, model.FOREARM_R])
 )
 """The capsules of trunk, head and legs. Arms are excluded, because they may be wrongly fitted to the
@@ -70,7 +70,7 @@ def _overlaps_bodies(points: Float32, view: FrameView, people: Sequence[Posture]
     """
     overlaps = np.zeros(len(points), bool)
     for posture in people:
-        ends, radii = (each[_BODY] for each in posture.capsules())
+        ends, radii = (each[_BODY_MODEL] for each in posture.capsules())
         overlaps |= (
             ray_clearances(points, view.eye.astype(np.float32), _SEARCH_START_M, _SEARCH_END_M, ends, radii)
             < _MAX_RAY_DISTANCE_M

@@ -41,12 +41,12 @@ def _boxes(ends, radii, reach, camera, pose, shape):
                     z += pose[b, 2] * offset
                 # Find the tangents to the ball around this end, vertically and horizontally.
                 around = radii[k, c, e] + reach
-                first, last = _span(y, z, around)
+                first, last = _project_ball_extent(y, z, around)
                 top, bottom = (
                     min(top, camera[1] * first + camera[3]),
                     max(bottom, camera[1] * last + camera[3]),
                 )
-                first, last = _span(x, z, around)
+                first, last = _project_ball_extent(x, z, around)
                 left, right = (
                     min(left, camera[0] * first + camera[2]),
                     max(right, camera[0] * last + camera[2]),
@@ -63,7 +63,7 @@ def _boxes(ends, radii, reach, camera, pose, shape):
 
 
 @njit(cache=True, nogil=True)
-def _span(x, z, radius):
+def _project_ball_extent(x, z, radius):
     """Returns the minimum and maximum x / z of a ball at (x, z), from its tangents through the sensor.
 
     A ball is wider in the image than its radius divided by its distance.
@@ -126,7 +126,7 @@ def _candidates_within(chosen, place, points, kind, box, low, high):
             x, y, z = points[v, u, 0], points[v, u, 1], points[v, u, 2]
             chosen[count] = v * width + u
             place[0, count], place[1, count], place[2, count] = x, y, z
-            count += _within(x, y, z, low, high)
+            count += _is_in_box(x, y, z, low, high)
     return count
 
 
@@ -152,7 +152,7 @@ def _distances(away, place, count, ends, radii):
 
 
 @njit(cache=True, nogil=True)
-def _within(x, y, z, low, high):
+def _is_in_box(x, y, z, low, high):
     """Returns True if a point is inside a box."""
     return low[0] < x < high[0] and low[1] < y < high[1] and low[2] < z < high[2]
 

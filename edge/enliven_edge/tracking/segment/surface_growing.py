@@ -33,7 +33,7 @@ def grow_surfaces(owner: Int16, distance: Float, z: Float) -> None:
         z: (h, w) metres along the optical axis.
     """
     if _people_touch(owner, z, distance, _CLEAR_DISTANCE_M):
-        _grow(owner, distance, z)
+        _grow_regions(owner, distance, z)
 
 
 @njit(cache=True, nogil=True)
@@ -66,13 +66,13 @@ def _people_touch(owner, z, distance, least):
             for q, p in ((v, u - 1), (v - 1, u)):
                 if q < 0 or p < 0 or owner[q, p] == owner[v, u] or min(owner[q, p], owner[v, u]) < 0:
                     continue
-                if max(distance[v, u], distance[q, p]) > least and _near(z[v, u], z[q, p]):
+                if max(distance[v, u], distance[q, p]) > least and _is_same_surface(z[v, u], z[q, p]):
                     return True
     return False
 
 
 @njit(cache=True, nogil=True)
-def _grow(owner, distance, z):
+def _grow_regions(owner, distance, z):
     """Grows regions breadth first from all clearly assigned pixels at once.
 
     Unreached pixels keep their owner.
@@ -90,7 +90,7 @@ def _grow(owner, distance, z):
         first += 1
         for q, p in ((v, u - 1), (v, u + 1), (v - 1, u), (v + 1, u)):
             inside = 0 <= q < height and 0 <= p < width
-            if inside and owner[q, p] >= 0 and not reached[q, p] and _near(z[v, u], z[q, p]):
+            if inside and owner[q, p] >= 0 and not reached[q, p] and _is_same_surface(z[v, u], z[q, p]):
                 owner[q, p], reached[q, p] = owner[v, u], True
                 queue[last], last = q * width + p, last + 1
 
@@ -112,9 +112,9 @@ def reassign_detached_pieces(owner: Int16, z: Float, counts: Int) -> Int:
     if not _people_touch(owner, z, z, 0.0):
         # If two people touch nowhere, nothing changes. Depths are above 0, so the limit 0 applies everywhere.
         return counts
-    number, owner_of, size = _pieces(_union_pixels(owner, z), owner)
+    number, owner_of, size = _label_pieces(_union_pixels(owner, z), owner)
     largest = np.array([_largest_piece(owner_of, size, k) for k in range(len(counts))])
-    contacts = _contacts(owner, z, number, owner_of, largest)
+    contacts = _count_contacts(owner, z, number, owner_of, largest)
     other = contacts.argmax(1)
     loose = (np.arange(len(size)) != largest[owner_of]) & (contacts.max(1) >= _MIN_CONTACT_PIXELS)
     loose &= size < _MAX_LIMB_RATIO * np.where(largest[other] < 0, 0, size[largest[other]])
@@ -143,19 +143,19 @@ def _union_pixels(owner, z):
             here = v * width + u
             parent[here] = here
             for back, q, p in ((1, v, u - 1), (width, v - 1, u)):
-                if q >= 0 and p >= 0 and owner[q, p] == owner[v, u] and _near(z[v, u], z[q, p]):
+                if q >= 0 and p >= 0 and owner[q, p] == owner[v, u] and _is_same_surface(z[v, u], z[q, p]):
                     join(parent, here, here - back)
     return parent
 
 
 @njit(cache=True, nogil=True)
-def _near(one, other):
+def _is_same_surface(one, other):
     """Returns True if the depths of two neighbours are on one surface."""
     return abs(one - other) < 0.035 + 0.012 * one * other
 
 
 @njit(cache=True, nogil=True)
-def _pieces(parent, owner):
+def _label_pieces(parent, owner):
     """Returns (h, w) the piece of each pixel, or -1, and two arrays with one entry per piece.
 
     The arrays are the (P,) owner and the (P,) number of pixels of each piece.
@@ -177,7 +177,7 @@ def _pieces(parent, owner):
 
 
 @njit(cache=True, nogil=True)
-def _contacts(owner, z, number, owner_of, largest):
+def _count_contacts(owner, z, number, owner_of, largest):
     """Returns (P, K) the number of contact pixels between each piece and the largest piece of each other
     person.
     """
@@ -190,7 +190,7 @@ def _contacts(owner, z, number, owner_of, largest):
             for q, p in ((v, u - 1), (v - 1, u)):
                 if q < 0 or p < 0 or number[q, p] < 0 or owner[q, p] == owner[v, u]:
                     continue
-                if _near(z[v, u], z[q, p]):
+                if _is_same_surface(z[v, u], z[q, p]):
                     a, b = number[v, u], number[q, p]
                     out[a, owner_of[b]] += b == largest[owner_of[b]]
                     out[b, owner_of[a]] += a == largest[owner_of[a]]

@@ -78,7 +78,7 @@ class CoarseSampling(NamedTuple):
     way: Float
 
 
-class Coarse(NamedTuple):
+class CoarseSurface(NamedTuple):
     """M samples of a mesh with V vertices, independent of the order of the control points.
 
     Attributes:
@@ -104,7 +104,9 @@ class Coarse(NamedTuple):
     added: Int
 
 
-def sample_coarse_surface(mesh: Mesh, held: Int, count: int, previous: Coarse | None = None) -> Coarse:
+def sample_coarse_surface(
+    mesh: Mesh, held: Int, count: int, previous: CoarseSurface | None = None
+) -> CoarseSurface:
     """Returns about ``count`` samples of the mesh, including the control points at the vertices ``held``
     (P,).
 
@@ -137,7 +139,7 @@ def sample_coarse_surface(mesh: Mesh, held: Int, count: int, previous: Coarse | 
     start, near, weights = repeat_rows(base.welded, start, near, weights)
     coarse = Mesh(points[samples], faces, mesh.name)
     notes = _coarsening_notes(base, len(samples))
-    return Coarse(coarse, links, held_samples, start, near, weights, notes, base, added)
+    return CoarseSurface(coarse, links, held_samples, start, near, weights, notes, base, added)
 
 
 def _find_samples(mesh: Mesh, count: int, awake: Float | None = None) -> CoarseSampling:

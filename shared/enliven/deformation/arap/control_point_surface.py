@@ -18,8 +18,8 @@ from time import perf_counter
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.deformation.arap.coarse import Coarse, sample_coarse_surface
-from enliven.deformation.arap.detail import carry
+from enliven.deformation.arap.coarse import CoarseSurface, sample_coarse_surface
+from enliven.deformation.arap.detail import apply_vertex_maps
 from enliven.deformation.arap.guide import Guide, handles_from_vertices, settle_from_rest, targets_from_places
 from enliven.deformation.arap.solver import ArapSolver
 from enliven.deformation.arap.surface import check_mesh
@@ -67,7 +67,7 @@ class PuppetSurface:
         check_mesh(mesh, self._settings.most_carried)
         self._second_surface: PuppetSurface | None = None
         self._thread_choice = ThreadChoice()
-        self._body: tuple[ArapSolver, Coarse | None] | None = None
+        self._body: tuple[ArapSolver, CoarseSurface | None] | None = None
         self.set_control_points(held, weights)
 
     def set_control_points(self, held: Sequence[int], weights: Sequence[float | None] | None = None) -> None:
@@ -102,7 +102,7 @@ class PuppetSurface:
         self.notes = solver.notes if coarse is None else coarse.notes
         self.pose = _as_read_only(self.mesh.vertices.copy())
 
-    def _solver_with_coarse(self, held: Int) -> tuple[ArapSolver, Coarse | None]:
+    def _solver_with_coarse(self, held: Int) -> tuple[ArapSolver, CoarseSurface | None]:
         """Returns the solver and its coarse surface, and creates them if necessary.
 
         The coarse surface is None if the solver solves the whole mesh.
@@ -128,12 +128,12 @@ class PuppetSurface:
             InputError: if ``places`` has the wrong shape, is not finite or is too far away. The last valid
                 pose is kept.
         """
-        targets = self._checked_places(places)
+        targets = self._check_places(places)
         if len(targets):
             if self._guide is not None:
                 self._guide.move_surface(self._solver, targets)
             self._solver.solve(targets_from_places(targets))
-            self.pose = self._carried_vertices(targets)
+            self.pose = self._deformed_vertices(targets)
         return self.pose
 
     def solve_from_rest(self, places: Float) -> Float:
@@ -145,17 +145,17 @@ class PuppetSurface:
         Raises:
             InputError: if ``places`` has the wrong shape, or is not finite. The last valid pose is kept.
         """
-        targets = self._checked_places(places)
+        targets = self._check_places(places)
         if not len(targets):
             return self.pose
-        self._solver.check(targets_from_places(targets))
+        self._solver.check_targets(targets_from_places(targets))
         if self._guide is None:
             settle_from_rest(self._solver, self.mesh.vertices[self._held], targets)
         else:
             self._solver.start_from(self._guide.solve_from_rest(targets), self._guide.pressure)
         for _ in range(_DETAIL_SETTLING_FRAMES):
             self._solver.solve(targets_from_places(targets))
-        self.pose = self._carried_vertices(targets)
+        self.pose = self._deformed_vertices(targets)
         return self.pose
 
     def settle_separately(self, places: Float) -> Float:
@@ -165,33 +165,33 @@ class PuppetSurface:
         It may be called from another thread than the other methods, but not by two threads at the same time.
         """
         if self._second_surface is None:
-            self._second_surface = self._twin_surface()
+            self._second_surface = self._create_surface_at_rest()
         return self._second_surface.solve_from_rest(places)
 
-    def _twin_surface(self) -> PuppetSurface:
+    def _create_surface_at_rest(self) -> PuppetSurface:
         """Returns a second surface at rest with the same control points. It shares the factor and the
         weights.
         """
         second = copy(self)
-        second._solver = self._solver.twin()
-        second._guide = None if self._guide is None else self._guide.twin()
+        second._solver = self._solver.create_solver_at_rest()
+        second._guide = None if self._guide is None else self._guide.create_guide_at_rest()
         return second
 
-    def _carried_vertices(self, targets: Float) -> Float:
+    def _deformed_vertices(self, targets: Float) -> Float:
         """Returns the mesh's vertices after the solver's pose was applied, (V, 3) in metres."""
         coarse = self._coarse
         if coarse is None:
             return self._solver.pose
-        out, maps = np.empty_like(self.mesh.vertices), self._solver.maps()
+        out, maps = np.empty_like(self.mesh.vertices), self._solver.get_vertex_maps()
         carry_arguments = (maps, coarse.start, coarse.near, coarse.weights, self.mesh.vertices, out)
-        threads, start = self._settings.threads or self._thread_choice.threads(), perf_counter()
-        run_on_threads(carry, len(out), threads, *carry_arguments)
-        self._thread_choice.note(threads, perf_counter() - start)
+        threads, start = self._settings.threads or self._thread_choice.choose_thread_count(), perf_counter()
+        run_on_threads(apply_vertex_maps, len(out), threads, *carry_arguments)
+        self._thread_choice.record_duration(threads, perf_counter() - start)
         vertices, rows = self._pins
         out[vertices] = targets[rows]
         return _as_read_only(out)
 
-    def _checked_places(self, places: Float) -> Float:
+    def _check_places(self, places: Float) -> Float:
         targets = np.array(places, np.float64)
         if targets.shape != (len(self._held), 3):
             raise InputError(

@@ -17,7 +17,7 @@ _ROTATION_FIT_WEIGHT = 0.01
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def cell_maps(cells, frames, pose, place_of, rest, out):
+def compute_vertex_maps(cells, frames, pose, place_of, rest, out):
     """Computes each vertex's affine map into ``out`` (16 M,): the three columns of A and the offset x' - A x,
     each padded with a 0.
 
@@ -68,12 +68,12 @@ def cell_maps(cells, frames, pose, place_of, rest, out):
 
 
 @njit(cache=True, nogil=True)
-def carry(maps, start, near, weights, rest, out, first, last):
+def apply_vertex_maps(maps, start, near, weights, rest, out, first, last):
     """Computes ``out`` (V, 3): applies to each rest position from ``first`` to ``last`` the blended maps that
     the vertex follows.
 
     Args:
-        maps: (16 M,) the affine maps from :func:`cell_maps`.
+        maps: (16 M,) the affine maps from :func:`compute_vertex_maps`.
         start, near, weights: the maps that each vertex follows (CSR), and their weights.
     """
     room = np.empty(4)

@@ -16,7 +16,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.deformation.arap.coarse import sample_coarse_surface
-from enliven.deformation.arap.detail import carry
+from enliven.deformation.arap.detail import apply_vertex_maps
 from enliven.deformation.arap.input import Handle
 from enliven.deformation.arap.solver import ArapSolver
 from enliven.meshes import Mesh
@@ -76,7 +76,7 @@ class Guide:
         """
         self._solver.solve(targets_from_places(places))
         rotation, _, _ = fit_rigid_motion(self._places, places)
-        previous, self.carried, self._places = self.carried, self._carried_vertices(), places
+        previous, self.carried, self._places = self.carried, self._deformed_vertices(), places
         fine.move_with_proxy(previous, self.carried, rotation)
 
     def solve_from_rest(self, places: Float) -> Float:
@@ -86,7 +86,7 @@ class Guide:
         The handles are moved from rest in small steps.
         """
         settle_from_rest(self._solver, self._home, places)
-        self.carried, self._places = self._carried_vertices(), places
+        self.carried, self._places = self._deformed_vertices(), places
         return self.carried
 
     @property
@@ -95,21 +95,25 @@ class Guide:
         mesh."""
         return self._solver.pressure
 
-    def _carried_vertices(self) -> Float:
+    def _deformed_vertices(self) -> Float:
         out, coarse = np.empty_like(self._rest), self._coarse
-        maps = self._solver.maps()
-        carry(maps, coarse.start, coarse.near, coarse.weights, self._rest, out, 0, len(out))
+        maps = self._solver.get_vertex_maps()
+        apply_vertex_maps(maps, coarse.start, coarse.near, coarse.weights, self._rest, out, 0, len(out))
         return out
 
-    def twin(self) -> Guide:
+    def create_guide_at_rest(self) -> Guide:
         """Returns a second guide at rest that shares the factor and the weights."""
         second = object.__new__(Guide)
         second.__dict__.update(self.__dict__)
-        second._solver, second._places, second.carried = self._solver.twin(), self._home, self._rest
+        second._solver, second._places, second.carried = (
+            self._solver.create_solver_at_rest(),
+            self._home,
+            self._rest,
+        )
         return second
 
 
-def settle_from_rest(solver: ArapSolver, home: Float, places: Float) -> None:
+def settle_from_rest(solver: ArapSolver, rest_places: Float, places: Float) -> None:
     """Moves a solver from rest to ``places`` (P, 3) in small steps, and lets it converge.
 
     A limb that rotates far in one step would turn inside out. The rigid motion that all handles share is
@@ -117,10 +121,12 @@ def settle_from_rest(solver: ArapSolver, home: Float, places: Float) -> None:
     itself.
     """
     solver.reset()
-    rotation, home_centre, place_centre = fit_rigid_motion(home, places)
+    rotation, home_centre, place_centre = fit_rigid_motion(rest_places, places)
     unrotated_places = (places - place_centre) @ rotation + home_centre
     for step in range(1, _PATH_STEPS + 1):
-        solver.solve(targets_from_places(home + (unrotated_places - home) * (step / _PATH_STEPS)))
+        solver.solve(
+            targets_from_places(rest_places + (unrotated_places - rest_places) * (step / _PATH_STEPS))
+        )
     for _ in range(_SETTLING_FRAMES):
         solver.solve()
     solver.solve(targets_from_places(places))
@@ -140,11 +146,11 @@ def targets_from_places(places: Float) -> dict[str, Float]:
     return {str(k): place[None] for k, place in enumerate(places)}
 
 
-def fit_rigid_motion(home: Float, places: Float) -> tuple[Float, Float, Float]:
-    """Returns the best rigid motion from ``home`` to ``places`` (P, 3): a rotation (3, 3), and both centres
-    (3,)."""
-    home_centre, place_centre = home.mean(0), places.mean(0)
-    covariance = (places - place_centre).T @ (home - home_centre)
+def fit_rigid_motion(rest_places: Float, places: Float) -> tuple[Float, Float, Float]:
+    """Returns the best rigid motion from ``rest_places`` to ``places`` (P, 3): a rotation (3, 3), and both
+    centres (3,)."""
+    home_centre, place_centre = rest_places.mean(0), places.mean(0)
+    covariance = (places - place_centre).T @ (rest_places - home_centre)
     # If all points lie on a line, the rotation about this line is undetermined. Adding a tiny multiple of the
     # identity selects the smallest rotation.
     covariance += 1e-12 * max(float(np.abs(covariance).max()), 1e-300) * np.eye(3)

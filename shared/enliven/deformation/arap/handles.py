@@ -22,12 +22,12 @@ import numpy as np
 
 from enliven.arrays import Float, Int, Int32
 from enliven.deformation.arap.factor import Factor
-from enliven.deformation.arap.solves import unit_column
+from enliven.deformation.arap.solves import solve_for_unit_vector
 from enliven.kernels import njit
 from enliven.rotation import nearest_quaternion, rotation_matrix
 
 
-class HeldVertices(NamedTuple):
+class HandleVertices(NamedTuple):
     """The vertices of all handles (H vertices), and the arrays to solve for the forces on them.
 
     Attributes:
@@ -53,7 +53,7 @@ def build_held_vertices(
     places: Int,
     soft: Float,
     columns_by_place: dict[int, tuple[Int32, Float]],
-) -> HeldVertices:
+) -> HandleVertices:
     """Returns the handle vertices at ``places`` (H,), indices in the solver's order.
 
     No vertex of a hard handle may occur twice.
@@ -64,7 +64,7 @@ def build_held_vertices(
         columns_by_place: cache of the columns of U by position. New columns are added to it.
     """
     for place in set(places.tolist()) - columns_by_place.keys():
-        columns_by_place[place] = unit_column(factor, int(eliminated[place]))
+        columns_by_place[place] = solve_for_unit_vector(factor, int(eliminated[place]))
     columns = [columns_by_place[place] for place in places.tolist()]
     start = np.concatenate([[0], np.cumsum([len(rows) for rows, _ in columns])]).astype(np.int64)
     rows = np.concatenate([rows for rows, _ in columns])
@@ -74,7 +74,7 @@ def build_held_vertices(
     matrix[-1, -1] = 0.0
     _transposed_products(start, rows, values, len(factor.order), matrix)
     matrix[np.arange(count), np.arange(count)] += soft
-    return HeldVertices(
+    return HandleVertices(
         places.astype(np.int32), start, rows, values, np.asarray(np.linalg.inv(matrix), np.float64), soft
     )
 
@@ -133,7 +133,7 @@ def solve_handles(held, frames, targets, z):
 
 
 @njit(cache=True, nogil=True)
-def follow_handles(held, frames, shown, targets, share):
+def move_with_handles(held, frames, shown, targets, share):
     """Moves the whole surface rigidly with the handles, if a rigid motion explains their motion.
 
     This is the case if the squared distances to the targets after the motion are below the fraction ``share``

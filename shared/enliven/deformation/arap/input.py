@@ -50,7 +50,7 @@ def check_handle(handle: Handle, surface: PreparedSurface) -> None:
             )
 
 
-def checked_target(name: str, value: Float, handles: Mapping[str, Handle], surface: PreparedSurface) -> Float:
+def check_target(name: str, value: Float, handles: Mapping[str, Handle], surface: PreparedSurface) -> Float:
     """Returns the checked targets (K, 3) of a handle, in metres."""
     if name not in handles:
         handle_names = ", ".join(handles) or "none"

@@ -32,18 +32,18 @@ class SelfIntersection:
         self._corners = np.ascontiguousarray(first[mesh.faces[self._order]], np.int32)
         self._rest: Int | None = None
 
-    def crossing(self, vertices: Float) -> Int:
+    def find_crossing_faces(self, vertices: Float) -> Int:
         """Returns the faces (K,) that intersect other faces in a pose (V, 3), ascending."""
         moved = np.array(vertices, np.float64, order="C")
         return np.sort(
             self._order[_crossing_faces(moved, self._corners, *_bounding_boxes(moved, self._corners))]
         )
 
-    def newly_crossing(self, vertices: Float) -> Int:
+    def find_new_crossing_faces(self, vertices: Float) -> Int:
         """Returns the faces (K,) that intersect other faces in a pose (V, 3), but not at rest."""
         if self._rest is None:
-            self._rest = self.crossing(self._mesh.vertices)
-        return find_new_intersections(self._rest, self.crossing(vertices))
+            self._rest = self.find_crossing_faces(self._mesh.vertices)
+        return find_new_intersections(self._rest, self.find_crossing_faces(vertices))
 
 
 def find_new_intersections(rest_crossings: Int, crossings: Int) -> Int:
@@ -110,7 +110,7 @@ def _crossing_faces(vertices, corners, of_face, boxes):
         if a != b and _are_boxes_disjoint(boxes, a, b):
             continue
         if a >= leaves:
-            _leaves_cross(vertices, corners, of_face, 4 * (a - leaves), 4 * (b - leaves), hit)
+            _mark_crossing_leaves(vertices, corners, of_face, 4 * (a - leaves), 4 * (b - leaves), hit)
         elif a == b:
             for i in range(2):
                 for j in range(i, 2):
@@ -125,7 +125,7 @@ def _crossing_faces(vertices, corners, of_face, boxes):
 
 
 @njit(cache=True, nogil=True)
-def _leaves_cross(vertices, corners, of_face, a, b, hit):
+def _mark_crossing_leaves(vertices, corners, of_face, a, b, hit):
     """Marks in ``hit`` (F,) the crossing faces of two leaves, which consist of up to four faces from ``a``
     and ``b`` on."""
     count = corners.shape[0]

@@ -29,11 +29,16 @@ import numpy as np
 
 from enliven.arrays import Float, Int, Int32
 from enliven.deformation.arap.cells import residual, turn_and_scale, turn_and_squash
-from enliven.deformation.arap.detail import cell_maps
-from enliven.deformation.arap.handles import HeldVertices, build_held_vertices, follow_handles, solve_handles
-from enliven.deformation.arap.input import ERROR_CONTEXT, Handle, check_handle, checked_target
-from enliven.deformation.arap.solves import backward, forward
-from enliven.deformation.arap.step import apply_correction, carry_positions, set_zero, write_pose
+from enliven.deformation.arap.detail import compute_vertex_maps
+from enliven.deformation.arap.handles import (
+    HandleVertices,
+    build_held_vertices,
+    move_with_handles,
+    solve_handles,
+)
+from enliven.deformation.arap.input import ERROR_CONTEXT, Handle, check_handle, check_target
+from enliven.deformation.arap.solves import solve_backward, solve_forward
+from enliven.deformation.arap.step import apply_correction, move_positions, set_zero, write_pose
 from enliven.deformation.arap.surface import prepare_surface
 from enliven.deformation.arap.threads import ThreadChoice, run_on_threads
 from enliven.deformation.arap.volume import add_pressure
@@ -78,7 +83,7 @@ class ArapSolver:
         self._columns: dict[int, tuple[Int32, Float]] = {}
         self._thread_choice, self._threads = ThreadChoice(), 1
         self.handles: dict[str, Handle] = {}
-        self._held: HeldVertices | None = None
+        self._held: HandleVertices | None = None
         self._wanted: dict[str, Float] = {}
         self.reset()
 
@@ -144,11 +149,11 @@ class ArapSolver:
             InputError: if targets have the wrong shape, are not finite or contradict each other. The last
                 valid pose is kept.
         """
-        all_targets, held, rows = self.check(targets)
+        all_targets, held, rows = self.check_targets(targets)
         settings, surface = self.settings, self._surface
-        self._threads, start = settings.threads or self._thread_choice.threads(), perf_counter()
+        self._threads, start = settings.threads or self._thread_choice.choose_thread_count(), perf_counter()
         frames = self._frames.reshape(-1)
-        follow_handles(held, frames, self._shown, rows, settings.follow)
+        move_with_handles(held, frames, self._shown, rows, settings.follow)
         for _ in range(max(settings.iterations - settings.squash_and_stretch, 1)):
             self._fit_cells()
             shift = self._solve_global_step(held, rows)
@@ -174,22 +179,22 @@ class ArapSolver:
         pose.setflags(write=False)
         self._shown[surface.place_of] = pose - surface.centre
         self._wanted, self.pose = all_targets, pose
-        self._thread_choice.note(self._threads, perf_counter() - start)
+        self._thread_choice.record_duration(self._threads, perf_counter() - start)
         return pose
 
-    def check(
+    def check_targets(
         self, targets: Mapping[str, Float] | None = None
-    ) -> tuple[dict[str, Float], HeldVertices, Float]:
+    ) -> tuple[dict[str, Float], HandleVertices, Float]:
         """Returns the targets by handle, the handle vertices and their targets (H, 3), without changing
         anything.
 
         Raises the same errors as :meth:`solve`.
         """
         all_targets = self._wanted | {
-            name: checked_target(name, value, self.handles, self._surface)
+            name: check_target(name, value, self.handles, self._surface)
             for name, value in (targets or {}).items()
         }
-        held, rows = self._merged_handles(all_targets)
+        held, rows = self._merge_handles(all_targets)
         return all_targets, held, rows
 
     def _fit_cells(self) -> None:
@@ -205,7 +210,7 @@ class ArapSolver:
         run_on_threads(kernel, len(self._surface.rest), self._threads, *arguments)
 
     def _solve_global_step(
-        self, held: HeldVertices, rows: Float, volume: float = 0.0
+        self, held: HandleVertices, rows: Float, volume: float = 0.0
     ) -> tuple[float, float, float]:
         """Writes the correction of eq. 9 (or 13, with a pressure) into ``_z``, and returns the translation of
         the whole surface.
@@ -215,12 +220,12 @@ class ArapSolver:
         if volume > 0.0 and surface.volume is not None:
             volume_arguments = (surface.volume, frames, surface.cells.eliminated, self._shown, self._forces)
             self.pressure = add_pressure(*volume_arguments, self.pressure, volume, self._z)
-        forward(surface.factor, self._z, self._room)
+        solve_forward(surface.factor, self._z, self._room)
         shift: tuple[float, float, float] = solve_handles(held, frames, rows, self._z)
-        backward(surface.factor, self._z, self._room)
+        solve_backward(surface.factor, self._z, self._room)
         return shift
 
-    def shape(self) -> Float:
+    def get_surface(self) -> Float:
         """Returns the surface (V, 3) in metres of the shape state. The next frame starts from it."""
         return self._frames[self._surface.place_of, 12:15] + self._surface.centre
 
@@ -246,9 +251,9 @@ class ArapSolver:
             turn: (3, 3) the rotation of the shape's offsets from the proxy.
         """
         surface, frames = self._surface, self._frames.reshape(-1)
-        carry_positions(frames, self._shown, surface.place_of, surface.centre, previous, current, turn)
+        move_positions(frames, self._shown, surface.place_of, surface.centre, previous, current, turn)
 
-    def twin(self) -> ArapSolver:
+    def create_solver_at_rest(self) -> ArapSolver:
         """Returns another solver for the same mesh and handles, at rest. Both share the factor."""
         second = copy(self)
         second._frames, second._z, second._room = self._frames.copy(), self._z.copy(), self._room.copy()
@@ -257,11 +262,13 @@ class ArapSolver:
         second.reset()
         return second
 
-    def maps(self) -> Float:
-        """Returns (16 V,) each vertex's affine map: see :func:`enliven.deformation.arap.detail.cell_maps`."""
+    def get_vertex_maps(self) -> Float:
+        """Returns (16 V,) each vertex's affine map: see
+        :func:`enliven.deformation.arap.detail.compute_vertex_maps`.
+        """
         surface, out = self._surface, np.empty(16 * len(self.pose))
         frames = self._frames.reshape(-1)
-        cell_maps(surface.cells, frames, self.pose, surface.place_of, self.mesh.vertices, out)
+        compute_vertex_maps(surface.cells, frames, self.pose, surface.place_of, self.mesh.vertices, out)
         return out
 
     def _hard_vertices(self, places: Int, hard: Int) -> tuple[Int, Int]:
@@ -274,7 +281,7 @@ class ArapSolver:
         vertices = np.flatnonzero(rows >= 0)
         return vertices, rows[vertices]
 
-    def _merged_handles(self, all_targets: Mapping[str, Float]) -> tuple[HeldVertices, Float]:
+    def _merge_handles(self, all_targets: Mapping[str, Float]) -> tuple[HandleVertices, Float]:
         """Returns the handle vertices and their targets (H, 3) in metres, relative to the centre of the mesh.
 
         Raises:

@@ -10,7 +10,7 @@ from enliven.lanes import fmaq, loadq, splatq, storeq
 
 
 @njit(cache=True, nogil=True)
-def forward(factor, z, room):
+def solve_forward(factor, z, room):
     """Replaces z by C⁻¹ z.
 
     Args:
@@ -67,8 +67,8 @@ def forward(factor, z, room):
 
 
 @njit(cache=True, nogil=True)
-def backward(factor, z, room):
-    """Replaces z by C⁻ᵀ z. The arguments are those of :func:`forward`."""
+def solve_backward(factor, z, room):
+    """Replaces z by C⁻ᵀ z. The arguments are those of :func:`solve_forward`."""
     first, row_start, rows, values = factor.first, factor.row_start, factor.rows, factor.values
     for s in range(len(first) - 2, -1, -1):
         a, width = first[s], first[s + 1] - first[s]
@@ -134,7 +134,7 @@ def _panel_index(factor, s, width, height, r, c):
 
 
 @njit(cache=True, nogil=True)
-def unit_column(factor, place):
+def solve_for_unit_vector(factor, place):
     """Computes C⁻¹ e for the unit vector e at ``place``: (K,) its non-zero positions, ascending, and (K,)
     their values.
 

@@ -36,7 +36,7 @@ def write_pose(frames, z, shift, eliminated, place_of, centre, out):
 
 
 @njit(cache=True, nogil=True)
-def carry_positions(frames, shown, place_of, centre, before, after, turn):
+def move_positions(frames, shown, place_of, centre, before, after, turn):
     """Moves the positions in ``frames`` and ``shown`` (P, 3) with a proxy: after + turn (position - before)
     for each vertex.
 

@@ -14,7 +14,7 @@ from enliven.deformation.arap.cells import Cells, build_cells
 from enliven.deformation.arap.factor import Factor, factorise
 from enliven.deformation.arap.volume import Volume, enclosed_volume
 from enliven.deformation.arap.weights import VIRTUAL_EDGE_WEIGHT, surface_edges, virtual_edges
-from enliven.deformation.graph.connectivity import components
+from enliven.deformation.graph.connectivity import label_components
 from enliven.errors import InputError
 from enliven.meshes import Mesh, weld
 
@@ -51,7 +51,7 @@ class PreparedSurface(NamedTuple):
     notes: tuple[str, ...]
 
 
-def prepare_surface(mesh: Mesh, most_vertices: int, links: Int | None = None) -> PreparedSurface:
+def prepare_surface(mesh: Mesh, max_vertices: int, links: Int | None = None) -> PreparedSurface:
     """Returns the prepared surface of any mesh with at least one face.
 
     Args:
@@ -61,7 +61,7 @@ def prepare_surface(mesh: Mesh, most_vertices: int, links: Int | None = None) ->
     Raises:
         InputError: if the mesh has no faces, positions that are not finite, or too many vertices.
     """
-    check_mesh(mesh, most_vertices)
+    check_mesh(mesh, max_vertices)
     welded, welded_of = weld(mesh)
     points, notes = welded.vertices, []
     if len(points) < len(welded_of):
@@ -83,7 +83,7 @@ def prepare_surface(mesh: Mesh, most_vertices: int, links: Int | None = None) ->
     edges, weights = surface_edges(points, welded.faces)
     edges = np.concatenate([edges, extra_links])
     weights = np.concatenate([weights, np.full(len(extra_links), VIRTUAL_EDGE_WEIGHT)])
-    shells = int(components(len(points), edges).max()) + 1
+    shells = int(label_components(len(points), edges).max()) + 1
     links, link_weights = virtual_edges(points, edges)
     if shells > 1:
         notes.append(f"{shells} separate shells were joined by {len(links)} virtual edges.")
@@ -122,7 +122,7 @@ def _cache_friendly_order(count: int, edges: Int) -> Int:
     return np.asarray(reverse_cuthill_mckee((graph + graph.T).tocsr(), symmetric_mode=True), np.int64)
 
 
-def check_mesh(mesh: Mesh, most_vertices: int) -> None:
+def check_mesh(mesh: Mesh, max_vertices: int) -> None:
     """Raises an error for a mesh that cannot be deformed.
 
     Raises:
@@ -130,9 +130,9 @@ def check_mesh(mesh: Mesh, most_vertices: int) -> None:
     """
     if not len(mesh.faces):
         raise InputError("the mesh has no faces", where=mesh.name, remedy="Give a triangle mesh.")
-    if len(mesh.vertices) > most_vertices:
+    if len(mesh.vertices) > max_vertices:
         raise InputError(
-            f"{len(mesh.vertices):,} vertices are too many to drag; at most {most_vertices:,} are allowed",
+            f"{len(mesh.vertices):,} vertices are too many to drag; at most {max_vertices:,} are allowed",
             where=mesh.name,
             remedy="Give a mesh with fewer vertices, or raise most_vertices (slower).",
         )

@@ -34,14 +34,14 @@ class ThreadChoice:
         self._least = [math.inf, math.inf]
         self._calls = 0
 
-    def threads(self) -> int:
+    def choose_thread_count(self) -> int:
         """Returns the number of threads for the next call, 1 or 2."""
         self._calls += 1
         faster = 1 if self._least[0] <= self._least[1] else 2
         unknown = math.inf in self._least and self._calls > 1
         return 3 - faster if unknown or self._calls % _RETIMING_CALLS == 0 else faster
 
-    def note(self, threads: int, seconds: float) -> None:
+    def record_duration(self, threads: int, seconds: float) -> None:
         """Records the duration in seconds of a call with this number of threads."""
         self._least = [least * _TIME_INFLATION_FACTOR for least in self._least]
         self._least[threads - 1] = min(seconds, self._least[threads - 1])

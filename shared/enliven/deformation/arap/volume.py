@@ -18,7 +18,7 @@ import numpy as np
 from enliven.arrays import Float, Int, Int32
 from enliven.deformation.arap.cells import Cells
 from enliven.deformation.arap.factor import Factor
-from enliven.deformation.arap.solves import backward, forward
+from enliven.deformation.arap.solves import solve_backward, solve_forward
 from enliven.kernels import njit
 
 _MAX_OPEN_EDGE_FRACTION = 0.02
@@ -61,7 +61,7 @@ def enclosed_volume(rest: Float, faces: Int, cells: Cells, factor: Factor) -> Vo
     border = np.unique(np.concatenate([is_open // len(rest), is_open % len(rest)]))
     triangles = np.ascontiguousarray(faces, np.int32)
     forces = np.zeros((len(rest), 3))
-    enclosed = gradient(rest, triangles, border, forces)
+    enclosed = compute_volume_gradient(rest, triangles, border, forces)
     a, b, c = (rest[faces[:, k]] for k in range(3))
     area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
     if not enclosed > _MIN_BALL_VOLUME_FRACTION * area**1.5 / (6 * np.sqrt(np.pi)):
@@ -70,15 +70,15 @@ def enclosed_volume(rest: Float, faces: Int, cells: Cells, factor: Factor) -> Vo
     z = np.zeros(4 * (len(rest) + 4), np.float32)
     z[: 4 * len(rest)].reshape(-1, 4)[cells.eliminated, :3] = forces
     room = np.zeros(4 * (factor.tallest + 4), np.float32)
-    forward(factor, z, room)
-    backward(factor, z, room)
+    solve_forward(factor, z, room)
+    solve_backward(factor, z, room)
     answer = z[: 4 * len(rest)].reshape(-1, 4)[cells.eliminated, :3]
     ease = float((answer * forces).sum())
     return Volume(triangles, border, enclosed, ease) if ease > 0 else None
 
 
 @njit(cache=True, nogil=True)
-def gradient(x, faces, border, out):
+def compute_volume_gradient(x, faces, border, out):
     """Returns the volume for the positions x (P, 3) in metres, and computes its gradient into ``out`` (P,
     3)."""
     ox = oy = oz = 0.0
@@ -112,7 +112,7 @@ def add_pressure(volume, frames, eliminated, pose, forces, pressure, kept, z):
         pressure: the pressure of the last frame.
         kept: the fraction of the change of volume that the pressure corrects, from 0 to 1.
     """
-    missing = volume.rest - gradient(pose, volume.faces, volume.border, forces)
+    missing = volume.rest - compute_volume_gradient(pose, volume.faces, volume.border, forces)
     whole = pressed = 0.0
     for i in range(len(forces)):
         size = forces[i, 0] ** 2 + forces[i, 1] ** 2 + forces[i, 2] ** 2

@@ -15,7 +15,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import minimum_spanning_tree
 
 from enliven.arrays import Float, Int, Int32
-from enliven.deformation.graph.connectivity import components
+from enliven.deformation.graph.connectivity import label_components
 
 _MIN_ANGLE_SINE = np.sin(np.radians(1.0))
 """Sine of the smallest angle that is used for cotangents. Thinner triangles would give unbounded weights."""
@@ -62,10 +62,10 @@ def virtual_edges(vertices: Float, edges: Int) -> tuple[Int, Float]:
     """
     count = len(vertices)
     edge_groups: list[Int] = []
-    label = components(count, edges)
+    label = label_components(count, edges)
     if label.max() >= _MAX_EXACTLY_JOINED_SHELLS:
         edge_groups.append(_near_neighbours(vertices, label))
-        label = components(count, np.concatenate([edges, *edge_groups]))
+        label = label_components(count, np.concatenate([edges, *edge_groups]))
     while label.max() > 0:
         sizes = np.bincount(label)
         for shell in np.argsort(sizes)[: min(label.max(), _MAX_EXACTLY_JOINED_SHELLS)]:
@@ -74,7 +74,7 @@ def virtual_edges(vertices: Float, edges: Int) -> tuple[Int, Float]:
             if len(inside) and len(outside):
                 edge_groups.append(_joining_edges(vertices, inside, outside, label))
                 label[inside] = label[edge_groups[-1][0, 1]]
-        label = components(count, np.concatenate([edges, *edge_groups]))
+        label = label_components(count, np.concatenate([edges, *edge_groups]))
     links = np.concatenate([np.empty((0, 2), np.int64), *edge_groups])
     links = np.unique(np.sort(links, 1), axis=0)
     return links, np.full(len(links), VIRTUAL_EDGE_WEIGHT)

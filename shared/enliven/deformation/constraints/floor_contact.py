@@ -16,7 +16,7 @@ import numpy as np
 from enliven.arrays import Float, Int
 from enliven.deformation.constraints.planes import PlaneConstraints
 from enliven.deformation.constraints.soft import ConstrainedPoints, join_planes, subsample_on_grid
-from enliven.deformation.graph.connectivity import components
+from enliven.deformation.graph.connectivity import label_components
 from enliven.document import Character
 from enliven.settings import parameter, setting
 
@@ -101,8 +101,8 @@ class FloorContact:
         low_vertices = np.flatnonzero(heights < heights.min() + _FOOT_HEIGHT_FRACTION * self.height)
         soles = low_vertices[subsample_on_grid(character.vertices[low_vertices], _FEET_SAMPLE_COUNT)]
         body_samples = subsample_on_grid(character.vertices, _BODY_SAMPLE_COUNT)
-        self.soles = ConstrainedPoints.of(character, soles)
-        self._all = ConstrainedPoints.of(
+        self.soles = ConstrainedPoints.from_vertices(character, soles)
+        self._all = ConstrainedPoints.from_vertices(
             character, np.concatenate([soles, np.setdiff1d(body_samples, soles)])
         )
         self._lowest = float(heights.min())
@@ -121,7 +121,7 @@ class FloorContact:
 
         The arguments are those of :meth:`planes`.
         """
-        lowest = float(self._all.deformed(linear, positions)[:, 1].min())
+        lowest = float(self._all.deform_points(linear, positions)[:, 1].min())
         return np.asarray(positions + np.array([0.0, max(min(floor, self._lowest) - lowest, 0.0), 0.0]))
 
     def planes(
@@ -138,14 +138,14 @@ class FloorContact:
         """
         settings = self.settings
         floor = min(floor, self._lowest)
-        points = self._all.deformed(linear, positions)
+        points = self._all.deform_points(linear, positions)
         is_low = points[:, 1] < floor + 0.1 * self.height
         # If one foot is near the floor, keep the planes of all feet. A foot that the floor has pushed high up
         # would otherwise lose its plane for a frame and fall through the floor.
         is_low[: len(self.soles)] |= is_low.any()
         near_points = np.flatnonzero(is_low)
         up = np.tile([0.0, 1.0, 0.0], (len(near_points), 1))
-        sets = [self._all.planes(near_points, up, floor, settings.weight, True)]
+        sets = [self._all.create_planes(near_points, up, floor, settings.weight, True)]
         if settings.use == "stand":
             for foot in self.feet:
                 self._update_foot_state(
@@ -207,7 +207,7 @@ class FloorContact:
             places = places + release * (foot.free_points - places)
         count = len(foot.points)
         return [
-            self.soles.planes(foot.points, np.tile(axis, (count, 1)), places[:, k], weight, False)
+            self.soles.create_planes(foot.points, np.tile(axis, (count, 1)), places[:, k], weight, False)
             for k, axis in enumerate(([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]))
         ]
 
@@ -229,5 +229,5 @@ def _point_clusters(points: Float, gap: float) -> list[Int]:
     """Returns clusters of points (P, 3), as indices. Horizontal gaps within a cluster are at most ``gap``
     metres."""
     distances = np.linalg.norm(points[:, None, [0, 2]] - points[None][:, :, [0, 2]], axis=2)
-    label = components(len(points), np.argwhere(distances < gap))
+    label = label_components(len(points), np.argwhere(distances < gap))
     return [np.flatnonzero(label == k) for k in range(label.max(initial=-1) + 1)]

@@ -75,7 +75,7 @@ class ObservedSurface:
     def __init__(self, character: Character, settings: ObservedSettings | None = None) -> None:
         self.settings = settings or ObservedSettings()
         samples = subsample_on_grid(character.vertices, self.settings.surface)
-        self.points = ConstrainedPoints.of(character, samples)
+        self.points = ConstrainedPoints.from_vertices(character, samples)
         mesh = Mesh(character.vertices.astype(np.float64), character.faces, character.id)
         self._tips = ConstrainedPoints(
             self.points.at + _NORMAL_STEP_M * mesh.vertex_normals()[samples],
@@ -100,8 +100,8 @@ class ObservedSurface:
         valid = np.flatnonzero(np.isfinite(points).all(1) & np.isfinite(normals).all(1))
         subset = valid[:: max(1, math.ceil(len(valid) / settings.points))]
         points, normals = np.ascontiguousarray(points[subset], np.float64), normals[subset].astype(np.float64)
-        surface = self.points.deformed(linear, positions)
-        surface_normals = self._tips.deformed(linear, positions) - surface
+        surface = self.points.deform_points(linear, positions)
+        surface_normals = self._tips.deform_points(linear, positions) - surface
         surface_normals /= np.maximum(np.linalg.norm(surface_normals, axis=1, keepdims=True), 1e-12)
         max_distance = settings.farthest * metre
         nearest, lengths = _compatible_surface_points(
@@ -120,7 +120,7 @@ class ObservedSurface:
         fade = 1.0 - (lengths / max(max_distance, 1e-12)) ** 2
         weights = settings.weight * fade / (1.0 + scaled_distance * scaled_distance) ** 2
         offsets = np.einsum("ma,ma->m", normals, points)
-        return self.points.planes(nearest, normals, offsets, weights, False)
+        return self.points.create_planes(nearest, normals, offsets, weights, False)
 
 
 _NORMAL_STEP_M = 1e-3

@@ -55,10 +55,12 @@ class SelfContact:
         weights = np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
         centres = graph.positions - self.radii[:, None] * graph.normals
         self._balls = ConstrainedPoints(centres, nodes, weights, graph.positions)
-        self.pairs = np.argwhere(np.triu(self._may_touch(graph, centres, spacing), 1)).astype(np.int32)
+        self.pairs = np.argwhere(np.triu(self._find_possible_contacts(graph, centres, spacing), 1)).astype(
+            np.int32
+        )
         self._sides = np.zeros((len(self.pairs), 3))
 
-    def _may_touch(self, graph: DeformationGraph, centres: Float, spacing: float) -> Bool:
+    def _find_possible_contacts(self, graph: DeformationGraph, centres: Float, spacing: float) -> Bool:
         """Returns (N, N) True for pairs of balls that do not overlap at rest, and are far apart along the
         graph."""
         a, b = graph.edges[:, 0], graph.edges[:, 1]
@@ -76,7 +78,7 @@ class SelfContact:
     def planes(self, linear: Float, positions: Float) -> PlaneConstraints:
         """Returns two planes for each pair of balls that overlap or nearly overlap, one for each ball's
         side."""
-        centres = self._balls.deformed(linear, positions)
+        centres = self._balls.deform_points(linear, positions)
         is_near = _near_pairs(centres, self.radii, self.pairs, self._sides)
         first, second = self.pairs[is_near, 0], self.pairs[is_near, 1]
         sides, first_radii, second_radii = self._sides[is_near], self.radii[first], self.radii[second]
@@ -84,7 +86,7 @@ class SelfContact:
             first_radii + second_radii
         )[:, None]
         contact_offsets = np.einsum("pa,pa->p", sides, contact_points)
-        return self._balls.planes(
+        return self._balls.create_planes(
             np.concatenate([first, second]),
             np.concatenate([sides, -sides]),
             np.concatenate([contact_offsets + first_radii, -contact_offsets + second_radii]),

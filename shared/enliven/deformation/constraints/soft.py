@@ -32,7 +32,7 @@ class ConstrainedPoints:
     pivots: Float
 
     @staticmethod
-    def of(character: Character, vertices: Int) -> ConstrainedPoints:
+    def from_vertices(character: Character, vertices: Int) -> ConstrainedPoints:
         """Returns the vertices of a character with the indices ``vertices`` as points."""
         return ConstrainedPoints(
             character.vertices[vertices].astype(np.float64),
@@ -44,14 +44,14 @@ class ConstrainedPoints:
     def __len__(self) -> int:
         return len(self.at)
 
-    def deformed(self, linear: Float, positions: Float) -> Float:
+    def deform_points(self, linear: Float, positions: Float) -> Float:
         """Returns the positions (P, 3) in metres of the points for nodes at ``linear`` (N, 3, 3),
         ``positions`` (N, 3).
         """
         linear, positions = np.ascontiguousarray(linear), np.ascontiguousarray(positions)
         return np.asarray(_deformed_points(self.at, self.nodes, self.weights, self.pivots, linear, positions))
 
-    def planes(
+    def create_planes(
         self,
         which: Int | Bool,
         normals: Float,
@@ -113,8 +113,8 @@ def _first_point_per_cell(points: Float | Float32, low: Float | Float32, cell: f
 
 @njit(cache=True, nogil=True)
 def _deformed_points(at, nodes, weights, pivots, linear, positions):
-    """Computes the positions of :meth:`ConstrainedPoints.deformed`, with the deformation map of KinÊtre, eq.
-    2."""
+    """Computes the positions of :meth:`ConstrainedPoints.deform_points`, with the deformation map of
+    KinÊtre, eq. 2."""
     out = np.zeros((at.shape[0], 3))
     for i in range(at.shape[0]):
         for k in range(4):

@@ -7,8 +7,8 @@ import numpy as np
 from enliven.deformation.embedded.block_cholesky import SIZE
 from enliven.deformation.embedded.node_blocks import (
     add_geometric,
-    couple,
-    decouple,
+    compute_stretch_coupling,
+    eliminate_stretch,
     leave_coupled,
     stretch_block,
 )
@@ -51,7 +51,7 @@ def _add_end(lower, at, v, w, sign):
 
 
 @njit(cache=True, nogil=True)
-def assemble(x, t, planes, raw, s, ridge):
+def assemble_matrix(x, t, planes, raw, s, ridge):
     """Computes the matrix at the state x into ``s.lower``, and the inverse stretch blocks into
     ``s.compliance``."""
     lower, start, frames = s.lower, s.start, s.linear
@@ -66,14 +66,14 @@ def assemble(x, t, planes, raw, s, ridge):
     for m in range(t.rigid.shape[0]):
         _add_rigid(lower, start, frames, t, s.edge_block, m)
     _add_points(t.nodes, t.rows, t.pulls, s)
-    couple(s.linear, s.held, s.first, s.coupling)
+    compute_stretch_coupling(s.linear, s.held, s.first, s.coupling)
     if planes.nodes.shape[0] > 0:
         _add_planes(planes, s)
-    _hold_stretches(s, t.stretch)
+    _compute_stretch_blocks(s, t.stretch)
 
 
 @njit(cache=True, nogil=True)
-def _hold_stretches(s, w):
+def _compute_stretch_blocks(s, w):
     """Computes each node's inverse stretch block, and its coupling to rotation and translation.
 
     Terms that would make one of the two blocks indefinite are skipped.
@@ -86,10 +86,10 @@ def _hold_stretches(s, w):
     for j in range(start.shape[0] - 1):
         own, at = SIZE * start[j], SIZE * j
         stretch_block(linear, held, 9 * j, w[j], 1.0, room, block)
-        if decouple(lower, own, coupling, coupled, compliance, at, block, inverse):
+        if eliminate_stretch(lower, own, coupling, coupled, compliance, at, block, inverse):
             continue
         stretch_block(linear, held, 9 * j, w[j], 0.0, room, block)
-        if not decouple(lower, own, coupling, coupled, compliance, at, block, inverse):
+        if not eliminate_stretch(lower, own, coupling, coupled, compliance, at, block, inverse):
             leave_coupled(coupling, coupled, compliance, at, block)
 
 

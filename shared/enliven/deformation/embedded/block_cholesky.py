@@ -61,7 +61,7 @@ class BlockPattern:
         return len(self.row)
 
     @property
-    def longest(self) -> int:
+    def max_blocks_per_column(self) -> int:
         """Maximum number of blocks in a column."""
         return int(np.diff(self.start).max())
 
@@ -189,12 +189,12 @@ def factorise(pattern, lower, column, rows, scales, inverse):
             saved_first, saved_second = rows[place + SOLVING_SIZE], rows[place + SOLVING_SIZE + 1]
             scales[by_row[b]] = shorten6(block, 0, rows, place)
             rows[place + SOLVING_SIZE], rows[place + SOLVING_SIZE + 1] = saved_first, saved_second
-        p = _take_products(lower, column, product, p, first, last)
+        p = _subtract_products(lower, column, product, p, first, last)
     return True
 
 
 @njit(cache=True, nogil=True)
-def _take_products(lower, column, product, p, first, last):
+def _subtract_products(lower, column, product, p, first, last):
     """Subtracts the product b Lᵀ from the block of each pair of a column's blocks. b is a block of A, and L
     is a block of the factor.
 

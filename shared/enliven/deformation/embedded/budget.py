@@ -11,9 +11,9 @@ import time
 from collections.abc import Callable
 
 from enliven.arrays import Float
-from enliven.deformation.embedded.energy import Planes, Terms, gradient
-from enliven.deformation.embedded.lbfgs import Allowance, SolverBuffers, full_step
-from enliven.deformation.embedded.preconditioner import RigidSystem, refactor
+from enliven.deformation.embedded.energy import EnergyTerms, SolverPlanes, compute_energy_gradient
+from enliven.deformation.embedded.lbfgs import CostLimit, SolverBuffers, run_trial_step
+from enliven.deformation.embedded.preconditioner import RigidSystem, refactorize_matrix
 
 _MEASURED_COSTS_MS: dict[tuple[int, int], tuple[float, float, float]] = {}
 """Measured milliseconds of a step, a matrix and a gradient, by the graph's number of nodes and edges. They
@@ -25,8 +25,8 @@ _FIXED_FRAME_COST_STEPS = 2.0
 
 
 def measure_allowance(
-    budget_ms: float, x: Float, terms: Terms, planes: Planes, system: RigidSystem
-) -> Allowance:
+    budget_ms: float, x: Float, terms: EnergyTerms, planes: SolverPlanes, system: RigidSystem
+) -> CostLimit:
     """Returns the allowance of a frame for a budget in milliseconds.
 
     The costs are measured at the state ``x`` (16 N,).
@@ -35,15 +35,15 @@ def measure_allowance(
     if size not in _MEASURED_COSTS_MS:
         work = SolverBuffers.empty(len(terms.stretch))
         state = x.copy()
-        matrix = _fastest_run_ms(lambda: refactor(state, terms, planes, work.raw, system))
-        step = _fastest_run_ms(lambda: full_step(state, terms, planes, system, work))
+        matrix = _fastest_run_ms(lambda: refactorize_matrix(state, terms, planes, work.raw, system))
+        step = _fastest_run_ms(lambda: run_trial_step(state, terms, planes, system, work))
         _MEASURED_COSTS_MS[size] = (
             step,
             matrix,
-            _fastest_run_ms(lambda: gradient(state, terms, planes, work.raw)),
+            _fastest_run_ms(lambda: compute_energy_gradient(state, terms, planes, work.raw)),
         )
     step, matrix, retry = _MEASURED_COSTS_MS[size]
-    return Allowance(budget_ms / step - _FIXED_FRAME_COST_STEPS, matrix / step, retry / step)
+    return CostLimit(budget_ms / step - _FIXED_FRAME_COST_STEPS, matrix / step, retry / step)
 
 
 def _fastest_run_ms(function: Callable[[], object]) -> float:

@@ -15,12 +15,12 @@ from enliven.kernels import njit
 from enliven.lanes import fma4, load4, splat4, store4, total4
 
 
-class Planes(NamedTuple):
+class SolverPlanes(NamedTuple):
     """Soft planes in the solver's format; see ``PlaneConstraints``.
 
     Attributes:
         nodes: (M, 4) int32 the nodes that move each point, by ascending elimination order.
-        rows: (M, 4, 4) the coefficients, as in :class:`Terms`.
+        rows: (M, 4, 4) the coefficients, as in :class:`EnergyTerms`.
         normals: (M, 4) unit normals and a 0.
         offsets: (M,) metres, the offsets of the planes from the origin.
         weights: (M,) the weights of the planes, multiplied by the solver's own weight.
@@ -35,7 +35,7 @@ class Planes(NamedTuple):
     one_sided: Bool
 
 
-class Terms(NamedTuple):
+class EnergyTerms(NamedTuple):
     """The constants of the energy.
 
     Attributes:
@@ -76,7 +76,7 @@ class Terms(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def gradient(x, t, planes, out):
+def compute_energy_gradient(x, t, planes, out):
     """Computes dE/dx into ``out`` (16 N,). Returns the weighted E_rot, E_reg, E_con, E_rig, E_planes and
     their sum."""
     rot = _rotation_energy(x, t.stretch, out)

@@ -14,8 +14,8 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.embedded.energy import Planes, Terms, gradient
-from enliven.deformation.embedded.lbfgs import UNLIMITED, SolverBuffers, descend, record_energies
+from enliven.deformation.embedded.energy import EnergyTerms, SolverPlanes, compute_energy_gradient
+from enliven.deformation.embedded.lbfgs import UNLIMITED, SolverBuffers, minimize_energy, record_energies
 from enliven.deformation.embedded.preconditioner import RigidSystem
 from enliven.deformation.embedded.safeguards import restore_flat_nodes
 
@@ -31,7 +31,7 @@ _NEGLIGIBLE_ENERGY = 1e-6
 tenth of a millimetre off its target."""
 
 
-def find_lower_state(x: Float, terms: Terms, planes: Planes, system: RigidSystem) -> Float | None:
+def find_lower_state(x: Float, terms: EnergyTerms, planes: SolverPlanes, system: RigidSystem) -> Float | None:
     """Returns the state at the minimum below the state ``x`` (16 N,), or None if ``x`` is practically at the
     minimum.
 
@@ -39,11 +39,20 @@ def find_lower_state(x: Float, terms: Terms, planes: Planes, system: RigidSystem
         system: a matrix of the same pattern. It is not changed.
     """
     work, low = SolverBuffers.empty(len(x) // 16), np.array(x)
-    energies = gradient(low, terms, planes, work.raw)
+    energies = compute_energy_gradient(low, terms, planes, work.raw)
     before = energies[5]
     record_energies(work, energies)
-    descend(low, terms, planes, system.twin(), work, _MAX_ITERATIONS, _PROMISED_DECREASE_FRACTION, UNLIMITED)
+    minimize_energy(
+        low,
+        terms,
+        planes,
+        system.create_empty_copy(),
+        work,
+        _MAX_ITERATIONS,
+        _PROMISED_DECREASE_FRACTION,
+        UNLIMITED,
+    )
     if restore_flat_nodes(low):
-        record_energies(work, gradient(low, terms, planes, work.raw))
+        record_energies(work, compute_energy_gradient(low, terms, planes, work.raw))
     after = float(work.energies[5])
     return low if before - after > _MAX_EXCESS_ENERGY_FRACTION * after + _NEGLIGIBLE_ENERGY else None

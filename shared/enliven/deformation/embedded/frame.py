@@ -6,17 +6,17 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from enliven.arrays import Float, Int
-from enliven.deformation.embedded.energy import Terms, gradient
+from enliven.deformation.embedded.energy import EnergyTerms, compute_energy_gradient
 from enliven.deformation.embedded.inputs import copy_usable_targets
 from enliven.deformation.embedded.lbfgs import (
-    Allowance,
+    CostLimit,
     SolverBuffers,
-    descend,
     is_aged,
+    minimize_energy,
     record_age,
     record_energies,
 )
-from enliven.deformation.embedded.node_frame import plain_state
+from enliven.deformation.embedded.node_frame import state_from_unknowns
 from enliven.deformation.embedded.safeguards import repair_inverted_nodes, restore_flat_nodes
 from enliven.deformation.embedded.warm_start import choose_start
 from enliven.kernels import njit
@@ -40,12 +40,12 @@ class SolverState(NamedTuple):
     x: Float
     rest: Float
     order: Int
-    terms: Terms
+    terms: EnergyTerms
     work: SolverBuffers
     pull: float
     most: int
     tolerance: float
-    allowance: Allowance
+    allowance: CostLimit
 
 
 @njit(cache=True, nogil=True)
@@ -57,7 +57,8 @@ def next_frame(state, planes, system, targets, weights, linear, positions):
     rotation. If a node is pressed flat at the end, it gets some volume again.
 
     Args:
-        state, planes, system: a ``SolverState``, ``Planes`` and a ``RigidSystem``, each prepared by ``hold``.
+        state, planes, system: a ``SolverState``, ``SolverPlanes`` and a ``RigidSystem``, each prepared by
+        ``hold``.
         targets, weights: (L, 3) metres and (L,) of the constraints, unchecked.
         linear, positions: (N, 3, 3) and (N, 3) metres, output: the nodes' transforms.
     """
@@ -65,12 +66,12 @@ def next_frame(state, planes, system, targets, weights, linear, positions):
     x, t, work = f.x, f.terms, f.work
     copy_usable_targets(targets, weights, f.pull, t.targets, t.pulls)
     if not choose_start(x, f.rest, t, p, work):
-        record_energies(work, gradient(x, t, p, work.raw))
+        record_energies(work, compute_energy_gradient(x, t, p, work.raw))
     if repair_inverted_nodes(x, t.edges):
-        record_energies(work, gradient(x, t, p, work.raw))
-    done = descend(x, t, p, s, work, f.most, f.tolerance, f.allowance)
+        record_energies(work, compute_energy_gradient(x, t, p, work.raw))
+    done = minimize_energy(x, t, p, s, work, f.most, f.tolerance, f.allowance)
     record_age(work.age, done)
     if restore_flat_nodes(x):
-        record_energies(work, gradient(x, t, p, work.raw))
-    plain_state(x.reshape(-1, 4, 4), f.order, linear, positions)
+        record_energies(work, compute_energy_gradient(x, t, p, work.raw))
+    state_from_unknowns(x.reshape(-1, 4, 4), f.order, linear, positions)
     return done, is_aged(work.age, _THREAD_WAKING_COST_STEPS)

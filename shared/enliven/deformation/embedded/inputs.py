@@ -7,14 +7,14 @@ import numpy as np
 
 from enliven.arrays import Float, Int, Int32
 from enliven.deformation.constraints.planes import PlaneConstraints, PointConstraints
-from enliven.deformation.embedded.energy import Planes
+from enliven.deformation.embedded.energy import SolverPlanes
 from enliven.errors import InputError
 from enliven.kernels import njit
 
 _MAX_TARGET_M = 1e4
 """Distance from the origin, metres, beyond which a target cannot be a valid measurement."""
 _EMPTY_ARRAY = np.empty(0)
-NO_PLANES = Planes(
+NO_PLANES = SolverPlanes(
     np.empty((0, 4), np.int32),
     np.empty((0, 4, 4)),
     np.empty((0, 4)),
@@ -52,7 +52,7 @@ def coefficient_rows(
 
 
 def sort_by_node(nodes: Int32, rows: Float, count: int) -> tuple[Int32, Int32, Float]:
-    """Sorts the constraints by the nodes that they act on, in the format of :class:`Terms`.
+    """Sorts the constraints by the nodes that they act on, in the format of :class:`EnergyTerms`.
 
     Args:
         nodes, rows: (L, 4) and (L, 4, 4), from :func:`coefficient_rows`. A constraint does not act on a node
@@ -70,7 +70,9 @@ def sort_by_node(nodes: Int32, rows: Float, count: int) -> tuple[Int32, Int32, F
     return start, constraint[order].astype(np.int32), rows[constraint, place][order].reshape(-1)
 
 
-def convert_planes(planes: PlaneConstraints | None, weight: float, positions: Float, places: Int) -> Planes:
+def convert_planes(
+    planes: PlaneConstraints | None, weight: float, positions: Float, places: Int
+) -> SolverPlanes:
     """Returns the frame's planes in the kernels' format. Planes that are not finite get zero weight.
 
     Args:
@@ -84,7 +86,7 @@ def convert_planes(planes: PlaneConstraints | None, weight: float, positions: Fl
     normals[:, :3] = planes.normals
     weights = weight * np.asarray(planes.weights, np.float64)
     usable = np.isfinite(normals).all(1) & (np.abs(planes.offsets) < _MAX_TARGET_M) & np.isfinite(weights)
-    return Planes(
+    return SolverPlanes(
         nodes,
         rows,
         np.where(usable[:, None], normals, 0.0),
@@ -109,7 +111,7 @@ def copy_usable_targets(targets, weights, scale, out, pulls):
             out[m, a] = targets[m, a] if usable else 0.0
 
 
-def checked_stiffness(stiffness: Float | None, count: int) -> Float:
+def check_stiffness(stiffness: Float | None, count: int) -> Float:
     """Returns the stiffness factors (N,) after a check of their shape and values, or ones for None."""
     if stiffness is None:
         return np.ones(count)

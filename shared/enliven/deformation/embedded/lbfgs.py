@@ -10,9 +10,14 @@ from typing import NamedTuple
 import numpy as np
 
 from enliven.arrays import Float, Float32, Int
-from enliven.deformation.embedded.energy import gradient
+from enliven.deformation.embedded.energy import compute_energy_gradient
 from enliven.deformation.embedded.node_frame import force_in_node_frame, step_in_node_frame
-from enliven.deformation.embedded.preconditioner import align_with_nodes, is_outdated, precondition, refactor
+from enliven.deformation.embedded.preconditioner import (
+    align_with_nodes,
+    apply_preconditioner,
+    is_outdated,
+    refactorize_matrix,
+)
 from enliven.kernels import copy_row, njit
 from enliven.lanes import fma8, load8, splat8, store8, total8
 
@@ -46,7 +51,7 @@ _MIN_REMAINING_STEPS = 4
 because of its age."""
 
 
-class Allowance(NamedTuple):
+class CostLimit(NamedTuple):
     """The maximum cost of a frame, in steps.
 
     Attributes:
@@ -60,7 +65,7 @@ class Allowance(NamedTuple):
     retry: float
 
 
-UNLIMITED = Allowance(np.inf, 0.0, 0.0)
+UNLIMITED = CostLimit(np.inf, 0.0, 0.0)
 """The allowance of a frame without budget: only the number of steps ends the frame."""
 
 
@@ -170,7 +175,7 @@ def is_aged(age, worth):
 
 
 @njit(cache=True, nogil=True)
-def descend(x, t, planes, system, work, most, tolerance, allowance):
+def minimize_energy(x, t, planes, system, work, most, tolerance, allowance):
     """Minimizes the energy by L-BFGS, starting from ``x``, in place. Returns the number of iterations.
 
     ``work.raw`` must be the gradient at ``x``, and ``work.energies`` the energies at ``x``.
@@ -195,7 +200,7 @@ def descend(x, t, planes, system, work, most, tolerance, allowance):
         and allowance.room >= allowance.matrix + _MIN_REMAINING_STEPS
     )
     if aged or is_outdated(t, planes, system, _MAX_WEIGHT_CHANGE):
-        refactor(x, t, planes, work.raw, system)
+        refactorize_matrix(x, t, planes, work.raw, system)
         reset_age(age)
         spent += allowance.matrix
     else:
@@ -213,7 +218,7 @@ def descend(x, t, planes, system, work, most, tolerance, allowance):
             and allowance.room >= spent + allowance.matrix + _MIN_REMAINING_STEPS
         ):
             spent += allowance.matrix
-            refactor(x, t, planes, work.raw, system)
+            refactorize_matrix(x, t, planes, work.raw, system)
             reset_age(age)
             kept = np.int64(0)
         # Take a step in the L-BFGS direction.
@@ -252,7 +257,7 @@ def _line_search(x, slope, t, planes, work):
     energy, length = work.energies[5], 1.0
     for tried in range(_MAX_STEP_HALVINGS):
         step_in_node_frame(here, work.own, length, x)
-        energies = gradient(x, t, planes, work.raw)
+        energies = compute_energy_gradient(x, t, planes, work.raw)
         if energies[5] <= energy + _ARMIJO_FRACTION * length * slope:
             record_energies(work, energies)
             force_in_node_frame(x, work.raw, work.now)
@@ -298,7 +303,7 @@ def _search_direction(now, work, kept, system):
         m = k % _REMEMBERED_STEPS
         share[m] = inner / work.curvatures[m]
         inner = _add_then_dot(way, -share[m], changes[m], steps[(k - 1) % _REMEMBERED_STEPS])
-    precondition(system, way)
+    apply_preconditioner(system, way)
     inner = _dot_product(changes[oldest % _REMEMBERED_STEPS] if kept > 0 else now, way)
     for k in range(oldest, kept):
         m = k % _REMEMBERED_STEPS
@@ -308,11 +313,11 @@ def _search_direction(now, work, kept, system):
 
 
 @njit(cache=True, nogil=True)
-def full_step(x, t, planes, system, work):
+def run_trial_step(x, t, planes, system, work):
     """Takes and undoes a step with all pairs stored, to measure the cost of a step. Overwrites ``work``."""
     for m in range(_REMEMBERED_STEPS):
         work.curvatures[m] = 1.0
-    record_energies(work, gradient(x, t, planes, work.raw))
+    record_energies(work, compute_energy_gradient(x, t, planes, work.raw))
     force_in_node_frame(x, work.raw, work.now)
     slope = _search_direction(work.now, work, np.int64(_REMEMBERED_STEPS), system)
     copy_row(work.last, x)

@@ -20,7 +20,7 @@ part is then 1e-5."""
 
 
 @njit(cache=True, nogil=True)
-def couple(linear, held, first, out):
+def compute_stretch_coupling(linear, held, first, out):
     """Computes into ``out`` how each number of a node's stretch S is coupled to its rotation and translation.
 
     ``out`` has 6 rows of 8 numbers per node. The coupling is the sum over the node's arms u of w (R S
@@ -50,7 +50,7 @@ def couple(linear, held, first, out):
 
 
 @njit(cache=True, nogil=True)
-def decouple(lower, own, coupling, coupled, compliance, at, block, inverse):
+def eliminate_stretch(lower, own, coupling, coupled, compliance, at, block, inverse):
     """Replaces the node's ``coupling`` B by L = -A⁻¹ B, the response of its rotation and translation to its
     stretch.
 

@@ -67,7 +67,7 @@ def _rotated_vector(h, scale, v):
 
 
 @njit(cache=True, nogil=True)
-def plain_state(x, order, linear, positions):
+def state_from_unknowns(x, order, linear, positions):
     """Converts the unknowns (N, 4, 4) to linear parts and positions, in the order of the graph's nodes."""
     for n in range(len(order)):
         node = order[n]

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from enliven.arrays import Float, Float32, Int16, Int32
-from enliven.deformation.embedded.assembly import assemble
+from enliven.deformation.embedded.assembly import assemble_matrix
 from enliven.deformation.embedded.block_cholesky import (
     SIZE,
     SOLVING_SIZE,
@@ -30,7 +30,7 @@ from enliven.deformation.embedded.block_cholesky import (
     substitute,
     weighted_row_sum,
 )
-from enliven.deformation.embedded.energy import Terms
+from enliven.deformation.embedded.energy import EnergyTerms
 from enliven.kernels import copy_row, njit
 from enliven.lanes import (
     apart8,
@@ -107,7 +107,7 @@ class RigidSystem(NamedTuple):
     side: Float32
 
     @staticmethod
-    def empty(pattern: BlockPattern, terms: Terms) -> RigidSystem:
+    def empty(pattern: BlockPattern, terms: EnergyTerms) -> RigidSystem:
         """Returns empty buffers for the matrix, with the blocks of each edge and constraint."""
         count = len(terms.stretch)
         ends = np.sort(terms.edges.astype(np.int64), 1)[:, ::-1]
@@ -125,7 +125,7 @@ class RigidSystem(NamedTuple):
             pattern.block_of(ends),
             pattern.block_of(pairs.reshape(-1, 2)).reshape(-1, len(places)),
             np.zeros(SIZE * pattern.blocks, np.float32),
-            np.zeros(SIZE * pattern.longest, np.float32),
+            np.zeros(SIZE * pattern.max_blocks_per_column, np.float32),
             np.zeros(SOLVING_SIZE * len(pattern.column) + 8, np.int16),
             np.zeros(len(pattern.column), np.float32),
             np.zeros(SIZE * count, np.float32),
@@ -141,7 +141,7 @@ class RigidSystem(NamedTuple):
             np.zeros(8 * count, np.float32),
         )
 
-    def twin(self) -> RigidSystem:
+    def create_empty_copy(self) -> RigidSystem:
         """Returns empty buffers for another matrix of the same pattern."""
         pattern = ("start", "row", "product", "row_start", "column", "by_row", "unit")
         pattern += ("edge_block", "pair_block")
@@ -191,7 +191,7 @@ def is_outdated(t, planes, s, repulled):
 
 
 @njit(cache=True, nogil=True)
-def refactor(x, t, planes, raw, s):
+def refactorize_matrix(x, t, planes, raw, s):
     """Computes and factorizes the matrix at the state ``x``, given ``raw`` (16 N,) = dE/dx."""
     for j in range(s.start.shape[0] - 1):
         for c in range(3):
@@ -206,7 +206,7 @@ def refactor(x, t, planes, raw, s):
     copy_row(s.pulls, t.pulls)
     ridge = _TIKHONOV_WEIGHT
     while True:
-        assemble(x, t, planes, raw, s, ridge)
+        assemble_matrix(x, t, planes, raw, s, ridge)
         _scale_to_units(s.lower, s.unit)
         pattern = (s.start, s.product, s.by_row)
         if factorise(pattern, s.lower, s.room, s.rows, s.scales, s.inverse) or ridge > 1e6:
@@ -249,7 +249,7 @@ def align_with_nodes(x, s):
 
 
 @njit(cache=True, nogil=True)
-def precondition(s, way):
+def apply_preconditioner(s, way):
     """Replaces the force ``way`` (16 N,) in node frames by the preconditioned step.
 
     The second derivative is twice the matrix, so everything is halved.

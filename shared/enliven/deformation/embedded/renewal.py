@@ -12,8 +12,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache
 
 from enliven.arrays import Float
-from enliven.deformation.embedded.energy import Planes, Terms
-from enliven.deformation.embedded.preconditioner import RigidSystem, refactor
+from enliven.deformation.embedded.energy import EnergyTerms, SolverPlanes
+from enliven.deformation.embedded.preconditioner import RigidSystem, refactorize_matrix
 from enliven.kernels import HeldArguments, hold
 
 _MIN_NODES_FOR_RENEWAL = 200
@@ -34,13 +34,13 @@ class MatrixRenewal:
         always: True to compute a matrix after every frame, even for small graphs.
 
     Attributes:
-        system, held: the matrix in use, and its prepared form as an argument of kernels.
+        system, held_arguments: the matrix in use, and its prepared form as an argument of kernels.
         always: True if a matrix is computed after every frame, False if only after the old one is outdated.
     """
 
     def __init__(self, system: RigidSystem, always: bool) -> None:
         self._systems: list[tuple[RigidSystem, HeldArguments]] = [
-            (twin, hold(twin)) for twin in (system, system.twin())
+            (twin, hold(twin)) for twin in (system, system.create_empty_copy())
         ]
         self.always = always or len(system.start) > _MIN_NODES_FOR_RENEWAL
         self._pending: Future[None] | None = None
@@ -51,18 +51,20 @@ class MatrixRenewal:
         return self._systems[0][0]
 
     @property
-    def held(self) -> HeldArguments:
+    def held_arguments(self) -> HeldArguments:
         """The matrix in use, prepared as an argument of kernels."""
         return self._systems[0][1]
 
-    def start_next_matrix(self, x: Float, terms: Terms, planes: Planes, raw: Float) -> None:
+    def start_next_matrix(self, x: Float, terms: EnergyTerms, planes: SolverPlanes, raw: Float) -> None:
         """Starts to compute the matrix at ``x`` (16 N,) in the background, with ``raw`` (16 N,) = dE/dx.
 
-        The arguments must not change until :meth:`latest` is called.
+        The arguments must not change until :meth:`switch_to_latest_matrix` is called.
         """
-        self._pending = _second_thread().submit(refactor, x, terms, planes, raw, self._systems[1][0])
+        self._pending = _second_thread().submit(
+            refactorize_matrix, x, terms, planes, raw, self._systems[1][0]
+        )
 
-    def latest(self) -> bool:
+    def switch_to_latest_matrix(self) -> bool:
         """Waits until the matrix that was started is complete, and switches to it. Returns False if none was
         started."""
         if self._pending is None:

@@ -27,7 +27,7 @@ def repair_inverted_nodes(flat, edges):
     count = x.shape[0]
     sound = np.empty(count, np.bool_)
     for n in range(count):
-        sound[n] = volume(x[n]) > _MIN_SOUND_DETERMINANT
+        sound[n] = compute_determinant(x[n]) > _MIN_SOUND_DETERMINANT
     if sound.all():
         return False
     mean, turn = np.empty((1, 3, 3)), np.empty((1, 3, 3))
@@ -47,14 +47,14 @@ def repair_inverted_nodes(flat, edges):
                     repaired[n] = True
             if repaired[n]:
                 nearest_rotations(mean, turn)
-                _copy_turn(x[n], turn[0])
+                _copy_rotation(x[n], turn[0])
         if (repaired == sound).all():
             # No node is intact, so give each node the rotation that is nearest to its own matrix.
             for n in range(count):
                 if not sound[n]:
-                    _copy_turn(mean[0], x[n])
+                    _copy_rotation(mean[0], x[n])
                     nearest_rotations(mean, turn)
-                    _copy_turn(x[n], turn[0])
+                    _copy_rotation(x[n], turn[0])
             break
         sound = repaired
     return True
@@ -72,7 +72,7 @@ def restore_flat_nodes(flat):
     has_flat = False
     cofactor = np.empty((3, 3))
     for n in range(x.shape[0]):
-        if volume(x[n]) >= _LEAST_VOLUME:
+        if compute_determinant(x[n]) >= _LEAST_VOLUME:
             continue
         has_flat = True
         for _ in range(_NEWTON_STEPS):
@@ -83,7 +83,7 @@ def restore_flat_nodes(flat):
                     b, k = (a + 1) % 3, (a + 2) % 3
                     cofactor[c, a] = x[n, d, b] * x[n, e, k] - x[n, d, k] * x[n, e, b]
                     square += cofactor[c, a] ** 2
-            scale = (1.001 * _LEAST_VOLUME - volume(x[n])) / (square + 1e-12)
+            scale = (1.001 * _LEAST_VOLUME - compute_determinant(x[n])) / (square + 1e-12)
             for c in range(3):
                 for a in range(3):
                     x[n, c, a] += scale * cofactor[c, a]
@@ -91,7 +91,7 @@ def restore_flat_nodes(flat):
 
 
 @njit(cache=True, nogil=True)
-def _copy_turn(target, source):
+def _copy_rotation(target, source):
     """Copies the first three rows and columns of ``source`` (4, 4) into ``target`` (4, 4)."""
     for a in range(3):
         for b in range(3):
@@ -99,7 +99,7 @@ def _copy_turn(target, source):
 
 
 @njit(cache=True, nogil=True)
-def volume(node):
+def compute_determinant(node):
     """Returns the determinant of R. The columns of R are the first three rows of ``node`` (4, 4)."""
     return (
         node[0, 0] * (node[1, 1] * node[2, 2] - node[1, 2] * node[2, 1])

@@ -17,7 +17,7 @@ A frame is complete after a step with a small predicted decrease: half of g.Bg, 
 matrix, updated by L-BFGS. If the matrix is accurate, this bounds the distance to the minimum. If the last
 steps gained more than predicted, the energy is softer than the matrix, and a ten times smaller prediction is
 required. Of 16,300 frames of creatures in fast motion, 29 ended more than 0.2 % above the minimum. In these
-frames a limb was about to buckle, which the gradient does not show. ``settled`` is then False
+frames a limb was about to buckle, which the gradient does not show. ``is_settled`` is then False
 (``final_refinement``), and the next frame starts from the lower state.
 """
 
@@ -32,19 +32,19 @@ from enliven.arrays import Float
 from enliven.deformation.constraints.planes import PlaneConstraints, PointConstraints
 from enliven.deformation.embedded.block_cholesky import elimination_order, find_block_pattern
 from enliven.deformation.embedded.budget import measure_allowance
-from enliven.deformation.embedded.energy import Terms, gradient
+from enliven.deformation.embedded.energy import EnergyTerms, compute_energy_gradient
 from enliven.deformation.embedded.final_refinement import find_lower_state
 from enliven.deformation.embedded.frame import SolverState, next_frame
 from enliven.deformation.embedded.inputs import (
     NO_PLANES,
-    checked_stiffness,
+    check_stiffness,
     coefficient_rows,
     convert_planes,
     copy_usable_targets,
     sort_by_node,
 )
 from enliven.deformation.embedded.lbfgs import UNLIMITED, SolverBuffers, record_energies, reset_age
-from enliven.deformation.embedded.node_frame import plain_state
+from enliven.deformation.embedded.node_frame import state_from_unknowns
 from enliven.deformation.embedded.preconditioner import RigidSystem
 from enliven.deformation.embedded.renewal import MatrixRenewal
 from enliven.deformation.graph.graph import DeformationGraph
@@ -128,7 +128,7 @@ class EmbeddedSolver:
         self._order = elimination_order(count, pairs)
         self._place = np.empty(count, np.int64)
         self._place[self._order] = np.arange(count)
-        self._terms = self._build_terms(attachment, checked_stiffness(stiffness, count))
+        self._terms = self._build_terms(attachment, check_stiffness(stiffness, count))
         system = RigidSystem.empty(find_block_pattern(count, self._place[pairs]), self._terms)
         self._matrix = MatrixRenewal(system, self.settings.budget_ms > 0.0)
         self._work = SolverBuffers.empty(count)
@@ -141,16 +141,16 @@ class EmbeddedSolver:
         self.iterations = 0
         self._lower: list[Float | None] = []
         self.reset(start)
-        self._held_state = hold(self._state_of(self.settings))
+        self._held_state = hold(self._create_state(self.settings))
 
-    def _build_terms(self, attachment: PointConstraints, stiffness: Float) -> Terms:
+    def _build_terms(self, attachment: PointConstraints, stiffness: Float) -> EnergyTerms:
         """Returns the energy's constants, with the nodes numbered in elimination order."""
         graph, settings = self.graph, self.settings
         nodes, rows = coefficient_rows(attachment, graph.positions, self._place)
         held_start, held_by, arms = sort_by_node(nodes, rows, len(graph.positions))
         edges, rigid = graph.edges, np.flatnonzero(graph.rigid).astype(np.int32)
         edge_stiffness = np.sqrt(stiffness[edges[:, 0]] * stiffness[edges[:, 1]])
-        return Terms(
+        return EnergyTerms(
             edges=self._place[edges].astype(np.int32),
             offsets=np.ascontiguousarray(graph.positions[edges[:, 1]] - graph.positions[edges[:, 0]]),
             rigid=rigid,
@@ -168,7 +168,7 @@ class EmbeddedSolver:
             hanging=settings.rigidity * edge_stiffness[rigid],
         )
 
-    def _state_of(self, settings: EmbeddedSettings) -> SolverState:
+    def _create_state(self, settings: EmbeddedSettings) -> SolverState:
         """Returns the state that persists between frames. With a budget, the cost of a step is measured at
         the current state."""
         x, rest, terms, work = self._x.reshape(-1), self._rest.reshape(-1), self._terms, self._work
@@ -180,7 +180,7 @@ class EmbeddedSolver:
 
     def reset(self, start: tuple[Float, Float] | None = None) -> None:
         """Moves the nodes to ``start`` (linear parts, positions), or to rest if it is None."""
-        self._matrix.latest()
+        self._matrix.switch_to_latest_matrix()
         if start is None:
             self._x[:] = self._rest
         else:
@@ -189,7 +189,10 @@ class EmbeddedSolver:
         self._work.last[:] = self._x.reshape(-1)
         self._work.age[:] = 1, 0, 1, _STALE_MATRIX_AGE
         self._lower.clear()
-        record_energies(self._work, gradient(self._x.reshape(-1), self._terms, self._planes, self._work.raw))
+        record_energies(
+            self._work,
+            compute_energy_gradient(self._x.reshape(-1), self._terms, self._planes, self._work.raw),
+        )
 
     def solve(
         self, targets: Float, weights: Float | None = None, planes: PlaneConstraints | None = None
@@ -206,16 +209,22 @@ class EmbeddedSolver:
             (N, 3, 3) the nodes' linear parts R_j and (N, 3) their positions g_j + t_j. Both are always
             finite.
         """
-        if self._matrix.latest():
+        if self._matrix.switch_to_latest_matrix():
             reset_age(self._work.age)
-        targets, weights = self._checked_targets(targets, weights)
+        targets, weights = self._check_targets(targets, weights)
         if planes is not None or self._planes is not NO_PLANES:
             self._planes = convert_planes(planes, self.settings.planes, self.graph.positions, self._place)
             self._held_planes = hold(self._planes)
         self._leave_energy_ridge(targets, weights)
         linear, positions = np.empty((len(self._x), 3, 3)), np.empty((len(self._x), 3))
         self.iterations, is_aged = next_frame(
-            self._held_state, self._held_planes, self._matrix.held, targets, weights, linear, positions
+            self._held_state,
+            self._held_planes,
+            self._matrix.held_arguments,
+            targets,
+            weights,
+            linear,
+            positions,
         )
         needs_matrix = is_aged or self._matrix.always
         if needs_matrix and self.iterations > _MAX_STILL_FRAME_STEPS and self._planes is NO_PLANES:
@@ -227,7 +236,7 @@ class EmbeddedSolver:
         self._matrix.start_next_matrix(self._x.reshape(-1), self._terms, self._planes, self._work.raw)
 
     @property
-    def settled(self) -> bool:
+    def is_settled(self) -> bool:
         """True if the last frame ended within 0.1 % of the minimum below it.
 
         It is False if the frame ran out of its ``iterations`` or its ``budget_ms``, or ended on a ridge of
@@ -242,7 +251,7 @@ class EmbeddedSolver:
         return is_finished and self._lower[0] is None
 
     @property
-    def energy(self) -> dict[str, float]:
+    def energy_terms(self) -> dict[str, float]:
         """The weighted energies "rotation", "smoothness", "constraint", "rigidity", "planes" and "total"."""
         names = ("rotation", "smoothness", "constraint", "rigidity", "planes", "total")
         return dict(zip(names, self._work.energies.tolist(), strict=True))
@@ -256,8 +265,10 @@ class EmbeddedSolver:
         if lower_state is None:
             return
         self._store_targets(targets, weights)
-        current_energy = gradient(self._x.reshape(-1), self._terms, self._planes, self._work.trial)
-        lower_energy = gradient(lower_state, self._terms, self._planes, self._work.trial)
+        current_energy = compute_energy_gradient(
+            self._x.reshape(-1), self._terms, self._planes, self._work.trial
+        )
+        lower_energy = compute_energy_gradient(lower_state, self._terms, self._planes, self._work.trial)
         if lower_energy[5] < current_energy[5]:
             self._x.reshape(-1)[:] = self._work.last[:] = lower_state
             record_energies(self._work, lower_energy)
@@ -270,7 +281,7 @@ class EmbeddedSolver:
     def state(self) -> tuple[Float, Float]:
         """Returns the current linear parts (N, 3, 3) and positions (N, 3) of the nodes."""
         linear, positions = np.empty((len(self._x), 3, 3)), np.empty((len(self._x), 3))
-        plain_state(self._x, self._order, linear, positions)
+        state_from_unknowns(self._x, self._order, linear, positions)
         return linear, positions
 
     def _store_targets(self, targets: Float, weights: Float) -> None:
@@ -279,7 +290,7 @@ class EmbeddedSolver:
             targets, weights, self.settings.constraint, self._terms.targets, self._terms.pulls
         )
 
-    def _checked_targets(self, targets: Float, weights: Float | None) -> tuple[Float, Float]:
+    def _check_targets(self, targets: Float, weights: Float | None) -> tuple[Float, Float]:
         """Returns the frame's targets (L, 3) and weights (L,) after checking their shapes and values."""
         targets = np.ascontiguousarray(targets, np.float64)
         weights = self._ones if weights is None else np.ascontiguousarray(weights, np.float64)

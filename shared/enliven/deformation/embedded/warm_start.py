@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.deformation.embedded.energy import constraint_energy, gradient
+from enliven.deformation.embedded.energy import compute_energy_gradient, constraint_energy
 from enliven.kernels import copy_row, njit
 from enliven.lanes import cross4, fma4, load4, splat4, store4, total4
 from enliven.rotation import nearest_rotations
@@ -30,9 +30,9 @@ def choose_start(x, rest, t, planes, work):
     before = work.energies
     least = before[0] + before[1] + constraint_energy(x, t) + before[3] + before[4]
     settled = before[5]
-    _go_on(x, work.last, work.trial)
+    _extrapolate_motion(x, work.last, work.trial)
     copy_row(work.last, x)
-    energies = gradient(work.trial, t, planes, work.raw)
+    energies = compute_energy_gradient(work.trial, t, planes, work.raw)
     goes_on = energies[5] < least or not np.isfinite(least)
     if goes_on:
         least = energies[5]
@@ -46,7 +46,7 @@ def choose_start(x, rest, t, planes, work):
     for origin in (x, rest):
         if _rigid_motion(origin, t, turn, middle, goal):
             _rotated_state(origin, turn, middle, goal, work.trial)
-            energy = gradient(work.trial, t, planes, work.raw)[5]
+            energy = compute_energy_gradient(work.trial, t, planes, work.raw)[5]
             if energy < least or not np.isfinite(least):
                 least = energy
                 copy_row(x, work.trial)
@@ -54,7 +54,7 @@ def choose_start(x, rest, t, planes, work):
 
 
 @njit(cache=True, nogil=True)
-def _go_on(x, last, out):
+def _extrapolate_motion(x, last, out):
     """Extrapolates the motion of the nodes between the last two frames by one frame, into ``out``.
 
     To second order, R(1) = R + d + w x (w x R), where d = R - R(-1), and w is the rotation of d.

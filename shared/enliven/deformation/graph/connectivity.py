@@ -9,7 +9,7 @@ from enliven.kernels import njit
 from enliven.union_find import join, number_sets
 
 
-def components(count: int, edges: Int32 | Int) -> Int:
+def label_components(count: int, edges: Int32 | Int) -> Int:
     """Returns the number (N,) of the connected component of each node, in the order of the nodes."""
     return np.asarray(_number_components(count, np.ascontiguousarray(edges, np.int64)), np.int64)
 
@@ -23,7 +23,7 @@ def _number_components(count, edges):
     return number_sets(parent)[0]
 
 
-def joining_edges(count: int, edges: Int32 | Int, distances: Float) -> Int32:
+def find_joining_edges(count: int, edges: Int32 | Int, distances: Float) -> Int32:
     """Returns the edges (C - 1, 2) that join C components into one, with the smallest sum of distances.
 
     KinÊtre, "Mesh Connectivity and Regularization": the minimum spanning tree over the components. The
@@ -34,7 +34,7 @@ def joining_edges(count: int, edges: Int32 | Int, distances: Float) -> Int32:
         distances: (N, N) metres between nodes, symmetric, and finite off the diagonal.
     """
     added: list[tuple[int, int]] = []
-    label = components(count, edges)
+    label = label_components(count, edges)
     while label.max() > 0:
         shortest = _shortest_ways_out(distances, label)
         for i, j in shortest:
@@ -73,7 +73,7 @@ def find_weak_edges(count: int, edges: Int32) -> tuple[Bool, Bool, Bool]:
     hanging = bridges.copy()
     for cut_nodes in np.flatnonzero(cuts):
         touching = (edges == cut_nodes).any(1)
-        label = components(count, edges[~touching])
+        label = label_components(count, edges[~touching])
         sizes = np.bincount(label)
         sizes[label[cut_nodes]] = 0
         ends = np.where(edges[:, 0] == cut_nodes, edges[:, 1], edges[:, 0])

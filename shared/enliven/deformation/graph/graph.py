@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int, Int32
-from enliven.deformation.graph.connectivity import find_weak_edges, joining_edges
+from enliven.deformation.graph.connectivity import find_joining_edges, find_weak_edges
 from enliven.deformation.graph.sampling import (
     SurfaceSamples,
     distance_matrix,
@@ -24,7 +24,12 @@ from enliven.deformation.graph.surface import (
     path_lengths,
     voronoi_cells,
 )
-from enliven.deformation.graph.weights import DETOUR, SLACK, blending_weights, choose_carriers
+from enliven.deformation.graph.weights import (
+    DETOUR_TOLERANCE_SPACINGS,
+    MAX_DETOUR_RATIO,
+    blending_weights,
+    choose_followed_nodes,
+)
 from enliven.document import Character, SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import Mesh, weld
@@ -114,9 +119,9 @@ class DeformationGraph:
             raise InputError(problem, where=mesh.name, remedy="Give a mesh with faces.")
         count, pairs = len(positions), np.sort(np.asarray(edges).reshape(-1, 2), 1)
         distances = np.linalg.norm(positions[:, None] - positions[None], axis=2)
-        pairs = np.unique(np.concatenate([pairs, joining_edges(count, pairs, distances)]), axis=0).astype(
-            np.int32
-        )
+        pairs = np.unique(
+            np.concatenate([pairs, find_joining_edges(count, pairs, distances)]), axis=0
+        ).astype(np.int32)
         bridges, cuts, hanging = find_weak_edges(count, pairs)
         near = find_nearest_surface_points(mesh, positions)
         return DeformationGraph(positions, near.normals, near.faces, pairs, hanging, bridges, cuts, 0.0)
@@ -139,7 +144,7 @@ class DeformationGraph:
         if cells is None or cells.net.mesh is not mesh:
             cells = voronoi_cells(build_net(mesh, spacing), self.positions, self.faces)
         surface_distances = path_lengths(len(self.positions), cells.borders, cells.lengths)
-        followed = choose_carriers(self.positions, surface_distances, spacing)
+        followed = choose_followed_nodes(self.positions, surface_distances, spacing)
         leaps = self.edges[np.isinf(surface_distances[self.edges[:, 0], self.edges[:, 1]])]
         near = node_distances(cells, followed, leaps, spacing, _MAX_FOLLOW_SPACINGS * spacing)
         return blending_weights(cells.net, near, self.positions, spacing, NEIGHBOURS)
@@ -192,7 +197,7 @@ def _linked_graph(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGr
     distances = distance_matrix(samples)
     straight_distances = np.linalg.norm(samples.positions[:, None] - samples.positions[None], axis=2)
     surface_distances = path_lengths(count, cells.borders, cells.lengths)
-    detours = surface_distances > DETOUR * straight_distances + SLACK * spacing
+    detours = surface_distances > MAX_DETOUR_RATIO * straight_distances + DETOUR_TOLERANCE_SPACINGS * spacing
     is_far = detours | (surface_distances > _MAX_NEIGHBOUR_SPACINGS * spacing)
     # Pairs that are far apart, or at an infinite distance D, come after all other pairs. They are sorted by
     # the length of the path along the surface. Pairs with a detour are never linked here.
@@ -208,7 +213,7 @@ def _linked_graph(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGr
     # Prefer paths along the surface: make every link between shells longer than all of these paths.
     longest_path = float(surface_distances[np.isfinite(surface_distances)].max(initial=0.0))
     link_lengths = np.where(np.isfinite(surface_distances), surface_distances, longest_path + shell_distances)
-    edges = np.concatenate([edges, joining_edges(count, edges, link_lengths)])
+    edges = np.concatenate([edges, find_joining_edges(count, edges, link_lengths)])
     edges = np.unique(edges, axis=0).astype(np.int32)
     bridges, cuts, hanging = find_weak_edges(count, edges)
     return DeformationGraph(

@@ -39,7 +39,7 @@ class SurfaceSamples(NamedTuple):
     radius: float
 
 
-def scatter(
+def sample_uniform_points(
     mesh: Mesh, count: int, rng: np.random.Generator, welded: tuple[Mesh, Int] | None = None
 ) -> SurfaceSamples:
     """Returns ``count`` independent points, uniform over the area, with interpolated normals.
@@ -176,7 +176,7 @@ def sample_poisson_disk(
     rng = np.random.default_rng(seed)
     area = mesh.area
     count = nodes if radius is None else max(1, min(int(4 * area / radius**2), 20_000))
-    darts = scatter(mesh, max(4000, _DARTS_PER_NODE * count), rng, welded)
+    darts = sample_uniform_points(mesh, max(4000, _DARTS_PER_NODE * count), rng, welded)
     order = rng.permutation(len(darts.positions))
     positions, normals = darts.positions[order], darts.normals[order]
     if radius is None:
@@ -212,7 +212,7 @@ def _largest_sample_radius(count: int, positions: Float, normals: Float, radius:
 
 
 @njit(cache=True, nogil=True, inline="always")
-def distance(p, n_p, q, n_q):
+def orientation_aware_distance(p, n_p, q, n_q):
     """Returns D(p, q) of eq. 6 for points p, q (3,) with unit normals; infinite for normals 90 degrees apart.
 
     dist_q(p) = |p - q + 2 ((p - q).n_q) n_q| weights the component outside of q's tangent plane three times.
@@ -265,7 +265,7 @@ def _throw_darts(positions, normals, cell, near, radius):
                 continue
             j = head[c]
             while j >= 0 and free:
-                if distance(positions[i], normals[i], positions[j], normals[j]) < radius:
+                if orientation_aware_distance(positions[i], normals[i], positions[j], normals[j]) < radius:
                     free = False
                 j = below[j]
             if not free:
@@ -289,6 +289,6 @@ def _distance_matrix(positions, normals):
     out = np.full((count, count), np.inf)
     for i in range(count):
         for j in range(i):
-            out[i, j] = distance(positions[i], normals[i], positions[j], normals[j])
+            out[i, j] = orientation_aware_distance(positions[i], normals[i], positions[j], normals[j])
             out[j, i] = out[i, j]
     return out

@@ -19,7 +19,7 @@ import scipy
 from enliven.arrays import Float, Float32, Int, Int32
 from enliven.deformation.graph import geodesic_kernels
 from enliven.deformation.graph import surface_kernels as kernels
-from enliven.deformation.graph.connectivity import components
+from enliven.deformation.graph.connectivity import label_components
 from enliven.meshes import Mesh, longest_edge, split_long_edges, weld
 
 _MAX_SUBDIVIDED_VERTICES = 200_000
@@ -111,7 +111,7 @@ def build_net(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None
     edges, normals = kernels.adjacent_clusters(vertices, faces, label, count)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     normals /= np.where(length > 0, length, 1.0)
-    shell = components(count, edges)
+    shell = label_components(count, edges)
     links = _shell_links(points, normals, shell, spacing)
     edges = np.concatenate([edges, links])
     graph = WeightedGraph(edges, np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1))
@@ -137,7 +137,7 @@ def _subdivided_mesh(welded: Mesh, longest: float) -> tuple[Float, Int32, Int | 
 def _shell_links(points: Float, normals: Float, shell: Int, spacing: float) -> Int32:
     """Returns (L, 2) links between points that are near in space but not connected along the surface."""
     reach = max(_MAX_THROUGH_LINK_SPACINGS, _MAX_SEAM_LINK_SPACINGS, _MAX_TOUCH_LINK_SPACINGS) * spacing
-    order, starts, neighbour_cells = kernels.grid(points, reach)
+    order, starts, neighbour_cells = kernels.sort_into_grid(points, reach)
     return np.asarray(
         kernels.link_near_points(
             points,
@@ -216,7 +216,7 @@ def _graph_with_nodes(net: SurfaceNet, positions: Float, faces: Int32) -> Weight
     )
     corner = net.label[corner_vertices]
     node_links = np.unique(np.stack([corner, count + node], 1), axis=0).astype(np.int32)
-    part = components(count + len(faces), np.concatenate([net.graph.edges, node_links]))
+    part = label_components(count + len(faces), np.concatenate([net.graph.edges, node_links]))
     node_links = np.concatenate([node_links, _links_to_orphans(net.points, part, positions)])
     ends = np.concatenate([net.points, positions])
     lengths = np.linalg.norm(ends[node_links[:, 0]] - ends[node_links[:, 1]], axis=1)

@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 
 from enliven.arrays import Float, Int
-from enliven.deformation.graph.connectivity import components
+from enliven.deformation.graph.connectivity import label_components
 from enliven.deformation.graph.geodesic_kernels import nearest_sources
 from enliven.deformation.graph.surface import SurfaceNet, build_net
 from enliven.errors import InputError
@@ -60,7 +60,7 @@ class LimbEnds:
         return np.atleast_2d(scipy.sparse.csgraph.dijkstra(self.ways, indices=points))
 
 
-def limb_ends(mesh: Mesh, max_count: int = 12, nodes: int = _NET_NODE_COUNT) -> LimbEnds:
+def find_limb_ends(mesh: Mesh, max_count: int = 12, nodes: int = _NET_NODE_COUNT) -> LimbEnds:
     """Returns the ends of a mesh's limbs, at most ``max_count``.
 
     Args:
@@ -86,13 +86,13 @@ def limb_ends(mesh: Mesh, max_count: int = 12, nodes: int = _NET_NODE_COUNT) -> 
     return LimbEnds(net.points, tips[order], persistence[order], longest, links)
 
 
-def extremities(mesh: Mesh, max_count: int = 12) -> Int:
+def find_extremity_vertices(mesh: Mesh, max_count: int = 12) -> Int:
     """Returns the vertices (K,) at the ends of limbs, most prominent first, with K at most ``max_count``.
 
     Raises:
         InputError: if the mesh has no area.
     """
-    limbs = limb_ends(mesh, max_count)
+    limbs = find_limb_ends(mesh, max_count)
     used = np.unique(mesh.faces)
     tree = scipy.spatial.cKDTree(mesh.vertices[used])
     return np.asarray(used[tree.query(limbs.points[limbs.ends])[1]], np.int64)
@@ -153,7 +153,7 @@ def _joined_net_edges(net: SurfaceNet) -> scipy.sparse.csr_matrix:
     """
     count, edges = len(net.points), net.graph.edges
     graph = scipy.sparse.csr_matrix((net.graph.lengths, (edges[:, 0], edges[:, 1])), (count, count))
-    joints = shell_connections(net.points, components(count, edges))
+    joints = shell_connections(net.points, label_components(count, edges))
     lengths = np.linalg.norm(net.points[joints[:, 0]] - net.points[joints[:, 1]], axis=1)
     gaps = np.maximum(lengths, 1e-12), (joints[:, 0], joints[:, 1])
     graph = graph + scipy.sparse.csr_matrix(gaps, (count, count))
@@ -179,7 +179,7 @@ def shell_connections(points: Float, label: Int) -> Int:
         nearest = order[np.unique(label[point[order]], return_index=True)[1]]
         pairs = np.sort(np.column_stack([point[nearest], other[nearest]]), axis=1)
         edges = np.unique(np.vstack([edges, pairs]), axis=0)
-        merged = components(count, label[pairs])
+        merged = label_components(count, label[pairs])
         count, label = int(merged.max()) + 1, merged[label]
     return edges
 

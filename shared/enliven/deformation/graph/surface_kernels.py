@@ -152,7 +152,7 @@ def _grown_table(size, pairs, found, count):
     return size, table, larger
 
 
-def grid(points: Float, size: float) -> tuple[Int, Int, Any]:
+def sort_into_grid(points: Float, size: float) -> tuple[Int, Int, Any]:
     """Sorts points into cells with sides of ``size``. Returns the order of the points, (K + 1,) the start of
     each cell, and (K, 27) the cells around each cell.
     """
@@ -182,7 +182,8 @@ def link_near_points(points, normals, shell, order, starts, around, reach):
     links to other shells.
 
     Args:
-        order, starts, around: the result of :func:`grid`, with cells at least as large as every reach.
+        order, starts, around: the result of :func:`sort_into_grid`, with cells at least as large as every
+        reach.
         reach: (3,) metres, the maximum length of links through a part, across a seam, and between touching
             shells.
     """

@@ -29,10 +29,10 @@ from enliven.deformation.graph.surface_kernels import insert_sorted
 from enliven.document import SkinWeights
 from enliven.kernels import njit
 
-DETOUR = 1.5
+MAX_DETOUR_RATIO = 1.5
 """Maximum ratio of the path along the surface to the straight distance. A longer path is a detour. Below it,
 the curvature of the surface alone can explain the length."""
-SLACK = 0.5
+DETOUR_TOLERANCE_SPACINGS = 0.5
 """Additional tolerance for detours, in node spacings, because paths over the net are coarse."""
 _MIN_NODE_DISTANCE_SPACINGS = 0.6
 """Minimum distance, in node spacings, between two carriers (nodes that vertices follow)."""
@@ -53,7 +53,7 @@ _MAX_CANDIDATE_NODES = 64
 """Maximum number of nodes that are considered for the vertices of one point of the net."""
 
 
-def choose_carriers(positions: Float, distances: Float, spacing: float, min_count: int = 5) -> Int:
+def choose_followed_nodes(positions: Float, distances: Float, spacing: float, min_count: int = 5) -> Int:
     """Returns the carriers (M,), ascending: the nodes that vertices follow. No carrier is near to an earlier
     one.
 
@@ -87,20 +87,20 @@ def blending_weights(
         spacing: metres between nodes, the s of the module's docstring.
         k: nodes per vertex, at most 4.
     """
-    nodes, shares = _at_points(net.points, *near, positions, spacing, k)
+    nodes, shares = _compute_point_weights(net.points, *near, positions, spacing, k)
     around = points_around(net, max(_AVERAGING_RADIUS_SPACINGS * spacing, _MAX_PATH_LENGTH_CELLS * net.cell))
     nodes, shares = _mean_weights(
         nodes, shares, *around, _AVERAGING_RADIUS_SPACINGS * spacing, len(positions)
     )
     cells = np.array([_MAX_POINT_DISTANCE_CELLS, _MAX_PATH_LENGTH_CELLS]) * net.cell
-    indices, weights = _at_vertices(
+    indices, weights = _compute_vertex_weights(
         net.mesh.vertices, *vertices_of_points(net), net.points, nodes, shares, *around, cells, k
     )
     return SkinWeights(indices, weights)
 
 
 @njit(cache=True, nogil=True)
-def _at_points(points, offsets, nodes, ways, positions, spacing, k):
+def _compute_point_weights(points, offsets, nodes, ways, positions, spacing, k):
     """Returns (C, k) int32 nodes (-1 for none) and (C, k) weights of the net's points: steps 1 and 2."""
     chosen = np.full((points.shape[0], k), -1, np.int32)
     shares = np.zeros((points.shape[0], k))
@@ -115,7 +115,9 @@ def _at_points(points, offsets, nodes, ways, positions, spacing, k):
                 points[c, 2] - positions[j, 2],
             )
             straight = np.sqrt(x * x + y * y + z * z)
-            length = straight + 2.0 * max(0.0, ways[m] - DETOUR * straight - SLACK * spacing)
+            length = straight + 2.0 * max(
+                0.0, ways[m] - MAX_DETOUR_RATIO * straight - DETOUR_TOLERANCE_SPACINGS * spacing
+            )
             near_count = insert_sorted(near, near_nodes, near_count, length, np.int64(j))
         # With four nodes or fewer, the fifth distance for the radius is missing. Use a slightly larger radius
         # than the distance of the farthest node, so that this node keeps a little weight.
@@ -166,7 +168,9 @@ def _mean_weights(nodes, shares, starts, around, metres, radius, count):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around, metres, cells, k):
+def _compute_vertex_weights(
+    vertices, starts, order, points, nodes, shares, offsets, around, metres, cells, k
+):
     """Returns (V, 4) uint16 nodes and (V, 4) float32 weights of the vertices, averaged over the points of the
     net around each vertex.
     """

@@ -22,7 +22,7 @@ from enliven.meshes import Mesh
 
 
 @dataclass(frozen=True, eq=False)
-class GraphShape(RigBase):
+class GraphCharacter(RigBase):
     """A mesh with the graph nodes that move it, and the parts and layers that the nodes play. Nodes are
     numbered part by part.
 
@@ -79,7 +79,7 @@ class GraphShape(RigBase):
         """The number of nodes."""
         return len(self.positions)
 
-    def with_playing(self, *layers: LayerBase) -> GraphShape:
+    def with_playing(self, *layers: LayerBase) -> GraphCharacter:
         """Returns the shape with other parts and layers."""
         parts = tuple(layer for layer in layers if isinstance(layer, GraphPart))
         upper_layers = tuple(layer for layer in layers if isinstance(layer, GraphLayer))
@@ -94,7 +94,7 @@ class GraphShape(RigBase):
             if layer.nodes.size and not 0 <= layer.nodes.min() <= layer.nodes.max() < node_count:
                 raise InputError(f"it plays nodes of {layer.take!r} that do not exist", where=self.where)
 
-    def without_layer(self, number: int) -> GraphShape:
+    def without_layer(self, number: int) -> GraphCharacter:
         """Returns the shape without a layer on top of its motion.
 
         Raises:
@@ -105,7 +105,7 @@ class GraphShape(RigBase):
             raise InputError("its nodes have no other motion", where=self.where, remedy=advice)
         return super().without_layer(number)
 
-    def at_rest(self, mesh: Mesh | None) -> tuple[GraphShape, tuple[PoseStream, ...]]:
+    def at_rest(self, mesh: Mesh | None) -> tuple[GraphCharacter, tuple[PoseStream, ...]]:
         """Returns the possessed mesh without motion. Its skin is recomputed from the mesh on the stage."""
         shape, stream = graph_shape_at_rest(self.id, self.positions, self.edges, mesh or self.mesh)
         return shape.with_changes(ends=self.ends, joints=self.joints), (stream,)
@@ -120,7 +120,9 @@ _REST_STREAM_ID = "rest"
 """The id of the motionless stream of a possessed mesh at rest."""
 
 
-def graph_shape_at_rest(name: str, nodes: Float, edges: Int32, mesh: Mesh) -> tuple[GraphShape, PoseStream]:
+def graph_shape_at_rest(
+    name: str, nodes: Float, edges: Int32, mesh: Mesh
+) -> tuple[GraphCharacter, PoseStream]:
     """Returns a shape with static nodes (N, 3), and the stream of these nodes. Every vertex of the shape
     follows the first node.
     """
@@ -130,12 +132,12 @@ def graph_shape_at_rest(name: str, nodes: Float, edges: Int32, mesh: Mesh) -> tu
     )
     stream = PoseStream(_REST_STREAM_ID, np.tile(np.eye(3), (1, len(nodes), 1, 1)), nodes[None], 1.0)
     part = GraphPart(_REST_STREAM_ID, np.arange(len(nodes)))
-    return GraphShape(name, nodes, edges, mesh, skin, (part,)), stream
+    return GraphCharacter(name, nodes, edges, mesh, skin, (part,)), stream
 
 
 def graph_shape_from_poses(
     character: Character, poses: Sequence[Pose], stream_id: str, step: float | None = None
-) -> tuple[GraphShape, PoseStream]:
+) -> tuple[GraphCharacter, PoseStream]:
     """Converts a possessed character and its recorded poses to a shape and its stream.
 
     Args:
@@ -160,10 +162,10 @@ def graph_shape_from_poses(
     mesh = Mesh(vertices, character.faces, character.id, *painted)
     part = GraphPart(stream_id, np.arange(len(character.pivots)))
     pivots = np.asarray(character.pivots, np.float64)
-    return GraphShape(character.id, pivots, character.edges, mesh, character.skin, (part,)), stream
+    return GraphCharacter(character.id, pivots, character.edges, mesh, character.skin, (part,)), stream
 
 
-def character_from_graph_shape(shape: GraphShape) -> Character:
+def character_from_graph_shape(shape: GraphCharacter) -> Character:
     """Returns the shape in the form that viewers use."""
     return Character(
         shape.id,
@@ -179,7 +181,7 @@ def character_from_graph_shape(shape: GraphShape) -> Character:
     )
 
 
-def _describe_problem(shape: GraphShape) -> str:
+def _describe_problem(shape: GraphCharacter) -> str:
     count = len(shape.positions)
     if shape.positions.shape != (count, 3) or shape.starts[-1] != count or count == 0:
         return f"positions {shape.positions.shape} of {shape.starts[-1]} nodes"

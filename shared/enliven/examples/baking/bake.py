@@ -230,10 +230,10 @@ class _Fit:
 
     def _fit_maps(self) -> None:
         self.maps = Maps(self._rest, self.pivots, self.indices, self.weights, self._settings.rigid)
-        maps = self.maps.of(self._wanted)
+        maps = self.maps.solve_maps(self._wanted)
         if self._bound:
             self.maps.find_axes(maps)
-            maps = self.maps.of(self._wanted)
+            maps = self.maps.solve_maps(self._wanted)
         self._found = maps
 
     def _fit_weights(self) -> None:
@@ -282,7 +282,7 @@ def _measure_fit(
     linear, places = np.empty((count, len(fit.pivots), 3, 3)), np.empty((count, len(fit.pivots), 3))
     total, worst, frame, vertex, start = 0.0, 0.0, 0, 0, 0
     for frame_vertices in _frame_chunks(frames, first):
-        maps = fit.maps.of(frame_vertices)
+        maps = fit.maps.solve_maps(frame_vertices)
         squares, vertex_worst, of_frame = fit.errors(maps, frame_vertices)
         total += float(squares.sum())
         for number, frame_error in enumerate(np.sqrt(of_frame)):

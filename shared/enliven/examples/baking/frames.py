@@ -9,8 +9,8 @@ import numpy as np
 
 from enliven.arrays import Float, Float32
 from enliven.deformation.arap.control_point_surface import PuppetSurface
-from enliven.document import Project, Puppet
-from enliven.examples.puppet_motion import State, evaluate_state
+from enliven.document import ExampleCharacter, Project
+from enliven.examples.puppet_motion import PuppetState, evaluate_state
 from enliven.rotation import from_rotation_vector, multiply, rotate
 
 
@@ -26,7 +26,7 @@ class SurfaceFrames:
             they are solved again at each call.
     """
 
-    puppet: Puppet
+    puppet: ExampleCharacter
     places: Float
     kept: float = 0.0
     _known: list[Float32] = field(default_factory=list, init=False)
@@ -51,7 +51,7 @@ class SurfaceFrames:
         self._known = solved
 
 
-def evaluate_states(project: Project, puppet: Puppet, times: Float) -> tuple[Float, Float, Float]:
+def evaluate_states(project: Project, puppet: ExampleCharacter, times: Float) -> tuple[Float, Float, Float]:
     """Evaluates a puppet at ``times`` (F,).
 
     Returns:
@@ -63,7 +63,7 @@ def evaluate_states(project: Project, puppet: Puppet, times: Float) -> tuple[Flo
     return np.array([state.places for state in states]).reshape(len(times), -1, 3), rotations, positions
 
 
-def frame_poses(puppet: Puppet, states: list[State]) -> tuple[Float, Float]:
+def frame_poses(puppet: ExampleCharacter, states: list[PuppetState]) -> tuple[Float, Float]:
     """Returns rotations (F, 4) and positions (F, 3) of the puppet's frame. A point x in this frame is at
     rotation x + position in the world.
     """

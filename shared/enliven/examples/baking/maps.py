@@ -48,7 +48,7 @@ class Maps:
     def __init__(self, rest: Float, pivots: Float, indices: Int32, weights: Float, rigid: float) -> None:
         self._parts = (rest, pivots, indices, weights)
         count = len(pivots)
-        self._gram = gram_of(*self._parts)
+        self._gram = compute_gram_matrix(*self._parts)
         flat = self._gram.reshape(4 * count, 4 * count)
         spread = np.array([np.trace(self._gram[k, :3, k, :3]) / 3 for k in range(count)])
         mass = np.array([self._gram[k, 3, k, 3] for k in range(count)])
@@ -59,16 +59,16 @@ class Maps:
         self._pull[:, :3] = (rigid * (spread + typical) / 2)[:, None]
         self._pull[:, 3] = _PIVOT_WEIGHT * mass + 1e-9 * max(float(mass.mean()), 1e-30)
         flat[np.diag_indices(4 * count)] += self._pull.ravel()
-        self._factor = factor_of(flat)
+        self._factor = cholesky_factor(flat)
         self._sums = first_moments(*self._parts)
         self.axes: Float | None = None
 
-    def of(self, vertices: Float) -> Float:
+    def solve_maps(self, vertices: Float) -> Float:
         """Solves for the least-squares maps (F, K, 4, 3) of the frames ``vertices`` (V, F, 3). A map moves a
         vertex v to (v - pivot, 1) map.
         """
         frames = vertices.shape[1]
-        moments = moments_of(*self._parts, np.ascontiguousarray(vertices).reshape(len(vertices), -1))
+        moments = compute_moments(*self._parts, np.ascontiguousarray(vertices).reshape(len(vertices), -1))
         right = np.ascontiguousarray(moments.reshape(-1, 4, frames, 3).transpose(2, 0, 1, 3))
         turns, places = self._fit_rigid_motions(right)
         right[:, :, :3] += self._pull[None, :, :3, None] * turns
@@ -82,7 +82,7 @@ class Maps:
         )
         maps = np.ascontiguousarray(solution).reshape(frames, count, 4, 3)
         if self.axes is not None:
-            separable(self._gram, right, self.axes, _TRANSFORM_SWEEPS, maps)
+            restrict_to_separable(self._gram, right, self.axes, _TRANSFORM_SWEEPS, maps)
         return maps
 
     def find_axes(self, maps: Float) -> None:
@@ -118,7 +118,7 @@ def stretch_axes(linear: Float) -> Float:
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def factor_of(matrix):
+def cholesky_factor(matrix):
     """Computes the lower Cholesky factor of a positive definite matrix (N, N).
 
     LAPACK would split this small task among threads. On busy cores the threads wait for one another, which
@@ -135,7 +135,7 @@ def factor_of(matrix):
 
 
 @njit(cache=True, nogil=True)
-def moments_of(rest, pivots, indices, weights, vertices):
+def compute_moments(rest, pivots, indices, weights, vertices):
     """Computes the right-hand side (K, 4, 3 F) of the least squares: sum_v w (v - pivot, 1) x', with x from
     ``vertices`` (V, 3 F)."""
     out = np.zeros((len(pivots), 4, vertices.shape[1]))
@@ -169,7 +169,7 @@ def first_moments(rest, pivots, indices, weights):
 
 
 @njit(cache=True, nogil=True)
-def gram_of(rest, pivots, indices, weights):
+def compute_gram_matrix(rest, pivots, indices, weights):
     """Computes the Gram matrix (K, 4, K, 4) of the least squares: sum_v w_k w_l (v - pivot_k, 1)(v - pivot_l,
     1)'."""
     count = len(pivots)
@@ -192,7 +192,7 @@ def gram_of(rest, pivots, indices, weights):
 
 
 @njit(cache=True, nogil=True)
-def separable(gram, right, axes, sweeps, maps):
+def restrict_to_separable(gram, right, axes, sweeps, maps):
     """Restricts ``maps`` (F, K, 4, 3) in place to the form R Q diag(s) Q', one transform at a time.
 
     The best rotation, scales and position of each transform are computed with the others fixed. Its part of
@@ -252,7 +252,7 @@ def _solve_transform(own, left, axes, fresh, found):
 
 
 @njit(cache=True, nogil=True)
-def skinned(rest, pivots, indices, weights, maps, out):
+def skin_one_frame(rest, pivots, indices, weights, maps, out):
     """Computes the vertices skinned by one frame's ``maps`` (K, 4, 3), and writes them to ``out`` (V, 3)."""
     for v in range(len(rest)):
         p = q = r = 0.0
@@ -279,7 +279,7 @@ def add_errors(rest, pivots, indices, weights, maps, wanted, squares, worst):
     of_frame = np.zeros(maps.shape[0])
     out = np.empty((len(rest), 3))
     for f in range(maps.shape[0]):
-        skinned(rest, pivots, indices, weights, maps[f], out)
+        skin_one_frame(rest, pivots, indices, weights, maps[f], out)
         for v in range(len(rest)):
             x, y, z = out[v, 0] - wanted[v, f, 0], out[v, 1] - wanted[v, f, 1], out[v, 2] - wanted[v, f, 2]
             off = x * x + y * y + z * z

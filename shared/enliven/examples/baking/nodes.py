@@ -32,7 +32,7 @@ class EdgeGraph:
         half = coo_matrix((lengths, (self.edges[:, 0], self.edges[:, 1])), (count, count)).tocsr()
         self.lengths: csr_matrix = (half + half.T).tocsr()
 
-    def away(self, seeds: Sequence[int], limit: float = np.inf) -> Float:
+    def compute_geodesic_distances(self, seeds: Sequence[int], limit: float = np.inf) -> Float:
         """Returns (S, V) geodesic distances along the edges from each seed, metres. Distances above the limit
         are infinite.
         """
@@ -50,7 +50,7 @@ class Seeds:
     def __init__(self, net: EdgeGraph, held: Sequence[int], count: int) -> None:
         self._net = net
         first = list(dict.fromkeys(held)) or [0]
-        self.vertices, self.away = first, net.away(first)
+        self.vertices, self.away = first, net.compute_geodesic_distances(first)
         while len(self.vertices) < count and self._add_vertex(int(np.argmax(self.away.min(0)))):
             pass
 
@@ -90,5 +90,5 @@ class Seeds:
         if vertex in self.vertices:
             return False
         self.vertices.append(vertex)
-        self.away = np.concatenate([self.away, self._net.away([vertex])])
+        self.away = np.concatenate([self.away, self._net.compute_geodesic_distances([vertex])])
         return True

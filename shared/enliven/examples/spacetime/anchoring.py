@@ -13,7 +13,7 @@ Otherwise, rounding would choose between two feet that stand flat on the floor."
 
 
 @njit(cache=True, nogil=True)
-def stand(turned, feet, stands, grip, first, last, root, anchors):
+def choose_anchors(turned, feet, stands, grip, first, last, root, anchors):
     """Kernel: chooses the anchor foot of the frames ``first`` to ``last``.
 
     It starts from the state of the frame before, and computes the root that keeps this foot in place.

@@ -31,7 +31,7 @@ class Band:
     def __init__(self, compliances: Float, weight: float) -> None:
         rows = max(len(compliances) - 2, 0)
         self._inverse, self._one, self._two = (np.zeros((rows, 3, 3)) for _ in range(3))
-        factor(compliances, weight, self._inverse, self._one, self._two)
+        factorize_band(compliances, weight, self._inverse, self._one, self._two)
         self.work = rows
 
     def solve(self, right: Float) -> Float:
@@ -59,7 +59,7 @@ def apply_transposed_differences(forces: Float, frames: int) -> Float:
 
 
 @njit(cache=True, nogil=True)
-def factor(give, weight, inverse, one, two):
+def factorize_band(give, weight, inverse, one, two):
     """Kernel: factors 1 + weight^2 A give A' as LDL'.
 
     ``one`` and ``two`` (F - 2, 3, 3) receive L's blocks on the first and second subdiagonal. ``inverse`` (F -

@@ -58,7 +58,7 @@ class BoundedQuadratics:
 
     @staticmethod
     def empty(points: int, frames: int, weight_count: int) -> BoundedQuadratics:
-        """Allocates nodes. Call :meth:`begin` after filling ``matrix``, ``right`` and ``reach``."""
+        """Allocates nodes. Call :meth:`reset_bounds` after filling ``matrix``, ``right`` and ``reach``."""
         shape = (points, frames)
         right, reach, offset = (
             np.empty((*shape, weight_count)),
@@ -76,13 +76,13 @@ class BoundedQuadratics:
             matrix, right, reach, offset, slack, state, still, swing, base, compliance, min_energy
         )
 
-    def begin(self, slack: float) -> None:
+    def reset_bounds(self, slack: float) -> None:
         """Resets the nodes: it is unknown which weights are at their bounds, and offsets are zero."""
         self.offset[:] = 0.0
         self.slack[:] = slack
         self.state[:] = 2
 
-    def respond(self, pull: Float, low: float, high: float, places: Float) -> tuple[int, float]:
+    def solve_for_pull(self, pull: Float, low: float, high: float, places: Float) -> tuple[int, float]:
         """Computes the positions ``places`` (P, F, 3) for a pull (P, F, 3).
 
         Returns:
@@ -91,7 +91,7 @@ class BoundedQuadratics:
         """
         lower = (self.matrix, self.right, self.reach, self.offset, self.slack, self.state)
         results = (self.still, self.swing, self.base, self.compliance, self.min_energy)
-        changed, energy = respond(*lower, *results, pull, low, high, places)
+        changed, energy = solve_points_for_pull(*lower, *results, pull, low, high, places)
         return int(changed), float(energy)
 
     def arrays_of(self, point: int) -> tuple[tuple[AnyArray, ...], tuple[AnyArray, ...]]:
@@ -102,17 +102,19 @@ class BoundedQuadratics:
 
 
 @njit(cache=True, nogil=True)
-def respond(
+def solve_points_for_pull(
     matrix, right, reach, offset, slack, state, still, swing, base, give, least, pull, low, high, places
 ):
-    """Kernel of :meth:`BoundedQuadratics.respond`."""
+    """Kernel of :meth:`BoundedQuadratics.solve_for_pull`."""
     points, frames, most = right.shape
     changed, energy = 0, 0.0
     work, marks = workspace(most), np.empty(frames, np.bool_)
     for p in range(points):
         node = (matrix[p], right[p], reach[p], offset[p], slack[p], state[p])
         results = (still[p], swing[p], base[p], give[p], least[p])
-        more, part = answers(node, results, pull[p], np.int64(0), frames, low, high, work, places[p], marks)
+        more, part = solve_nodes(
+            node, results, pull[p], np.int64(0), frames, low, high, work, places[p], marks
+        )
         changed += more
         energy += part
     return changed, energy
@@ -120,7 +122,7 @@ def respond(
 
 @njit(cache=True, nogil=True)
 def workspace(most):
-    """Allocates the work arrays of :func:`answers`.
+    """Allocates the work arrays of :func:`solve_nodes`.
 
     They are the weights, their right-hand sides (b - C q), the numbers of the free weights, the Cholesky
     factor of their part of the matrix, and the trial states.
@@ -130,7 +132,7 @@ def workspace(most):
 
 
 @njit(cache=True, nogil=True)
-def answers(node, known, pull, a, b, low, high, work, places, marks):
+def solve_nodes(node, known, pull, a, b, low, high, work, places, marks):
     """Kernel: computes the positions of the nodes a..b of a point for a pull (F, 3), and writes them to
     ``places``.
 
@@ -161,7 +163,7 @@ def answers(node, known, pull, a, b, low, high, work, places, marks):
                         slope += matrix[f, e, k] * w[k]
                     fits &= state[f, e] * slope <= 1e-12 * matrix[f, e, e]
         if not fits:
-            _renew_weights(node, known, f, qx, qy, qz, low, high, work)
+            _update_weights(node, known, f, qx, qy, qz, low, high, work)
             changed += 1
         marks[f] = not fits
         cx = base[f, 0] - give[f, 0, 0] * qx - give[f, 0, 1] * qy - give[f, 0, 2] * qz
@@ -175,7 +177,7 @@ def answers(node, known, pull, a, b, low, high, work, places, marks):
 
 
 @njit(cache=True, nogil=True)
-def _renew_weights(node, known, f, qx, qy, qz, low, high, work):
+def _update_weights(node, known, f, qx, qy, qz, low, high, work):
     """Determines which weights of node f are at their bounds, and the resulting linear terms."""
     matrix, right, reach, _, _, state = node
     _, g, _, _, trial = work

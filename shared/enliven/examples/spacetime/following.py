@@ -58,7 +58,7 @@ class PathFollower:
         self._back = _decay_fraction(step, settings.contact.blend / 2.0)
         self.held = [0j] * feet
 
-    def next(self, off: complex, stands: Sequence[bool] = ()) -> complex:
+    def compute_correction(self, off: complex, stands: Sequence[bool] = ()) -> complex:
         """Returns the correction x + iz of the root in one frame, metres, and updates ``held``.
 
         Args:

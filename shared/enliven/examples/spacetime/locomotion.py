@@ -21,8 +21,8 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int
 from enliven.document import Coupling, LocomotionSettings, Switch
 from enliven.errors import InputError
-from enliven.examples.spacetime.anchoring import stand
-from enliven.motion.contact.contacts import find_runs, touching
+from enliven.examples.spacetime.anchoring import choose_anchors
+from enliven.motion.contact.contacts import detect_contact_frames, find_runs
 from enliven.skeletons.facing import rotate_about_y
 
 
@@ -42,7 +42,7 @@ class PlacedMotion:
     anchors: Int
     switches: tuple[Switch, ...]
 
-    def couplings(self, points: Sequence[str]) -> tuple[Coupling, ...]:
+    def create_level_constraints(self, points: Sequence[str]) -> tuple[Coupling, ...]:
         """Returns constraints that give two feet equal heights when the anchor changes. Solve again with
         these constraints.
         """
@@ -91,7 +91,9 @@ def standing_feet(feet: Float, step: float, size: float, settings: LocomotionSet
         own_height = max(floor, np.percentile(foot[:, 1], 5))
         speed = np.linalg.norm(moves, axis=1) / slow
         down = np.empty(len(feet), np.bool_)
-        touching(foot[:, 1] - own_height, speed, contact.height * size, 1.0, contact.release, down)
+        detect_contact_frames(
+            foot[:, 1] - own_height, speed, contact.height * size, 1.0, contact.release, down
+        )
         stands[:, k] = down
     return stands
 
@@ -165,7 +167,9 @@ class _RootPath:
     def compute_contact(self, first: int, last: int) -> None:
         """Computes the roots and anchors of frames ``first`` to ``last``, which have floor contact."""
         first = max(first, self._done)
-        stand(self._turned, self._feet, self._stands, self._grip, first, last, self.root, self.anchors)
+        choose_anchors(
+            self._turned, self._feet, self._stands, self._grip, first, last, self.root, self.anchors
+        )
         self._done = max(self._done, last + 1)
 
     def compute_flight(self, until: int) -> None:

@@ -42,7 +42,7 @@ class Nearest:
             np.ascontiguousarray(np.swapaxes(examples.targets - middle, 0, 1)) / examples.target_size
         )
         self._whole = np.zeros((len(poses), len(examples)))
-        whole_distances(self._seen, self._known, self._whole)
+        add_pose_distances(self._seen, self._known, self._whole)
 
     def nodes(self, points: Sequence[int], spare: BoundedQuadratics | None = None) -> BoundedQuadratics:
         """Computes the energies of some control points at all frames, with E = min(n, nearest) weights each.
@@ -57,13 +57,13 @@ class Nearest:
         cost_weights = (self._settings.affine**2, self._settings.far, self._settings.pose)
         for i, p in enumerate(points):
             point_inputs = self._seen[p], self._known[p], self._goals[p], self._whole
-            energies(*point_inputs, *cost_weights, result.matrix[i], result.right[i], result.reach[i])
-        result.begin(self._settings.slack)
+            compute_energies(*point_inputs, *cost_weights, result.matrix[i], result.right[i], result.reach[i])
+        result.reset_bounds(self._settings.slack)
         return result
 
 
 @njit(cache=True, nogil=True)
-def whole_distances(seen, known, out):
+def add_pose_distances(seen, known, out):
     """Kernel: adds the mean square distance of joints (P, F, 3) from examples (P, n, 3) to ``out`` (F, n)."""
     pairs, frames, count = seen.shape[0], seen.shape[1], known.shape[1]
     for p in range(pairs):
@@ -75,7 +75,7 @@ def whole_distances(seen, known, out):
 
 
 @njit(cache=True, nogil=True)
-def energies(seen, known, goals, whole, affine, far, pose, matrix, right, reach):
+def compute_energies(seen, known, goals, whole, affine, far, pose, matrix, right, reach):
     """Kernel: fills ``matrix``, ``right`` and ``reach`` (F, E, ...) of one point; see :meth:`Nearest.nodes`.
 
     ``seen`` (F, 3) is its joint, ``known`` (n, 3) the joint in the examples, and ``goals`` (n, 3) the control

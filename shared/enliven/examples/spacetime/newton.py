@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.examples.spacetime.banded import factor, substitute
-from enliven.examples.spacetime.bounded import answers, workspace
+from enliven.examples.spacetime.banded import factorize_band, substitute
+from enliven.examples.spacetime.bounded import solve_nodes, workspace
 from enliven.kernels import copy_rows, njit
 
 _WINDOW_MARGIN_ROWS = 16
@@ -150,7 +150,7 @@ def _evaluate_rows(node, known, y, a, b, how, work, places, marks, band):
                 entry = weight if k != 1 else -2.0 * weight
                 qx, qy, qz = qx + entry * y[r, 0], qy + entry * y[r, 1], qz + entry * y[r, 2]
         pull[f, 0], pull[f, 1], pull[f, 2] = qx, qy, qz
-    changed, energy = answers(node, known, pull, a, last, low, high, work, places, marks)
+    changed, energy = solve_nodes(node, known, pull, a, last, low, high, work, places, marks)
     return changed, value - energy
 
 
@@ -162,7 +162,7 @@ def _newton_step(node, known, y, goal, a, b, how, band):
     base, give = known[2], known[3]
     inverse, first_blocks, second_blocks, right = band[0][a:b], band[1][a:b], band[2][a:b], band[3][a:b]
     rows = len(y)
-    factor(give[a : b + 2], weight, inverse, first_blocks, second_blocks)
+    factorize_band(give[a : b + 2], weight, inverse, first_blocks, second_blocks)
     for r in range(a, b):
         for i in range(3):
             right[r - a, i, 0] = weight * (base[r, i] - 2.0 * base[r + 1, i] + base[r + 2, i])

@@ -16,7 +16,7 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.document import LocomotionSettings
 from enliven.examples.spacetime.locomotion import PlacedMotion
-from enliven.motion.contact.contacts import find_runs, hold
+from enliven.motion.contact.contacts import compute_hold_weights, find_runs
 from enliven.skeletons.facing import rotate_about_y
 
 
@@ -52,7 +52,7 @@ def lock_feet(
             [_lock_position(foot_path[a : b + 1], placed.anchors[a : b + 1] == foot) for a, b in runs]
         )
         starts, ends = (np.array([run[end] for run in runs]) * step for end in (0, 1))
-        hold(times, starts, ends, stood, settings.contact.blend, weights, goals)
+        compute_hold_weights(times, starts, ends, stood, settings.contact.blend, weights, goals)
         correction = settings.plant * weights[:, None] * (goals - foot_path) * [1.0, 0.0, 1.0]
         locked[:, foot] += rotate_about_y(correction, -yaw)
     return locked

@@ -168,7 +168,7 @@ class _System:
     def _evaluate_nodes(self, y: Float, nu: Float, places: Float) -> tuple[int, float]:
         """Evaluates the nodes for y and nu, and writes the positions to ``places``. Returns the number of
         changed nodes, and the dual energy."""
-        changed, energy = self._nodes.respond(self._pull_of(y, nu), *self._bounds, places)
+        changed, energy = self._nodes.solve_for_pull(self._pull_of(y, nu), *self._bounds, places)
         return changed, 0.5 * float((y * y).sum()) + float(nu @ self._difference) - energy
 
     def _pull_of(self, y: Float, nu: Float) -> Float:

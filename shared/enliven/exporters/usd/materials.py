@@ -46,7 +46,7 @@ class StageMaterials:
         self._plain: UsdShade.Material | None = None
         self._bound: dict[tuple[Any, ...], BoundMaterial] = {}
 
-    def plain(self) -> UsdShade.Material:
+    def get_plain_material(self) -> UsdShade.Material:
         """Returns a material that shows the vertex colours."""
         if self._plain is None:
             material, surface = self._define("plain")

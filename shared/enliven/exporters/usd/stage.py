@@ -201,7 +201,7 @@ class UsdStage:
         materials = mesh.materials
         if materials is None:
             surface.CreateDoubleSidedAttr(True)
-            UsdShade.MaterialBindingAPI.Apply(surface.GetPrim()).Bind(self._materials.plain())
+            UsdShade.MaterialBindingAPI.Apply(surface.GetPrim()).Bind(self._materials.get_plain_material())
             return surface
         for number in range(materials.uvs.shape[2]):
             coordinates = variables.CreatePrimvar(
@@ -225,7 +225,8 @@ class UsdStage:
         surface.CreateDoubleSidedAttr(any(n < 0 or bound_materials[n].double_sided for n in used_materials))
         binding = UsdShade.MaterialBindingAPI.Apply(surface.GetPrim())
         materials = {
-            n: self._materials.plain() if n < 0 else bound_materials[n].material for n in used_materials
+            n: self._materials.get_plain_material() if n < 0 else bound_materials[n].material
+            for n in used_materials
         }
         if len(used_materials) == 1:
             binding.Bind(materials[used_materials[0]])

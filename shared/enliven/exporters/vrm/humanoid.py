@@ -14,7 +14,7 @@ from enliven.arrays import Float
 from enliven.document import Skeleton
 from enliven.errors import InputError
 from enliven.rotation import from_rotation_vector, multiply, rotate, swing, unit
-from enliven.skeletons.facing import facing_of
+from enliven.skeletons.facing import find_facing
 from enliven.skeletons.human_names import HumanJoints, HumanLimb, finger_joints, human_joints
 
 _LEFT_DIRECTION = np.array([1.0, 0.0, 0.0])
@@ -75,7 +75,7 @@ def humanoid_from_skeleton(skeleton: Skeleton | None, where: str) -> Humanoid:
     if not human.head_knots:
         raise InputError("it is not a humanoid: no joint is named head", where=where, remedy=remedy)
     bones = _humanoid_bones(skeleton, human)
-    facing = from_rotation_vector(np.array([0.0, -facing_of(skeleton), 0.0]))
+    facing = from_rotation_vector(np.array([0.0, -find_facing(skeleton), 0.0]))
     return Humanoid(bones, _t_pose(skeleton, bones, facing), facing)
 
 

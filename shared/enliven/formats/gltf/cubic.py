@@ -198,7 +198,7 @@ def _rotation_from_transform(matrix: Float) -> Float | None:
 
 def _checked_curves(clip: Clip, curves: list[CubicKeys]) -> Clip:
     """Adds the converted curves to the clip, except for curves that differ from one of its frames."""
-    parents, finest = clip.skeleton.parents, clip.finest
+    parents, finest = clip.skeleton.parents, clip.finest_motion
     even = np.arange(len(clip.turns), dtype=np.float64) * clip.step
     seconds: Float = np.asarray(even if clip.fine is None else clip.fine.seconds, np.float64)
     agreeing = list[CubicKeys]()

@@ -106,7 +106,7 @@ def _read_unscaled(path: Path | str, name: str) -> Rig:
     except EnlivenError:
         raise
     except DAMAGE as error:
-        raise file.damaged(error) from None
+        raise file.create_damage_error(error) from None
 
 
 def _unrigged_model(mesh: Mesh, notes: list[str]) -> Rig:
@@ -125,7 +125,7 @@ def _rigged_model(surface: GltfSurface) -> Rig:
     animations, world = _sampled_animations(file, notes)
     chosen = _joint_candidates(file, parts)
     if len(chosen) > _MAX_JOINTS:
-        raise file.wrong(f"it has {len(chosen)} joints, and no more than {_MAX_JOINTS} can move")
+        raise file.create_error(f"it has {len(chosen)} joints, and no more than {_MAX_JOINTS} can move")
     size = float(np.ptp(mesh.vertices, axis=0).max())
     bodies = measure_bodies(surface, chosen, world)
     ours = (file.document.asset.generator or "").startswith("enliven ")
@@ -150,7 +150,9 @@ def _sampled_animations(file: GltfFile, notes: list[str]) -> tuple[list[_Animati
         even = frame_times(file, number)
         times = np.union1d(even, key_times(file, number, even))
         if (start + len(times)) * len(file.parents) > MAX_NODE_SAMPLES:
-            raise file.wrong(f"its animations are more than {start + len(times)} frames together: too many")
+            raise file.create_error(
+                f"its animations are more than {start + len(times)} frames together: too many"
+            )
         step = float(even[1] - even[0]) if len(even) > 1 else 1 / 30
         worlds.append(world_matrices(file, animated_locals(file, number, times)))
         name = animation.name or f"animation {number + 1}"

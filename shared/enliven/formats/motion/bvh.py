@@ -98,14 +98,14 @@ class _Words:
         self._at = match.end() if match else self._at
         return " ".join(match[0].split()) if match else ""
 
-    def until_keyword(self) -> list[str]:
+    def read_until_keyword(self) -> list[str]:
         """Returns the words up to the next keyword or brace."""
         words = list[str]()
         while (word := self.peek()) and word.upper() not in _KEYWORDS:
             words.append(self.next(""))
         return words
 
-    def rest(self) -> tuple[int, str]:
+    def read_remaining_text(self) -> tuple[int, str]:
         """Returns the number of the line after the last word, and the text after that word."""
         return self.line, self._text[self._at :]
 
@@ -116,20 +116,20 @@ class _Words:
         self._counted = self._at
         return self._line
 
-    def wrong(self, what: str, remedy: str = "", line: int | None = None) -> InputError:
+    def create_error(self, what: str, remedy: str = "", line: int | None = None) -> InputError:
         location = f"{self._path}, line {self.line if line is None else line}"
         return InputError(what, where=location, remedy=remedy)
 
-    def numbers(self, words: list[str], count: int, of: str, line: int) -> list[float]:
+    def parse_numbers(self, words: list[str], count: int, of: str, line: int) -> list[float]:
         try:
             values = [float(word) for word in words]
         except ValueError:
             problem = f"{of} has a word that is not a number: {' '.join(words)[:60]}"
-            raise self.wrong(problem, line=line) from None
+            raise self.create_error(problem, line=line) from None
         if len(values) != count:
-            raise self.wrong(f"{of} has {len(values)} numbers, expected {count}", line=line)
+            raise self.create_error(f"{of} has {len(values)} numbers, expected {count}", line=line)
         if not all(math.isfinite(value) for value in values):
-            raise self.wrong(f"{of} has a number that is not finite", line=line)
+            raise self.create_error(f"{of} has a number that is not finite", line=line)
         return values
 
 
@@ -169,7 +169,7 @@ def parse_bvh(text: str, path: Path = Path("bvh")) -> Capture:
 
 def _begin_file(words: _Words) -> None:
     if words.peek().upper() != "HIERARCHY":
-        raise words.wrong("the first line is not HIERARCHY", "Is this a BVH file?")
+        raise words.create_error("the first line is not HIERARCHY", "Is this a BVH file?")
     words.next("HIERARCHY")
 
 
@@ -185,16 +185,16 @@ def _read_hierarchy(words: _Words) -> _Hierarchy:
             case "ROOT" | "JOINT" | "END" | "ENDSITE" | "END_SITE" as kind:
                 _begin_joint(words, tree, chain, "End" if kind.startswith("END") else kind, line)
             case "OFFSET" if chain:
-                x, y, z = words.numbers(words.until_keyword(), 3, "an OFFSET", line)
+                x, y, z = words.parse_numbers(words.read_until_keyword(), 3, "an OFFSET", line)
                 tree.offsets[chain[-1]] = (x, y, z)
             case "CHANNELS" if chain:
-                tree.channels[chain[-1]] = _joint_channels(words, words.until_keyword(), line)
+                tree.channels[chain[-1]] = _joint_channels(words, words.read_until_keyword(), line)
             case "}" if chain:
                 chain.pop()
             case _:
-                raise words.wrong(f"{word[:60]!r} does not belong here")
+                raise words.create_error(f"{word[:60]!r} does not belong here")
     if chain or not tree.names:
-        raise words.wrong("MOTION comes before the hierarchy is complete")
+        raise words.create_error("MOTION comes before the hierarchy is complete")
     return tree
 
 
@@ -202,14 +202,14 @@ def _begin_joint(words: _Words, tree: _Hierarchy, chain: list[int], kind: str, l
     """Reads the name of a joint and the brace after it."""
     name = words.rest_of_name()
     if (kind == "ROOT") != (not chain):
-        raise words.wrong(f"{kind} {name} does not belong here", line=line)
+        raise words.create_error(f"{kind} {name} does not belong here", line=line)
     parent = chain[-1] if chain else -1
     if kind == "End":
         name = f"{tree.names[parent]} end"
     if not name and words.peek() not in ("", "{"):
         name = words.next("a name")
     if not name:
-        raise words.wrong(f"{kind} has no name", line=line)
+        raise words.create_error(f"{kind} has no name", line=line)
     if len(chain) >= _MAX_DEPTH_JOINTS or len(tree.names) >= _MAX_JOINTS:
         excess = (
             f"is deeper than {_MAX_DEPTH_JOINTS}"
@@ -217,14 +217,14 @@ def _begin_joint(words: _Words, tree: _Hierarchy, chain: list[int], kind: str, l
             else f"has more than {_MAX_JOINTS}"
         )
         problem = f"the hierarchy {excess} joints"
-        raise words.wrong(problem, "No skeleton is that large: export it again.", line)
+        raise words.create_error(problem, "No skeleton is that large: export it again.", line)
     chain.append(len(tree.names))
     tree.names.append(_unused_name(name, tree.taken))
     tree.parents.append(parent)
     tree.offsets.append((0.0, 0.0, 0.0))
     tree.channels.append([])
     if words.next("{") != "{":
-        raise words.wrong(f"'{{' is missing after {name}")
+        raise words.create_error(f"'{{' is missing after {name}")
 
 
 def _unused_name(name: str, taken: dict[str, int]) -> str:
@@ -248,9 +248,11 @@ def _joint_channels(words: _Words, given: list[str], line: int) -> list[tuple[st
     count, kinds = (given[0], given[1:]) if given else ("nothing", [])
     unknown = [kind for kind in kinds if kind.lower() not in channel_kinds]
     if unknown:
-        raise words.wrong(f"the channel {unknown[0]} does not exist", "Known: Xposition ... Zrotation.", line)
+        raise words.create_error(
+            f"the channel {unknown[0]} does not exist", "Known: Xposition ... Zrotation.", line
+        )
     if not _is_count(count) or int(count) != len(kinds):
-        raise words.wrong(f"CHANNELS states {count[:20]} channels but names {len(kinds)}", line=line)
+        raise words.create_error(f"CHANNELS states {count[:20]} channels but names {len(kinds)}", line=line)
     return [channel_kinds[kind.lower()] for kind in kinds]
 
 
@@ -263,11 +265,11 @@ def _read_header(words: _Words) -> tuple[int, float]:
     """Reads the number of frames, and the seconds between them, from the header."""
     count = _after_label(words, "frames", "'Frames:' and their number")
     if not _is_count(count):
-        raise words.wrong("expected 'Frames:' and their number")
+        raise words.create_error("expected 'Frames:' and their number")
     time = _after_label(words, "frametime", "'Frame Time:' and seconds")
-    (seconds,) = words.numbers([time], 1, "Frame Time", words.line)
+    (seconds,) = words.parse_numbers([time], 1, "Frame Time", words.line)
     if not 0.0 < seconds <= _MAX_FRAME_TIME_S:
-        raise words.wrong(f"a frame lasts {seconds} s")
+        raise words.create_error(f"a frame lasts {seconds} s")
     return int(count), seconds
 
 
@@ -278,7 +280,7 @@ def _after_label(words: _Words, label: str, expected: str) -> str:
         word, _, value = words.next(expected).partition(":")
         label_read += word.lower()
     if label_read != label:
-        raise words.wrong(f"expected {expected}")
+        raise words.create_error(f"expected {expected}")
     if words.peek() == ":":
         words.next(expected)
     return value or words.next(expected)
@@ -291,7 +293,7 @@ def _read_rows(words: _Words, tree: _Hierarchy, promised: int) -> tuple[Float, t
     A frame may extend over several lines, and a line may contain several frames.
     """
     width, joints = sum(map(len, tree.channels)), len(tree.names)
-    first_line, text = words.rest()
+    first_line, text = words.read_remaining_text()
     max_frames = _MAX_JOINT_SAMPLES // joints
     body = _COMMENT_PATTERN.sub("", text).encode()
     value_blocks, counts, lines = list[Float](), list[Int](), list[Int]()
@@ -303,11 +305,11 @@ def _read_rows(words: _Words, tree: _Hierarchy, promised: int) -> tuple[Float, t
         except WrongWordError as error:
             frame = total // max(width, 1) + 1
             problem = f"near frame {frame}, a word is not a number: {error.what}"
-            raise words.wrong(problem, line=lines_before + error.line) from None
+            raise words.create_error(problem, line=lines_before + error.line) from None
         line_numbers = word_lines(block, word_starts(block))
         if not np.isfinite(numbers).all():
             line = lines_before + int(line_numbers[np.argmin(np.isfinite(numbers))])
-            raise words.wrong("a frame has a number that is not finite", line=line)
+            raise words.create_error("a frame has a number that is not finite", line=line)
         row_lines, row_counts = np.unique(line_numbers, return_counts=True)
         value_blocks.append(numbers)
         lines.append(row_lines + lines_before)
@@ -315,9 +317,9 @@ def _read_rows(words: _Words, tree: _Hierarchy, promised: int) -> tuple[Float, t
         total += len(numbers)
         if total > max_frames * width:
             problem = f"more than {max_frames} frames of {joints} joints are too many"
-            raise words.wrong(problem, "Split the file.", line=lines_before)
+            raise words.create_error(problem, "Split the file.", line=lines_before)
     if total == 0 or width == 0:
-        raise words.wrong("the file has no frames" if width else "no joint has a channel")
+        raise words.create_error("the file has no frames" if width else "no joint has a channel")
     _check_rows(words, np.concatenate(counts), np.concatenate(lines), width, promised)
     frames = total // width
     notes = () if frames == promised else (f"the header states {promised} frames, but the file has {frames}",)
@@ -340,7 +342,7 @@ def _check_rows(words: _Words, counts: Int, lines: Int, width: int, promised: in
         return
     row = int(np.argmax(counts != width))
     problem = f"frame {row + 1} has {counts[row]} numbers, expected {width}"
-    raise words.wrong(problem, line=int(lines[row]))
+    raise words.create_error(problem, line=int(lines[row]))
 
 
 def _local_motion(tree: _Hierarchy, rows: Float) -> tuple[Float, Float]:

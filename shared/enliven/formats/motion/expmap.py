@@ -68,11 +68,11 @@ _JOINTS: tuple[tuple[str, int, tuple[float, float, float]], ...] = (
 """Name, parent and offset (in CMU units) of each joint, in the order of the exponential maps."""
 
 
-def read_expmap(path: Path | str, *, mend_root: bool = True) -> Capture:
+def read_expmap(path: Path | str, *, repairs_root: bool = True) -> Capture:
     """Reads a table of exponential maps.
 
     Args:
-        mend_root: True corrects the order of the root's Euler angles. False uses the file's rotation
+        repairs_root: True corrects the order of the root's Euler angles. False uses the file's rotation
             unchanged.
 
     Raises:
@@ -85,7 +85,7 @@ def read_expmap(path: Path | str, *, mend_root: bool = True) -> Capture:
         raise InputError("the file has no frames", where=str(path))
     maps = rows[:, 3:].reshape(len(rows), len(_JOINTS), 3)
     rotations = to_matrix(from_rotation_vector(-maps))
-    if mend_root:
+    if repairs_root:
         rotations[:, 0] = _corrected_rotations(rotations[:, 0])
     offsets = np.tile(np.array([offset for _, _, offset in _JOINTS]), (len(rows), 1, 1))
     offsets[:, 0] = rows[:, :3]

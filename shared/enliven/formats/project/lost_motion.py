@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import AnyArray
-from enliven.document import GraphShape
+from enliven.document import GraphCharacter
 from enliven.formats.project.values import ARRAY, KIND, array_checksum
 
 
@@ -31,7 +31,7 @@ def replace_lost_motion(project: Any, arrays: dict[str, AnyArray]) -> tuple[Any,
     mended_characters = dict(characters)
     for key, character in characters.items():
         parts = _as_table(character).get("parts")
-        if _as_table(character).get(KIND) == GraphShape.kind and isinstance(parts, list):
+        if _as_table(character).get(KIND) == GraphCharacter.kind and isinstance(parts, list):
             mended = [_replace_lost_stream(part, streams, mended_streams, arrays) for part in parts]
             mended_characters[key] = {**character, "parts": mended}
     lost = {

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from enliven.document import GraphShape, Puppet, RigBase, Shape, unused
+from enliven.document import ExampleCharacter, GraphCharacter, RigBase, RiggedCharacter, unused
 
-_VERSION_1_MAPS: dict[str, type[RigBase]] = {"shapes": Shape, "graphs": GraphShape, "puppets": Puppet}
+_VERSION_1_MAPS: dict[str, type[RigBase]] = {
+    "shapes": RiggedCharacter,
+    "graphs": GraphCharacter,
+    "puppets": ExampleCharacter,
+}
 """The three maps of characters in version 1, and the rig class of each, in the order in which they are
 combined."""
 
@@ -22,9 +26,9 @@ def combine_characters(project: dict[str, Any]) -> dict[str, Any]:
     for name, rig in _VERSION_1_MAPS.items():
         for key, table in project.get(name, {}).items():
             character = {"kind": rig.kind, **table}
-            if rig is Shape:
+            if rig is RiggedCharacter:
                 character["layers"] = [layers[layer] for layer in _layer_ids(table) if layer in layers]
-            if rig is GraphShape:
+            if rig is GraphCharacter:
                 character["parts"] = [
                     {"take" if key == "stream" else key: value for key, value in part.items()}
                     for part in table["parts"]

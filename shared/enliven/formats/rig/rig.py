@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Clip, Layer, Project, Ref, Shape, Skeleton, SkinWeights, Span, unused
+from enliven.document import Clip, Layer, Project, Ref, RiggedCharacter, Skeleton, SkinWeights, Span, unused
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 
@@ -29,7 +29,7 @@ class Rig:
         notes: a sentence for each unusual property of the file.
     """
 
-    shape: Shape
+    shape: RiggedCharacter
     clips: tuple[Clip, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -74,7 +74,7 @@ def _resized_clip(clip: Clip, skeleton: Skeleton, scale: float, by: Float) -> Cl
     return replace(clip, skeleton=skeleton, root=root, offsets=offsets, fine=fine, cubic=cubic)
 
 
-def weld_shape(shape: Shape) -> Shape:
+def weld_shape(shape: RiggedCharacter) -> RiggedCharacter:
     """Merges vertices that have the same position and skin weights. Cuts and merges of shapes require this.
 
     In files with flat shading, faces do not share vertices. A merged vertex gets the colour of the first
@@ -91,7 +91,7 @@ def weld_shape(shape: Shape) -> Shape:
     faces, first_vertices = number[vertex_of.ravel()][mesh.faces], first_vertices[order]
     is_usable = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 0] != faces[:, 2])
     colours, stiffness = mesh.paint_at(first_vertices)
-    materials = None if mesh.materials is None else mesh.materials.taken(is_usable)
+    materials = None if mesh.materials is None else mesh.materials.select_faces(is_usable)
     faces = faces[is_usable].astype(np.int32)
     welded_mesh = Mesh(mesh.vertices[first_vertices], faces, mesh.name, colours, materials, stiffness)
     return shape.with_changes(
@@ -99,7 +99,7 @@ def weld_shape(shape: Shape) -> Shape:
     )
 
 
-def play_clip(project: Project, shape: Shape, clip: Clip) -> tuple[Project, Shape]:
+def play_clip(project: Project, shape: RiggedCharacter, clip: Clip) -> tuple[Project, RiggedCharacter]:
     """Adds a shape to a project. All of its bones and its root play a clip that has the shape's own skeleton.
 
     Each bone gets a separate layer, for the chain from its parent joint to its joint. So each bone rotates,

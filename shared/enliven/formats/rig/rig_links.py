@@ -64,7 +64,7 @@ class LinkBody:
     strains: Float | None = None
     mirrors: Float | None = None
 
-    def moved(self, vectors: Float) -> Float:
+    def transform_vectors(self, vectors: Float) -> Float:
         """Transforms vectors (3,) or (F, 3) of the rest pose to each frame (F, 3). They are mirrored and
         stretched, and then rotated.
         """

@@ -93,7 +93,7 @@ def _moves_from_root(bodies: list[LinkBody], j: int, root: int, size: float) -> 
     weights would."""
     if bodies[j].mass <= _MAX_STRAY_SURFACE_FRACTION * sum(body.mass for body in bodies):
         return False
-    expected = bodies[root].places + bodies[root].moved(bodies[j].rest - bodies[root].rest)
+    expected = bodies[root].places + bodies[root].transform_vectors(bodies[j].rest - bodies[root].rest)
     distances = np.linalg.norm(expected - bodies[j].places, axis=1).max(initial=0.0)
     cosine = np.abs(np.sum(bodies[root].turns * bodies[j].turns, axis=1)).min(initial=1.0)
     return bool(
@@ -109,7 +109,7 @@ def joint_drift(bodies: list[LinkBody], tree: Tree) -> list[tuple[str, float]]:
     for number, bone in tree.bone.items():
         body, start = bodies[number], max(int(skeleton.parents[bone]), 0)
         lever = body.rest - skeleton.positions[start]
-        expected = tracks[:, start] + bodies[tree.driver[bone]].moved(lever)
+        expected = tracks[:, start] + bodies[tree.driver[bone]].transform_vectors(lever)
         distances = np.linalg.norm(expected - body.places, axis=1).max(initial=0.0)
         drifts.append((body.name, float(distances)))
     return drifts
@@ -123,7 +123,7 @@ def joint_tracks(bodies: list[LinkBody], tree: Tree) -> Float:
         if body >= 0:
             positions[:, j] = bodies[body].places
         else:
-            positions[:, j] = positions[:, skeleton.parents[j]] + bodies[tree.driver[j]].moved(
+            positions[:, j] = positions[:, skeleton.parents[j]] + bodies[tree.driver[j]].transform_vectors(
                 skeleton.vectors[j]
             )
     return positions
@@ -229,7 +229,7 @@ def _build_skeleton(
     for j in apart:
         joint_number = joints.add(bodies[j].name, 0, bodies[j].rest, root, j)
         bone[j] = joints.add(f"{bodies[j].name} end", joint_number, joints.point_beyond(joint_number, 0.5), j)
-    return Tree(*joints.sorted(bone), root=root, notes=notes)
+    return Tree(*joints.sort_depth_first(bone), root=root, notes=notes)
 
 
 class _Joints:
@@ -288,7 +288,7 @@ class _Joints:
                 inside.add(k)
         return len(inside)
 
-    def sorted(self, bone: dict[int, int]) -> tuple[Skeleton, list[int], list[int], dict[int, int]]:
+    def sort_depth_first(self, bone: dict[int, int]) -> tuple[Skeleton, list[int], list[int], dict[int, int]]:
         """Returns the skeleton with joints in depth-first order, and the drivers, bodies and bones renumbered
         accordingly."""
         order = depth_first_order(dict(enumerate(self.parents)))

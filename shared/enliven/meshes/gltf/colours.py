@@ -31,7 +31,7 @@ class Colours:
         self._pixels = 0
         self.notes: list[str] = []
 
-    def of(self, primitive: Any) -> UInt8 | None:
+    def compute_vertex_colours(self, primitive: Any) -> UInt8 | None:
         """Returns (V, 3) sRGB of the vertices: the product of factor, texture at the vertex, and vertex
         colour.
 

@@ -63,18 +63,18 @@ class GltfFile:
             self.notes += follow_pointers(self.document)
             self.hidden = hidden_nodes(self.document, self.parents)
         except InputError as error:
-            raise self.wrong(error.what, error.remedy or _EXPORT_ADVICE) from None
+            raise self.create_error(error.what, error.remedy or _EXPORT_ADVICE) from None
         except DAMAGE as error:
-            raise self.damaged(error) from None
+            raise self.create_damage_error(error) from None
 
-    def wrong(self, what: str, remedy: str = _EXPORT_ADVICE) -> InputError:
+    def create_error(self, what: str, remedy: str = _EXPORT_ADVICE) -> InputError:
         """Returns an InputError with the path of the file and the problem ``what``."""
         return InputError(what, where=str(self.path), remedy=remedy)
 
-    def damaged(self, error: Exception) -> InputError:
+    def create_damage_error(self, error: Exception) -> InputError:
         """Converts an exception that was caused by a damaged file into an InputError."""
         logging.getLogger(__name__).debug("glTF", exc_info=error)
-        return self.wrong(f"it is damaged: {plain_reason(error)}")
+        return self.create_error(f"it is damaged: {plain_reason(error)}")
 
     def keys(self, sampler: Any, path: str) -> Float:
         """Returns the values (K, C) of a sampler at its K keys. For cubic interpolation, returns values and
@@ -88,7 +88,7 @@ class GltfFile:
         count = self.document.accessors[sampler.input].count
         fits = values.shape == (values_per_key * count, 4 if path == "rotation" else 3) and count > 0
         if not fits or not np.isfinite(values).all():
-            raise self.wrong(
+            raise self.create_error(
                 f"an animation of {path} has {len(values)} values for {count} times, or invalid values"
             )
         return values
@@ -119,14 +119,14 @@ class GltfFile:
                 self.data_of_view(packed.bufferView), accessor_numbers, str(self.path)
             )
         except InputError as error:
-            raise self.wrong(error.what) from None
+            raise self.create_error(error.what) from None
         arrays_by_accessor = {vars(primitive.attributes)[name]: array for name, array in arrays.items()}
         if primitive.indices is not None:
             arrays_by_accessor[primitive.indices] = faces
         for index, array in arrays_by_accessor.items():
             accessor = self.document.accessors[index]
             if array.shape != (accessor.count, _COMPONENT_COUNTS[accessor.type]):
-                raise self.wrong(f"its data compressed by {DRACO} does not fit accessor {index}")
+                raise self.create_error(f"its data compressed by {DRACO} does not fit accessor {index}")
             self._decoded[index] = array.astype(_COMPONENT_DTYPES[accessor.componentType])
 
     def name(self, node: int) -> str:
@@ -156,7 +156,7 @@ class GltfFile:
         except EnlivenError:
             raise
         except Exception as error:  # Numbers out of range may raise any exception.
-            raise self.wrong(f"{what} cannot be read: {plain_reason(error)}") from None
+            raise self.create_error(f"{what} cannot be read: {plain_reason(error)}") from None
 
     def _read_accessor(self, index: int) -> AnyArray:
         accessor = self.document.accessors[index]
@@ -191,7 +191,7 @@ class GltfFile:
         size = kind.itemsize * width
         stride = view_entry.byteStride or size
         if count and offset + (count - 1) * stride + size > len(data):
-            raise self.wrong("an accessor reaches beyond its buffer: the file is truncated or damaged")
+            raise self.create_error("an accessor reaches beyond its buffer: the file is truncated or damaged")
         if not count:
             return np.zeros((0, width), kind)
         shape, steps = (count, width), (stride, kind.itemsize)
@@ -212,7 +212,7 @@ class GltfFile:
         start = found.byteOffset or 0
         data = self._buffer_bytes(found.buffer)[start : start + found.byteLength]
         if len(data) < found.byteLength:
-            raise self.wrong("a buffer is shorter than declared: the file is truncated or damaged")
+            raise self.create_error("a buffer is shorter than declared: the file is truncated or damaged")
         return data
 
     def _decompress_view(self, view: int, packed: Entry, extension: str) -> bytes:
@@ -229,7 +229,7 @@ class GltfFile:
                 if error.where == str(self.path):
                     raise
                 problem = f"buffer view {view}, compressed by {extension}, cannot be read: {error.what}"
-                raise self.wrong(problem) from None
+                raise self.create_error(problem) from None
         return self._unpacked[view]
 
     def _buffer_bytes(self, index: int) -> bytes:
@@ -237,14 +237,14 @@ class GltfFile:
             uri = self.document.buffers[index].uri
             data = self._blob if uri is None else self.data_of_uri(uri)
             if data is None:
-                raise self.wrong("the binary chunk is missing")
+                raise self.create_error("the binary chunk is missing")
             self._buffers[index] = bytes(data)
         return self._buffers[index]
 
     def data_of_uri(self, uri: str) -> bytes:
         """Returns the bytes of a data URI, or of a file next to this one: see
         :class:`enliven.files.ReferencedFiles`."""
-        return self._beside.uri(uri)
+        return self._beside.read_uri(uri)
 
 
 def compose_matrices(translation: AnyArray, rotation: AnyArray, scale: AnyArray) -> Float:

@@ -68,7 +68,7 @@ class Materials:
             return uvs, None
         return uvs, _read_rows(self._file, attributes.COLOR_0, count, 4)
 
-    def joined(self, parts: Sequence[tuple[Int32, int, Corners]]) -> MeshMaterials | None:
+    def join_materials_of_parts(self, parts: Sequence[tuple[Int32, int, Corners]]) -> MeshMaterials | None:
         """Joins the materials of all parts. Each part is given as (faces (F, 3), material number,
         corners).
         """
@@ -186,7 +186,7 @@ def _read_rows(file: GltfFile, accessor: int, count: int, width: int) -> Float32
     """
     values: Float = np.nan_to_num(np.asarray(file.accessor(accessor), np.float64))
     if len(values) != count:
-        raise file.wrong(f"{len(values)} texture coordinates or colours belong to {count} vertices")
+        raise file.create_error(f"{len(values)} texture coordinates or colours belong to {count} vertices")
     rows = np.ones((count, width), np.float32)
     shown = min(width, values.shape[1])
     rows[:, :shown] = values[:, :shown]

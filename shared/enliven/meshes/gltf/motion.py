@@ -144,7 +144,7 @@ def _rest_transforms(file: GltfFile) -> Locals:
         np.isfinite(values).all()
         for values in (transforms.translation, transforms.rotation, transforms.scale)
     ):
-        raise file.wrong("a node's position, rotation or scale is not finite")
+        raise file.create_error("a node's position, rotation or scale is not finite")
     return transforms
 
 
@@ -195,7 +195,9 @@ def frame_times(file: GltfFile, animation: int) -> Float:
     gap /= max(math.ceil(gap / longest - 1e-3), 1)
     steps = max(round(float(end - start) / gap), 1)
     if (steps + 1) * len(file.parents) > MAX_NODE_SAMPLES:
-        raise file.wrong(f"an animation lasts {end - start:.3g} s, which is {steps + 1} frames: too many")
+        raise file.create_error(
+            f"an animation lasts {end - start:.3g} s, which is {steps + 1} frames: too many"
+        )
     return np.asarray(np.linspace(start, end, steps + 1) if end > start else np.array([start]))
 
 
@@ -284,7 +286,7 @@ def animated_locals(file: GltfFile, animation: int, times: Float) -> Locals:
 def _key_times(file: GltfFile, accessor: int) -> Float:
     keys = np.asarray(file.accessor(accessor)[:, 0], np.float64)
     if not np.isfinite(keys).all() or (np.diff(keys) < 0).any():
-        raise file.wrong("the times of an animation are not in ascending order")
+        raise file.create_error("the times of an animation are not in ascending order")
     return keys
 
 

@@ -134,14 +134,14 @@ def _read_part(
     file.decompress(primitive)
     vertices = np.asarray(file.accessor(primitive.attributes.POSITION), np.float64)
     if vertices.shape[1] != 3 or not np.isfinite(vertices).all():
-        raise file.wrong(f"a vertex of {file.name(carrier)!r} is not a finite point")
+        raise file.create_error(f"a vertex of {file.name(carrier)!r} is not a finite point")
     vertices = _apply_morphs(file, vertices, primitive, node)
     if primitive.indices is None:
         order = np.arange(len(vertices))
     else:
         order = file.accessor(primitive.indices)[:, 0].astype(np.int64)
     if len(order) and order.max() >= len(vertices):
-        raise file.wrong(
+        raise file.create_error(
             f"a face of {file.name(carrier)!r} refers to vertex {order.max()} of {len(vertices)}"
         )
     faces = _list_triangles(order, mode)
@@ -154,13 +154,19 @@ def _read_part(
         skin = int(node.skin)
         skin_joints = np.array(file.document.skins[skin].joints, np.int64)
         if len(joints) and joints[weights > 0].max(initial=0) >= len(skin_joints):
-            raise file.wrong(
+            raise file.create_error(
                 f"a vertex of {file.name(carrier)!r} follows joint {joints.max()} of {len(skin_joints)}"
             )
         joints = skin_joints[np.minimum(joints, len(skin_joints) - 1)]
     four, four_weights = strongest_influences(joints, weights)
     corners = materials.corners(primitive, len(vertices))
-    other_values = colours.of(primitive), skin, carrier, materials.number(primitive), corners
+    other_values = (
+        colours.compute_vertex_colours(primitive),
+        skin,
+        carrier,
+        materials.number(primitive),
+        corners,
+    )
     part = GltfPart(vertices, faces.astype(np.int32), four, four_weights, *other_values)
     table = getattr(getattr(node.extensions, INSTANCING, None), "attributes", None)
     if table is None:
@@ -175,7 +181,7 @@ def _apply_morphs(file: GltfFile, vertices: Float, primitive: Any, node: Any) ->
         if weight and target.POSITION is not None:
             offsets = np.asarray(file.accessor(target.POSITION), np.float64)
             if offsets.shape != vertices.shape or not np.isfinite(weight * offsets).all():
-                raise file.wrong(f"a morph target of mesh {node.mesh} does not fit it")
+                raise file.create_error(f"a morph target of mesh {node.mesh} does not fit it")
             vertices = vertices + weight * offsets
     return vertices
 
@@ -193,7 +199,7 @@ def instance_transforms(file: GltfFile, table: dict[str, int], size: int) -> Flo
         default=1,
     )
     if max_instances * max(size, 1) > MAX_ELEMENTS:
-        raise file.wrong(f"it shows {max_instances} instances of {size} vertices, which are too many")
+        raise file.create_error(f"it shows {max_instances} instances of {size} vertices, which are too many")
     columns = {
         name: np.asarray(file.accessor(accessor), np.float64)
         for name, accessor in table.items()
@@ -206,7 +212,7 @@ def instance_transforms(file: GltfFile, table: dict[str, int], size: int) -> Flo
         for column, usual in zip(filled, _INSTANCE_COLUMNS.values(), strict=True)
     )
     if not fits or not all(np.isfinite(values).all() for values in filled):
-        raise file.wrong("the columns of its instance table do not match")
+        raise file.create_error("the columns of its instance table do not match")
     length = np.linalg.norm(filled[1], axis=1, keepdims=True)
     filled[1] = np.where(length > 0.0, filled[1] / np.where(length > 0.0, length, 1.0), [0.0, 0.0, 0.0, 1.0])
     return compose_matrices(*filled)

@@ -62,14 +62,14 @@ def gltf_surface(path: Path | str, name: str = "", *, still: bool = False) -> Gl
         parts, materials = read_parts(file, notes)
         if not parts:
             notes_text = f": {'; '.join(dict.fromkeys(notes))}" if notes else ""
-            raise file.wrong(f"its scene has no triangle{notes_text[:400]}")
+            raise file.create_error(f"its scene has no triangle{notes_text[:400]}")
         bind = Bind(file, parts, still)
         rest = [bind.vertices(part) for part in parts]
         mesh = _join_parts(name or file.path.stem, parts, rest, bind, materials)
     except EnlivenError:
         raise
     except DAMAGE as error:
-        raise file.damaged(error) from None
+        raise file.create_damage_error(error) from None
     return GltfSurface(file, parts, bind, rest, mesh, list(dict.fromkeys(notes)))
 
 
@@ -84,7 +84,13 @@ def _join_parts(
         [part_faces + start for part_faces, start in zip(faces, vertex_starts[:-1], strict=True)]
     )
     vertices = np.concatenate(rest)
-    return Mesh(vertices, all_faces.astype(np.int32), name, _joined_colours(parts), materials.joined(shown))
+    return Mesh(
+        vertices,
+        all_faces.astype(np.int32),
+        name,
+        _joined_colours(parts),
+        materials.join_materials_of_parts(shown),
+    )
 
 
 def _outward_faces(part: GltfPart, bind: Bind) -> Int32:

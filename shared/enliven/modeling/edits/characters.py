@@ -164,7 +164,7 @@ def mirror_character(project: Project, character_id: str, normal: AnyArray | Seq
     """
     character = project.character(character_id)
     axes = Axes.mirror(np.asarray(normal, np.float64))
-    return project.with_characters(get_rig_edits(character).mirrored(project, character, axes))
+    return project.with_characters(get_rig_edits(character).mirror(project, character, axes))
 
 
 def shift_character(project: Project, character_id: str, delay: float) -> Project:
@@ -229,7 +229,7 @@ def drag_handle(
         raise InputError(
             f"{place} is not a position", where=character.where, remedy="Give three numbers in metres."
         )
-    return get_rig_edits(character).dragged(
+    return get_rig_edits(character).drag_handle(
         project, character, handle_number(character, handle), target, time
     )
 

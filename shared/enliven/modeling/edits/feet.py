@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from enliven.document import GraphShape, Layer, Project, Puppet, RigBase
+from enliven.document import ExampleCharacter, GraphCharacter, Layer, Project, RigBase
 from enliven.errors import InputError
 from enliven.mapping.automatic_mapping import pin_all_feet
 from enliven.modeling.edits.characters import change_layers
@@ -14,7 +14,7 @@ from enliven.modeling.edits.graph_feet import graph_foot_lock_mode, stand
 
 def foot_lock_mode(character: RigBase, number: int) -> str | None:
     """Returns the foot lock mode of a character's layer, or None if the layer has no foot lock."""
-    if isinstance(character, GraphShape):
+    if isinstance(character, GraphCharacter):
         return graph_foot_lock_mode(character, number) if number < len(character.parts) else None
     layer = character.playing[number]
     return layer.feet if isinstance(layer, Layer) else None
@@ -35,9 +35,9 @@ def lock_feet(project: Project, character_id: str, numbers: Iterable[int], feet:
             because its feet are locked by its own contacts.
     """
     character = project.character(character_id)
-    if isinstance(character, GraphShape):
+    if isinstance(character, GraphCharacter):
         return stand(project, character_id, numbers, feet)
-    if isinstance(character, Puppet):
+    if isinstance(character, ExampleCharacter):
         remedy = "Change its contacts in the floor row of the timeline, or mark control points as feet."
         raise InputError(
             "the feet of a puppet are locked by its own contacts", where=character.where, remedy=remedy

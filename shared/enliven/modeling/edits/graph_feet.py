@@ -25,8 +25,8 @@ from enliven.document import (
     FEET,
     KEY_STEP,
     ContactSettings,
+    GraphCharacter,
     GraphLayer,
-    GraphShape,
     PoseStream,
     Project,
     SkinWeights,
@@ -37,7 +37,7 @@ from enliven.modeling.edits.root_layers import root_motion
 from enliven.modeling.mesh.meshes import blend_vertices
 from enliven.modeling.possessed.following import find_followers
 from enliven.modeling.possessed.pose import graph_pose
-from enliven.motion.contact.contacts import find_contacts, hold
+from enliven.motion.contact.contacts import compute_hold_weights, find_contacts
 from enliven.motion.contact.foot_lock import find_analysis_window
 from enliven.rotation import conjugate, rotate
 
@@ -67,7 +67,7 @@ class StandingFoot:
     node: int
 
 
-def graph_foot_lock_mode(shape: GraphShape, number: int) -> str:
+def graph_foot_lock_mode(shape: GraphCharacter, number: int) -> str:
     """Returns the foot lock mode of the feet that a layer moves, or "never" if they stay as performed."""
     nodes = _nodes_of_layers(shape, [number])
     modes = [layer.feet for layer in shape.over if layer.feet and np.isin(layer.own, nodes).any()]
@@ -114,7 +114,7 @@ def stand(project: Project, shape_id: str, numbers: Iterable[int], feet: str) ->
     return project.with_streams(stream).with_characters(locked)
 
 
-def find_feet(shape: GraphShape, nodes: Int) -> list[StandingFoot]:
+def find_feet(shape: GraphCharacter, nodes: Int) -> list[StandingFoot]:
     """Returns the feet that some nodes of a possessed mesh move, the largest first."""
     vertices = np.asarray(shape.mesh.vertices)
     size, tall = float(np.ptp(vertices, axis=0).max()), float(np.ptp(vertices[:, 1]))
@@ -148,7 +148,7 @@ def _proximity_groups(places: Float, numbers: Int, apart: float) -> list[Int]:
     return [numbers[label == part] for part in range(count)]
 
 
-def _nodes_of_layers(shape: GraphShape, numbers: Iterable[int]) -> Int:
+def _nodes_of_layers(shape: GraphCharacter, numbers: Iterable[int]) -> Int:
     """Returns the numbers (K,) of all nodes of the parts that the given layers of a possessed mesh play or
     move."""
     starts, chosen = shape.starts, set[int]()
@@ -171,7 +171,7 @@ def _playing_layer_count(project: Project, take: str) -> int:
 
 
 def _foot_lock_layer(
-    project: Project, shape: GraphShape, feet: Sequence[StandingFoot], contact_mode: str, name: str
+    project: Project, shape: GraphCharacter, feet: Sequence[StandingFoot], contact_mode: str, name: str
 ) -> tuple[PoseStream, GraphLayer]:
     """Returns the stream and the layer that lock the feet in a shape's current motion."""
     window = find_analysis_window([*shape.parts, *shape.over], project.streams)
@@ -205,7 +205,7 @@ def _foot_lock_layer(
     return stream, GraphLayer(name, np.arange(len(own)), own, rest, feet=contact_mode, **when)
 
 
-def _foot_surface(shape: GraphShape, foot: StandingFoot, linear: Float, positions: Float) -> Float:
+def _foot_surface(shape: GraphCharacter, foot: StandingFoot, linear: Float, positions: Float) -> Float:
     """Returns the posed vertices (K, 3) in metres of a foot."""
     few = foot.vertices
     skin = SkinWeights(shape.skin.indices[few], shape.skin.weights[few])
@@ -213,7 +213,7 @@ def _foot_surface(shape: GraphShape, foot: StandingFoot, linear: Float, position
 
 
 def _foot_corrections(
-    shape: GraphShape, places: Float, soles: Float, step: float, contact_mode: str
+    shape: GraphCharacter, places: Float, soles: Float, step: float, contact_mode: str
 ) -> Float:
     """Returns the corrections (F, 3) in metres of a foot in F frames. The foot has positions (F, 3) and sole
     heights (F,)."""
@@ -224,7 +224,7 @@ def _foot_corrections(
     contacts = find_contacts(places, step, limb, how, modes)
     weights, goals = np.empty(len(places)), np.empty((len(places), 3))
     times = step * np.arange(len(places))
-    hold(times, contacts.starts, contacts.ends, contacts.places, how.blend, weights, goals)
+    compute_hold_weights(times, contacts.starts, contacts.ends, contacts.places, how.blend, weights, goals)
     goals[:, 1] += how.rise * np.maximum(places[:, 1] - goals[:, 1], 0.0)
     lacking = np.where(weights[:, None] > 0.0, weights[:, None] * (goals - places), 0.0)
     if contact_mode == "always":
@@ -232,7 +232,7 @@ def _foot_corrections(
     return np.asarray(lacking)
 
 
-def _foot_shares(shape: GraphShape, feet: Sequence[StandingFoot]) -> tuple[Int, Float]:
+def _foot_shares(shape: GraphCharacter, feet: Sequence[StandingFoot]) -> tuple[Int, Float]:
     """Returns the numbers (K,) of the nodes that follow any of the J feet, and (N, J) the fraction of each
     foot's motion that each of all N nodes follows."""
     shares = np.zeros((len(shape.positions), len(feet)))
@@ -242,7 +242,7 @@ def _foot_shares(shape: GraphShape, feet: Sequence[StandingFoot]) -> tuple[Int, 
     return np.flatnonzero(shares.any(1)), shares
 
 
-def _mean_displacement(shape: GraphShape, foot: StandingFoot, node_weights: Float) -> float:
+def _mean_displacement(shape: GraphCharacter, foot: StandingFoot, node_weights: Float) -> float:
     """Returns the mean of the fractions ``node_weights`` (N,) over a foot's vertices, weighted by the skin.
     If each node moves by its fraction of a displacement, the foot moves by this fraction."""
     indices, weights = shape.skin.indices[foot.vertices], shape.skin.weights[foot.vertices]

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.document import GraphLayer, GraphShape, Project, Shape
+from enliven.document import GraphCharacter, GraphLayer, Project, RiggedCharacter
 from enliven.errors import InputError
 from enliven.modeling.edits.keys import key_at, key_layer, set_key
 from enliven.modeling.edits.root_layers import about as motion_about
@@ -53,9 +53,9 @@ def key_handle(
             f"{place} is not a position", where=character.where, remedy="Give three numbers in metres."
         )
     target = root_motion(project, character, time).inverse(target[None])[0]
-    if isinstance(character, Shape):
+    if isinstance(character, RiggedCharacter):
         return _key_joint(project, character, bone_number(character, handle), target, time)
-    if isinstance(character, GraphShape) and not isinstance(handle, str):
+    if isinstance(character, GraphCharacter) and not isinstance(handle, str):
         return _key_node(project, character, handle, target, time)
     remedy = "Move or rotate the whole character. A puppet is posed by its key poses."
     raise InputError("its handles cannot have keys", where=character.where, remedy=remedy)
@@ -100,7 +100,7 @@ def key_characters(
     return project
 
 
-def _key_joint(project: Project, shape: Shape, j: int, place: Float, time: float) -> Project:
+def _key_joint(project: Project, shape: RiggedCharacter, j: int, place: Float, time: float) -> Project:
     """Sets a key that points the bone of a joint at a position.
 
     The position ``place`` (3,) is in metres, without the effect of the root layers.
@@ -131,7 +131,7 @@ def _key_joint(project: Project, shape: Shape, j: int, place: Float, time: float
     return set_key(project, shape.id, j, time, degrees.tolist())
 
 
-def _key_node(project: Project, shape: GraphShape, node: int, place: Float, time: float) -> Project:
+def _key_node(project: Project, shape: GraphCharacter, node: int, place: Float, time: float) -> Project:
     """Sets a key that moves a node of a possessed mesh to a position.
 
     The position ``place`` (3,) is in metres, without the effect of the root layers.

@@ -27,8 +27,8 @@ from enliven.document import (
     PoseStream,
     Project,
     RigBase,
+    RiggedCharacter,
     RootLayer,
-    Shape,
     clip_from_keys,
     key_values,
     keyed_stream,
@@ -194,7 +194,7 @@ def _handle_number(character: RigBase, handle: int | str) -> int:
     Raises:
         InputError: if the handle does not exist, or if the rig's handles cannot have keys.
     """
-    if isinstance(character, Shape):
+    if isinstance(character, RiggedCharacter):
         return bone_number(character, handle)
     if isinstance(handle, str) or not 0 <= handle < character.keyable:
         count = character.keyable
@@ -238,7 +238,7 @@ def _second_in_keys(project: Project, layer: LayerBase, time: float) -> float:
     """
     if layer.segments or layer.loop or layer.speed < 0.0:
         return layer.played(time, project.length_of(layer))[0]
-    second = (layer.even(time) - layer.offset) * layer.speed
+    second = (layer.to_unwarped_time(time) - layer.offset) * layer.speed
     if _frame_at(second) < 0:
         problem = f"the clip with its keys begins at {layer.offset:.2f} s"
         raise InputError(problem, where=f"layer {layer.take!r}", remedy="Move that clip earlier first.")

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import GraphShape, Project, RigBase, unused
+from enliven.document import GraphCharacter, Project, RigBase, unused
 from enliven.errors import InputError
 from enliven.modeling.edits.rigs import RIGS, get_rig_edits, handle_number
 from enliven.modeling.edits.root_motion_rig import remove_root_layers, restore_root_layers
@@ -67,7 +67,7 @@ def merge_characters(
     if kind != graft.kind:
         for name in (host_id, graft_id):
             project = bake_to_graph(project, name, time, messages)
-        kind = GraphShape.kind
+        kind = GraphCharacter.kind
     project = RIGS[kind].merged(project, Merge(host_id, graft_id, time, node, at, loose, seam, messages))
     return restore_root_layers(RIGS[kind], project, host_id, host, time)
 
@@ -76,11 +76,13 @@ def bake_to_graph(project: Project, character_id: str, time: float, notes: list[
     """Bakes a character's motion to a deformation graph. A character that already is a deformation graph
     stays unchanged."""
     character = project.character(character_id)
-    if character.kind == GraphShape.kind:
+    if character.kind == GraphCharacter.kind:
         return project
     times, looped = _frame_times(project, character, time)
     stream_id = unused(character_id, project.streams)
-    graph, stream, note = get_rig_edits(character).as_graph(project, character, times, stream_id)
+    graph, stream, note = get_rig_edits(character).convert_to_graph_shape(
+        project, character, times, stream_id
+    )
     if looped:
         graph = graph.with_playing(*(replace(part, loop=True) for part in graph.parts))
     notes.append(f"{character.where} was baked from {times[0]:.2f} s to {times[-1]:.2f} s{note}.")
@@ -92,7 +94,9 @@ def _frame_times(project: Project, character: RigBase, time: float) -> tuple[Flo
     the motion is a loop."""
     rig = get_rig_edits(character)
     audible_layers = [layer for layer in character.playing if not layer.muted]
-    loop_lengths = [layer.lasting(project.length_of(layer)) for layer in audible_layers if layer.loop]
+    loop_lengths = [
+        layer.compute_loop_duration(project.length_of(layer)) for layer in audible_layers if layer.loop
+    ]
     step_times = not any(layer.weights or layer.speeds for layer in audible_layers)
     if (
         step_times
@@ -101,7 +105,7 @@ def _frame_times(project: Project, character: RigBase, time: float) -> tuple[Flo
         and np.ptp(loop_lengths) < 1e-9
         and loop_lengths[0] > 0.0
     ):
-        player = rig.player(project, character)
+        player = rig.create_player(project, character)
         first, last = (player(at).pose.positions for at in (time, time + loop_lengths[0]))
         if np.abs(first - last).max() < _SAME_POINT_M:
             count = max(round(loop_lengths[0] * rig.frames), 2)

@@ -9,7 +9,7 @@ from dataclasses import asdict, fields, replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import GraphLayer, GraphPart, GraphShape, Project, RigBase, TimeMap, unused
+from enliven.document import GraphCharacter, GraphLayer, GraphPart, Project, RigBase, TimeMap, unused
 from enliven.errors import InputError
 from enliven.modeling.edits.characters import move_character, scale_character
 from enliven.modeling.edits.rigs import compute_vertices, find_base_centre
@@ -20,7 +20,7 @@ _RECORDING_ATTRIBUTES = ("recorded", "alternatives")
 """Attributes of a layer that identify its recording. The other attributes define its timing."""
 
 
-def performance_in(shape: GraphShape) -> GraphPart | GraphLayer | None:
+def performance_in(shape: GraphCharacter) -> GraphPart | GraphLayer | None:
     """Returns the first part of a shape that performers moved. If no part was performed, returns the first
     performed layer on top of the motion, or None."""
     return next((part for part in (*shape.parts, *shape.over) if part.possession is not None), None)
@@ -99,7 +99,7 @@ def _known_ends(target: RigBase, posed: Float) -> tuple[Float | None, Float | No
     """Returns the ends and the joints that an artist marked on a mesh, moved to its posed vertices (V, 3).
     Each is an array of points (K, 3) in metres, or None if there are none.
     """
-    if not isinstance(target, GraphShape):
+    if not isinstance(target, GraphCharacter):
         return None, None
     rest = target.mesh.vertices
     ends, joints = (

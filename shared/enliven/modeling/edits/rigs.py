@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import GraphShape, Pose, Project, Puppet, RigBase, Shape
+from enliven.document import ExampleCharacter, GraphCharacter, Pose, Project, RigBase, RiggedCharacter
 from enliven.errors import InputError
 from enliven.modeling.edits.root_motion_rig import RootMotionRig, remove_root_layers
 from enliven.modeling.possessed.rig import GraphRig
@@ -14,9 +14,9 @@ from enliven.modeling.rig import RigEdits
 from enliven.modeling.rigged.rig import ShapeRig
 
 RIGS: dict[str, RigEdits] = {
-    Shape.kind: ShapeRig(),
-    GraphShape.kind: GraphRig(),
-    Puppet.kind: PuppetRig(),
+    RiggedCharacter.kind: ShapeRig(),
+    GraphCharacter.kind: GraphRig(),
+    ExampleCharacter.kind: PuppetRig(),
 }
 """The edits of every kind of rig, by the name of the kind. Register further kinds here."""
 
@@ -68,7 +68,7 @@ def pose_of_character(project: Project, character_id: str, time: float) -> Pose:
     Raises the same errors as :func:`compute_vertices`.
     """
     character = project.character(character_id)
-    return get_rig_edits(character).player(project, character)(time).pose
+    return get_rig_edits(character).create_player(project, character)(time).pose
 
 
 def find_base_centre(vertices: Float) -> Float:

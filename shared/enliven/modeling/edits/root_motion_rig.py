@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.document import Character, GraphShape, MotionKey, PoseStream, Project
+from enliven.document import Character, GraphCharacter, MotionKey, PoseStream, Project
 from enliven.modeling.edits.root_layers import RigidMotion, root_motion, root_motions
 from enliven.modeling.mesh.cut_surfaces import CutSurface
 from enliven.modeling.rig import CharacterState, HandleMotion, Merge, Player, RigEdits
@@ -47,9 +47,9 @@ class RootMotionRig(RigEdits):
         """Returns the vertices (V, 3) in metres, moved by the root layers."""
         return root_motion(project, character, time)(self.wrapped.seen(project, character, time))
 
-    def player(self, project: Project, character: Any) -> Player:
+    def create_player(self, project: Project, character: Any) -> Player:
         """Returns a function from a time to the pose and the handles, both moved by the root layers."""
-        rig_player = self.wrapped.player(project, character)
+        rig_player = self.wrapped.create_player(project, character)
 
         def at(time: float) -> CharacterState:
             (pose, handles), motion = rig_player(time), root_motion(project, character, time)
@@ -72,9 +72,9 @@ class RootMotionRig(RigEdits):
         rig_surface = self.wrapped.surface(project, character)
         return lambda time: root_motion(project, character, time)(rig_surface(time))
 
-    def lacking(self, project: Project, character: Any) -> tuple[str, ...]:
+    def find_missing_data(self, project: Project, character: Any) -> tuple[str, ...]:
         """Returns the wrapped rig's sentences about missing data. Root layers do not change them."""
-        return self.wrapped.lacking(project, character)
+        return self.wrapped.find_missing_data(project, character)
 
     def check_layers(self, project: Project, character: Any, numbers: set[int]) -> None:
         """Raises an error if one of the layers in ``numbers`` belongs to the wrapped rig and cannot be
@@ -82,10 +82,12 @@ class RootMotionRig(RigEdits):
         count = len(character.playing) - len(character.root_layers)
         self.wrapped.check_layers(project, character, {number for number in numbers if number < count})
 
-    def dragged(self, project: Project, character: Any, handle: int, place: Float, time: float) -> Project:
+    def drag_handle(
+        self, project: Project, character: Any, handle: int, place: Float, time: float
+    ) -> Project:
         """Drags the handle to the position that corresponds to ``place`` without root layers."""
         back = root_motion(project, character, time).inverse
-        return self.wrapped.dragged(project, character, handle, back(place[None])[0], time)
+        return self.wrapped.drag_handle(project, character, handle, back(place[None])[0], time)
 
     def key_layer(self, project: Project, character: Any, handle: int) -> int | None:
         """Returns the layer number of the wrapped rig. Root layers are numbered after all other layers."""
@@ -117,20 +119,20 @@ class RootMotionRig(RigEdits):
         )
         return self.wrapped.scaled(character, factor).with_changes(root_layers=layers)
 
-    def mirrored(self, project: Project, character: Any, axes: Axes) -> Any:
+    def mirror(self, project: Project, character: Any, axes: Axes) -> Any:
         """Mirrors the character and the path of its root layers."""
         centre = self.centre(character)
         layers = tuple(
             axes.layer(replace(layer, about=centre + axes.vectors(layer.about - centre)))
             for layer in character.root_layers
         )
-        return self.wrapped.mirrored(project, character, axes).with_changes(root_layers=layers)
+        return self.wrapped.mirror(project, character, axes).with_changes(root_layers=layers)
 
-    def as_graph(
+    def convert_to_graph_shape(
         self, project: Project, character: Any, times: Float, stream_id: str
-    ) -> tuple[GraphShape, PoseStream, str]:
+    ) -> tuple[GraphCharacter, PoseStream, str]:
         """Converts to a graph with the root layers baked into the motion of the nodes."""
-        graph, stream, note = self.wrapped.as_graph(project, character, times, stream_id)
+        graph, stream, note = self.wrapped.convert_to_graph_shape(project, character, times, stream_id)
         seconds = times[0] + stream.step * np.arange(len(stream.positions))
         motions = root_motions(project, character, seconds)
         linear, positions = _apply_motion(motions, stream.linear, stream.positions)

@@ -151,7 +151,7 @@ def _held_first_frame(project: Project, part: GraphPart) -> tuple[GraphPart, Pos
     name = unused(f"{part.take} still", project.streams)
     first = PoseStream(name, stream.linear[:1], stream.positions[:1], stream.step)
     changes = {"muted": False, "possession": None, "recorded": "", "alternatives": "", "segments": ()}
-    return replace(part.timeless(), take=name, **changes), first  # type: ignore[arg-type]
+    return replace(part.with_default_timing(), take=name, **changes), first  # type: ignore[arg-type]
 
 
 def _without_unneeded_takes(old_project: Project, project: Project) -> Project:

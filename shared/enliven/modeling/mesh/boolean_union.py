@@ -58,7 +58,7 @@ class MeshPair:
     meshes: tuple[Mesh, Mesh]
     skins: tuple[SkinWeights, SkinWeights]
 
-    def side_by_side(self, note: str, failed: bool = False) -> Union:
+    def combine_shells(self, note: str, failed: bool = False) -> Union:
         """Returns one mesh that contains the shells of both meshes, without fusing them."""
         first, second = self.meshes
         faces = np.concatenate([first.faces, second.faces + np.int32(len(first.vertices))])
@@ -74,13 +74,15 @@ class MeshPair:
             mesh, skins.concatenate_skins(self.skins), first_faces, second_faces, none, False, (note,), failed
         )
 
-    def traced(self, solids: tuple[Solid, Solid], made: manifold3d.Mesh64, notes: tuple[str, ...]) -> Union:
+    def build_union(
+        self, solids: tuple[Solid, Solid], made: manifold3d.Mesh64, notes: tuple[str, ...]
+    ) -> Union:
         """Builds the union from manifold3d's result. Kept vertices and faces stay in order and bit-exact."""
         sides = [Side(made, solid) for solid in solids]
         if any(len(side.triangles) == 0 for side in sides):
-            return self.side_by_side("one mesh lies inside the other: joined as separate shells")
+            return self.combine_shells("one mesh lies inside the other: joined as separate shells")
         if not any(side.lost or side.new for side in sides):
-            return self.side_by_side("the meshes do not touch: joined as separate shells")
+            return self.combine_shells("the meshes do not touch: joined as separate shells")
         return UnionBuilder(self, sides, made).union(notes)
 
 
@@ -183,7 +185,9 @@ class UnionBuilder:
         groups = list[tuple[MeshMaterials | None, int]]()
         for side, mesh in zip(self.sides, self.meshes, strict=True):
             order = np.sort(side.source[side.whole])
-            groups.append((None if mesh.materials is None else mesh.materials.taken(order), len(order)))
+            groups.append(
+                (None if mesh.materials is None else mesh.materials.select_faces(order), len(order))
+            )
         start = sum(count for _, count in groups)
         for side, mesh in zip(self.sides, self.meshes, strict=True):
             source = side.source[~side.whole]
@@ -277,7 +281,7 @@ def _weld_vertices(union: Union) -> Union:
     second = union.second.copy()
     np.maximum.at(second, first, union.second)
     colours, stiffness = mesh.paint_at(is_used)
-    materials = None if mesh.materials is None else mesh.materials.taken(is_proper)
+    materials = None if mesh.materials is None else mesh.materials.select_faces(is_proper)
     faces = new_numbers.reshape(-1, 3).astype(np.int32)
     return replace(
         union,

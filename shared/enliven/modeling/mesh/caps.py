@@ -49,12 +49,12 @@ class Cap:
         rim: (R,) the numbers of the rim's points, as given by the caller.
         faces: (T, 3) indices into the R points of the rim and the I inner points after them. The border has
             the direction of the loops.
-        inside: interpolates values at the inner points (I, K) from values on the rim (R, K).
+        inner_points: interpolates values at the inner points (I, K) from values on the rim (R, K).
     """
 
     rim: Int
     faces: Int
-    inside: HarmonicInterpolation
+    inner_points: HarmonicInterpolation
 
 
 def triangulate_cap(loops: list[Int], places: Float, fine: bool = True) -> Cap:

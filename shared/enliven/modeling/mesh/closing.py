@@ -65,7 +65,7 @@ def close_surface(mesh: Mesh, of: Int) -> ClosedSurface:
     welded_faces = of[mesh.faces]
     mates = _opposite_half_edges(welded_faces, mesh)
     corner = _corner_fans(mates).reshape(-1, 3)
-    work, leaf = _Work(mesh, corner), np.zeros(len(welded_faces), bool)
+    work, leaf = _SurfaceInProgress(mesh, corner), np.zeros(len(welded_faces), bool)
     loops = _border_loops(mates, corner)
     if loops:
         part = connected_components(_face_adjacency(mates // 3, len(welded_faces)), directed=False)[1]
@@ -177,7 +177,7 @@ class _Rim(NamedTuple):
     area: float
 
 
-class _Work:
+class _SurfaceInProgress:
     """A surface that is being closed: its current vertices, corners, labels and caps."""
 
     def __init__(self, mesh: Mesh, corner: Int) -> None:
@@ -202,8 +202,8 @@ class _Work:
         rim = self.corners.ravel()[loop]
         cap = triangulate_cap([np.arange(len(rim))], flatten_loop(self.vertices[rim]))
         order, faces = rim[cap.rim], cap.faces
-        how: Interpolation = cap.inside
-        if len(faces) != len(rim) - 2 + 2 * cap.inside.count:
+        how: Interpolation = cap.inner_points
+        if len(faces) != len(rim) - 2 + 2 * cap.inner_points.count:
             # A border that is a straight line, or that crosses itself, cannot be triangulated. So close it
             # with a fan of triangles around its mean.
             turn = np.arange(len(rim))

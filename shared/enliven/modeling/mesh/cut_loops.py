@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int
-from enliven.deformation.graph.connectivity import components
+from enliven.deformation.graph.connectivity import label_components
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def find_crossings(faces: Int, is_far: Bool) -> Crossings:
     # first edge. So reverse the pair.
     lonely_far = np.take_along_axis(side, single_corner[:, None], 1)[:, 0]
     pairs = np.where(lonely_far[:, None], pairs, pairs[:, ::-1])
-    label = components(len(edges), pairs) if len(edges) else np.zeros(0, np.int64)
+    label = label_components(len(edges), pairs) if len(edges) else np.zeros(0, np.int64)
     return Crossings(crossed, edges, pairs, label[pairs[:, 0]])
 
 

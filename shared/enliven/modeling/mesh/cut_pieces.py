@@ -77,8 +77,8 @@ class _PieceBuilder:
                 count += len(rim)
             else:
                 rim = rim_of[cap.rim]
-            inside = count + np.arange(cap.inside.count)
-            insides.append((rim_of[cap.rim], cap.inside))
+            inside = count + np.arange(cap.inner_points.count)
+            insides.append((rim_of[cap.rim], cap.inner_points))
             count += len(inside)
             faces = np.concatenate([rim, inside])[cap.faces]
             cap_faces.append(faces[:, ::-1] if self.is_far_side else faces)
@@ -90,7 +90,9 @@ class _PieceBuilder:
         whole_faces = np.flatnonzero(self.whole)
         corners = vertices[faces[len(whole_faces) : len(whole_faces) + len(split)]]
         inside = materials_within(self.mesh.materials, self.mesh.vertices[self.mesh.faces], corners, parts)
-        kept_materials = None if self.mesh.materials is None else self.mesh.materials.taken(whole_faces)
+        kept_materials = (
+            None if self.mesh.materials is None else self.mesh.materials.select_faces(whole_faces)
+        )
         materials = join_materials(
             [(kept_materials, len(whole_faces)), (inside, len(split)), (None, len(closing))]
         )
@@ -150,7 +152,7 @@ class _PieceBuilder:
                 out += [own, spread(own)] if doubled else [spread(own)]
             return np.concatenate(out)
 
-        between = work.between(work.rest, work.found.edges, work.share)[edges]
+        between = work.interpolate_on_edges(work.rest, work.found.edges, work.share)[edges]
         vertices = np.concatenate([mesh.vertices[self.kept], grown(mesh.vertices, between)])
         paint = np.concatenate([mesh.paint[self.kept], grown(mesh.paint)])
         if work.skin is None:

@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from enliven.arrays import Bool, Float, Int
-from enliven.deformation.graph.connectivity import components
+from enliven.deformation.graph.connectivity import label_components
 from enliven.document import SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import Mesh, weld
@@ -81,7 +81,7 @@ class CutPlan:
         self.far = self.field > self.shift
         self.found: Crossings = find_crossings(self.faces, self.far)
         self.share = self._crossing_positions(self.found.edges)
-        self.places = self.surface.flat(self.between(self.at, self.found.edges, self.share))
+        self.places = self.surface.flat(self.interpolate_on_edges(self.at, self.found.edges, self.share))
         self.count = int(self.found.loops.max(initial=-1)) + 1
         self.chosen = np.zeros(0, np.int64)
 
@@ -109,7 +109,7 @@ class CutPlan:
         values = self.values[self.first]
         far = values > 0
         same = [self.faces[far[self.faces[:, a]] == far[self.faces[:, b]]][:, [a, b]] for a, b in _SIDES]
-        part = components(len(values), np.concatenate(same))
+        part = label_components(len(values), np.concatenate(same))
         size = np.bincount(part)
         of_side = np.array([(~far).sum(), far.sum()])[far.astype(np.int64)]
         small = size[part] < _MIN_ISLAND_FRACTION * of_side
@@ -120,7 +120,7 @@ class CutPlan:
         self.chosen = np.arange(self.count)
         self.point = self.places.mean(0) if len(self.places) else np.zeros(2)
 
-    def between(self, at: Float, edges: Int, fractions: Float) -> Float:
+    def interpolate_on_edges(self, at: Float, edges: Int, fractions: Float) -> Float:
         """Returns points (E, 3) at ``fractions`` along edges (E, 2) of vertices at ``at`` (V,
         3)."""
         return np.asarray(at[edges[:, 0]] + fractions[:, None] * (at[edges[:, 1]] - at[edges[:, 0]]))
@@ -137,7 +137,7 @@ class CutPlan:
             return np.clip(guess, 1e-6, 1 - 1e-6)
         for _ in range(40):
             middle = (low + high) / 2
-            value = self.surface.field(self.between(self.at, edges, middle)) - self.shift
+            value = self.surface.field(self.interpolate_on_edges(self.at, edges, middle)) - self.shift
             same = (value > 0) == (start > 0)
             low, high = np.where(same, middle, low), np.where(same, high, middle)
         return np.clip((low + high) / 2, 1e-6, 1 - 1e-6)
@@ -201,7 +201,7 @@ class CutPlan:
 
     def choose_covered(self) -> None:
         """Marks for cutting the loops with at least half of their points under the drawn stroke."""
-        covered = self.surface.covers(self.between(self.at, self.found.edges, self.share))
+        covered = self.surface.covers(self.interpolate_on_edges(self.at, self.found.edges, self.share))
         pairs = covered[self.found.pairs].mean(1)
         loops = np.unique(self.found.loops)
         self.chosen = np.array([i for i in loops if pairs[self.found.loops == i].mean() >= 0.5], np.int64)
@@ -227,7 +227,7 @@ class CutPlan:
         side = np.full(int(part.max()) + 1, -1)
         side[labels[far]], side[labels[~far]] = 1, 0
         for shell in np.flatnonzero(side < 0):
-            side[shell] = self._side_of(np.flatnonzero(part == shell), part, side)
+            side[shell] = self._find_side(np.flatnonzero(part == shell), part, side)
         return np.asarray(side[part] == 1)
 
     def _components_after_cut(self, cut: Bool) -> Int:
@@ -240,7 +240,7 @@ class CutPlan:
         for a, b in _SIDES:
             same = self.far[split[:, a]] == self.far[split[:, b]]
             links.append(split[same][:, [a, b]])
-        return components(len(self.rest), np.concatenate(links))
+        return label_components(len(self.rest), np.concatenate(links))
 
     def _add_nearest_loop(self, part: Int, torn: Int) -> None:
         """Marks for cutting the nearest loop at which the two sides are still connected."""
@@ -257,7 +257,7 @@ class CutPlan:
         if note not in self.notes:
             self.notes.append(note)
 
-    def _side_of(self, vertices: Int, part: Int, side: Int) -> int:
+    def _find_side(self, vertices: Int, part: Int, side: Int) -> int:
         """Returns the side of an uncut shell: the side of the bones that it follows, or else the side of the
         nearest surface."""
         if self.loyal is not None:
@@ -275,7 +275,7 @@ class CutPlan:
         edges."""
         cut = np.isin(self.found.loops, self.chosen)
         ends = self.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
-        shell = components(len(self.rest), ends)[self.faces[self.found.faces, 0]]
+        shell = label_components(len(self.rest), ends)[self.faces[self.found.faces, 0]]
         caps = []
         for shell_number in np.unique(shell[cut]):
             chains = order_chains(self.found.pairs[cut & (shell == shell_number)])
@@ -296,6 +296,6 @@ class CutPlan:
 
     def _own_cap(self, loop: Int) -> Cap:
         """Returns a cap for a loop, triangulated in the best-fitting plane of the loop."""
-        points = self.between(self.at, self.found.edges[loop], self.share[loop])
+        points = self.interpolate_on_edges(self.at, self.found.edges[loop], self.share[loop])
         cap = triangulate_cap([np.arange(len(loop))], flatten_loop(points), self.settings.fine)
-        return Cap(loop[cap.rim], cap.faces, cap.inside)
+        return Cap(loop[cap.rim], cap.faces, cap.inner_points)

@@ -49,17 +49,17 @@ def unite_meshes(
     solids = [solid_from_mesh(mesh) for mesh in pair.meshes]
     for solid, mesh in zip(solids, pair.meshes, strict=True):
         if isinstance(solid, str):
-            return pair.side_by_side(
+            return pair.combine_shells(
                 f"{mesh.name!r} is not a solid ({solid}): the two were joined as separate shells", True
             )
     first_solid, second_solid = (solid for solid in solids if isinstance(solid, Solid))
     both = first_solid.manifold + second_solid.manifold
     if both.status() != manifold3d.Error.NoError:
-        return pair.side_by_side(
+        return pair.combine_shells(
             f"the union failed ({both.status()}): the two were joined as separate shells", True
         )
     notes = tuple(f"{s.mesh.name!r}: {note}" for s in (first_solid, second_solid) for note in s.notes)
-    union = pair.traced((first_solid, second_solid), both.to_mesh64(), notes)
+    union = pair.build_union((first_solid, second_solid), both.to_mesh64(), notes)
     return _without_slivers(union) if tidy and union.fused else union
 
 
@@ -101,7 +101,7 @@ def _materials_after(mesh: Mesh, new: Bool, corners: Float) -> MeshMaterials | N
     old = mesh.vertices[mesh.faces]
     after = corners[len(still) :]
     if not len(after):
-        return mesh.materials.taken(still)
+        return mesh.materials.select_faces(still)
     nearest = scipy.spatial.cKDTree(old[before].mean(1)).query(after.mean(1))[1]
     inner = materials_within(mesh.materials, old, after, before[nearest])
-    return join_materials([(mesh.materials.taken(still), len(still)), (inner, len(after))])
+    return join_materials([(mesh.materials.select_faces(still), len(still)), (inner, len(after))])

@@ -8,14 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int
-from enliven.deformation.graph.connectivity import components
-from enliven.document import Shape, SkinWeights
+from enliven.deformation.graph.connectivity import label_components
+from enliven.document import RiggedCharacter, SkinWeights
 from enliven.meshes import extract_submesh, weld
 from enliven.modeling.mesh.cut_pieces import Piece
 from enliven.modeling.skinning.skins import renumber_bones
 
 
-def posed_vertices(shape: Shape, linear: Float, joints: Float) -> Float:
+def posed_vertices(shape: RiggedCharacter, linear: Float, joints: Float) -> Float:
     """Returns the vertices (V, 3) in metres for the bones' maps L (N, 3, 3) and the joints x (N, 3): v' =
     sum_j w_j (L_j (v - rest_parent) + x_parent).
     """
@@ -40,14 +40,14 @@ def blend_vertices(
     return out
 
 
-def with_piece(shape: Shape, piece: Piece, numbers: Int) -> Shape:
+def with_piece(shape: RiggedCharacter, piece: Piece, numbers: Int) -> RiggedCharacter:
     """Returns the shape with the mesh of one side of a cut. ``numbers`` (N,) maps old bones to bones of the
     shape."""
     assert piece.skin is not None
     return shape.with_changes(mesh=piece.mesh, skin=renumber_bones(piece.skin, numbers))
 
 
-def matching_bone_numbers(old_shape: Shape, shape: Shape, otherwise: str) -> Int:
+def matching_bone_numbers(old_shape: RiggedCharacter, shape: RiggedCharacter, otherwise: str) -> Int:
     """Returns for each bone of ``old_shape`` the number of the bone of ``shape`` with the same name, (N,).
 
     If no bone has this name, the result is the number of the bone called ``otherwise``.
@@ -62,7 +62,7 @@ def divide_by_bones(piece: Piece, groups: Sequence[Sequence[int]]) -> list[Piece
     assert piece.skin is not None
     welded, of = weld(piece.mesh)
     ends = welded.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
-    shell = components(len(welded.vertices), ends)[of]
+    shell = label_components(len(welded.vertices), ends)[of]
     follows = np.zeros((int(shell.max()) + 1, len(groups)))
     for k, bones in enumerate(groups):
         weight = np.where(np.isin(piece.skin.indices, list(bones)), piece.skin.weights, 0.0).sum(1)
@@ -85,7 +85,7 @@ def _select_piece_faces(piece: Piece, inside: Bool) -> Piece | None:
     return Piece(mesh, skin, piece.kept[used], int(faces[len(faces) - piece.caps :].sum()))
 
 
-def bone_maps(shape: Shape, linear: Float, joints: Float) -> Float:
+def bone_maps(shape: RiggedCharacter, linear: Float, joints: Float) -> Float:
     """Returns the map (N, 3, 4) of each bone from rest to the world, L_j (v - rest_parent) + x_parent, for L
     (N, 3, 3).
     """
@@ -94,6 +94,6 @@ def bone_maps(shape: Shape, linear: Float, joints: Float) -> Float:
     return np.concatenate([linear, offset[..., None]], -1)
 
 
-def identity_maps(shape: Shape) -> Float:
+def identity_maps(shape: RiggedCharacter) -> Float:
     """Returns the identity (N, 3, 4) for each bone: the rest pose."""
     return np.tile(np.eye(3, 4), (len(shape.skeleton), 1, 1))

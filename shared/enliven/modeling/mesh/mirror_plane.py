@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 
 from enliven.arrays import Float
-from enliven.deformation.graph.sampling import scatter
+from enliven.deformation.graph.sampling import sample_uniform_points
 from enliven.document import Plane
 from enliven.meshes import Mesh
 
@@ -68,7 +68,7 @@ def plane_of_symmetry(mesh: Mesh) -> Plane | None:
     size = max(float(np.linalg.norm(np.ptp(mesh.vertices[np.unique(mesh.faces)], axis=0))), 1e-300)
     # Subtract the mean of the samples, which keeps precision for a mesh far from the origin. The mesh
     # is not welded, because the normals do not need it here.
-    sampled = scatter(
+    sampled = sample_uniform_points(
         mesh, _LAST_TEST_POINTS, np.random.default_rng(0), (mesh, np.arange(len(mesh.vertices)))
     )
     middle = sampled.positions.mean(0)

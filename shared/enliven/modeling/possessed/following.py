@@ -7,7 +7,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from enliven.arrays import Float, Int, Int32
-from enliven.document import GraphShape
+from enliven.document import GraphCharacter
 
 _FALLOFF_FRACTION = 0.3
 """Falloff radius along the graph, as a fraction of the mesh's size. A limb then follows the dragged node, but
@@ -21,7 +21,7 @@ also the minimum difference between the share of the dragged node (1) and the sh
 """
 
 
-def find_followers(shape: GraphShape, node: int) -> tuple[Int, Float]:
+def find_followers(shape: GraphCharacter, node: int) -> tuple[Int, Float]:
     """Returns the nodes that follow a dragged node, and the fraction (share) of its motion that each follows.
 
     The share falls from 1 at the node to 0 at the falloff radius, with zero slope at both. It is (1 - (a /

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int
-from enliven.document import GraphLayer, GraphPart, GraphShape, Pose, PoseStream, Project, smooth_take
+from enliven.document import GraphCharacter, GraphLayer, GraphPart, Pose, PoseStream, Project, smooth_take
 from enliven.errors import InputError
 from enliven.modeling.mesh.meshes import blend_vertices
 from enliven.rotation import conjugate, from_matrix, multiply, rotate, to_matrix
@@ -17,7 +17,7 @@ _MIRROR_SIGNS = np.array([-1.0, 1.0, 1.0])
 """The diagonal of the reflection in the plane x = 0."""
 
 
-def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float, Float]:
+def graph_pose(project: Project, shape: GraphCharacter, time: float) -> tuple[Float, Float]:
     """Returns the linear maps (N, 3, 3) and the positions (N, 3) in metres of the nodes of a shape.
 
     Both are interpolated linearly between frames. A part with a ride follows its carrier rigidly (see
@@ -53,7 +53,7 @@ def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float,
 
 
 def evaluate_layer(
-    project: Project, shape: GraphShape, number: int, node: int, time: float
+    project: Project, shape: GraphCharacter, number: int, node: int, time: float
 ) -> tuple[Float, Float, float]:
     """Evaluates a layer on top of a shape at a time, for one of the shape's nodes.
 
@@ -72,12 +72,12 @@ def evaluate_layer(
     return linear, position, 0.0 if layer.muted else layer.weight * weight
 
 
-def graph_vertices(shape: GraphShape, linear: Float, positions: Float) -> Float:
+def graph_vertices(shape: GraphCharacter, linear: Float, positions: Float) -> Float:
     """Returns the vertices (V, 3) in metres for nodes with linear maps (N, 3, 3) at positions (N, 3)."""
     return blend_vertices(shape.mesh.vertices, shape.skin, shape.positions, linear, positions)
 
 
-def pose_of_graph(project: Project, shape: GraphShape, time: float) -> Pose:
+def pose_of_graph(project: Project, shape: GraphCharacter, time: float) -> Pose:
     """Returns the pose of a graph shape for the network and the viewer."""
     linear, positions = graph_pose(project, shape, time)
     return Pose(shape.id, round(time * 1e9), linear.astype(np.float32), positions.astype(np.float32))

@@ -8,9 +8,9 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import (
+    GraphCharacter,
     GraphLayer,
     GraphPart,
-    GraphShape,
     MotionKey,
     PoseStream,
     Project,
@@ -23,7 +23,7 @@ from enliven.modeling.possessed.following import find_followers
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices, pose_of_graph
 from enliven.modeling.possessed.surgery import cut_graph, merge_graphs
 from enliven.modeling.rig import CharacterState, HandleMotion, Player, RigEdits
-from enliven.modeling.rigged.axes import Axes, moved_mesh
+from enliven.modeling.rigged.axes import Axes, convert_mesh_axes
 from enliven.person import MIRROR
 from enliven.rotation import IDENTITY, from_matrix, multiply, nearest_rotation, normalized, rotate
 
@@ -38,21 +38,21 @@ class GraphRig(RigEdits):
     cut = staticmethod(cut_graph)
     merged = staticmethod(merge_graphs)
 
-    def centre(self, shape: GraphShape) -> Float:
+    def centre(self, shape: GraphCharacter) -> Float:
         """Returns the position (3,) of node 0 at rest, in metres."""
         return np.asarray(shape.positions[0])
 
-    def seen(self, project: Project, shape: GraphShape, time: float) -> Float:
+    def seen(self, project: Project, shape: GraphCharacter, time: float) -> Float:
         """Returns the vertices (V, 3) in metres at a time of the project."""
         return graph_vertices(shape, *graph_pose(project, shape, time))
 
-    def player(self, project: Project, shape: GraphShape) -> Player:
+    def create_player(self, project: Project, shape: GraphCharacter) -> Player:
         """Returns a function from a time to the pose. It has no handles, because nodes play recorded
         motion."""
         return lambda time: CharacterState(pose_of_graph(project, shape, time), np.zeros((0, 3)))
 
     def handle_motion(
-        self, shape: GraphShape, player: Player, handle: int | None, layer: int | None
+        self, shape: GraphCharacter, player: Player, handle: int | None, layer: int | None
     ) -> HandleMotion:
         """Returns the motion of a node, or the mean motion of the nodes of a part."""
         if handle is not None:
@@ -68,7 +68,7 @@ class GraphRig(RigEdits):
 
         return at
 
-    def key_layer(self, project: Project, shape: GraphShape, handle: int) -> int | None:
+    def key_layer(self, project: Project, shape: GraphCharacter, handle: int) -> int | None:
         """Returns the number of the first layer with keys of the node, or None."""
         for number, layer in enumerate(shape.over):
             keyed = project.streams[layer.take].keyed
@@ -76,7 +76,7 @@ class GraphRig(RigEdits):
                 return len(shape.parts) + number
         return None
 
-    def with_key_layer(self, project: Project, shape: GraphShape, handle: int, key: MotionKey) -> Project:
+    def with_key_layer(self, project: Project, shape: GraphCharacter, handle: int, key: MotionKey) -> Project:
         """Adds a layer with the key on top of all other layers. It bends the mesh around the node."""
         own, follow = find_followers(shape, handle)
         name = unused(f"{shape.id} node {handle} keys", project.streams)
@@ -85,7 +85,7 @@ class GraphRig(RigEdits):
         shape = shape.with_changes(over=(*shape.over, layer))
         return project.with_streams(keyed_stream(name, rest, follow, [key])).with_characters(shape)
 
-    def moved(self, shape: GraphShape, offset: Float, turn: Float, about: Float) -> GraphShape:
+    def moved(self, shape: GraphCharacter, offset: Float, turn: Float, about: Float) -> GraphCharacter:
         """Moves the motion of the shape. Its rest pose does not change, and parts with a ride follow their
         carrier."""
         parts = tuple(
@@ -100,7 +100,7 @@ class GraphRig(RigEdits):
         )
         return shape.with_changes(parts=parts)
 
-    def scaled(self, shape: GraphShape, factor: float) -> GraphShape:
+    def scaled(self, shape: GraphCharacter, factor: float) -> GraphCharacter:
         """Scales the rest pose and the motion by ``factor`` about the centre."""
         centre = self.centre(shape)
 
@@ -123,7 +123,7 @@ class GraphRig(RigEdits):
             positions=larger(shape.positions), mesh=mesh, parts=parts, over=over, ends=ends, joints=joints
         )
 
-    def mirrored(self, project: Project, shape: GraphShape, axes: Axes) -> GraphShape:
+    def mirror(self, project: Project, shape: GraphCharacter, axes: Axes) -> GraphCharacter:
         """Mirrors the rest pose and the motion. Left and right ends are swapped."""
         centre, flip = self.centre(shape), Axes(IDENTITY, True)
         parts = []
@@ -131,7 +131,7 @@ class GraphRig(RigEdits):
             # A point x of a part is at turn S^k x + place. S is the reflection in the plane x = 0, and k is 1
             # for a mirrored part, else 0. Let M be the map of ``axes``, a reflection. Then M (turn S^k x +
             # place) = (M turn S) S^(k+1) x + M place, and M turn S is a rotation again. So only the part's
-            # ``mirrored`` changes.
+            # ``mirror`` changes.
             turn = normalized(multiply(axes.turn, flip.rotations(part.turn)))
             rest = normalized(multiply(axes.turn, flip.rotations(part.axes)))
             place, ride = centre + axes.vectors(part.place - centre), part.ride
@@ -140,7 +140,7 @@ class GraphRig(RigEdits):
                 ride = Ride(ride.node, normalized(axes.rotations(ride.turn)), ride_place)
             flipped = not part.mirrored
             parts.append(replace(part, turn=turn, axes=rest, place=place, mirrored=flipped, ride=ride))
-        mesh = moved_mesh(shape.mesh, centre, axes, centre)
+        mesh = convert_mesh_axes(shape.mesh, centre, axes, centre)
         positions = centre + axes.vectors(shape.positions - centre)
         ends = centre + axes.vectors(shape.ends - centre)
         ends = ends[_MIRRORED_ENDS] if len(ends) else ends
@@ -158,9 +158,9 @@ class GraphRig(RigEdits):
             positions=positions, mesh=mesh, parts=tuple(parts), over=over, ends=ends, joints=joints
         )
 
-    def as_graph(
-        self, project: Project, shape: GraphShape, times: Float, stream_id: str
-    ) -> tuple[GraphShape, PoseStream, str]:
+    def convert_to_graph_shape(
+        self, project: Project, shape: GraphCharacter, times: Float, stream_id: str
+    ) -> tuple[GraphCharacter, PoseStream, str]:
         """Combines the motion of all parts in one stream, sampled at ``times`` (T,)."""
         poses = [graph_pose(project, shape, float(time)) for time in times]
         linear, positions = (np.stack(each) for each in zip(*poses, strict=True))

@@ -19,8 +19,8 @@ from enliven.deformation.graph.graph import DeformationGraph, graph_from_charact
 from enliven.document import (
     BodyTake,
     Character,
+    GraphCharacter,
     GraphPart,
-    GraphShape,
     Pose,
     PoseStream,
     Possession,
@@ -43,12 +43,12 @@ _GRID_OFFSET = 0.31830988618
 cells."""
 
 
-def stale(project: Project, shape: GraphShape) -> bool:
+def stale(project: Project, shape: GraphCharacter) -> bool:
     """Returns True if a motion of a shape was computed from inputs that have changed since."""
     return any(_motion_checksum(project, shape, n) != how.solved for n, _, how in _possessed_parts(shape))
 
 
-def has_missing_motion(shape: GraphShape) -> bool:
+def has_missing_motion(shape: GraphCharacter) -> bool:
     """Returns True if a motion of a shape is missing, for example after its file was damaged."""
     return any(not how.solved for _, _, how in _possessed_parts(shape))
 
@@ -120,7 +120,7 @@ def possess_mesh(
     part = GraphPart(
         stream.id, np.arange(len(rest)), possession=replace(possession, take=take.id, rest=rest, solved="")
     )
-    shape = GraphShape(name, rest, graph.edges, mesh, graph.skin(mesh), (part,))
+    shape = GraphCharacter(name, rest, graph.edges, mesh, graph.skin(mesh), (part,))
     project = project.with_bodies(take).with_streams(stream).with_characters(shape)
     return solve_again(project, name, progress, notes), name
 
@@ -172,13 +172,13 @@ def solve_again(
     return project
 
 
-def _possessed_parts(shape: GraphShape) -> list[tuple[int, GraphPart, Possession]]:
+def _possessed_parts(shape: GraphCharacter) -> list[tuple[int, GraphPart, Possession]]:
     """Returns the parts of a shape that performers moved, with their numbers."""
     parts = enumerate(shape.parts)
     return [(n, part, part.possession) for n, part in parts if part.possession is not None]
 
 
-def _extract_part_at_rest(shape: GraphShape, number: int) -> tuple[Character, Float]:
+def _extract_part_at_rest(shape: GraphCharacter, number: int) -> tuple[Character, Float]:
     """Returns a part of a shape in the state in which it was possessed: in the rest pose of its recording,
     without the other parts.
 
@@ -206,7 +206,7 @@ def _extract_part_at_rest(shape: GraphShape, number: int) -> tuple[Character, Fl
 
 
 def _part_surface(
-    shape: GraphShape, own_nodes: AnyArray
+    shape: GraphCharacter, own_nodes: AnyArray
 ) -> tuple[Float, AnyArray, SkinWeights, Float32 | None]:
     """Returns vertices (V, 3), faces (F, 3), skin and stiffness (V,) of the surface that mostly follows
     ``own_nodes`` (K,). If no face follows these nodes, all faces are used."""
@@ -227,7 +227,7 @@ def _part_surface(
     return mesh.vertices[used], number[faces], own_skin, mesh.paint_at(used)[1]
 
 
-def _motion_checksum(project: Project, shape: GraphShape, number: int) -> str:
+def _motion_checksum(project: Project, shape: GraphCharacter, number: int) -> str:
     """Returns a checksum of all inputs of a part's motion."""
     part = shape.parts[number]
     assert part.possession is not None

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int
-from enliven.document import GraphLayer, GraphPart, GraphShape, Project, Ride, SkinWeights, unused
+from enliven.document import GraphCharacter, GraphLayer, GraphPart, Project, Ride, SkinWeights, unused
 from enliven.errors import InputError
 from enliven.modeling.mesh.cut_pieces import Piece
 from enliven.modeling.mesh.cut_surfaces import CutSurface
@@ -91,7 +91,7 @@ def merge_graphs(project: Project, merge: Merge) -> Project:
         notes=merge.notes,
         where=host.where,
     )
-    merged = GraphShape(
+    merged = GraphCharacter(
         host.id,
         np.concatenate([host.positions, moved.positions]),
         edges.astype(np.int32),
@@ -103,7 +103,7 @@ def merge_graphs(project: Project, merge: Merge) -> Project:
     return project.without(graft.id).with_characters(merged)
 
 
-def _cut_side(shape: GraphShape, piece: Piece, side_id: str) -> GraphShape:
+def _cut_side(shape: GraphCharacter, piece: Piece, side_id: str) -> GraphCharacter:
     """Returns one side of a cut, with the nodes that its vertices follow and the nodes that carry their
     parts."""
     assert piece.skin is not None
@@ -118,7 +118,7 @@ def _cut_side(shape: GraphShape, piece: Piece, side_id: str) -> GraphShape:
         for part, start in _parts_with_starts(shape)
     ]
     edges = shape.edges[is_kept[shape.edges].all(1)]
-    return GraphShape(
+    return GraphCharacter(
         side_id,
         shape.positions[is_kept],
         number[edges].astype(np.int32),
@@ -129,7 +129,7 @@ def _cut_side(shape: GraphShape, piece: Piece, side_id: str) -> GraphShape:
     )
 
 
-def _parts_with_starts(shape: GraphShape) -> list[tuple[GraphPart, int]]:
+def _parts_with_starts(shape: GraphCharacter) -> list[tuple[GraphPart, int]]:
     """Returns the parts, each with the number of its first node."""
     return list(zip(shape.parts, shape.starts, strict=False))
 
@@ -147,7 +147,9 @@ def _layer_with(layer: GraphLayer, kept: Bool, number: Int) -> GraphLayer:
     return replace(layer, nodes=layer.nodes[is_kept], own=number[layer.own[is_kept]])
 
 
-def _meeting_nodes(host: GraphShape, ours: Float, theirs: Float, node: int | str | None) -> tuple[int, int]:
+def _meeting_nodes(
+    host: GraphCharacter, ours: Float, theirs: Float, node: int | str | None
+) -> tuple[int, int]:
     """Returns the host's node that carries the graft, and the graft's node nearest to it."""
     distances = np.linalg.norm(ours[:, None] - theirs[None], axis=2)
     if node is None:
@@ -160,7 +162,7 @@ def _meeting_nodes(host: GraphShape, ours: Float, theirs: Float, node: int | str
     return node, int(distances[node].argmin())
 
 
-def _rotate_rest_pose(shape: GraphShape, axes: Float, root: Float, to: Float) -> GraphShape:
+def _rotate_rest_pose(shape: GraphCharacter, axes: Float, root: Float, to: Float) -> GraphCharacter:
     """Rotates the rest pose of a shape by ``axes`` about ``root``, and moves that point to ``to``. The motion
     in the world does not change."""
     positions = to + rotate(axes, shape.positions - root)

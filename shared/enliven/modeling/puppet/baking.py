@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import GraphPart, GraphShape, PoseStream, Project, Puppet, unused
+from enliven.document import ExampleCharacter, GraphCharacter, GraphPart, PoseStream, Project, unused
 from enliven.errors import InputError
 from enliven.examples.baking.bake import BakedSurface, bake_surface
 from enliven.examples.baking.frames import SurfaceFrames, evaluate_states
@@ -47,13 +47,13 @@ def bake_puppet(
 
 def bake_motion(
     project: Project,
-    puppet: Puppet,
+    puppet: ExampleCharacter,
     start: float = 0.0,
     end: float | None = None,
     rate: float = 30.0,
     ids: tuple[str, str] | None = None,
     settings: BakeSettings | None = None,
-) -> tuple[GraphShape, PoseStream, BakeError]:
+) -> tuple[GraphCharacter, PoseStream, BakeError]:
     """Bakes the motion of a puppet from ``start`` to ``end`` seconds to nodes that a mesh follows.
 
     Args:
@@ -85,7 +85,7 @@ def graph_from_baked_surface(
     step: float,
     ids: tuple[str, str],
     start: float = 0.0,
-) -> tuple[GraphShape, PoseStream]:
+) -> tuple[GraphCharacter, PoseStream]:
     """Converts a baked surface to a shape and its stream.
 
     Args:
@@ -98,7 +98,7 @@ def graph_from_baked_surface(
     positions = rotate(turns[:, None], surface.places) + places[:, None]
     stream = PoseStream(ids[1], linear, positions, step)
     part = GraphPart(ids[1], np.arange(len(surface.pivots)), offset=start)
-    return GraphShape(ids[0], surface.pivots, surface.edges, mesh, surface.skin, (part,)), stream
+    return GraphCharacter(ids[0], surface.pivots, surface.edges, mesh, surface.skin, (part,)), stream
 
 
 def frame_times(start: float, end: float, rate: float, name: str) -> Float:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.document import Project, Puppet
+from enliven.document import ExampleCharacter, Project
 from enliven.errors import InputError
 from enliven.examples.puppet_examples import find_nearest_frame
-from enliven.modeling.puppet.parts import state_at, to_mesh_frame
+from enliven.modeling.puppet.parts import evaluate_puppet_state, to_mesh_frame
 from enliven.modeling.puppet.poses import add_key_pose, change_key_pose
 
 
@@ -26,7 +26,7 @@ def drag_point(project: Project, puppet_id: str, point: int, place: AnyArray, ti
     layer = next((candidate for candidate in puppet.layers if not candidate.muted), None)
     if layer is None:
         raise InputError("the puppet plays no take", where=puppet.where, remedy="Choose a take for it first.")
-    state = state_at(project, puppet, time)
+    state = evaluate_puppet_state(project, puppet, time)
     second = layer.played(time, project.takes[layer.take].duration)[0]
     number = key_pose_at(project, puppet, layer.take, second)
     places: Float = np.array(state.places if number is None else puppet.poses[number].places)
@@ -36,7 +36,7 @@ def drag_point(project: Project, puppet_id: str, point: int, place: AnyArray, ti
     return change_key_pose(project, puppet_id, number, places=places)
 
 
-def key_pose_at(project: Project, puppet: Puppet, take: str, second: float) -> int | None:
+def key_pose_at(project: Project, puppet: ExampleCharacter, take: str, second: float) -> int | None:
     """Returns the number of the key pose at the frame of a take that plays at ``second``, or None if there is
     none."""
     clip = project.takes[take]

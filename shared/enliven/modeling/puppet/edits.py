@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from enliven.document import Project, Puppet, PuppetLayer
+from enliven.document import ExampleCharacter, Project, PuppetLayer
 from enliven.errors import InputError
-from enliven.examples.puppet_examples import missing
+from enliven.examples.puppet_examples import find_missing_examples
 from enliven.examples.puppet_solve import check_layer
 from enliven.meshes import Mesh
 from enliven.modeling.rig import check_names
@@ -41,7 +41,7 @@ def make_puppet(project: Project, mesh: Mesh, puppet_id: str) -> Project:
             "its mesh has no faces" if len(mesh.faces) == 0 else "its mesh has vertices that are not finite"
         )
         raise InputError(problem, where=location, remedy="Export the mesh again.")
-    return project.with_characters(Puppet(puppet_id, mesh))
+    return project.with_characters(ExampleCharacter(puppet_id, mesh))
 
 
 def play_take(project: Project, puppet_id: str, take: str, **attributes: Any) -> Project:
@@ -61,7 +61,7 @@ def play_take(project: Project, puppet_id: str, take: str, **attributes: Any) ->
     return project.with_characters(puppet.with_changes(layers=(*puppet.layers, layer)))
 
 
-def checked_layer(project: Project, puppet: Puppet, layer: PuppetLayer) -> PuppetLayer:
+def checked_layer(project: Project, puppet: ExampleCharacter, layer: PuppetLayer) -> PuppetLayer:
     """Returns a layer after checking it. For an unfinished puppet, checks that need the missing data are
     skipped."""
     location = f"puppet {puppet.id!r}"
@@ -70,6 +70,6 @@ def checked_layer(project: Project, puppet: Puppet, layer: PuppetLayer) -> Puppe
         raise InputError(f"the take {layer.take!r} does not exist", where=location, remedy=remedy)
     for name in layer.points:
         puppet.index(name)
-    if not missing(project, puppet):
+    if not find_missing_examples(project, puppet):
         check_layer(project, puppet, layer)
     return layer

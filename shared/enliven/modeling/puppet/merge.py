@@ -17,9 +17,17 @@ import numpy as np
 import scipy
 
 from enliven.arrays import AnyArray, Bool, Float, Int
-from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer, SkinWeights, unused
+from enliven.document import (
+    ControlPoint,
+    ExampleCharacter,
+    KeyPose,
+    Project,
+    PuppetLayer,
+    SkinWeights,
+    unused,
+)
 from enliven.errors import InputError
-from enliven.examples.puppet_examples import find_nearest_frame, missing
+from enliven.examples.puppet_examples import find_missing_examples, find_nearest_frame
 from enliven.examples.puppet_motion import solve_layer_motion, to_world_frame
 from enliven.modeling.mesh.boolean_union import Union
 from enliven.modeling.mesh.mesh_union import unite_meshes
@@ -27,11 +35,11 @@ from enliven.modeling.mesh.seam import smooth_seam
 from enliven.modeling.puppet.parts import (
     add_moment,
     align_puppet,
+    evaluate_puppet_state,
     find_needed_points,
     nearest_paired,
     remove_symmetry_plane,
     solve_surfaces,
-    state_at,
     surface_of_puppet,
 )
 from enliven.modeling.rig import Merge
@@ -82,14 +90,14 @@ def merge_puppets(project: Project, merge: Merge) -> Project:
     time, messages, before = merge.time, merge.notes, project.puppet(merge.host)
     host, graft = (_Side(project, project.puppet(name), time) for name in (merge.host, merge.graft))
     keys = list(dict.fromkeys([*host.keys, *graft.keys]))
-    host.show(keys)
-    graft.show(keys)
+    host.solve_key_pose_surfaces(keys)
+    graft.solve_key_pose_surfaces(keys)
     middle = _meeting_point(host.seen, graft.seen)
-    to_host, to_graft = host.around(middle), graft.around(middle)
+    to_host, to_graft = host.fit_surface_motion(middle), graft.fit_surface_motion(middle)
     united_mesh = _united_mesh(host.puppet, graft.puppet, to_host.inverse.after(to_graft), merge)
     merged = _Merge(host, graft, united_mesh, keys, middle).build_puppet(messages)
     project = project.without(merge.graft)
-    state = state_at(project.with_characters(merged), merged, time)
+    state = evaluate_puppet_state(project.with_characters(merged), merged, time)
     return project.with_characters(align_puppet(merged, state, before, host.state))
 
 
@@ -104,8 +112,8 @@ class _Side:
         was: (n, V, 3) metres, the puppet's surface in each of the n key poses, in the frame of its mesh.
     """
 
-    def __init__(self, project: Project, puppet: Puppet, time: float) -> None:
-        self._project, self.state = project, state_at(project, puppet, time)
+    def __init__(self, project: Project, puppet: ExampleCharacter, time: float) -> None:
+        self._project, self.state = project, evaluate_puppet_state(project, puppet, time)
         self._surface = surface_of_puppet(puppet)
         self.local = self._surface.solve_from_rest(self.state.places)
         self.seen = to_world_frame(puppet, self.state, self.local)
@@ -122,19 +130,19 @@ class _Side:
         corners = to_world_frame(self.puppet, self.state, np.concatenate([np.zeros((1, 3)), np.eye(3)]))
         return _Rigid((corners[1:] - corners[0]).T, corners[0])
 
-    def show(self, keys: Sequence[tuple[str, int]]) -> None:
+    def solve_key_pose_surfaces(self, keys: Sequence[tuple[str, int]]) -> None:
         """Computes this puppet's surface in the key poses ``keys`` (take, frame) of both puppets."""
         count = len(self.puppet.points)
         places = np.array([self._key_places(key) for key in keys]).reshape(len(keys), count, 3)
         self.was = solve_surfaces(self._surface, places)
 
-    def around(self, middle: Float) -> _Rigid:
+    def fit_surface_motion(self, middle: Float) -> _Rigid:
         """Returns the rigid motion from rest to the world of the surface around a point (3,), at the time of
         the merge."""
         self._near = _vertices_around(self.seen, middle, self.puppet)
         return _fit_rigid_motion(self.puppet.mesh.vertices[self._near], self.seen[self._near])
 
-    def carried(self, key: int) -> _Rigid:
+    def find_key_pose_motion(self, key: int) -> _Rigid:
         """Returns the rigid motion of the surface around the meeting point, from the time of the merge to a
         key pose."""
         return _fit_rigid_motion(self.local[self._near], self.was[key][self._near])
@@ -145,7 +153,7 @@ class _Side:
         """
         if key in self.keys:
             return self.puppet.poses[self.keys.index(key)].places
-        if missing(self._project, self.puppet):
+        if find_missing_examples(self._project, self.puppet):
             return self.puppet.rest
         trial = self.puppet.with_changes(layers=(PuppetLayer(key[0], travel=False),))
         try:
@@ -167,12 +175,12 @@ class _Merge:
         self.rides = _plays_same_frames(host.puppet, graft.puppet)
         self._was = np.zeros((len(keys), count, 3))
         for number in range(len(keys)):
-            carry = host.carried(number).after(base) if self.rides else base
+            carry = host.find_key_pose_motion(number).after(base) if self.rides else base
             self._was[number, ours] = host.was[number][union.first[ours]]
             self._was[number, theirs] = carry(graft.was[number])[union.second[theirs]]
         self._mine = (ours, theirs)
 
-    def build_puppet(self, notes: list[str]) -> Puppet:
+    def build_puppet(self, notes: list[str]) -> ExampleCharacter:
         """Returns the merged puppet, with the layers of both."""
         host, graft = self._host.puppet, self._graft.puppet
         ours = self._points_on_union(host, self._union.first, set(), notes)
@@ -210,7 +218,7 @@ class _Merge:
         )
 
     def _points_on_union(
-        self, puppet: Puppet, of: Int, used_names: set[str], notes: list[str]
+        self, puppet: ExampleCharacter, of: Int, used_names: set[str], notes: list[str]
     ) -> dict[str, ControlPoint]:
         """Returns the control points on the united mesh, keyed by their old names. New points come last.
 
@@ -245,7 +253,7 @@ class _Merge:
             names[points[old].name] = None
         return points
 
-    def _puppet_with_points(self, points: list[ControlPoint]) -> Puppet:
+    def _puppet_with_points(self, points: list[ControlPoint]) -> ExampleCharacter:
         vertices = [point.vertex for point in points]
         takes = self._host._project.takes
         poses = tuple(
@@ -288,7 +296,7 @@ class _Merge:
         return (*host, *bare)
 
     def _layer_with_new_points(
-        self, layer: PuppetLayer, puppet: Puppet, side: dict[str, ControlPoint]
+        self, layer: PuppetLayer, puppet: ExampleCharacter, side: dict[str, ControlPoint]
     ) -> PuppetLayer:
         """Returns a layer of one puppet, with its control points renamed and new control points added."""
         old = [point.name for point in puppet.points]
@@ -296,7 +304,7 @@ class _Merge:
         return replace(layer, points=(*(side[name].name for name in layer.points or old), *new))
 
 
-def _plays_same_frames(host: Puppet, graft: Puppet) -> bool:
+def _plays_same_frames(host: ExampleCharacter, graft: ExampleCharacter) -> bool:
     """Returns True if graft and host play the same frames of the same takes, so that the host can carry the
     graft."""
     played = [
@@ -306,7 +314,7 @@ def _plays_same_frames(host: Puppet, graft: Puppet) -> bool:
     return not played[1] or played[0] == played[1]
 
 
-def _united_mesh(host: Puppet, graft: Puppet, to: _Rigid, merge: Merge) -> Union:
+def _united_mesh(host: ExampleCharacter, graft: ExampleCharacter, to: _Rigid, merge: Merge) -> Union:
     """Returns the union of both meshes at rest, with the graft moved by ``to`` and the seam smoothed."""
     moved = replace(graft.mesh, vertices=to(graft.mesh.vertices))
     union = unite_meshes(
@@ -319,7 +327,7 @@ def _united_mesh(host: Puppet, graft: Puppet, to: _Rigid, merge: Merge) -> Union
     return replace(union, mesh=smooth_seam(union.mesh, union.seam, merge.seam)) if union.seam.any() else union
 
 
-def _placeholder_skin(puppet: Puppet) -> SkinWeights:
+def _placeholder_skin(puppet: ExampleCharacter) -> SkinWeights:
     """Returns a placeholder skin with full weight on bone 0, because a union needs skins."""
     count = len(puppet.mesh.vertices)
     weights = np.zeros((count, 4), np.float32)
@@ -335,7 +343,7 @@ def _meeting_point(ours: Float, theirs: Float) -> Float:
     return np.asarray((theirs[near].mean(0) + ours[which[near]].mean(0)) / 2)
 
 
-def _vertices_around(points: Float, middle: Float, puppet: Puppet) -> Int:
+def _vertices_around(points: Float, middle: Float, puppet: ExampleCharacter) -> Int:
     """Returns the vertices near the point ``middle`` (3,), sorted by distance in space."""
     size = float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))
     distances = np.linalg.norm(points - middle, axis=1)

@@ -10,28 +10,28 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Bool, Float, Int, Int32
 from enliven.deformation.arap.control_point_surface import PuppetSurface
-from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer
+from enliven.document import ControlPoint, ExampleCharacter, KeyPose, Project, PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.baking.nodes import EdgeGraph
 from enliven.examples.puppet_examples import (
-    collect_material,
+    collect_motion_inputs,
     examples_from_key_poses,
+    find_missing_examples,
     find_nearest_frame,
-    missing,
 )
-from enliven.examples.puppet_motion import State, evaluate_state, loop_position, solve_layer_motion
+from enliven.examples.puppet_motion import PuppetState, evaluate_state, loop_position, solve_layer_motion
 from enliven.examples.puppet_solve import convert_to_reference
 from enliven.meshes import Mesh, weld
 from enliven.rotation import conjugate, from_rotation_vector, multiply, normalized, rotate
 
 
-def surface_of_puppet(puppet: Puppet) -> PuppetSurface:
+def surface_of_puppet(puppet: ExampleCharacter) -> PuppetSurface:
     """Returns the solver of the puppet's surface."""
     vertices, weights = [p.vertex for p in puppet.points], [p.weight for p in puppet.points]
     return PuppetSurface(puppet.mesh, vertices, weights, puppet.surface)
 
 
-def state_at(project: Project, puppet: Puppet, time: float) -> State:
+def evaluate_puppet_state(project: Project, puppet: ExampleCharacter, time: float) -> PuppetState:
     """Returns :func:`enliven.examples.puppet_motion.evaluate_state`, or the rest state while data is missing.
 
     Raises:
@@ -44,12 +44,12 @@ def state_at(project: Project, puppet: Puppet, time: float) -> State:
     try:
         return evaluate_state(project, puppet, time)
     except InputError:
-        if not missing(project, puppet):
+        if not find_missing_examples(project, puppet):
             raise
     return evaluate_state(project, puppet.with_changes(layers=()), time)
 
 
-def to_mesh_frame(puppet: Puppet, state: State, place: AnyArray) -> Float:
+def to_mesh_frame(puppet: ExampleCharacter, state: PuppetState, place: AnyArray) -> Float:
     """Returns a point (3,) of the world in the mesh's frame, in metres."""
     local = rotate(conjugate(puppet.turn), np.asarray(place) - puppet.place) - state.root
     return rotate(_rotation_about_y(-state.yaw), local)
@@ -63,7 +63,9 @@ def solve_surfaces(surface: PuppetSurface, places: Float) -> Float:
     return np.array([surface.solve_from_rest(each) for each in places]).reshape(len(places), count, 3)
 
 
-def align_puppet(puppet: Puppet, state: State, reference: Puppet, reference_state: State) -> Puppet:
+def align_puppet(
+    puppet: ExampleCharacter, state: PuppetState, reference: ExampleCharacter, reference_state: PuppetState
+) -> ExampleCharacter:
     """Returns the puppet, moved so that two mesh frames coincide: its own in ``state``, and that of the
     puppet ``reference`` in ``reference_state``.
     """
@@ -72,20 +74,22 @@ def align_puppet(puppet: Puppet, state: State, reference: Puppet, reference_stat
     return puppet.with_changes(turn=turn, place=place)
 
 
-def add_moment(project: Project, puppet: Puppet, time: float) -> Puppet:
+def add_moment(project: Project, puppet: ExampleCharacter, time: float) -> ExampleCharacter:
     """Adds the puppet's pose at a time as a key pose, so that its parts reproduce this pose.
 
     The puppet is not changed if several takes contribute to the pose, or if it has that key pose already.
     """
     layer = _leading_layer(puppet)
-    if layer is None or missing(project, puppet):
+    if layer is None or find_missing_examples(project, puppet):
         return puppet
     motion = solve_layer_motion(project, puppet, puppet.layers.index(layer))
     frame = round(loop_position(layer, motion, time)[0])
     return with_layer_pose(project, puppet, layer, frame)
 
 
-def with_layer_pose(project: Project, puppet: Puppet, layer: PuppetLayer, frame: int) -> Puppet:
+def with_layer_pose(
+    project: Project, puppet: ExampleCharacter, layer: PuppetLayer, frame: int
+) -> ExampleCharacter:
     """Adds a layer's pose at a frame of its take as a key pose. If two examples of the puppet would then be
     equal, the puppet stays unchanged.
     """
@@ -100,23 +104,23 @@ def with_layer_pose(project: Project, puppet: Puppet, layer: PuppetLayer, frame:
     return _with_example(project, puppet, KeyPose(layer.take, frame * take.step, motion.places_at(frame)))
 
 
-def _with_example(project: Project, puppet: Puppet, pose: KeyPose) -> Puppet:
+def _with_example(project: Project, puppet: ExampleCharacter, pose: KeyPose) -> ExampleCharacter:
     """Adds a key pose, unless two of the puppet's examples would then be equal."""
     more = puppet.with_changes(poses=(*puppet.poses, pose))
     return more if _examples_differ(project, more) else puppet
 
 
-def remove_symmetry_plane(project: Project, puppet: Puppet) -> Puppet:
+def remove_symmetry_plane(project: Project, puppet: ExampleCharacter) -> ExampleCharacter:
     """Removes the puppet's symmetry plane.
 
     For each mirrored key pose, the most similar frame of its take becomes a key pose.
     """
     plain = puppet.with_changes(symmetry=None)
     layer = _leading_layer(puppet)
-    if puppet.symmetry is None or layer is None or missing(project, puppet):
+    if puppet.symmetry is None or layer is None or find_missing_examples(project, puppet):
         return plain
     motion = solve_layer_motion(project, puppet, puppet.layers.index(layer))
-    examples, took = convert_to_reference(collect_material(project, puppet, layer))
+    examples, took = convert_to_reference(collect_motion_inputs(project, puppet, layer))
     for image in examples.sources[len(puppet.poses) :]:
         frame = int(((took.poses - image) ** 2).sum((1, 2)).argmin())
         pose = KeyPose(layer.take, frame * motion.step, motion.places_at(frame))
@@ -125,7 +129,7 @@ def remove_symmetry_plane(project: Project, puppet: Puppet) -> Puppet:
 
 
 def find_needed_points(
-    puppet: Puppet,
+    puppet: ExampleCharacter,
     old_positions: Float,
     has_old_position: Bool,
     required_vertices: Int | Int32,
@@ -189,7 +193,7 @@ def _worst_vertices(vertices: Float, off: Float, tolerance: float, count: int) -
     return chosen
 
 
-def distinguishing_points(project: Project, puppet: Puppet) -> tuple[ControlPoint, ...]:
+def distinguishing_points(project: Project, puppet: ExampleCharacter) -> tuple[ControlPoint, ...]:
     """Returns the control points with joints that have different positions in different key poses. If there
     are none, returns all control points that have a joint.
 
@@ -205,7 +209,7 @@ def distinguishing_points(project: Project, puppet: Puppet) -> tuple[ControlPoin
     return tuple(point for point in paired_points if clear[names.index(point.name)]) or paired_points
 
 
-def without_ambiguous_poses(project: Project, puppet: Puppet) -> tuple[Puppet, int]:
+def without_ambiguous_poses(project: Project, puppet: ExampleCharacter) -> tuple[ExampleCharacter, int]:
     """Removes key poses with the same joint positions as an earlier key pose. Returns the puppet and the
     number of removed poses."""
     poses: list[KeyPose] = []
@@ -220,7 +224,7 @@ def without_ambiguous_poses(project: Project, puppet: Puppet) -> tuple[Puppet, i
     return puppet.with_changes(poses=tuple(poses)), len(puppet.poses) - len(poses)
 
 
-def _examples_differ(project: Project, puppet: Puppet) -> bool:
+def _examples_differ(project: Project, puppet: ExampleCharacter) -> bool:
     try:
         examples_from_key_poses(project, puppet)
     except InputError:
@@ -228,7 +232,7 @@ def _examples_differ(project: Project, puppet: Puppet) -> bool:
     return True
 
 
-def _joints_at_key_poses(project: Project, puppet: Puppet) -> Float | None:
+def _joints_at_key_poses(project: Project, puppet: ExampleCharacter) -> Float | None:
     """Returns the positions of the paired joints in the n key poses, (n, P, 3) metres in the body's frame, or
     None without examples.
     """
@@ -247,7 +251,7 @@ def nearest_paired(
     if not paired or not vertices:
         return [None] * len(vertices)
     welded, of = weld(mesh)
-    away = EdgeGraph(welded).away([int(of[point.vertex]) for point in paired])
+    away = EdgeGraph(welded).compute_geodesic_distances([int(of[point.vertex]) for point in paired])
     return [paired[int(np.argmin(away[:, of[vertex]]))] for vertex in vertices]
 
 
@@ -286,7 +290,7 @@ _MIN_MOTION_FRACTION = 0.02
 """A joint that moves less than this fraction of the largest joint motion cannot distinguish key poses."""
 
 
-def _leading_layer(puppet: Puppet) -> PuppetLayer | None:
+def _leading_layer(puppet: ExampleCharacter) -> PuppetLayer | None:
     """Returns the layer that alone determines the positions of all control points, or None if several layers
     determine them."""
     layers = [layer for layer in puppet.layers if not layer.muted and layer.weight > 0.0]
@@ -297,7 +301,7 @@ def _leading_layer(puppet: Puppet) -> PuppetLayer | None:
     return top if moves_all else None
 
 
-def _world_rotation(puppet: Puppet, state: State) -> Float:
+def _world_rotation(puppet: ExampleCharacter, state: PuppetState) -> Float:
     return multiply(puppet.turn, _rotation_about_y(state.yaw))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Float
 from enliven.deformation.arap.control_point_surface import PuppetSurface
-from enliven.document import ControlPoint, Project, Puppet, PuppetLayer, unused
+from enliven.document import ControlPoint, ExampleCharacter, Project, PuppetLayer, unused
 from enliven.errors import InputError
 from enliven.modeling.rig import check_names
 
@@ -103,7 +103,7 @@ def change_point(project: Project, puppet_id: str, point: str, **changes: Any) -
     return project.with_characters(puppet.with_changes(points=points, poses=poses, layers=layers))
 
 
-def checked_vertex(puppet: Puppet, vertex: int) -> int:
+def checked_vertex(puppet: ExampleCharacter, vertex: int) -> int:
     """Returns a vertex after checking that a control point can be placed on it.
 
     Raises:
@@ -123,7 +123,7 @@ def checked_vertex(puppet: Puppet, vertex: int) -> int:
     return int(vertex)
 
 
-def surface_places(puppet: Puppet, vertex: int) -> Float:
+def surface_places(puppet: ExampleCharacter, vertex: int) -> Float:
     """Returns the position of a vertex on the solved surface in each key pose, (n, 3) in metres of the mesh's
     frame.
     """
@@ -135,7 +135,7 @@ def surface_places(puppet: Puppet, vertex: int) -> Float:
     return np.stack([surface.solve_from_rest(pose.places)[vertex] for pose in puppet.poses])
 
 
-def _error_place(puppet: Puppet) -> str:
+def _error_place(puppet: ExampleCharacter) -> str:
     return f"puppet {puppet.id!r}"
 
 

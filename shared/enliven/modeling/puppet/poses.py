@@ -9,9 +9,13 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import AnyArray
-from enliven.document import KeyPose, Plane, Project, Puppet
+from enliven.document import ExampleCharacter, KeyPose, Plane, Project
 from enliven.errors import InputError
-from enliven.examples.puppet_examples import examples_from_key_poses, find_nearest_frame, missing
+from enliven.examples.puppet_examples import (
+    examples_from_key_poses,
+    find_missing_examples,
+    find_nearest_frame,
+)
 from enliven.examples.symmetric import find_partners, mirror_places
 from enliven.modeling.mesh.mirror_plane import plane_of_symmetry
 from enliven.modeling.rig import check_names
@@ -98,27 +102,27 @@ def set_symmetry(project: Project, puppet_id: str, plane: Plane | None) -> Proje
     return project.with_characters(puppet.with_changes(symmetry=plane))
 
 
-def _checked_to_differ(project: Project, puppet: Puppet) -> Project:
+def _checked_to_differ(project: Project, puppet: ExampleCharacter) -> Project:
     """Returns the project with the puppet. Raises an error if two of its examples are equal."""
     changed = project.with_characters(puppet)
-    if not missing(changed, puppet):
+    if not find_missing_examples(changed, puppet):
         examples_from_key_poses(changed, puppet)
     return changed
 
 
-def _find_key_pose(puppet: Puppet, number: int) -> KeyPose:
+def _find_key_pose(puppet: ExampleCharacter, number: int) -> KeyPose:
     if not 0 <= number < len(puppet.poses):
         remedy = f"Number of key poses: {len(puppet.poses)}."
         raise InputError(f"key pose {number} does not exist", where=f"puppet {puppet.id!r}", remedy=remedy)
     return puppet.poses[number]
 
 
-def _with_pose(puppet: Puppet, number: int, pose: KeyPose) -> Puppet:
+def _with_pose(puppet: ExampleCharacter, number: int, pose: KeyPose) -> ExampleCharacter:
     poses = (*puppet.poses[:number], pose, *puppet.poses[number + 1 :])
     return puppet.with_changes(poses=poses)
 
 
-def _checked_pose(project: Project, puppet: Puppet, pose: KeyPose, number: int | None) -> KeyPose:
+def _checked_pose(project: Project, puppet: ExampleCharacter, pose: KeyPose, number: int | None) -> KeyPose:
     """Returns a key pose after checking that it can replace the pose ``number``, or be appended (None)."""
     location = f"puppet {puppet.id!r}"
     if pose.take not in project.takes:

@@ -9,24 +9,24 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Float
 from enliven.document import (
-    GraphShape,
+    ExampleCharacter,
+    GraphCharacter,
     Plane,
     PoseStream,
     Project,
-    Puppet,
     PuppetLayer,
     character_from_puppet,
 )
-from enliven.examples.puppet_examples import missing
+from enliven.examples.puppet_examples import find_missing_examples
 from enliven.examples.puppet_motion import pose_of_state, to_world_frame
 from enliven.modeling.puppet.baking import bake_motion
 from enliven.modeling.puppet.dragging import drag_point
 from enliven.modeling.puppet.edits import checked_layer
 from enliven.modeling.puppet.merge import merge_puppets
-from enliven.modeling.puppet.parts import state_at, surface_of_puppet
+from enliven.modeling.puppet.parts import evaluate_puppet_state, surface_of_puppet
 from enliven.modeling.puppet.surgery import cut_puppet
 from enliven.modeling.rig import CharacterState, HandleMotion, Player, RigEdits
-from enliven.modeling.rigged.axes import Axes, moved_mesh
+from enliven.modeling.rigged.axes import Axes, convert_mesh_axes
 from enliven.rotation import IDENTITY, from_matrix, multiply, normalized, rotate
 
 
@@ -39,29 +39,29 @@ class PuppetRig(RigEdits):
     cut = staticmethod(cut_puppet)
     merged = staticmethod(merge_puppets)
 
-    def centre(self, puppet: Puppet) -> Float:
+    def centre(self, puppet: ExampleCharacter) -> Float:
         """Returns the point (3,) on the floor below the centre of the mesh at rest, in metres."""
         low, high = puppet.mesh.bounds
         middle = (low + high) / 2.0 * [1.0, 0.0, 1.0]
         return np.asarray(rotate(puppet.turn, middle) + puppet.place)
 
-    def seen(self, project: Project, puppet: Puppet, time: float) -> Float:
+    def seen(self, project: Project, puppet: ExampleCharacter, time: float) -> Float:
         """Returns the vertices (V, 3) in metres at a time of the project."""
         return self.surface(project, puppet)(time)
 
-    def player(self, project: Project, puppet: Puppet) -> Player:
+    def create_player(self, project: Project, puppet: ExampleCharacter) -> Player:
         """Returns a function from a time to the puppet's frame and control points. The renderer solves the
         surface from these."""
 
         def at(time: float) -> CharacterState:
-            state = state_at(project, puppet, time)
+            state = evaluate_puppet_state(project, puppet, time)
             pose = pose_of_state(puppet, state, round(time * 1e9))
             return CharacterState(pose, to_world_frame(puppet, state, state.places))
 
         return at
 
     def handle_motion(
-        self, puppet: Puppet, player: Player, handle: int | None, layer: int | None
+        self, puppet: ExampleCharacter, player: Player, handle: int | None, layer: int | None
     ) -> HandleMotion | None:
         """Returns the motion of a control point in the frame of the mesh, like its key poses."""
         if handle is None or handle >= len(puppet.handles):
@@ -74,37 +74,42 @@ class PuppetRig(RigEdits):
 
         return at
 
-    def surface(self, project: Project, puppet: Puppet) -> Callable[[float], Float]:
+    def surface(self, project: Project, puppet: ExampleCharacter) -> Callable[[float], Float]:
         """Returns a function from a time to the surface (V, 3) in metres. The solver is prepared only
         once."""
         solver = surface_of_puppet(puppet)
 
         def at(time: float) -> Float:
-            state = state_at(project, puppet, time)
+            state = evaluate_puppet_state(project, puppet, time)
             return to_world_frame(puppet, state, solver.solve_from_rest(state.places))
 
         return at
 
-    def lacking(self, project: Project, puppet: Puppet) -> tuple[str, ...]:
+    def find_missing_data(self, project: Project, puppet: ExampleCharacter) -> tuple[str, ...]:
         """Returns sentences about missing control points, pairs, key poses and takes."""
         plays = any(not layer.muted for layer in puppet.layers)
-        return (*missing(project, puppet), *([] if plays else [f"Choose a take for {puppet.id}."]))
+        return (
+            *find_missing_examples(project, puppet),
+            *([] if plays else [f"Choose a take for {puppet.id}."]),
+        )
 
-    def check_layers(self, project: Project, puppet: Puppet, numbers: set[int]) -> None:
+    def check_layers(self, project: Project, puppet: ExampleCharacter, numbers: set[int]) -> None:
         """Raises an error if constraints of the layers ``numbers`` contradict each other."""
         for number in numbers:
             checked_layer(project, puppet, puppet.layers[number])
 
-    def dragged(self, project: Project, puppet: Puppet, handle: int, place: Float, time: float) -> Project:
+    def drag_handle(
+        self, project: Project, puppet: ExampleCharacter, handle: int, place: Float, time: float
+    ) -> Project:
         """Adds the pose at ``time`` as a key pose, with the control point ``handle`` moved to ``place``."""
         return drag_point(project, puppet.id, handle, place, time)
 
-    def moved(self, puppet: Puppet, offset: Float, turn: Float, about: Float) -> Puppet:
+    def moved(self, puppet: ExampleCharacter, offset: Float, turn: Float, about: Float) -> ExampleCharacter:
         """Moves the puppet. Data in its own frame does not change."""
         place = rotate(turn, puppet.place - about) + about + offset
         return puppet.with_changes(turn=normalized(multiply(turn, puppet.turn)), place=place)
 
-    def scaled(self, puppet: Puppet, factor: float) -> Puppet:
+    def scaled(self, puppet: ExampleCharacter, factor: float) -> ExampleCharacter:
         """Scales the mesh, its examples and strides. Flight still follows gravity, independent of size."""
 
         def scaled(vectors: AnyArray) -> Float:
@@ -114,7 +119,7 @@ class PuppetRig(RigEdits):
         grown = _with_mapped_axes(puppet, scaled, lambda normal: normal).with_changes(mesh=mesh)
         return grown.with_changes(place=puppet.place + self.centre(puppet) - self.centre(grown))
 
-    def mirrored(self, project: Project, puppet: Puppet, axes: Axes) -> Puppet:
+    def mirror(self, project: Project, puppet: ExampleCharacter, axes: Axes) -> ExampleCharacter:
         """Mirrors the puppet's own frame left to right, then rotates it into the mirrored position."""
         flip = Axes(IDENTITY, True)
         # A point x of the mesh is at T (Ry(yaw) x + root) in the world, up to the puppet's translation. T is
@@ -124,15 +129,15 @@ class PuppetRig(RigEdits):
         turn, stood = normalized(multiply(axes.turn, flip.rotations(puppet.turn))), self.centre(puppet)
         flipped = _with_mapped_axes(puppet, flip.vectors, flip.vectors)
         return flipped.with_changes(
-            mesh=moved_mesh(puppet.mesh, np.zeros(3), flip, np.zeros(3)),
+            mesh=convert_mesh_axes(puppet.mesh, np.zeros(3), flip, np.zeros(3)),
             layers=tuple(replace(layer, mirrored=not layer.mirrored) for layer in flipped.layers),
             turn=turn,
             place=stood + axes.vectors(puppet.place - stood),
         )
 
-    def as_graph(
-        self, project: Project, puppet: Puppet, times: Float, stream_id: str
-    ) -> tuple[GraphShape, PoseStream, str]:
+    def convert_to_graph_shape(
+        self, project: Project, puppet: ExampleCharacter, times: Float, stream_id: str
+    ) -> tuple[GraphCharacter, PoseStream, str]:
         """Bakes the puppet to nodes that follow the solved surface."""
         rate, ids = 1.0 / float(times[1] - times[0]), (puppet.id, stream_id)
         graph, stream, error = bake_motion(project, puppet, float(times[0]), float(times[-1]), rate, ids)
@@ -140,8 +145,8 @@ class PuppetRig(RigEdits):
 
 
 def _with_mapped_axes(
-    puppet: Puppet, vectors: Callable[[AnyArray], Float], normals: Callable[[AnyArray], AnyArray]
-) -> Puppet:
+    puppet: ExampleCharacter, vectors: Callable[[AnyArray], Float], normals: Callable[[AnyArray], AnyArray]
+) -> ExampleCharacter:
     """Returns the puppet with its examples, constraints and symmetry plane in other axes or sizes."""
     plane = puppet.symmetry
     if plane is not None:

@@ -14,8 +14,8 @@ from functools import lru_cache
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.graph.surface_ends import extremities
-from enliven.document import Clip, Plane, Project, Puppet, unused
+from enliven.deformation.graph.surface_ends import find_extremity_vertices
+from enliven.document import Clip, ExampleCharacter, Plane, Project, unused
 from enliven.errors import InputError
 from enliven.examples.pairing import (
     foot_joints,
@@ -24,7 +24,7 @@ from enliven.examples.pairing import (
     measure_joint_motion,
     mirror_joint,
 )
-from enliven.examples.performer import performed
+from enliven.examples.performer import extract_performer_clip
 from enliven.examples.puppet_examples import IdentityKey
 from enliven.examples.suggest import suggest_poses
 from enliven.examples.symmetric import find_partners, reflect_points
@@ -89,7 +89,7 @@ def suggested_puppet(
     project = _pair_points(project, puppet_id, take)
     puppet, clip = project.puppet(puppet_id), project.takes[take]
     joints = [point.joint for point in puppet.points]
-    suggestion = suggest_poses(performed(clip, joints).poses)
+    suggestion = suggest_poses(extract_performer_clip(clip, joints).poses)
     for frame in sorted(suggestion.frames[: poses or suggestion.count]):
         project = add_key_pose(project, puppet_id, take, frame * clip.step, puppet.rest)
     return play_take(project, puppet_id, take)
@@ -130,7 +130,7 @@ def suggested_pairs(project: Project, puppet_id: str, take: str) -> tuple[Sugges
 
 
 def _suggested_vertices(mesh: Mesh, count: int, plane: Plane | None) -> list[int]:
-    vertices = [int(vertex) for vertex in extremities(mesh, count)]
+    vertices = [int(vertex) for vertex in find_extremity_vertices(mesh, count)]
     return vertices if plane is None else _with_mirror_images(mesh, vertices, plane)
 
 
@@ -209,7 +209,7 @@ def _mirror_partners(rest: Float, plane: Plane) -> tuple[int, ...] | None:
     return partners if any(other != number for number, other in enumerate(partners)) else None
 
 
-def _standing_points(clip: Clip, joints: Sequence[str], puppet: Puppet) -> list[bool]:
+def _standing_points(clip: Clip, joints: Sequence[str], puppet: ExampleCharacter) -> list[bool]:
     """Returns (P,) True for control points that can stand: these are low on the mesh and paired with a foot.
 
     If only one such point exists, it is not used, because the mesh would hop whenever the performer lifts

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float, Int32
-from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer, unused
+from enliven.document import ControlPoint, ExampleCharacter, KeyPose, Project, PuppetLayer, unused
 from enliven.examples.puppet_motion import to_world_frame
 from enliven.modeling.mesh.cut_pieces import Piece
 from enliven.modeling.mesh.cut_surfaces import CutSurface
@@ -21,12 +21,12 @@ from enliven.modeling.puppet.parts import (
     add_moment,
     align_puppet,
     distinguishing_points,
+    evaluate_puppet_state,
     find_needed_points,
     nearest_paired,
     remove_symmetry_plane,
     sample_spread_vertices,
     solve_surfaces,
-    state_at,
     surface_of_puppet,
     without_ambiguous_poses,
     without_points,
@@ -73,7 +73,7 @@ def cut_puppet(
         InputError: if the puppet does not exist, the time is not finite, or the stroke cuts nothing off.
     """
     puppet, messages = project.puppet(puppet_id), [] if notes is None else notes
-    before, surface = state_at(project, puppet, time), surface_of_puppet(puppet)
+    before, surface = evaluate_puppet_state(project, puppet, time), surface_of_puppet(puppet)
     posed = to_world_frame(puppet, before, surface.solve_from_rest(before.places))
     cut = cut_by_stroke(puppet.mesh, None, stroke, posed)
     messages.extend(cut.notes)
@@ -87,13 +87,13 @@ def cut_puppet(
         messages.append("The halves have no plane of symmetry. Mirrored key poses were added as key poses.")
     halves = []
     for piece, name in zip(_order_by_feet(puppet, cut), (puppet_id, off_id), strict=True):
-        half = _Half(project, unfolded_puppet, old_places, piece).build_puppet(name, messages)
-        state = state_at(project.with_characters(half), half, time)
+        half = _CutSide(project, unfolded_puppet, old_places, piece).build_puppet(name, messages)
+        state = evaluate_puppet_state(project.with_characters(half), half, time)
         halves.append(align_puppet(half, state, puppet, before))
     return project.with_characters(*halves), (puppet_id, off_id)
 
 
-def _order_by_feet(puppet: Puppet, cut: Cut) -> tuple[Piece, Piece]:
+def _order_by_feet(puppet: ExampleCharacter, cut: Cut) -> tuple[Piece, Piece]:
     """Returns both sides, the side with more feet first. If both have the same number, the larger side comes
     first.
     """
@@ -103,13 +103,13 @@ def _order_by_feet(puppet: Puppet, cut: Cut) -> tuple[Piece, Piece]:
     return (second, first) if theirs > ours else (first, second)
 
 
-class _Half:
+class _CutSide:
     """One side of a cut puppet while its control points are chosen."""
 
     def __init__(
         self,
         project: Project,
-        puppet: Puppet,
+        puppet: ExampleCharacter,
         old_positions: Float,
         piece: Piece,
     ) -> None:
@@ -120,7 +120,7 @@ class _Half:
         self._number[piece.kept[self._old]] = np.flatnonzero(self._old)
         self._was = np.where(self._old[None, :, None], old_positions[:, np.maximum(piece.kept, 0)], 0.0)
 
-    def build_puppet(self, name: str, notes: list[str]) -> Puppet:
+    def build_puppet(self, name: str, notes: list[str]) -> ExampleCharacter:
         """Returns the half as a puppet called ``name``, with new control points where they are needed."""
         puppet, size = self._puppet, float(np.linalg.norm(np.ptp(self._puppet.mesh.vertices, axis=0)))
         own_layers = [
@@ -161,7 +161,9 @@ class _Half:
             )
         return checked.with_changes(layers=self._fitting_layers(follow, {point.name for point in points}))
 
-    def _puppet_with_points(self, puppet: Puppet, name: str, points: list[ControlPoint]) -> Puppet:
+    def _puppet_with_points(
+        self, puppet: ExampleCharacter, name: str, points: list[ControlPoint]
+    ) -> ExampleCharacter:
         """Returns a puppet with this side's mesh and the control points ``points``. In each key pose, the
         points are on the old surface."""
         vertices = [point.vertex for point in points]

@@ -89,7 +89,7 @@ class Axes:
         )
 
 
-def moved_mesh(mesh: Mesh, root: Float, axes: Axes, to: Float) -> Mesh:
+def convert_mesh_axes(mesh: Mesh, root: Float, axes: Axes, to: Float) -> Mesh:
     """Converts a mesh to other axes about the point ``root`` (3,), and moves that point to ``to`` (3,). Both
     are in metres."""
     vertices = to + axes.vectors(mesh.vertices - root)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.document import Shape, Skeleton
+from enliven.document import RiggedCharacter, Skeleton
 from enliven.errors import InputError
 from enliven.modeling.rigged.spans import Spans
 
@@ -32,7 +32,7 @@ class Bone(NamedTuple):
     spans: Spans
 
 
-def list_bones(shape: Shape) -> list[Bone]:
+def list_bones(shape: RiggedCharacter) -> list[Bone]:
     """Returns the bones of a shape, in the order of its joints."""
     skeleton = shape.skeleton
     parents = ["" if parent < 0 else skeleton.names[parent] for parent in skeleton.parents]
@@ -49,7 +49,7 @@ def skeleton_of_bones(bones: Sequence[Bone]) -> Skeleton:
     return Skeleton(tuple(bone.name for bone in bones), parents, np.array([bone.rest for bone in bones]))
 
 
-def rebuild_shape(shape: Shape, bones: Sequence[Bone], **changes: object) -> Shape:
+def rebuild_shape(shape: RiggedCharacter, bones: Sequence[Bone], **changes: object) -> RiggedCharacter:
     """Returns the shape with the given bones and with ``changes`` of its attributes. A pin is kept if its
     joint still exists."""
     modeling = np.array([bone.modeling for bone in bones])
@@ -60,7 +60,9 @@ def rebuild_shape(shape: Shape, bones: Sequence[Bone], **changes: object) -> Sha
     return shape.with_changes(skeleton=skeleton_of_bones(bones), **attributes)
 
 
-def bone_numbers_in(shape: Shape, bones: Sequence[Bone], instead: dict[str, str] | None = None) -> Int:
+def bone_numbers_in(
+    shape: RiggedCharacter, bones: Sequence[Bone], instead: dict[str, str] | None = None
+) -> Int:
     """Returns the number (N,) in ``bones`` of each bone of the shape, or of the bone that replaces it
     (``instead``).
     """
@@ -69,7 +71,7 @@ def bone_numbers_in(shape: Shape, bones: Sequence[Bone], instead: dict[str, str]
     return np.array([number[instead.get(name, name)] for name in shape.skeleton.names], np.int64)
 
 
-def bone_number(shape: Shape, bone: int | str, *, root: bool = True) -> int:
+def bone_number(shape: RiggedCharacter, bone: int | str, *, root: bool = True) -> int:
     """Returns the number of a bone given by number or by the name of its joint.
 
     Raises:

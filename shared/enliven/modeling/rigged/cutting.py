@@ -5,13 +5,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.document import STILL, Project, Shape, unused
+from enliven.document import STILL, Project, RiggedCharacter, unused
 from enliven.errors import InputError
 from enliven.modeling.mesh.mesh_cut import Cut, cut_across_bone
 from enliven.modeling.mesh.meshes import matching_bone_numbers, with_piece
 from enliven.modeling.rigged.bones import Bone, bone_number, check_fraction, list_bones, rebuild_shape
 from enliven.modeling.rigged.nodes import insert_node, new_name, split_bone
-from enliven.modeling.rigged.posed import animation_rotation, posed, restore_world_rotations, with_travel_kept
+from enliven.modeling.rigged.posed import (
+    animation_rotation,
+    compute_pose,
+    restore_world_rotations,
+    with_travel_kept,
+)
 from enliven.rotation import conjugate, multiply, normalized
 
 _JOINT_TOLERANCE = 1e-9
@@ -73,8 +78,8 @@ def cut_bone(
 
 
 def split_shape(
-    project: Project, shape: Shape, j: int, at: float, time: float | None, name: str | None
-) -> tuple[Shape, Shape]:
+    project: Project, shape: RiggedCharacter, j: int, at: float, time: float | None, name: str | None
+) -> tuple[RiggedCharacter, RiggedCharacter]:
     """Returns the two shapes of a cut, without meshes. The lower shape has a new id. See :func:`cut_bone`."""
     shape = shape.with_changes(mesh=None, skin=None)
     project = project.with_characters(shape)
@@ -83,7 +88,7 @@ def split_shape(
         # The rest pose has no motion that must be compensated, so insert a node and cut at that node.
         project, _ = insert_node(project, shape.id, j, at, name=name)
         shape, at = project.shape(shape.id), 1.0
-    turns, joints = posed(project, shape, time)
+    turns, joints = compute_pose(project, shape, time)
     parent = int(shape.skeleton.parents[j])
     above, place = (parent, joints[parent]) if at <= _JOINT_TOLERANCE else (j, joints[j])
     if at <= _JOINT_TOLERANCE:
@@ -106,7 +111,9 @@ def split_shape(
     return first, second
 
 
-def assign_cut_sides(old_shape: Shape, upper: Shape, lower: Shape, cut: Cut) -> tuple[Shape, Shape]:
+def assign_cut_sides(
+    old_shape: RiggedCharacter, upper: RiggedCharacter, lower: RiggedCharacter, cut: Cut
+) -> tuple[RiggedCharacter, RiggedCharacter]:
     """Assigns the two sides of a cut mesh to the two shapes. The near side goes to the upper shape."""
     node = lower.skeleton.names[0]
     # In the lower shape, vertices that followed bones above the cut need a new bone. If the cut is inside a
@@ -123,7 +130,7 @@ Halves = tuple[list[Bone], list[Bone]]
 becomes the lower root."""
 
 
-def _cut_before_bone(shape: Shape, j: int) -> Halves:
+def _cut_before_bone(shape: RiggedCharacter, j: int) -> Halves:
     """Separates bone j and its descendants from the other bones."""
     bones = list_bones(shape)
     off = set(shape.skeleton.below(j))
@@ -131,7 +138,7 @@ def _cut_before_bone(shape: Shape, j: int) -> Halves:
     return [bone for i, bone in enumerate(bones) if i not in off], [bones[shape.skeleton.parents[j]], *lower]
 
 
-def _cut_at_joint(shape: Shape, j: int) -> Halves:
+def _cut_at_joint(shape: RiggedCharacter, j: int) -> Halves:
     """Separates the descendants of joint j from the other bones."""
     bones = list_bones(shape)
     off = set(shape.skeleton.below(j)) - {j}
@@ -139,14 +146,16 @@ def _cut_at_joint(shape: Shape, j: int) -> Halves:
     return [bone for i, bone in enumerate(bones) if i not in off], [bones[j], *lower]
 
 
-def _split_bone(project: Project, shape: Shape, j: int, at: float, time: float, name: str) -> Halves:
+def _split_bone(
+    project: Project, shape: RiggedCharacter, j: int, at: float, time: float, name: str
+) -> Halves:
     """Returns the bones above and below a cut inside bone j, with compensation for the lost part of their
     motion."""
     bones = list_bones(shape)
     bones[j : j + 1] = split_bone(bones[j], bones, at, name)
     node = rebuild_shape(shape, bones)
-    old = animation_rotation(posed(project, shape, time)[0], shape, j)
-    turns, _ = posed(project, node, time)
+    old = animation_rotation(compute_pose(project, shape, time)[0], shape, j)
+    turns, _ = compute_pose(project, node, time)
     first, second = animation_rotation(turns, node, j), animation_rotation(turns, node, j + 1)
     # The upper half must rotate as the whole bone did, so its rotation is m a_old a_new^-1. The lower root
     # passes that rotation on to the lower half, so the lower half's own motion is inverted.
@@ -157,7 +166,7 @@ def _split_bone(project: Project, shape: Shape, j: int, at: float, time: float, 
     return upper, lower
 
 
-def _refuse_boneless(shape: Shape, upper: list[Bone], lower: list[Bone]) -> None:
+def _refuse_boneless(shape: RiggedCharacter, upper: list[Bone], lower: list[Bone]) -> None:
     """Raises an error if a side of the cut is a single joint without bones."""
     for bones, side in ((upper, "above"), (lower, "below")):
         if len(bones) < 2:

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from enliven.arrays import Float
-from enliven.document import Shape, unused
+from enliven.document import RiggedCharacter, unused
 from enliven.modeling.rigged.axes import Axes
 from enliven.modeling.rigged.bones import Bone, list_bones
 from enliven.modeling.rigged.nodes import without_before
-from enliven.modeling.rigged.spans import has_motion, joined_spans, rotation_without_takes
+from enliven.modeling.rigged.spans import has_motion, join_consecutive_spans, rotation_without_takes
 from enliven.modeling.skinning.skins import follows_bone
 from enliven.rotation import conjugate, multiply, normalized
 
 
 def graft_bones(
-    host: Shape, j: int, graft: Shape, world: Float, axes: Axes, layers: dict[str, str]
+    host: RiggedCharacter, j: int, graft: RiggedCharacter, world: Float, axes: Axes, layers: dict[str, str]
 ) -> tuple[list[Bone], dict[str, str]]:
     """Returns the graft's bones, attached to the host's joint j and in the host's rest axes, and the new
     names of the graft's joints.
@@ -55,12 +55,12 @@ def _combined_rotation(root: Bone, bone: Bone) -> Bone:
     if not has_motion(root.spans):
         fixed = multiply(root.modeling, rotation_without_takes(root.spans))
         return bone._replace(modeling=normalized(multiply(fixed, bone.modeling)))
-    spans = joined_spans(root.spans, bone.spans, 0.0, bone.modeling)
+    spans = join_consecutive_spans(root.spans, bone.spans, 0.0, bone.modeling)
     modeling, spans = without_before(root.modeling, spans)
     return bone._replace(modeling=normalized(modeling), spans=spans)
 
 
-def _unused_joint_names(host: Shape, names: list[str]) -> dict[str, str]:
+def _unused_joint_names(host: RiggedCharacter, names: list[str]) -> dict[str, str]:
     """Returns an unused name for each joint of the graft except the root, which becomes the node."""
     used_names: dict[str, object] = dict.fromkeys(host.skeleton.names)
     new_names = {}
@@ -70,6 +70,6 @@ def _unused_joint_names(host: Shape, names: list[str]) -> dict[str, str]:
     return new_names
 
 
-def root_has_skin(shape: Shape) -> bool:
+def root_has_skin(shape: RiggedCharacter) -> bool:
     """Returns True if a vertex follows the root's own rotation."""
     return shape.skin is not None and bool(follows_bone(shape.skin, 0).any())

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int
-from enliven.document import Layer, Pin, Project, Shape, SkinWeights, are_identical, unused
+from enliven.document import Layer, Pin, Project, RiggedCharacter, SkinWeights, are_identical, unused
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.modeling.mesh.joining import SkinnedSurface, join_surfaces
 from enliven.modeling.mesh.meshes import bone_maps, identity_maps, posed_vertices
 from enliven.modeling.mesh.seam import SeamSettings, heal_seam
-from enliven.modeling.rigged.axes import Axes, moved_mesh
+from enliven.modeling.rigged.axes import Axes, convert_mesh_axes
 from enliven.modeling.rigged.bones import bone_number, check_fraction, list_bones, rebuild_shape
 from enliven.modeling.rigged.graft import graft_bones, root_has_skin
 from enliven.modeling.rigged.nodes import insert_node
@@ -112,7 +112,7 @@ def merge(
     return project.without(graft_id).with_characters(merged), names
 
 
-def _converted_layers(host: Shape, graft: Shape, axes: Axes) -> dict[str, Layer]:
+def _converted_layers(host: RiggedCharacter, graft: RiggedCharacter, axes: Axes) -> dict[str, Layer]:
     """Converts the graft's layers to the host's rest axes. Returns them in a dictionary with their old ids as
     keys.
 
@@ -129,7 +129,7 @@ def _converted_layers(host: Shape, graft: Shape, axes: Axes) -> dict[str, Layer]
     return converted
 
 
-def _skinned_surface(shape: Shape, pose: ShapePose, time: float | None) -> SkinnedSurface | None:
+def _skinned_surface(shape: RiggedCharacter, pose: ShapePose, time: float | None) -> SkinnedSurface | None:
     """Returns the skinned mesh: posed at ``time``, or at rest if ``time`` is None."""
     if shape.mesh is None or shape.skin is None:
         return None
@@ -138,18 +138,23 @@ def _skinned_surface(shape: Shape, pose: ShapePose, time: float | None) -> Skinn
 
 
 def _place_graft(
-    surface: SkinnedSurface | None, graft: Shape, node: Float, axes: Axes, numbers: Int, time: float | None
+    surface: SkinnedSurface | None,
+    graft: RiggedCharacter,
+    node: Float,
+    axes: Axes,
+    numbers: Int,
+    time: float | None,
 ) -> SkinnedSurface | None:
     """Converts the graft's rest surface to the host's axes, moves it to the node, and renumbers its bones."""
     if surface is None:
         return None
-    mesh = moved_mesh(surface.mesh, graft.skeleton.positions[0], axes, node)
+    mesh = convert_mesh_axes(surface.mesh, graft.skeleton.positions[0], axes, node)
     posed = mesh.vertices if time is None else surface.seen
     return SkinnedSurface(mesh, renumber_bones(surface.skin, numbers), posed)
 
 
 def _merged_surface(
-    merged: Shape,
+    merged: RiggedCharacter,
     host: SkinnedSurface | None,
     graft: SkinnedSurface | None,
     merged_pose: ShapePose | None,
@@ -177,7 +182,7 @@ def _merged_surface(
     return join_surfaces(host, graft, maps, heal, loose=loose, notes=notes, where=f"shape {merged.id!r}")
 
 
-def _renamed_pins(graft: Shape, names: dict[str, str]) -> tuple[Pin, ...]:
+def _renamed_pins(graft: RiggedCharacter, names: dict[str, str]) -> tuple[Pin, ...]:
     """Returns the graft's pins with the new names of its joints."""
     return tuple(replace(pin, joint=names[pin.joint], start=names[pin.start]) for pin in graft.pins)
 
@@ -189,7 +194,7 @@ def _exact_identity(turn: Float) -> Float:
     return IDENTITY if np.abs(turn[1:]).max() < 1e-13 else turn
 
 
-def _first_bone(graft: Shape, time: float | None) -> int:
+def _first_bone(graft: RiggedCharacter, time: float | None) -> int:
     """Returns the bone that moves rigidly with the mesh at the root. In the rest pose it is the root."""
     only = graft.skeleton.children[0]
     return only[0] if time is not None and len(only) == 1 and not root_has_skin(graft) else 0

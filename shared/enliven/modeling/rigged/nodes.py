@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Project, Shape, SkinWeights, unused
+from enliven.document import Project, RiggedCharacter, SkinWeights, unused
 from enliven.errors import InputError
 from enliven.modeling.rigged.bones import (
     Bone,
@@ -18,7 +18,13 @@ from enliven.modeling.rigged.bones import (
     rebuild_shape,
 )
 from enliven.modeling.rigged.posed import with_travel_kept
-from enliven.modeling.rigged.spans import AT_ONCE, Spans, joined_spans, rigid_continuation, split_spans
+from enliven.modeling.rigged.spans import (
+    NO_BLEND,
+    Spans,
+    join_consecutive_spans,
+    rigid_continuation,
+    split_spans,
+)
 from enliven.modeling.skinning.skins import find_nearest_bone, renumber_bones, shared_skin, upper_part
 from enliven.rotation import IDENTITY, multiply
 
@@ -72,7 +78,7 @@ def insert_node(
     return project.with_characters(rebuild_shape(shape, bones, skin=skin)), name
 
 
-def new_name(shape: Shape, j: int, name: str | None) -> str:
+def new_name(shape: RiggedCharacter, j: int, name: str | None) -> str:
     """Returns a name for a joint on bone j: the given name, or a generated name.
 
     Raises:
@@ -109,18 +115,18 @@ def without_before(modeling: Float, spans: Spans) -> tuple[Float, Spans]:
     """Moves the fixed rotation at the start of the spans into the modeling rotation (4,). Returns both. The
     total rotation does not change."""
     first = np.array(spans[0].before)
-    return multiply(modeling, first), (replace(spans[0], before=AT_ONCE), *spans[1:])
+    return multiply(modeling, first), (replace(spans[0], before=NO_BLEND), *spans[1:])
 
 
 def remove_node(project: Project, shape_id: str, joint: int | str) -> Project:
     """Removes a joint. Its children attach to its parent joint, and rotate as before.
 
     If an inner node is removed, its bone and each bone below it become one bone with the motions of both in
-    sequence (see ``joined_spans``). Every bone below keeps its world rotation at every time, even if the two
-    bones play different takes. AniMesh drops the motion in that case (section 8, Figure 13). Removing a node
-    inserted by :func:`insert_node` restores the bone. A leaf is removed with its bone, and the vertices that
-    followed it then follow the parent bone. If several bones start at the removed joint, each of them then
-    starts at the parent joint.
+    sequence (see ``join_consecutive_spans``). Every bone below keeps its world rotation at every time, even
+    if the two bones play different takes. AniMesh drops the motion in that case (section 8, Figure 13).
+    Removing a node inserted by :func:`insert_node` restores the bone. A leaf is removed with its bone, and
+    the vertices that followed it then follow the parent bone. If several bones start at the removed joint,
+    each of them then starts at the parent joint.
 
     Raises:
         InputError: if the joint is the root, because the whole shape depends on it.
@@ -144,18 +150,18 @@ def remove_node(project: Project, shape_id: str, joint: int | str) -> Project:
     return project.with_characters(with_travel_kept(project, shape, rest))
 
 
-def _join_bones(upper: Bone, lower: Bone, shape: Shape) -> Bone:
+def _join_bones(upper: Bone, lower: Bone, shape: RiggedCharacter) -> Bone:
     """Returns the bone that replaces two bones if the joint between them is removed."""
     lengths = shape.skeleton.lengths
     first = lengths[shape.skeleton.index(upper.name)]
     total = first + lengths[shape.skeleton.index(lower.name)]
     length_fraction = float(first / total) if total > 0 else 0.5
-    spans = joined_spans(upper.spans, lower.spans, length_fraction, lower.modeling)
+    spans = join_consecutive_spans(upper.spans, lower.spans, length_fraction, lower.modeling)
     modeling, spans = without_before(upper.modeling, spans)
     return Bone(lower.name, upper.parent, lower.rest, modeling, spans)
 
 
-def _skin_without(shape: Shape, j: int, bones: list[Bone]) -> SkinWeights | None:
+def _skin_without(shape: RiggedCharacter, j: int, bones: list[Bone]) -> SkinWeights | None:
     """Returns the skin with the weights of bone j moved to the nearest bone below it. For a leaf, they move
     to the parent bone."""
     if shape.mesh is None or shape.skin is None:

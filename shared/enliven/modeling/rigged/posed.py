@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Project, Shape
+from enliven.document import Project, RiggedCharacter
 from enliven.errors import InputError
 from enliven.modeling.rigged.spans import rotation_without_takes
 from enliven.motion.layers.evaluate import ShapePose, evaluate_pose
@@ -13,7 +13,7 @@ from enliven.motion.layers.travel import travel_scale
 from enliven.rotation import conjugate, multiply, normalized, rotate
 
 
-def posed(project: Project, shape: Shape, time: float | None) -> tuple[Float, Float]:
+def compute_pose(project: Project, shape: RiggedCharacter, time: float | None) -> tuple[Float, Float]:
     """Returns the world rotations D_j (N, 4) and the positions (N, 3) of the joints.
 
     Args:
@@ -26,10 +26,10 @@ def posed(project: Project, shape: Shape, time: float | None) -> tuple[Float, Fl
     return pose.turns, pose.joints
 
 
-def pose_with_stretch(project: Project, shape: Shape, time: float | None) -> ShapePose:
-    """Returns the pose with the stretch of the bones. It has the same arguments as :func:`posed`."""
+def pose_with_stretch(project: Project, shape: RiggedCharacter, time: float | None) -> ShapePose:
+    """Returns the pose with the stretch of the bones. It has the same arguments as :func:`compute_pose`."""
     if time is None:
-        return ShapePose(*as_modeled(shape))
+        return ShapePose(*compute_modeled_pose(shape))
     if not np.isfinite(time):
         raise InputError(
             f"the time {time} is not finite", where=f"shape {shape.id!r}", remedy="Give seconds."
@@ -37,7 +37,7 @@ def pose_with_stretch(project: Project, shape: Shape, time: float | None) -> Sha
     return evaluate_pose(project.with_characters(shape), shape.id, float(time))
 
 
-def as_modeled(shape: Shape) -> tuple[Float, Float]:
+def compute_modeled_pose(shape: RiggedCharacter) -> tuple[Float, Float]:
     """Returns the pose without takes: world rotations (N, 4) and positions (N, 3). A rotation is D_j =
     D_parent m_j b_j, where b_j are the fixed rotations of the bone's spans.
     """
@@ -51,7 +51,7 @@ def as_modeled(shape: Shape) -> tuple[Float, Float]:
     return turns, positions
 
 
-def with_travel_kept(project: Project, old: Shape, new: Shape) -> Shape:
+def with_travel_kept(project: Project, old: RiggedCharacter, new: RiggedCharacter) -> RiggedCharacter:
     """Restores the travel scale that a shape had before an edit, so that its strides keep their length
     although its height has changed.
     """
@@ -63,8 +63,8 @@ def with_travel_kept(project: Project, old: Shape, new: Shape) -> Shape:
 
 
 def restore_world_rotations(
-    project: Project, part: Shape, whole_shape: Shape, turns: Float, time: float | None
-) -> Shape:
+    project: Project, part: RiggedCharacter, whole_shape: RiggedCharacter, turns: Float, time: float | None
+) -> RiggedCharacter:
     """Restores, in a part of a shape that has lost a pin, the world rotations of the whole shape at ``time``.
 
     The rotations that the pin caused are added to the modeling rotations.
@@ -73,7 +73,7 @@ def restore_world_rotations(
         turns: (N, 4) the world rotations of the whole shape.
     """
     rotation_by_name = dict(zip(whole_shape.skeleton.names, turns, strict=True))
-    current, _ = posed(project, part, time)
+    current, _ = compute_pose(project, part, time)
     modeling = np.array(part.modeling)
     for j, name in enumerate(part.skeleton.names):
         parent = int(part.skeleton.parents[j])
@@ -92,7 +92,7 @@ def restore_world_rotations(
     return part.with_changes(modeling=modeling)
 
 
-def animation_rotation(turns: Float, shape: Shape, j: int) -> Float:
+def animation_rotation(turns: Float, shape: RiggedCharacter, j: int) -> Float:
     """Computes (4,) the animation rotation a_j = (D_parent m_j)^-1 D_j in a pose with the world rotations
     ``turns``."""
     parent = int(shape.skeleton.parents[j])

@@ -6,10 +6,10 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.document import Project, Shape
+from enliven.document import Project, RiggedCharacter
 from enliven.errors import InputError
 from enliven.modeling.rigged.bones import bone_number
-from enliven.modeling.rigged.posed import animation_rotation, posed
+from enliven.modeling.rigged.posed import animation_rotation, compute_pose
 from enliven.rotation import IDENTITY, conjugate, multiply, normalized, swing
 
 
@@ -76,17 +76,17 @@ def drag_joint(
 
 def _posed_bone(
     project: Project, shape_id: str, bone: int | str, time: float | None
-) -> tuple[Shape, int, Float, Float]:
+) -> tuple[RiggedCharacter, int, Float, Float]:
     shape = project.shape(shape_id)
-    return shape, bone_number(shape, bone), *posed(project, shape, time)
+    return shape, bone_number(shape, bone), *compute_pose(project, shape, time)
 
 
-def _parent_rotation(turns: Float, shape: Shape, j: int) -> Float:
+def _parent_rotation(turns: Float, shape: RiggedCharacter, j: int) -> Float:
     """Returns the world rotation (4,) of bone j's parent."""
     return turns[int(shape.skeleton.parents[j])] if j else IDENTITY
 
 
-def _with_modeling(project: Project, shape: Shape, j: int, modeling: Float) -> Project:
+def _with_modeling(project: Project, shape: RiggedCharacter, j: int, modeling: Float) -> Project:
     changed = np.array(shape.modeling)
     changed[j] = normalized(modeling)
     return project.with_characters(shape.with_changes(modeling=changed))

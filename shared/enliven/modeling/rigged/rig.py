@@ -9,24 +9,24 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import (
+    GraphCharacter,
     GraphPart,
-    GraphShape,
     Layer,
     MotionKey,
     PoseStream,
     Project,
     Ref,
-    Shape,
+    RiggedCharacter,
     character_of,
     clip_from_keys,
     unused,
 )
 from enliven.modeling.mesh.meshes import posed_vertices
 from enliven.modeling.rig import CharacterState, Merge, Player, RigEdits
-from enliven.modeling.rigged.axes import Axes, moved_mesh
+from enliven.modeling.rigged.axes import Axes, convert_mesh_axes
 from enliven.modeling.rigged.bones import list_bones, rebuild_shape
 from enliven.modeling.rigged.merging import merge as merge_shapes
-from enliven.modeling.rigged.posed import pose_with_stretch, posed, with_travel_kept
+from enliven.modeling.rigged.posed import compute_pose, pose_with_stretch, with_travel_kept
 from enliven.modeling.rigged.posing import drag_joint
 from enliven.modeling.rigged.stroke_cut import cut_shape_along_stroke
 from enliven.motion.layers.evaluate import Player as ShapePlayer
@@ -40,20 +40,20 @@ class ShapeRig(RigEdits):
     drawn = staticmethod(character_of)
     cut = staticmethod(cut_shape_along_stroke)
 
-    def centre(self, shape: Shape) -> Float:
+    def centre(self, shape: RiggedCharacter) -> Float:
         """Returns the position (3,) of the root in the rest pose, in metres."""
         return np.asarray(shape.skeleton.positions[0] + shape.place)
 
-    def rest(self, shape: Shape) -> Float:
+    def rest(self, shape: RiggedCharacter) -> Float:
         """Returns the vertices at rest, (V, 3) metres. For a skeleton without a mesh, returns its joints."""
         return shape.skeleton.positions if shape.mesh is None else shape.mesh.vertices
 
-    def seen(self, project: Project, shape: Shape, time: float) -> Float:
+    def seen(self, project: Project, shape: RiggedCharacter, time: float) -> Float:
         """Returns the vertices at a time, (V, 3) metres. For a shape without a mesh, returns its joints."""
         pose = pose_with_stretch(project, shape, time)
         return pose.joints if shape.mesh is None else posed_vertices(shape, pose.linear, pose.joints)
 
-    def surface(self, project: Project, shape: Shape) -> Callable[[float], Float]:
+    def surface(self, project: Project, shape: RiggedCharacter) -> Callable[[float], Float]:
         """Returns a function from a time to the vertices (V, 3) in metres. For a shape without a mesh, it
         returns the joints."""
         if shape.mesh is not None:
@@ -61,7 +61,7 @@ class ShapeRig(RigEdits):
         prepared = ShapePlayer(project, shape.id)
         return lambda time: prepared.at(time).joints
 
-    def player(self, project: Project, shape: Shape) -> Player:
+    def create_player(self, project: Project, shape: RiggedCharacter) -> Player:
         """Returns a function that evaluates the compiled layers. The handles are the joints."""
         prepared = ShapePlayer(project, shape.id)
 
@@ -71,11 +71,13 @@ class ShapeRig(RigEdits):
 
         return at
 
-    def dragged(self, project: Project, shape: Shape, handle: int, place: Float, time: float) -> Project:
+    def drag_handle(
+        self, project: Project, shape: RiggedCharacter, handle: int, place: Float, time: float
+    ) -> Project:
         """Points the bone of the joint at ``place``. If the joint is the root, the shape is moved there."""
         return drag_joint(project, shape.id, handle, place, time)
 
-    def key_layer(self, project: Project, shape: Shape, handle: int) -> int | None:
+    def key_layer(self, project: Project, shape: RiggedCharacter, handle: int) -> int | None:
         """Returns the number of the first layer of keys that moves the bone, or None."""
         laid = {ref.layer for span in shape.spans[handle] for ref in span.refs}
         numbers = (
@@ -83,7 +85,9 @@ class ShapeRig(RigEdits):
         )
         return next(numbers, None)
 
-    def with_key_layer(self, project: Project, shape: Shape, handle: int, key: MotionKey) -> Project:
+    def with_key_layer(
+        self, project: Project, shape: RiggedCharacter, handle: int, key: MotionKey
+    ) -> Project:
         """Adds a layer of rotations as the innermost layer of the bone's last span."""
         bone = shape.skeleton.names[handle]
         clip = clip_from_keys(unused(f"{bone} keys", project.takes), bone, [key])
@@ -95,7 +99,7 @@ class ShapeRig(RigEdits):
         shape = shape.with_changes(spans=tuple(spans), layers=layers)
         return project.with_takes(clip).with_characters(shape)
 
-    def moved(self, shape: Shape, offset: Float, turn: Float, about: Float) -> Shape:
+    def moved(self, shape: RiggedCharacter, offset: Float, turn: Float, about: Float) -> RiggedCharacter:
         """Moves the shape by changing the root's modeling rotation and position, and the basis of its
         travel."""
         place = rotate(turn, self.centre(shape) - about) + about + offset - shape.skeleton.positions[0]
@@ -106,7 +110,7 @@ class ShapeRig(RigEdits):
         layers, travel = _turned_travel(shape, turn)
         return shape.with_changes(place=place, modeling=modeling, layers=layers, travel=travel)
 
-    def scaled(self, shape: Shape, factor: float) -> Shape:
+    def scaled(self, shape: RiggedCharacter, factor: float) -> RiggedCharacter:
         """Scales the rest pose and the strides. Rotations do not change."""
         centre = shape.skeleton.positions[0]
         bones = [bone._replace(rest=centre + factor * (bone.rest - centre)) for bone in list_bones(shape)]
@@ -116,7 +120,7 @@ class ShapeRig(RigEdits):
         stride = None if shape.travel_scale is None else shape.travel_scale * factor
         return rebuild_shape(shape, bones, mesh=mesh, travel_scale=stride)
 
-    def mirrored(self, project: Project, shape: Shape, axes: Axes) -> Shape:
+    def mirror(self, project: Project, shape: RiggedCharacter, axes: Axes) -> RiggedCharacter:
         """Reflects the rest pose and the mesh. Modeling rotations and layers are conjugated by the reflection
         (M D M)."""
         centre = shape.skeleton.positions[0]
@@ -128,13 +132,13 @@ class ShapeRig(RigEdits):
             )
             for bone in list_bones(shape)
         ]
-        mesh = None if shape.mesh is None else moved_mesh(shape.mesh, centre, axes, centre)
+        mesh = None if shape.mesh is None else convert_mesh_axes(shape.mesh, centre, axes, centre)
         layers = tuple(axes.layer(layer) for layer in shape.layers)
         return with_travel_kept(project, shape, rebuild_shape(shape, bones, mesh=mesh, layers=layers))
 
-    def as_graph(
-        self, project: Project, shape: Shape, times: Float, stream_id: str
-    ) -> tuple[GraphShape, PoseStream, str]:
+    def convert_to_graph_shape(
+        self, project: Project, shape: RiggedCharacter, times: Float, stream_id: str
+    ) -> tuple[GraphCharacter, PoseStream, str]:
         """Converts each bone to a node at its start. Skin and pose do not change, and the result is exact at
         the given times."""
         drawn, mesh = character_of(shape), shape.mesh
@@ -145,19 +149,22 @@ class ShapeRig(RigEdits):
         stream = PoseStream(stream_id, linear, joints[:, above], float(times[1] - times[0]))
         part = GraphPart(stream_id, np.arange(len(above)), offset=float(times[0]))
         pivots = shape.skeleton.positions[above]
-        return GraphShape(shape.id, pivots, drawn.edges, mesh, drawn.skin, (part,)), stream, ""
+        return GraphCharacter(shape.id, pivots, drawn.edges, mesh, drawn.skin, (part,)), stream, ""
 
     def merged(self, project: Project, merge: Merge) -> Project:
         """Attaches the graft's root to the node, or by default to the nearest joint."""
         node, host, graft = merge.node, project.shape(merge.host), project.shape(merge.graft)
         if node is None:
-            joints, root = posed(project, host, merge.time)[1], posed(project, graft, merge.time)[1][0]
+            joints, root = (
+                compute_pose(project, host, merge.time)[1],
+                compute_pose(project, graft, merge.time)[1][0],
+            )
             node = int(np.linalg.norm(joints - root, axis=1).argmin())
         how = {"at": merge.at, "loose": merge.loose, "seam": merge.seam, "notes": merge.notes}
         return merge_shapes(project, host.id, node, graft.id, merge.time, **how)[0]
 
 
-def _turned_travel(shape: Shape, turn: Float) -> tuple[tuple[Layer, ...], str | None]:
+def _turned_travel(shape: RiggedCharacter, turn: Float) -> tuple[tuple[Layer, ...], str | None]:
     """Returns the layers with the root's path rotated, and the id of the travel layer. If the old travel
     layer also rotates bones, a new travel layer is added."""
     if shape.travel is None:

@@ -13,7 +13,7 @@ from enliven.document import Ref, Span
 from enliven.rotation import IDENTITY, canonical, multiply, normalized
 
 Spans = tuple[Span, ...]
-AT_ONCE = (1.0, 0.0, 0.0, 0.0)
+NO_BLEND = (1.0, 0.0, 0.0, 0.0)
 """The identity rotation: ``before`` of a span that starts without a fixed rotation."""
 _MIN_BONE_FRACTION = 1e-12
 """Minimum length of a span as a fraction of its bone. Shorter spans count as empty."""
@@ -51,7 +51,9 @@ def rigid_continuation(spans: Spans, layers: frozenset[str]) -> Spans:
     return (Span(refs=refs),)
 
 
-def joined_spans(upper: Spans, lower: Spans, upper_fraction: float, between: Float = IDENTITY) -> Spans:
+def join_consecutive_spans(
+    upper: Spans, lower: Spans, upper_fraction: float, between: Float = IDENTITY
+) -> Spans:
     """Returns the spans of one bone that replaces two consecutive bones.
 
     Args:
@@ -88,7 +90,7 @@ def exact_rotation(turn: Float) -> tuple[float, float, float, float]:
     identity only by rounding becomes the exact identity."""
     w, x, y, z = canonical(normalized(turn)).tolist()
     if abs(x) + abs(y) + abs(z) < _MIN_BONE_FRACTION:
-        return AT_ONCE
+        return NO_BLEND
     return w, x, y, z
 
 
@@ -127,7 +129,7 @@ def _merge_neighbours(spans: Spans) -> Spans:
 
 def _forms_one_span(first: Span, second: Span) -> bool:
     """Returns True if two spans form one span: same layers, no gap, and the same rate along the bone."""
-    if second.before != AT_ONCE or len(first.refs) != len(second.refs):
+    if second.before != NO_BLEND or len(first.refs) != len(second.refs):
         return False
     if not first.refs:
         return True

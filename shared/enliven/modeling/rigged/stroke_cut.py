@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.document import Project, Shape
+from enliven.document import Project, RiggedCharacter
 from enliven.errors import InputError
 from enliven.modeling.mesh.cut_surfaces import CutSurface
 from enliven.modeling.mesh.mesh_cut import cut_by_stroke
@@ -83,7 +83,7 @@ def cut_shape_along_stroke(
     return project.with_characters(*shapes), tuple(part.id for part in shapes)
 
 
-def bone_crossings(shape: Shape, stroke: CutSurface, joints: Float) -> list[Crossing]:
+def bone_crossings(shape: RiggedCharacter, stroke: CutSurface, joints: Float) -> list[Crossing]:
     """Finds the crossings of a stroke with the bones of a shape, by bisection.
 
     Args:
@@ -107,7 +107,7 @@ def bone_crossings(shape: Shape, stroke: CutSurface, joints: Float) -> list[Cros
     return crossings
 
 
-def _check_crossings(shape: Shape, crossings: Sequence[Crossing]) -> None:
+def _check_crossings(shape: RiggedCharacter, crossings: Sequence[Crossing]) -> None:
     """Raises an error if the stroke does not determine which parts are cut off."""
     location, names = f"shape {shape.id!r}", shape.skeleton.names
     if not crossings:
@@ -126,7 +126,7 @@ def _check_crossings(shape: Shape, crossings: Sequence[Crossing]) -> None:
 
 
 def _upper_numbers(
-    old_shape: Shape, upper: Shape, crossings: Sequence[Crossing], nodes: Sequence[str]
+    old_shape: RiggedCharacter, upper: RiggedCharacter, crossings: Sequence[Crossing], nodes: Sequence[str]
 ) -> Int:
     """Returns for each old bone the number (N,) of its bone in the upper shape. Bones that were cut off map
     to the remaining half of the cut bone.

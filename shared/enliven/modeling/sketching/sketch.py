@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.document import Shape, Skeleton, skeleton_from_links, still_shape
+from enliven.document import RiggedCharacter, Skeleton, skeleton_from_links, still_shape
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.meshes.planar import triangulate_loops
@@ -67,7 +67,7 @@ FRONT = SketchPlane(np.zeros(3), np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 
 
 def shape_from_stroke(
     stroke: Float, plane: SketchPlane = FRONT, depth: float = 1.0, id: str = "part"
-) -> Shape:
+) -> RiggedCharacter:
     """Builds a shape at rest from a closed stroke.
 
     Args:

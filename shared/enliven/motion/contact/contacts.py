@@ -61,11 +61,11 @@ def find_contacts(
     still = np.zeros(len(places))
     speed = np.linalg.norm(np.gradient(places, step, axis=0), axis=1) if len(places) > 1 else still
     is_down = np.empty(len(places), np.bool_)
-    touching(height, speed, how.height * size, how.speed * size, how.release, is_down)
+    detect_contact_frames(height, speed, how.height * size, how.speed * size, how.release, is_down)
     spans = find_runs(is_down)
     if modes is not None:
         low = np.empty_like(is_down)
-        touching(height, still, how.height * size, how.speed * size, how.release, low)
+        detect_contact_frames(height, still, how.height * size, how.speed * size, how.release, low)
         spans = find_runs(is_down & (modes == AUTO))
         for a, b in find_runs(low & (modes == ALWAYS)):
             spans += _split_steps(places, a, b, _MAX_HELD_DRIFT_LIMBS * size)
@@ -96,7 +96,7 @@ def find_runs(flags: Bool) -> list[tuple[int, int]]:
 
 
 @njit(cache=True, nogil=True)
-def touching(height, speed, low, slow, release, down):
+def detect_contact_frames(height, speed, low, slow, release, down):
     """Marks the frames in which a foot with the given ``height`` (F,) and ``speed`` (F,) touches the floor.
     Writes True to ``down`` (F,) in these frames."""
     now = False
@@ -107,7 +107,7 @@ def touching(height, speed, low, slow, release, down):
 
 
 @njit(cache=True, nogil=True)
-def hold(times, starts, ends, places, blend, weights, goals):
+def compute_hold_weights(times, starts, ends, places, blend, weights, goals):
     """Computes the weights (T,), in [0, 1], and the target positions ``goals`` (T, 3) of a locked joint at
     ``times`` (T,).
 

@@ -17,7 +17,14 @@ import scipy
 
 from enliven.arrays import Bool, Float, Int, Int32
 from enliven.document import Clip, LayerBase, PoseStream
-from enliven.motion.contact.contacts import ALWAYS, GROUND, Contacts, find_contacts, find_runs, hold
+from enliven.motion.contact.contacts import (
+    ALWAYS,
+    GROUND,
+    Contacts,
+    compute_hold_weights,
+    find_contacts,
+    find_runs,
+)
 from enliven.motion.contact.pin import HeldPin, pin_limb
 
 _ANALYSIS_RATE_HZ = 60.0
@@ -59,7 +66,7 @@ def find_analysis_window(
     """
     if not layers:
         return AnalysisWindow(0.0, 0.0, False)
-    lengths = [layer.lasting(takes[layer.take].duration) for layer in layers]
+    lengths = [layer.compute_loop_duration(takes[layer.take].duration) for layer in layers]
     start = min(layer.offset for layer in layers)
     end = max(layer.offset + length for layer, length in zip(layers, lengths, strict=True))
     looped = [length for layer, length in zip(layers, lengths, strict=True) if layer.loop]
@@ -77,14 +84,14 @@ class FootLock:
         grounds: for each of the P pins, the times at which its foot is only kept above the floor. Empty if no
             layer requests this.
         window: the time range that was analysed.
-        times: (F,) times of ``drops``, seconds.
-        drops: (F,) lowering of the root at ``times``, metres.
+        times: (F,) times of ``root_drops``, seconds.
+        root_drops: (F,) lowering of the root at ``times``, metres.
     """
 
     pins: tuple[tuple[HeldPin, Contacts], ...]
     window: AnalysisWindow
     times: Float
-    drops: Float
+    root_drops: Float
     grounds: tuple[Contacts, ...] = ()
 
     def pin_feet(
@@ -96,7 +103,7 @@ class FootLock:
         each parent to its joint. ``travelled`` (T, 3) is the displacement of the shape in earlier loops,
         metres.
         """
-        drops = np.interp(times, self.times, self.drops)
+        drops = np.interp(times, self.times, self.root_drops)
         joints[:, :, 1] -= drops[:, None]
         for pin, contacts in self.pins:
             weights, goals = _contact_weights(pin, contacts, times)
@@ -185,7 +192,9 @@ def _lift_sole(
 def _contact_weights(pin: HeldPin, contacts: Contacts, times: Float) -> tuple[Float, Float]:
     """Returns the lock weights (T,) of a foot at times (T,), and its target positions (T, 3)."""
     weights, goals = np.empty(len(times)), np.empty((len(times), 3))
-    hold(times, contacts.starts, contacts.ends, contacts.places, pin.settings.blend, weights, goals)
+    compute_hold_weights(
+        times, contacts.starts, contacts.ends, contacts.places, pin.settings.blend, weights, goals
+    )
     return weights, goals
 
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int32
-from enliven.document import ContactSettings, Pin, Project, Shape, Skeleton
+from enliven.document import ContactSettings, Pin, Project, RiggedCharacter, Skeleton
 from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.motion.kinematics.ik import two_bone
@@ -110,7 +110,7 @@ def unpin(project: Project, shape_id: str, joints: Sequence[int | str] | None = 
     return project.with_characters(shape.with_changes(pins=remaining_pins))
 
 
-def resolve_pins(shape: Shape) -> list[HeldPin]:
+def resolve_pins(shape: RiggedCharacter) -> list[HeldPin]:
     """Returns the pins of a shape with their joints resolved. Pins of missing limbs are left out."""
     skeleton, pins = shape.skeleton, []
     for pin in shape.pins:

@@ -10,7 +10,15 @@ import math
 
 from enliven.kernels import njit
 from enliven.motion.kinematics.quaternions import mul, turn
-from enliven.motion.kinematics.vectors import about, at_right_angles, cross, dot, length, minus, swing_to
+from enliven.motion.kinematics.vectors import (
+    cross,
+    dot,
+    length,
+    perpendicular_unit,
+    rotation_about,
+    subtract,
+    swing_to,
+)
 
 _NEARLY_STRAIGHT_SINE = 0.15
 """Maximum sine of the bend angle of a nearly straight limb."""
@@ -31,24 +39,24 @@ def two_bone(start, middle, end, goal, side):
     Returns:
         Two quaternions in world axes. Multiply them from the left with the current rotations of the parts.
     """
-    u, v = minus(start, middle), minus(end, middle)
+    u, v = subtract(start, middle), subtract(end, middle)
     a, b = length(u), length(v)
     if a < 1e-12 or b < 1e-12:
-        whole = swing_to(minus(end, start), minus(goal, start))
+        whole = swing_to(subtract(end, start), subtract(goal, start))
         return whole, whole
-    d = min(max(length(minus(goal, start)), abs(a - b)), a + b)
+    d = min(max(length(subtract(goal, start)), abs(a - b)), a + b)
     plane = cross(u, v)
     sine = length(plane) / (a * b)
     now = math.atan2(sine, dot(u, v) / (a * b))
     half = (d * d - (a - b) * (a - b)) / (4.0 * a * b)
     wanted = 2.0 * math.asin(math.sqrt(min(max(half, 0.0), 1.0)))
     n = bend_axis(u, plane, sine, max(now - wanted, 0.0), side)
-    q = about(n, wanted)
+    q = rotation_about(n, wanted)
     scale = b / a
     bent = turn(q, u[0] * scale, u[1] * scale, u[2] * scale)
     bend = swing_to(v, bent)
     reached = (middle[0] + bent[0], middle[1] + bent[1], middle[2] + bent[2])
-    whole = swing_to(minus(reached, start), minus(goal, start))
+    whole = swing_to(subtract(reached, start), subtract(goal, start))
     return whole, mul(whole, bend)
 
 
@@ -67,7 +75,7 @@ def bend_axis(u, plane, sine, more, side):
     if size > 1e-9 * length(u) * max(length(side), 1e-300):
         wish = (wish[0] / size, wish[1] / size, wish[2] / size)
     else:
-        wish = at_right_angles(u)
+        wish = perpendicular_unit(u)
     whole = length(plane)
     if whole < 1e-300:
         return wish

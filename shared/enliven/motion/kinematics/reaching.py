@@ -13,7 +13,7 @@ import numpy as np
 from enliven.kernels import njit
 from enliven.motion.kinematics.ik import two_bone
 from enliven.motion.kinematics.quaternions import between, conj, load, mul, store, turn
-from enliven.motion.kinematics.vectors import length, minus, row, swing_to
+from enliven.motion.kinematics.vectors import length, row, subtract, swing_to
 
 _FABRIK_ITERATIONS = 8
 """Number of FABRIK iterations. They only spread the bend over the chain. The closed form then reaches the
@@ -24,7 +24,7 @@ reach it with the current halves."""
 
 
 @njit(cache=True, nogil=True)
-def reach(points, goal, side, turns):
+def reach_goal(points, goal, side, turns):
     """Moves the end of a chain of points (K, 3) to ``goal``. Bones keep their lengths, and the first
     point stays in place.
 
@@ -39,29 +39,29 @@ def reach(points, goal, side, turns):
     first = row(points, 0)
     sizes = np.empty(count - 1)
     for i in range(count - 1):
-        sizes[i] = length(minus(row(points, i + 1), row(points, i)))
-    whole, far = sizes.sum(), length(minus(goal, first))
+        sizes[i] = length(subtract(row(points, i + 1), row(points, i)))
+    whole, far = sizes.sum(), length(subtract(goal, first))
     if far >= whole or count == 2:
         straighten(points, goal, sizes)
     elif count == 3:
-        settle(points, goal, side)
+        rotate_end_to_goal(points, goal, side)
     else:
         for _ in range(_MAX_REPETITIONS):
-            spread(points, goal, sizes)
-            settle(points, goal, side)
-            if length(minus(row(points, count - 1), goal)) < 1e-9 * whole:
+            run_fabrik(points, goal, sizes)
+            rotate_end_to_goal(points, goal, side)
+            if length(subtract(row(points, count - 1), goal)) < 1e-9 * whole:
                 break
-        if length(minus(row(points, count - 1), first)) < far * (1.0 - 1e-9):
+        if length(subtract(row(points, count - 1), first)) < far * (1.0 - 1e-9):
             unbend(points, goal, far, sizes)
     for i in range(count - 1):
-        old, new = minus(row(before, i + 1), row(before, i)), minus(row(points, i + 1), row(points, i))
+        old, new = subtract(row(before, i + 1), row(before, i)), subtract(row(points, i + 1), row(points, i))
         store(turns, i, swing_to(old, new))
 
 
 @njit(cache=True, nogil=True)
 def straighten(points, goal, sizes):
     """Straightens a chain (K, 3) with bone lengths ``sizes`` (K - 1,) towards the goal."""
-    way = minus(goal, row(points, 0))
+    way = subtract(goal, row(points, 0))
     far = length(way)
     if far < 1e-12:
         return
@@ -71,7 +71,7 @@ def straighten(points, goal, sizes):
 
 
 @njit(cache=True, nogil=True)
-def spread(points, goal, sizes):
+def run_fabrik(points, goal, sizes):
     """Runs FABRIK iterations on points (K, 3): backwards from the goal, then forwards from the first
     point.
     """
@@ -80,10 +80,10 @@ def spread(points, goal, sizes):
     for _ in range(_FABRIK_ITERATIONS):
         points[count - 1, 0], points[count - 1, 1], points[count - 1, 2] = goal
         for i in range(count - 2, -1, -1):
-            pulled(points, i + 1, i, sizes[i])
+            place_at_distance(points, i + 1, i, sizes[i])
         points[0, 0], points[0, 1], points[0, 2] = first
         for i in range(count - 1):
-            pulled(points, i, i + 1, sizes[i])
+            place_at_distance(points, i, i + 1, sizes[i])
 
 
 @njit(cache=True, nogil=True)
@@ -97,12 +97,12 @@ def unbend(points, goal, far, sizes):
     count = len(points)
     bends, unbent = np.empty((count - 1, 4)), points.copy()
     for i in range(count - 2):
-        a, b = minus(row(points, i + 1), row(points, i)), minus(row(points, i + 2), row(points, i + 1))
+        a, b = subtract(row(points, i + 1), row(points, i)), subtract(row(points, i + 2), row(points, i + 1))
         store(bends, i + 1, swing_to(a, b))
     low, high = 0.0, 1.0
     for _ in range(50):
         part = (low + high) / 2
-        link = minus(row(points, 1), row(points, 0))
+        link = subtract(row(points, 1), row(points, 0))
         scale = 1.0 / max(length(link), 1e-300)
         link = (link[0] * scale, link[1] * scale, link[2] * scale)
         for i in range(count - 1):
@@ -110,26 +110,26 @@ def unbend(points, goal, far, sizes):
                 # Apply a fraction of the bend. The bones before this bone were already rotated, and they
                 # rotate this bone too.
                 q = between((1.0, 0.0, 0.0, 0.0), load(bends, i), part)
-                old = minus(row(points, i), row(points, i - 1))
+                old = subtract(row(points, i), row(points, i - 1))
                 q = mul(mul(swing_to(old, link), q), conj(swing_to(old, link)))
                 link = turn(q, link[0], link[1], link[2])
             for axis in range(3):
                 unbent[i + 1, axis] = unbent[i, axis] + sizes[i] * link[axis]
-        if length(minus(row(unbent, count - 1), row(unbent, 0))) < far:
+        if length(subtract(row(unbent, count - 1), row(unbent, 0))) < far:
             high = part
         else:
             low = part
-    q = swing_to(minus(row(unbent, count - 1), row(unbent, 0)), minus(goal, row(unbent, 0)))
+    q = swing_to(subtract(row(unbent, count - 1), row(unbent, 0)), subtract(goal, row(unbent, 0)))
     for i in range(1, count):
-        way = minus(row(unbent, i), row(unbent, 0))
+        way = subtract(row(unbent, i), row(unbent, 0))
         x, y, z = turn(q, way[0], way[1], way[2])
         points[i, 0], points[i, 1], points[i, 2] = points[0, 0] + x, points[0, 1] + y, points[0, 2] + z
 
 
 @njit(cache=True, nogil=True)
-def pulled(points, fixed, moved, size):
+def place_at_distance(points, fixed, moved, size):
     """Moves point ``moved`` to distance ``size`` from point ``fixed``, keeping its direction."""
-    way = minus(row(points, moved), row(points, fixed))
+    way = subtract(row(points, moved), row(points, fixed))
     far = length(way)
     if far < 1e-12:
         return
@@ -138,7 +138,7 @@ def pulled(points, fixed, moved, size):
 
 
 @njit(cache=True, nogil=True)
-def settle(points, goal, side):
+def rotate_end_to_goal(points, goal, side):
     """Moves the end of the points (K, 3) to the goal in closed form, by rotating the two halves like two
     rigid bones."""
     count = len(points)
@@ -148,7 +148,7 @@ def settle(points, goal, side):
     for i in range(1, count):
         origin = 0 if i <= middle else middle
         q = upper if i <= middle else lower
-        way = minus(row(before, i), row(before, origin))
+        way = subtract(row(before, i), row(before, origin))
         x, y, z = turn(q, way[0], way[1], way[2])
         points[i, 0] = points[origin, 0] + x
         points[i, 1] = points[origin, 1] + y

@@ -10,7 +10,7 @@ from enliven.kernels import njit
 
 
 @njit(cache=True, nogil=True)
-def minus(a, b):
+def subtract(a, b):
     """Returns a - b of triples."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
@@ -40,7 +40,7 @@ def row(points, i):
 
 
 @njit(cache=True, nogil=True)
-def at_right_angles(a):
+def perpendicular_unit(a):
     """Returns a unit vector perpendicular to ``a`` that depends on ``a`` alone."""
     x, y, z = abs(a[0]), abs(a[1]), abs(a[2])
     axis = (1.0, 0.0, 0.0)
@@ -56,7 +56,7 @@ def at_right_angles(a):
 
 
 @njit(cache=True, nogil=True)
-def about(n, angle):
+def rotation_about(n, angle):
     """Returns the quaternion of a rotation about the unit vector ``n`` by ``angle`` radians."""
     s = math.sin(angle / 2)
     return math.cos(angle / 2), n[0] * s, n[1] * s, n[2] * s
@@ -75,6 +75,6 @@ def swing_to(a, b):
     if sine < 1e-14 * size * other:
         if dot(a, b) > 0.0:
             return 1.0, 0.0, 0.0, 0.0
-        n = at_right_angles(a)
+        n = perpendicular_unit(a)
         return 0.0, n[0], n[1], n[2]
-    return about((n[0] / sine, n[1] / sine, n[2] / sine), math.atan2(sine, dot(a, b)))
+    return rotation_about((n[0] / sine, n[1] / sine, n[2] / sine), math.atan2(sine, dot(a, b)))

@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from enliven.arrays import AnyArray
-from enliven.document import STILL, Layer, Project, Ref, Shape, Span, unused
+from enliven.document import STILL, Layer, Project, Ref, RiggedCharacter, Span, unused
 from enliven.motion.layers.basis import UP, VIEW, basis_from_views, first_bone
 from enliven.motion.layers.polyline import arc_lengths
 from enliven.motion.layers.retarget import check_downward_chain, clear_chain
@@ -81,7 +81,7 @@ _Piece = tuple[float, float, tuple[Ref, ...]]
 """Start and end, as fractions of the length, and the layer references on this interval."""
 
 
-def _chain_pieces(shape: Shape, chain: Sequence[int]) -> list[_Piece]:
+def _chain_pieces(shape: RiggedCharacter, chain: Sequence[int]) -> list[_Piece]:
     """Returns the spans of a chain's bones in order, each with its interval of the chain's arc length."""
     pieces: list[_Piece] = []
     for bone, (start, end) in _bone_intervals(shape, chain):
@@ -90,7 +90,7 @@ def _chain_pieces(shape: Shape, chain: Sequence[int]) -> list[_Piece]:
     return pieces
 
 
-def _bone_intervals(shape: Shape, chain: Sequence[int]) -> list[tuple[int, tuple[float, float]]]:
+def _bone_intervals(shape: RiggedCharacter, chain: Sequence[int]) -> list[tuple[int, tuple[float, float]]]:
     """Returns the bones of a chain, each with its interval of the chain's arc length."""
     bones = check_downward_chain(shape, chain)
     arc = arc_lengths(shape.skeleton, chain).tolist() if len(chain) > 1 else [0.0, 1.0]
@@ -105,8 +105,8 @@ def _span_intervals(spans: tuple[Span, ...]) -> list[tuple[float, float, Span]]:
 
 
 def _apply_along_chain(
-    shape: Shape, chain: Sequence[int], pieces: list[_Piece], layers: tuple[Layer, ...]
-) -> Shape:
+    shape: RiggedCharacter, chain: Sequence[int], pieces: list[_Piece], layers: tuple[Layer, ...]
+) -> RiggedCharacter:
     """Applies ``pieces`` of ``layers`` along a chain of a shape, as the innermost layers.
 
     The shape's spans are split at the ends of the pieces.

@@ -20,11 +20,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Int32
-from enliven.document import Layer, Shape
+from enliven.document import Layer, RiggedCharacter
 from enliven.kernels import njit
 from enliven.motion.contact.pin import find_bend, local_turns, rebuild
 from enliven.motion.kinematics.quaternions import between, conj, load, mul, store, turn
-from enliven.motion.kinematics.reaching import reach
+from enliven.motion.kinematics.reaching import reach_goal
 from enliven.motion.kinematics.vectors import row
 from enliven.motion.layers.polyline import Polyline, locate_on_knots
 from enliven.rotation import rotate
@@ -57,7 +57,7 @@ class EndEffectorChain:
     weight: float
 
 
-def end_effector_chains(shape: Shape, layer: Layer, line: Polyline) -> list[EndEffectorChain]:
+def end_effector_chains(shape: RiggedCharacter, layer: Layer, line: Polyline) -> list[EndEffectorChain]:
     """Returns the chains of a shape that a layer in the mode "end" drives. The list is empty if the take's
     chain has only one joint.
     """
@@ -75,7 +75,13 @@ def end_effector_chains(shape: Shape, layer: Layer, line: Polyline) -> list[EndE
 
 
 def _make_chain(
-    shape: Shape, chain: list[int], start: float, end: float, links: Float, knots: Float, weight: float
+    shape: RiggedCharacter,
+    chain: list[int],
+    start: float,
+    end: float,
+    links: Float,
+    knots: Float,
+    weight: float,
 ) -> EndEffectorChain | None:
     skeleton = shape.skeleton
     lengths = np.linalg.norm(links, axis=1)
@@ -91,7 +97,7 @@ def _make_chain(
     )
 
 
-def _layer_chains(shape: Shape, layer: str) -> list[tuple[list[int], float, float]]:
+def _layer_chains(shape: RiggedCharacter, layer: str) -> list[tuple[list[int], float, float]]:
     """Returns the chains of joints that refer to a layer, each with the start and end of its interval of the
     layer.
     """
@@ -142,11 +148,13 @@ def move_chain_end(
     fixed = (chain.joints, chain.side, chain.links, chain.knots, chain.parts, chain.scale, weights)
     # Copy to a contiguous array, so that Numba compiles the kernel only once.
     contiguous_knots = np.ascontiguousarray(knots)
-    lead_end(parents, vectors, *fixed, contiguous_knots, turns, joints)
+    move_end_to_target(parents, vectors, *fixed, contiguous_knots, turns, joints)
 
 
 @njit(cache=True, nogil=True)
-def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weights, knots, turns, joints):
+def move_end_to_target(
+    parents, vectors, chain, side, links, ends, parts, scale, weights, knots, turns, joints
+):
     """Moves the end of a chain to the position of the take's end, and updates its descendants.
 
     Args:
@@ -169,7 +177,10 @@ def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weights, 
         if weight == 0.0:
             continue
         q = conj(between(load(knots[t], ends[0]), load(knots[t], ends[0] + 1), parts[0]))
-        a, b = curve(links, knots[t], ends[0], parts[0]), curve(links, knots[t], ends[1], parts[1])
+        a, b = (
+            interpolate_polyline(links, knots[t], ends[0], parts[0]),
+            interpolate_polyline(links, knots[t], ends[1], parts[1]),
+        )
         way = turn(q, (b[0] - a[0]) * scale, (b[1] - a[1]) * scale, (b[2] - a[2]) * scale)
         way = turn(load(turns[t], chain[0]), way[0], way[1], way[2])
         start, end = row(joints[t], chain[0]), row(joints[t], chain[count - 1])
@@ -181,7 +192,7 @@ def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weights, 
         for i in range(count):
             points[i, 0], points[i, 1], points[i, 2] = row(joints[t], chain[i])
         bulge = turn(load(turns[t], chain[0]), side[0], side[1], side[2])
-        reach(points, goal, bulge, bone_turns)
+        reach_goal(points, goal, bulge, bone_turns)
         local_turns(parents, turns[t], local)
         for i in range(1, count):
             fixed[chain[i]] = True
@@ -191,7 +202,7 @@ def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weights, 
 
 
 @njit(cache=True, nogil=True)
-def curve(links, knots, knot, part):
+def interpolate_polyline(links, knots, knot, part):
     """Returns the position on the take's posed polyline at the fraction ``part`` of bone ``knot``, relative
     to its start.
     """

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import AnyArray, Float, Float32
-from enliven.document import Pose, Project, Shape, apply_stretch
+from enliven.document import Pose, Project, RiggedCharacter, apply_stretch
 from enliven.errors import InputError
 from enliven.motion.contact.contacts import Contacts
 from enliven.motion.contact.foot_lock import FootLock, compute_foot_lock, find_analysis_window
@@ -72,7 +72,7 @@ def evaluate_pose(project: Project, shape_id: str, seconds: float) -> ShapePose:
     return Player(project, shape_id).at(seconds)
 
 
-def pose_from(shape: Shape, at: ShapePose, seconds: float) -> Pose:
+def pose_from(shape: RiggedCharacter, at: ShapePose, seconds: float) -> Pose:
     """Converts a pose to the transforms of ``character_of``. Transform j is bone j, about the rest position
     of its parent.
     """
@@ -91,7 +91,7 @@ class Player:
         self.project, self.shape = project, project.shape(shape_id)
         self._sampler, self._travel = Sampler(project, self.shape), Travel(project, self.shape)
         parts = self._sampler
-        self._stretching = StretchLayers.of(parts, self.shape)
+        self._stretching = StretchLayers.from_sampler(parts, self.shape)
         self._driven_chains = [
             (number, part, chain)
             for number, (layer, line, part) in enumerate(

@@ -17,15 +17,17 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.document import FEET, Layer, Project, Shape
+from enliven.document import FEET, Layer, Project, RiggedCharacter
 from enliven.motion.contact.pin import HeldPin
-from enliven.motion.layers.timing import Clocks
+from enliven.motion.layers.timing import LayerClocks
 
 _MIN_ACTIVE_WEIGHT = 0.5
 """Minimum weight at which a fading layer determines the foot mode."""
 
 
-def foot_modes(project: Project, shape: Shape, pins: Sequence[HeldPin]) -> Callable[[Float], Int] | None:
+def foot_modes(
+    project: Project, shape: RiggedCharacter, pins: Sequence[HeldPin]
+) -> Callable[[Float], Int] | None:
     """Returns a function from times (T,) to the mode of each pinned foot. Returns None if all layers have the
     mode "auto"."""
     mode_layers = [
@@ -33,7 +35,7 @@ def foot_modes(project: Project, shape: Shape, pins: Sequence[HeldPin]) -> Calla
     ]
     if not mode_layers or not pins:
         return None
-    clocks = Clocks.of(mode_layers, [project.takes[layer.take] for layer in mode_layers])
+    clocks = LayerClocks.from_layers(mode_layers, [project.takes[layer.take] for layer in mode_layers])
     affects = [[_affects_pinned_limb(shape, layer, pin) for layer in mode_layers] for pin in pins]
     order = sorted(range(len(mode_layers)), key=lambda k: mode_layers[k].id != shape.travel)
 
@@ -49,7 +51,7 @@ def foot_modes(project: Project, shape: Shape, pins: Sequence[HeldPin]) -> Calla
     return modes
 
 
-def _affects_pinned_limb(shape: Shape, layer: Layer, pin: HeldPin) -> bool:
+def _affects_pinned_limb(shape: RiggedCharacter, layer: Layer, pin: HeldPin) -> bool:
     """Returns True if a layer rotates a bone of a pinned limb, or moves the root of the shape."""
     if layer.id == shape.travel:
         return True

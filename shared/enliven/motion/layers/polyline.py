@@ -50,7 +50,7 @@ class Polyline:
     base: int
 
     @staticmethod
-    def of(clip: Clip, chain: Sequence[int]) -> Polyline:
+    def from_clip(clip: Clip, chain: Sequence[int]) -> Polyline:
         """Returns the polyline along ``chain``.
 
         Raises:

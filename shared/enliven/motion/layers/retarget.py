@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import AnyArray
-from enliven.document import Clip, Layer, Project, Ref, Shape, Skeleton, Span, unused
+from enliven.document import Clip, Layer, Project, Ref, RiggedCharacter, Skeleton, Span, unused
 from enliven.errors import InputError
 from enliven.motion.layers.basis import UP, VIEW, basis_from_views, first_bone
 from enliven.motion.layers.polyline import arc_lengths, bones_along, is_downward
@@ -165,7 +165,7 @@ def chain_between(skeleton: Skeleton, start: int, end: int, *, extend: bool = Tr
     return (*path, *extend_to_leaf(skeleton, end)[1:]) if extend and is_downward(skeleton, path) else path
 
 
-def check_downward_chain(shape: Shape, chain: Sequence[int]) -> list[int]:
+def check_downward_chain(shape: RiggedCharacter, chain: Sequence[int]) -> list[int]:
     """Checks that a chain goes down the tree of a shape, and returns its bones. For a chain with a single
     joint, returns this joint's bone.
 

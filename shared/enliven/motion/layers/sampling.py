@@ -15,10 +15,10 @@ from itertools import groupby, pairwise
 import numpy as np
 
 from enliven.arrays import Float, Int32
-from enliven.document import Layer, Project, Shape, smooth_take
+from enliven.document import Layer, Project, RiggedCharacter, smooth_take
 from enliven.motion.kinematics.composing import own_turns
 from enliven.motion.layers.polyline import Polyline, blend_knots, knot_turns, locate_on_knots
-from enliven.motion.layers.timing import Clocks
+from enliven.motion.layers.timing import LayerClocks
 
 
 class Sampler:
@@ -31,10 +31,12 @@ class Sampler:
         parts: the slice of each layer in the K knots of all layers.
     """
 
-    def __init__(self, project: Project, shape: Shape) -> None:
+    def __init__(self, project: Project, shape: RiggedCharacter) -> None:
         self.layers: list[Layer] = sorted(active_layers(shape), key=_sampling_group)
         takes = [smooth_take(project.takes[layer.take], layer.smooth) for layer in self.layers]
-        self.lines = [Polyline.of(take, layer.chain) for take, layer in zip(takes, self.layers, strict=True)]
+        self.lines = [
+            Polyline.from_clip(take, layer.chain) for take, layer in zip(takes, self.layers, strict=True)
+        ]
         knot_bounds = np.cumsum([0, *(len(line.knots) for line in self.lines)]).tolist()
         self.parts = [slice(a, b) for a, b in pairwise(knot_bounds)]
         self._takes = [
@@ -75,7 +77,7 @@ class Sampler:
             if take_layers.id == take:
                 take_layers.fed = turns
 
-    def _lay_out(self, shape: Shape) -> None:
+    def _lay_out(self, shape: RiggedCharacter) -> None:
         """Converts the spans of each bone to a sequence of factors: samples of q, or their inverses.
 
         A span with layers 1 and 2 is C(0)^-1 C(1) = q2(a2)^-1 q1(a1)^-1 q1(b1) q2(b2). A sample that is used
@@ -127,9 +129,9 @@ class _TakeLayers:
     ) -> None:
         layers, lines = [all_layers[i] for i in numbers], [all_lines[i] for i in numbers]
         clip = lines[0].clip
-        self.numbers, self.id, self._turns, self._begin = numbers, clip.id, clip.finest.turns, begin
+        self.numbers, self.id, self._turns, self._begin = numbers, clip.id, clip.finest_motion.turns, begin
         self.fed: Float | None = None
-        self._clocks = Clocks.of(layers, [clip] * len(layers))
+        self._clocks = LayerClocks.from_layers(layers, [clip] * len(layers))
         self._bones = np.concatenate([line.bones for line in lines])
         self._first = np.cumsum([0, *(len(line.bones) for line in lines)]).astype(np.int32)
         self._bases = np.array([line.base for line in lines], np.int32)
@@ -163,7 +165,7 @@ class _TakeLayers:
         knot_turns(turns, self._bones, self._first, self._bases, at, *parameters)
 
 
-def active_layers(shape: Shape) -> list[Layer]:
+def active_layers(shape: RiggedCharacter) -> list[Layer]:
     """Returns the layers that rotate bones of the shape, without duplicates, muted layers and layers of
     weight 0.
     """

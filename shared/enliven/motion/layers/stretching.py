@@ -17,10 +17,10 @@ from itertools import pairwise
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Clip, Layer, Ref, Shape, Span
+from enliven.document import Clip, Layer, Ref, RiggedCharacter, Span
 from enliven.motion.layers.polyline import Polyline, locate_on_knots
 from enliven.motion.layers.sampling import Sampler
-from enliven.motion.layers.timing import Clocks
+from enliven.motion.layers.timing import LayerClocks
 from enliven.rotation import rotate, rotate_strain, stretch_from_strain
 
 _MIN_BONE_FRACTION = 1e-9
@@ -44,7 +44,7 @@ class _StretchLayer:
 
     layer: Layer
     clip: Clip
-    clock: Clocks
+    clock: LayerClocks
     bones: list[int]
     signs: Float
     offsets: Float
@@ -54,7 +54,7 @@ class _StretchLayer:
         """Returns (T, N, 3) offsets and (T, N, 6) strains at times (T,)."""
         played = self.clock.frames_at(times)
         weight = played.weight[:, 0] * self.layer.weight
-        finest = self.clip.finest
+        finest = self.clip.finest_motion
         totals = [np.zeros((len(times), len(self.bones), 3)), np.zeros((len(times), len(self.bones), 6))]
         for out, track in zip(totals, (finest.offsets, finest.strains), strict=True):
             if track is not None:
@@ -75,7 +75,7 @@ class _StretchLayer:
         """Returns an array (T, N) that is -1 for bones that are mirrored at a time, and otherwise 1. Returns
         None if no bone is ever mirrored.
         """
-        track = self.clip.finest.mirrors
+        track = self.clip.finest_motion.mirrors
         if track is None:
             return None
         played, main_bone = self.clock.frames_at(times), self.strains.argmax(1)
@@ -93,7 +93,7 @@ class StretchLayers:
         self._layers = layers
 
     @staticmethod
-    def of(sampler: Sampler, shape: Shape) -> StretchLayers | None:
+    def from_sampler(sampler: Sampler, shape: RiggedCharacter) -> StretchLayers | None:
         """Collects the layers of a shape that use the lengths and stretches of their takes. Returns None if
         there are none.
         """
@@ -133,7 +133,7 @@ class StretchLayers:
         return matrices
 
 
-def _prepare_layer(layer: Layer, line: Polyline, shape: Shape, ratios: Float) -> _StretchLayer:
+def _prepare_layer(layer: Layer, line: Polyline, shape: RiggedCharacter, ratios: Float) -> _StretchLayer:
     """Prepares one layer. ``ratios`` (N,) are metres of each bone of the shape per metre of the take."""
     skeleton, count = line.clip.skeleton, len(line.bones)
     upward = [int(skeleton.parents[a]) == b for a, b in pairwise(line.chain)] or [False]
@@ -158,10 +158,12 @@ def _prepare_layer(layer: Layer, line: Polyline, shape: Shape, ratios: Float) ->
             factors[1, j] += fraction * common / (high - low)
     signs = np.where(upward, -1.0, 1.0)
     bones = line.bones.tolist()
-    return _StretchLayer(layer, line.clip, Clocks.of([layer], [line.clip]), bones, signs, *factors)
+    return _StretchLayer(
+        layer, line.clip, LayerClocks.from_layers([layer], [line.clip]), bones, signs, *factors
+    )
 
 
-def _length_ratios(layer: Layer, line: Polyline, shape: Shape) -> Float:
+def _length_ratios(layer: Layer, line: Polyline, shape: RiggedCharacter) -> Float:
     """Returns the scale (N,) of each bone of a shape relative to a layer's take.
 
     The scale is NaN for a bone of zero length, and for all bones if the chain has zero length.

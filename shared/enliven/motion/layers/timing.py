@@ -40,7 +40,7 @@ class Times(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Clocks:
+class LayerClocks:
     """The playback parameters of layers.
 
     Attributes:
@@ -61,7 +61,7 @@ class Clocks:
     fine: tuple[Float | None, ...] = ()
 
     @staticmethod
-    def of(layers: Sequence[TimeMap], clips: Sequence[Clip]) -> Clocks:
+    def from_layers(layers: Sequence[TimeMap], clips: Sequence[Clip]) -> LayerClocks:
         """Builds the clocks of layers that play these takes."""
         rows, lanes, counts = [], list[tuple[float, ...]](), [0]
         for layer, clip in zip(layers, clips, strict=True):
@@ -76,7 +76,7 @@ class Clocks:
         first = np.array(list(accumulate(counts)), np.int64)
         table = np.array(rows, np.float64).reshape(-1, 8)
         fine = tuple(None if clip.fine is None else clip.fine.seconds for clip in clips)
-        return Clocks(table, np.array(lanes).reshape(-1, 6), first, tuple(layers), fine)
+        return LayerClocks(table, np.array(lanes).reshape(-1, 6), first, tuple(layers), fine)
 
     def frames_at(self, seconds: Float) -> Times:
         """Returns the frames at times (T,) of the project. The weights do not include
@@ -85,7 +85,9 @@ class Clocks:
         even = np.repeat(seconds[:, None], len(self.rows), 1)
         for number, layer in enumerate(self.layers):
             if layer.speeds:
-                even[:, number] = layer.offset + curve_from_keys(layer.speeds).area(seconds - layer.offset)
+                even[:, number] = layer.offset + curve_from_keys(layer.speeds).integrate(
+                    seconds - layer.offset
+                )
         _play_layers(even, self.rows, self.lanes, self.first, played)
         for number, moments in enumerate(self.fine):
             if moments is not None:

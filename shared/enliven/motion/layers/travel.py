@@ -13,10 +13,10 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Clip, Project, Shape, Skeleton, smooth_take
+from enliven.document import Clip, Project, RiggedCharacter, Skeleton, smooth_take
 from enliven.kernels import njit
 from enliven.motion.kinematics.quaternions import turn
-from enliven.motion.layers.timing import Clocks
+from enliven.motion.layers.timing import LayerClocks
 
 _MIN_ROOT_HEIGHT_FRACTION = 0.15
 """Minimum height of the root above the lowest joint of a skeleton that stands on legs, as a fraction of the
@@ -37,7 +37,7 @@ def skeleton_heights(skeleton: Skeleton) -> tuple[float, float]:
     return float(height[0] - height.min()), float(np.hypot(np.ptp(height), extent))
 
 
-def travel_scale(shape: Shape, clip: Clip) -> float:
+def travel_scale(shape: RiggedCharacter, clip: Clip) -> float:
     """Returns the ratio of the distances that the shape's root and the take's root travel.
 
     It is the shape's own ``travel_scale`` if it is set. Otherwise it is the ratio of the leg lengths, because
@@ -58,14 +58,14 @@ def travel_scale(shape: Shape, clip: Clip) -> float:
 class Travel:
     """The path of a shape's root over time."""
 
-    def __init__(self, project: Project, shape: Shape) -> None:
+    def __init__(self, project: Project, shape: RiggedCharacter) -> None:
         self._still = np.array(shape.skeleton.positions[0] + shape.place)
         layer = None if shape.travel is None else shape.layer(shape.travel)
         self.layer = None if layer is None or layer.muted else layer
         if self.layer is not None:
             clip = smooth_take(project.takes[self.layer.take], self.layer.smooth)
-            self._clip, self._root = clip, clip.finest.root
-            self._clocks = Clocks.of([self.layer], [clip])
+            self._clip, self._root = clip, clip.finest_motion.root
+            self._clocks = LayerClocks.from_layers([self.layer], [clip])
             self._factor = self.layer.weight * travel_scale(shape, clip)
             begin, end = (_root_position(clip, second) for second in self.layer.ends(clip.duration))
             self._round = (end - begin) * [1.0, 0.0, 1.0]
@@ -85,7 +85,7 @@ class Travel:
         rest_position, layer = self._clip.skeleton.positions[0], self.layer
         parameters = (layer.basis, layer.mirrored, self._factor, self._still)
         if self._fed:
-            travelled(
+            compute_root_path(
                 self._root,
                 rest_position,
                 self._round,
@@ -95,7 +95,7 @@ class Travel:
             )
             return root_positions
         played_frames = self._clocks.frames_at(times)
-        travelled(
+        compute_root_path(
             self._root,
             rest_position,
             self._round,
@@ -109,7 +109,7 @@ class Travel:
                 np.empty_like(root_positions),
                 played_frames.weight * self._clocks.weight_curves(times),
             )
-            travelled(
+            compute_root_path(
                 self._root,
                 rest_position,
                 self._round,
@@ -136,7 +136,7 @@ def _root_position(clip: Clip, second: float) -> Float:
 
 
 @njit(cache=True, nogil=True)
-def travelled(root, rest, each, frames, rounds, basis, mirrored, factor, still, out):
+def compute_root_path(root, rest, each, frames, rounds, basis, mirrored, factor, still, out):
     """Computes the positions ``out`` (T, 3): ``still`` plus the path, which is the displacement of
     ``root`` (F, 3) from ``rest`` at frames (T, 1).
 

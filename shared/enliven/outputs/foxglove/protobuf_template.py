@@ -14,9 +14,9 @@ from foxglove.messages import Timestamp
 
 from enliven.arrays import AnyArray, Float, Int, UInt8
 
-_MARK = 0x7A5E_C35A_0000_0000
+_PLACEHOLDER_NUMBER = 0x7A5E_C35A_0000_0000
 """Bits of the mark of number 0, as a double (about 1e282). The mark of number n is this value plus n."""
-_MARK_TIME = (1_234_567_891, 987_654_321)
+_PLACEHOLDER_TIME = (1_234_567_891, 987_654_321)
 """Seconds and nanoseconds of the mark of a time. Both are encoded in five bytes, like current times."""
 _VARINT_BYTES = 5
 """Size in bytes of the encoded seconds, and of the encoded nanoseconds."""
@@ -33,16 +33,16 @@ class ProtobufTemplate:
     """
 
     def __init__(self, encode: Callable[[Float, Timestamp], bytes], count: int) -> None:
-        marks = (np.arange(count, dtype=np.uint64) + np.uint64(_MARK)).view(np.float64)
-        data = encode(marks, Timestamp(*_MARK_TIME))
+        marks = (np.arange(count, dtype=np.uint64) + np.uint64(_PLACEHOLDER_NUMBER)).view(np.float64)
+        data = encode(marks, Timestamp(*_PLACEHOLDER_TIME))
         self._data: UInt8 = np.frombuffer(bytearray(data), np.uint8)
-        self._numbers = _places(data, [mark.tobytes() for mark in marks])
-        stamp = b"\x08" + _varint(_MARK_TIME[0]) + b"\x10" + _varint(_MARK_TIME[1])
-        begins = np.array(_occurrences(data, stamp), np.int64)[:, None]
+        self._numbers = _find_marks(data, [mark.tobytes() for mark in marks])
+        stamp = b"\x08" + _varint(_PLACEHOLDER_TIME[0]) + b"\x10" + _varint(_PLACEHOLDER_TIME[1])
+        begins = np.array(_find_occurrences(data, stamp), np.int64)[:, None]
         self._seconds = begins + 1 + np.arange(_VARINT_BYTES)
         self._nanoseconds = begins + 2 + _VARINT_BYTES + np.arange(_VARINT_BYTES)
 
-    def filled(self, numbers: Float, time_ns: int) -> bytes:
+    def fill_values(self, numbers: Float, time_ns: int) -> bytes:
         """Returns the message with ``numbers`` (``count``,) and the time. Values that are not finite become
         0."""
         if len(numbers) and not (numbers.max() < _FINITE_LIMIT and numbers.min() > -_FINITE_LIMIT):
@@ -60,7 +60,7 @@ def _varint(number: int) -> bytes:
     return bytes([*(part | 0x80 for part in parts[:-1]), parts[-1]])
 
 
-def _places(data: bytes, marks: list[bytes]) -> Int:
+def _find_marks(data: bytes, marks: list[bytes]) -> Int:
     """Returns the indices (N, 8) of the bytes of each mark in ``data``. The search is fast if the marks occur
     in their order."""
     begins, after = [], 0
@@ -73,7 +73,7 @@ def _places(data: bytes, marks: list[bytes]) -> Int:
     return places
 
 
-def _occurrences(data: bytes, part: bytes) -> list[int]:
+def _find_occurrences(data: bytes, part: bytes) -> list[int]:
     """Returns the indices at which ``part`` occurs in ``data``."""
     places, begin = list[int](), data.find(part)
     while begin >= 0:

@@ -110,7 +110,7 @@ class _Templates(Generic[_Template]):
     def __init__(self) -> None:
         self._templates: dict[Hashable, _Template] = {}
 
-    def of(self, key: Hashable, make: Callable[[], _Template]) -> _Template:
+    def get_template(self, key: Hashable, make: Callable[[], _Template]) -> _Template:
         """Returns the template of a key. If the key is new, ``make`` creates the template."""
         template = self._templates.get(key)
         if template is None:
@@ -138,7 +138,9 @@ class TransformsEncoder:
             names = [CAMERA, *rows.labels()] if camera is not None else rows.labels()
             return ProtobufTemplate(lambda n, time: transforms(names, n, time).encode(), numbers.size)
 
-        return self._templates.of((rows.key, camera is None), make).filled(numbers.ravel(), time_ns)
+        return self._templates.get_template((rows.key, camera is None), make).fill_values(
+            numbers.ravel(), time_ns
+        )
 
 
 def transforms(names: Sequence[str], numbers: Float, time: Timestamp) -> FrameTransforms:
@@ -182,7 +184,9 @@ class SceneEncoder:
         def make() -> ProtobufTemplate:
             return ProtobufTemplate(lambda n, time: scene(frame, n, time).encode(), len(numbers))
 
-        return self._templates.of((frame.rows.key, frame.held, shapes), make).filled(numbers, time_ns)
+        return self._templates.get_template((frame.rows.key, frame.held, shapes), make).fill_values(
+            numbers, time_ns
+        )
 
 
 def scene_numbers(frame: LiveFrame) -> Float:
@@ -216,7 +220,7 @@ def scene_numbers(frame: LiveFrame) -> Float:
     return np.concatenate([np.zeros(0), *parts], dtype=np.float64)
 
 
-class _Numbers:
+class _NumberReader:
     """A reader that returns successive numbers of an array as parts of messages.
 
     Args:
@@ -226,22 +230,22 @@ class _Numbers:
     def __init__(self, numbers: Float) -> None:
         self._numbers: Iterator[float] = iter(numbers.tolist())
 
-    def take(self, count: int) -> list[float]:
+    def take_numbers(self, count: int) -> list[float]:
         """Returns the next ``count`` numbers."""
         return [next(self._numbers) for _ in range(count)]
 
     def points(self, count: int) -> list[Point3]:
         """Returns the next ``count`` points."""
-        return [Point3(x=x, y=y, z=z) for x, y, z in (self.take(3) for _ in range(count))]
+        return [Point3(x=x, y=y, z=z) for x, y, z in (self.take_numbers(3) for _ in range(count))]
 
     def vector(self) -> Vector3:
         """Returns the next vector."""
-        x, y, z = self.take(3)
+        x, y, z = self.take_numbers(3)
         return Vector3(x=x, y=y, z=z)
 
     def turn(self) -> Quaternion:
         """Returns the next rotation."""
-        x, y, z, w = self.take(4)
+        x, y, z, w = self.take_numbers(4)
         return Quaternion(x=x, y=y, z=z, w=w)
 
 
@@ -252,7 +256,7 @@ def scene(frame: LiveFrame, numbers: Float, time: Timestamp) -> SceneUpdate:
         frame: the frame that defines names and colours.
         numbers: the result of :func:`scene_numbers`, or marks.
     """
-    source = _Numbers(numbers)
+    source = _NumberReader(numbers)
     entities = [_performer(f"{PERFORMER}{number}", source, time) for number in frame.performers]
     for info, pose in frame.posed:
         name, edges = pose.character, info.character.edges
@@ -268,11 +272,11 @@ def scene(frame: LiveFrame, numbers: Float, time: Timestamp) -> SceneUpdate:
     return SceneUpdate(entities=entities)
 
 
-def _performer(name: str, source: _Numbers, time: Timestamp) -> SceneEntity:
+def _performer(name: str, source: _NumberReader, time: Timestamp) -> SceneEntity:
     """Returns a performer as lines between the joints. The lower a joint's confidence, the more transparent
     it is."""
-    points, opacity = source.points(len(_ENDS)), source.take(len(_ENDS))
-    label, head, (seen,) = source.vector(), source.vector(), source.take(1)
+    points, opacity = source.points(len(_ENDS)), source.take_numbers(len(_ENDS))
+    label, head, (seen,) = source.vector(), source.vector(), source.take_numbers(1)
     size = Vector3(x=_HEAD_M, y=_HEAD_M, z=_HEAD_M)
     balls = [_ball(head, size, _colour(_PERFORMER_COLOUR, seen))]
     return _figure(name, time, points, opacity, _PERFORMER_COLOUR, label, balls)
@@ -311,9 +315,14 @@ def _figure(
     return _entity(name, time, lines=[lines], texts=[text], spheres=spheres)
 
 
-def _prop(name: str, is_box: bool, source: _Numbers, time: Timestamp) -> SceneEntity:
+def _prop(name: str, is_box: bool, source: _NumberReader, time: Timestamp) -> SceneEntity:
     """Returns a loose object as a box or a ball."""
-    position, turn, size, (red, green, blue) = source.vector(), source.turn(), source.vector(), source.take(3)
+    position, turn, size, (red, green, blue) = (
+        source.vector(),
+        source.turn(),
+        source.vector(),
+        source.take_numbers(3),
+    )
     pose, colour = Pose(position=position, orientation=turn), _colour((red, green, blue))
     if is_box:
         return _entity(name, time, cubes=[CubePrimitive(pose=pose, size=size, color=colour)])
@@ -349,8 +358,10 @@ class StageEncoder:
             joints = np.empty((len(Joint), 4))
             joints[:, :3], joints[:, 3] = body.joints, body.confidence
             parts += [np.array([body.height]), contacts, joints.ravel()]
-        template = self._templates.of(key, lambda: JsonTemplate(stage_value(frame), np.array(_DECIMALS)))
-        return template.filled(np.concatenate(parts))
+        template = self._templates.get_template(
+            key, lambda: JsonTemplate(stage_value(frame), np.array(_DECIMALS))
+        )
+        return template.fill_numbers(np.concatenate(parts))
 
 
 def stage_value(frame: LiveFrame) -> dict[str, Any]:

@@ -22,14 +22,14 @@ class MessageStream:
     """One end of the connection. One thread may read while another thread writes.
 
     Args:
-        end: the socket. :meth:`offer` and :meth:`flush` require a non-blocking socket.
+        end: the socket. :meth:`send_without_waiting` and :meth:`flush` require a non-blocking socket.
     """
 
     def __init__(self, end: socket.socket) -> None:
         self.socket = end
         self._unsent, self._received = memoryview(b""), bytearray()
 
-    def offer(self, kind: str, content: object) -> bool:
+    def send_without_waiting(self, kind: str, content: object) -> bool:
         """Sends a message without blocking. If the socket buffer is full, :meth:`flush` must send the
         remaining bytes.
 

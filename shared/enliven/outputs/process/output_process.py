@@ -99,7 +99,7 @@ class OutputProcess(Closeable):
                 self._replaced += 1
             self._newest = frame
             self._events.extend(frame.events)
-            self._offer()
+            self._send_waiting()
 
     def put_health(self, states: Sequence[HealthState]) -> None:
         """Passes the edge's health states to the process. Returns immediately."""
@@ -107,20 +107,20 @@ class OutputProcess(Closeable):
             return
         with self._lock:
             self._health = tuple(states)
-            self._offer()
+            self._send_waiting()
 
     def close(self) -> None:
         """Sends the last queued frame, and ends the process. A second call does nothing."""
         self._ended.set()
         with self._lock:
-            self._offer()
+            self._send_waiting()
         self._thread.join(_MAX_END_S if self.is_ready else _MAX_START_S)
         with self._lock:
             if self._running is not None:
                 self._running.process.kill()
         self._thread.join(_MAX_EXIT_S)
 
-    def _offer(self) -> None:
+    def _send_waiting(self) -> None:
         """Sends all queued messages without blocking. The caller must hold the lock.
 
         If the output is closing, then closes the write end of the connection, which ends the process.
@@ -134,7 +134,7 @@ class OutputProcess(Closeable):
             is_free = running.stream.flush()
             if is_free and self._health != running.health:
                 running.health = self._health
-                is_free = running.stream.offer("health", self._health)
+                is_free = running.stream.send_without_waiting("health", self._health)
             if is_free and self._newest is not None:
                 frame, events, self._newest = self._newest, self._events, None
                 if len(events) != len(frame.events):
@@ -194,15 +194,15 @@ class OutputProcess(Closeable):
             selector.register(running.stream.socket, selectors.EVENT_READ)
             while True:
                 with self._lock:
-                    self._offer()
+                    self._send_waiting()
                 if selector.select(_FLUSH_INTERVAL_S):
                     messages = running.stream.receive()
                     if messages is None:
                         return
                     for kind, content in messages:
-                        self._take(running, kind, content)
+                        self._handle_report(running, kind, content)
 
-    def _take(self, running: _Running, kind: str, content: Any) -> None:
+    def _handle_report(self, running: _Running, kind: str, content: Any) -> None:
         """Handles one report of the process."""
         match kind:
             case "ready":
@@ -213,7 +213,7 @@ class OutputProcess(Closeable):
             case "state":
                 self._skipped, running.wants_depth, rows = content
                 for status, row in zip(self.statuses, rows, strict=True):
-                    status.update(*row)
+                    status.add_counts(*row)
             case "log":
                 name, level, text = content
                 logging.getLogger(name).log(level, "%s", text)
@@ -252,7 +252,9 @@ class _Running:
         Raises:
             OSError: if the process has ended.
         """
-        return self.stream.offer("frame", self._encoder.encode(frame, self._share_depth(frame)))
+        return self.stream.send_without_waiting(
+            "frame", self._encoder.encode(frame, self._share_depth(frame))
+        )
 
     def end(self) -> int:
         """Closes the connection, waits for the end of the process, and returns its exit code."""

@@ -27,7 +27,7 @@ class OutputStatus:
         """Number of packets or frames that were not sent."""
         return self._before[1] + self._now[1]
 
-    def update(self, sent: int, errors: int, trouble: str) -> None:
+    def add_counts(self, sent: int, errors: int, trouble: str) -> None:
         """Stores the counts that the running process reports."""
         self._now, self.trouble = (sent, errors), trouble
 

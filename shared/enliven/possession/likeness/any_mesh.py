@@ -83,13 +83,13 @@ def find_extremities(graph: DeformationGraph) -> tuple[Int, Float, Float]:
     """
     distances = _GeodesicDistances(graph)
     count = len(graph.positions)
-    spread_nodes, nearest_distances = [0], distances.of(0)
+    spread_nodes, nearest_distances = [0], distances.from_node(0)
     for _ in range(min(count, 48) - 1):
         spread_nodes.append(int(np.argmax(nearest_distances)))
-        nearest_distances = np.minimum(nearest_distances, distances.of(spread_nodes[-1]))
-    middle_node = int(np.argmin(np.mean([distances.of(node) for node in spread_nodes], axis=0)))
-    tips, lengths = _prominent_peaks(distances.of(middle_node), graph.edges)
-    return tips, lengths, np.stack([distances.of(int(tip)) for tip in tips])
+        nearest_distances = np.minimum(nearest_distances, distances.from_node(spread_nodes[-1]))
+    middle_node = int(np.argmin(np.mean([distances.from_node(node) for node in spread_nodes], axis=0)))
+    tips, lengths = _prominent_peaks(distances.from_node(middle_node), graph.edges)
+    return tips, lengths, np.stack([distances.from_node(int(tip)) for tip in tips])
 
 
 def _prominent_peaks(height: Float, edges: Int32) -> tuple[Int, Float]:
@@ -140,7 +140,7 @@ class _GeodesicDistances:
         self._matrix = scipy.sparse.csr_matrix((np.maximum(lengths, 1e-9), (a, b)), (count, count))
         self._known: dict[int, Float] = {}
 
-    def of(self, node: int) -> Float:
+    def from_node(self, node: int) -> Float:
         """Returns the distances (N,) from a node, metres."""
         if node not in self._known:
             self._known[node] = scipy.sparse.csgraph.dijkstra(self._matrix, directed=False, indices=node)

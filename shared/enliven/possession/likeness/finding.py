@@ -7,7 +7,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.deformation.graph.graph import DeformationGraph
-from enliven.deformation.graph.surface_ends import limb_ends
+from enliven.deformation.graph.surface_ends import find_limb_ends
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.possession.likeness.any_mesh import body_from_extremities
@@ -40,9 +40,9 @@ def find_person_in_mesh(mesh: Mesh, ends: Float | None = None) -> BodyInMesh | N
             advice = "Name head, left hand, right hand, left foot and right foot, in this order, or none."
             problem = f"there are {len(ends)} ends, expected 5"
             raise InputError(problem, where=f"the mesh {mesh.name!r}", remedy=advice)
-        extremities = limb_ends(mesh, nodes=_NODE_COUNT)
+        extremities = find_limb_ends(mesh, nodes=_NODE_COUNT)
         return human_from_ends(extremities, five_ends_from_points(extremities, np.asarray(ends, np.float64)))
-    extremities = limb_ends(mesh, nodes=_NODE_COUNT)
+    extremities = find_limb_ends(mesh, nodes=_NODE_COUNT)
     best = find_five_ends(extremities, _MAX_PERSON_COST)
     if best is None:
         return None

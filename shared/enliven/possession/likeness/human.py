@@ -52,10 +52,20 @@ uncertain."""
 def human_from_ends(limb_ends: LimbEnds, ends: FiveEnds) -> BodyInMesh:
     """Computes the skeleton of a person in a mesh with these five ends."""
     limbs = _Limbs(limb_ends, ends)
-    arms = np.array([[limbs.ring(k, fraction, ends.tree.arm) for fraction in _ARM_FRACTIONS] for k in (1, 2)])
-    legs = np.array([[limbs.ring(k, fraction, ends.tree.leg) for fraction in _LEG_FRACTIONS] for k in (3, 4)])
+    arms = np.array(
+        [
+            [limbs.find_cross_section_centre(k, fraction, ends.tree.arm) for fraction in _ARM_FRACTIONS]
+            for k in (1, 2)
+        ]
+    )
+    legs = np.array(
+        [
+            [limbs.find_cross_section_centre(k, fraction, ends.tree.leg) for fraction in _LEG_FRACTIONS]
+            for k in (3, 4)
+        ]
+    )
     for leg in legs:
-        leg[0] = _hip_at_trunk(leg[0], leg[1], arms[:, 0].mean(0), limbs.trunk())
+        leg[0] = _hip_at_trunk(leg[0], leg[1], arms[:, 0].mean(0), limbs.find_trunk_centre())
     if (arms[0, 0] - arms[1, 0]) @ (legs[0, 0] - legs[1, 0]) < 0.0:
         legs = legs[::-1]
     height = float(np.ptp(limb_ends.points[:, 1])) or 1.0
@@ -65,7 +75,7 @@ def human_from_ends(limb_ends: LimbEnds, ends: FiveEnds) -> BodyInMesh:
     front_evidence = _front_evidence(arms, legs, ahead) / height + _MODELLED_FRONT_BIAS * ahead[2]
     if front_evidence < 0.0:
         arms, legs, ahead = arms[::-1], legs[::-1], -ahead
-    joints = _all_joints(arms, legs, limbs.skull(_SKULL_FRACTION * ends.tree.head))
+    joints = _all_joints(arms, legs, limbs.find_skull_centre(_SKULL_FRACTION * ends.tree.head))
     order = _order_ends(ends.points, joints)
     return BodyInMesh(
         joints,
@@ -89,7 +99,7 @@ class _Limbs:
         overshoot = ends.distances - length[:, None]
         self._owner, self._beyond = overshoot.argmin(0), (overshoot > 0).all(0)
 
-    def ring(self, limb: int, fraction: float, length: float) -> Float:
+    def find_cross_section_centre(self, limb: int, fraction: float, length: float) -> Float:
         """Returns the centre (3,), in metres, of a limb's cross section at a fraction of its length from its
         end.
         """
@@ -104,14 +114,14 @@ class _Limbs:
             centre + slope * np.clip(-mean, -_RING_HALF_WIDTH * length, _RING_HALF_WIDTH * length)
         )
 
-    def trunk(self) -> Float:
+    def find_trunk_centre(self) -> Float:
         """Returns the centre (3,) of the points that belong to no limb, metres. If every point belongs to a
         limb, returns the centre of all points.
         """
         is_trunk = self._beyond
         return np.asarray(self._points[is_trunk if is_trunk.any() else slice(None)].mean(0))
 
-    def skull(self, deep: float) -> Float:
+    def find_skull_centre(self, deep: float) -> Float:
         """Returns the centre (3,) of the points within ``deep`` metres of the head's end, metres."""
         in_skull = self._distances[0] < deep
         return np.asarray(

@@ -52,7 +52,7 @@ class BodyInMesh:
         return self.human and not self.doubts and self.strangeness < _MAX_PERSON_COST
 
     @property
-    def leg(self) -> float:
+    def leg_length(self) -> float:
         """Distance from hip to ankle, metres: the mean of both legs. NaN without legs."""
         lengths = [
             np.linalg.norm(self.joints[j] - self.joints[PARENTS[j]])

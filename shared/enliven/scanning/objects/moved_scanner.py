@@ -207,11 +207,11 @@ class MovedScanner:
         """
         first_rest, surface = self.rests[0], self.surface()
         ground = find_ground(surface)
-        self._place_all()
-        if len(self.rests) == 1 and not self.followed:
+        self._relocate_in_all_rests()
+        if len(self.rests) == 1 and not self.followed_images:
             focus = find_focus([pose for _, pose in first_rest.scanner.poses])
             return cut_out(surface, ground, focus, self.settings.cut_out)
-        mesh = self.joined()
+        mesh = self.merge_surfaces()
         if not len(mesh.faces):
             advice = "Let the object stand still for a second before you turn it, and turn it more slowly."
             raise InputError(
@@ -219,17 +219,17 @@ class MovedScanner:
             )
         return cut_whole_part(mesh, ground, self.settings.cut_out)
 
-    def joined(self) -> Mesh:
+    def merge_surfaces(self) -> Mesh:
         """Returns the surface of the object, merged from all rests, metres, in the world of the first
         rest.
         """
-        self._place_all()
+        self._relocate_in_all_rests()
         for rest in self.rests:
             rest.search_objects(0)
         return merge_rests(self.rests, self.settings, self.followers)
 
     @property
-    def followed(self) -> int:
+    def followed_images(self) -> int:
         """The number of images in which the object was tracked while it moved."""
         return sum(len(follower.poses) for follower in self.followers)
 
@@ -278,7 +278,7 @@ class MovedScanner:
         if self.model is not None and view is not None and step.state is ScanState.SCANNING:
             self.model.add(view, rest, step.world_from_camera)
 
-    def _place_all(self) -> None:
+    def _relocate_in_all_rests(self) -> None:
         """Searches for the object again in all rests in which it was not found. The search may succeed now
         because more of the surface is known.
         """

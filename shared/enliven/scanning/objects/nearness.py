@@ -7,7 +7,7 @@ import numpy as np
 from enliven.arrays import Float, Float32
 from enliven.kernels import njit, run_in_pieces
 from enliven.scanning.depth_view import DepthView
-from enliven.scanning.icp import look_up
+from enliven.scanning.icp import interpolate_field
 from enliven.scanning.tsdf_volume import TsdfVolume
 
 _ROWS_PER_PIECE = 16
@@ -48,5 +48,5 @@ def _fill_distances(points, pose, field, found, first, last):
             x = pose[0, 0] * px + pose[0, 1] * py + pose[0, 2] * pz + pose[0, 3]
             y = pose[1, 0] * px + pose[1, 1] * py + pose[1, 2] * pz + pose[1, 3]
             z = pose[2, 0] * px + pose[2, 1] * py + pose[2, 2] * pz + pose[2, 3]
-            if look_up(field, x, y, z, sample, cache):
+            if interpolate_field(field, x, y, z, sample, cache):
                 found[v, u] = sample[0]

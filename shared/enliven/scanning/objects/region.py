@@ -36,7 +36,7 @@ class ObjectRegion:
     ground: GroundPlane
     clearance: float
 
-    def holds(self, points: Float) -> Bool:
+    def contains_points(self, points: Float) -> Bool:
         """Returns a mask (...) of the points (..., 3) that lie in the region."""
         cells = np.floor((points - self.origin) / _CELL_M).astype(int)
         inside: Bool = np.asarray(((cells >= 0) & (cells < self.near.shape)).all(-1))
@@ -44,7 +44,7 @@ class ObjectRegion:
         return np.asarray(inside & self.near[x, y, z] & (self.ground.heights(points) > self.clearance))
 
 
-def region_around(mesh: Mesh, ground: GroundPlane, clearance: float, width: float) -> ObjectRegion:
+def create_region(mesh: Mesh, ground: GroundPlane, clearance: float, width: float) -> ObjectRegion:
     """Returns the region of all points within ``width`` metres of a surface."""
     points = sample_surface(mesh, _SURFACE_POINTS).points
     origin = points.min(0) - width - _CELL_M
@@ -58,4 +58,4 @@ def region_around(mesh: Mesh, ground: GroundPlane, clearance: float, width: floa
 def points_in_region(region: ObjectRegion, view: DepthView, world_from_camera: Float) -> Bool:
     """Returns (h, w) True for each point of a view that lies in a region."""
     world = view.points @ world_from_camera[:3, :3].T + world_from_camera[:3, 3]
-    return np.asarray((view.worth > 0) & region.holds(world))
+    return np.asarray((view.worth > 0) & region.contains_points(world))

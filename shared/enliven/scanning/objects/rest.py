@@ -17,7 +17,7 @@ from enliven.scanning.ground_plane import GroundPlane, find_focus, find_ground, 
 from enliven.scanning.marching_cubes import extract_surface
 from enliven.scanning.objects.floor import floor_plane
 from enliven.scanning.objects.free_space import SeenDepth, seen_depth
-from enliven.scanning.objects.region import ObjectRegion, points_in_region, region_around
+from enliven.scanning.objects.region import ObjectRegion, create_region, points_in_region
 from enliven.scanning.objects.registration import ScannedSurface
 from enliven.scanning.objects.surface_points import SurfacePoints, sample_surface
 from enliven.scanning.objects.vacated import vacated_fraction
@@ -129,7 +129,7 @@ class ObjectRest:
             part = self.parts.pop(number)
             self.parts.insert(0, part)
             self._stood.insert(0, self._stood.pop(number))
-            self._region = region_around(
+            self._region = create_region(
                 part, self.ground, self.settings.cut_out.clearance, _COMPARISON_DISTANCE_M
             )
             self._middle = np.mean(part.bounds, axis=0)
@@ -221,7 +221,7 @@ class ObjectRest:
         """Yields images restricted to the object's points, and their (4, 4) room_from_camera."""
         if self.ground is None or not self.parts:
             return
-        region = region_around(
+        region = create_region(
             self.parts[0], self.ground, self.settings.cut_out.clearance, _OBJECT_DISTANCE_M
         )
         for number, frame in self.scanner.history.frames(numbers):

@@ -133,7 +133,7 @@ def train(
         with torch.autocast(device.type, torch.bfloat16):
             out = network(image, _network_condition(batch))
         optimizer.zero_grad(set_to_none=True)
-        _training_loss(out, batch).backward()
+        _training_loss(out, batch).solve_backward()
         torch.nn.utils.clip_grad_norm_(network.parameters(), _MAX_GRADIENT_NORM)
         optimizer.step()
         stepped(step, network)

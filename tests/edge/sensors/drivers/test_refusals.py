@@ -15,7 +15,7 @@ from asked import KINDS
 from contract import DRIVERS, usable
 from hypothesis import given
 from hypothesis import strategies as st
-from patience import until
+from patience import wait_until
 from troubled import camera, picture
 
 from enliven.errors import InputError, ResourceError
@@ -272,7 +272,7 @@ def test_rehearsal_without_a_lens_gives_advice(tmp_path, sensor):
     errors: list[Exception] = []
     try:
         with open_sensor(sensor, rehearse=str(tmp_path / "square.mcap")) as playing:
-            until(lambda: seen(playing, errors), "what is said of its lens")
+            wait_until(lambda: seen(playing, errors), "what is said of its lens")
     except InputError as error:
         errors.append(error)
     reason = str(errors[0])

@@ -8,7 +8,7 @@ import uuid
 
 import pytest
 from contract import PATIENCE, helper_of, helpers
-from patience import until
+from patience import wait_until
 from wild import Wild
 
 from enliven.health import HealthKind
@@ -54,9 +54,9 @@ class Viewer:
                 return bool(self.beats) and not lost
             return kind in lost and words in health[kind]
 
-        until(holds, f"{kind}: {words}")
+        wait_until(holds, f"{kind}: {words}")
         heard = len(self.beats)
-        until(lambda: holds() and len(self.beats) >= heard + BEATS, f"heartbeats with {kind}")
+        wait_until(lambda: holds() and len(self.beats) >= heard + BEATS, f"heartbeats with {kind}")
 
 
 @pytest.fixture
@@ -79,7 +79,7 @@ def edge(tmp_path, monkeypatch):
         served.stop()
         thread.join(PATIENCE)
         assert not thread.is_alive()
-    until(lambda: not helpers(), "an end without a helper process")
+    wait_until(lambda: not helpers(), "an end without a helper process")
 
 
 @pytest.mark.slow
@@ -90,15 +90,15 @@ def test_heartbeats_continue_during_every_camera_failure(edge, tmp_path):
     (tmp_path / "slow").touch()
     (tmp_path / "gone").unlink()
     heard = len(viewer.beats)
-    until(lambda: viewer.hear() and len(viewer.beats) >= heard + BEATS, "heartbeats while it is opened")
+    wait_until(lambda: viewer.hear() and len(viewer.beats) >= heard + BEATS, "heartbeats while it is opened")
     assert sensor._device is None, "it still was"
     (tmp_path / "slow").unlink()
     viewer.until(None)
-    until(lambda: viewer.hear() is not None and viewer.link.status.sensor == "wild", "its own name")
+    wait_until(lambda: viewer.hear() is not None and viewer.link.status.sensor == "wild", "its own name")
     os.kill(helper_of(sensor), signal.SIGSTOP)
     viewer.until(HealthKind.NO_FRAMES, "no frame for")
     os.kill(helper_of(sensor), signal.SIGKILL)
-    until(lambda: HealthKind.SENSOR_LOST in viewer.hear(), "the crash noticed")
+    wait_until(lambda: HealthKind.SENSOR_LOST in viewer.hear(), "the crash noticed")
     viewer.until(None)
     (tmp_path / "gone").touch()
     viewer.until(HealthKind.SENSOR_LOST)

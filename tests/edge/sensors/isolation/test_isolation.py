@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from contract import next_frame
 from isolated_sensors import none_left, opener  # noqa: F401 (a fixture)
-from patience import until
+from patience import wait_until
 
 from enliven.errors import ResourceError
 from enliven_edge.sensors.base import SensorFault
@@ -130,7 +130,7 @@ def test_the_helper_ends_with_an_edge_that_was_killed(tmp_path):
     helper = int(device.name.split("-")[1])
     edge.kill()
     edge.wait()
-    until(lambda: ended(helper), "the end of the helper")
+    wait_until(lambda: ended(helper), "the end of the helper")
     assert set(Path("/dev/shm").glob("psm_*")) <= before
 
 

@@ -12,7 +12,7 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 pytest.importorskip("cv2", reason='OpenCV is not installed: pip install "./edge[libcamera]"')
-from stereo_rig import rig
+from stereo_rig import create_lenses
 
 from enliven import cli
 from enliven.errors import InputError
@@ -99,7 +99,10 @@ class Studio:
 @pytest.fixture(scope="module")
 def pairs(tmp_path_factory):
     """Renders a folder of image pairs. Returns the folder and the renderers."""
-    folder, studios = tmp_path_factory.mktemp("pairs"), [Studio(lens) for lens in rig(WIDTH, HEIGHT)]
+    folder, studios = (
+        tmp_path_factory.mktemp("pairs"),
+        [Studio(lens) for lens in create_lenses(WIDTH, HEIGHT)],
+    )
     for number, pose in enumerate(poses(9, 4, tilt=25, side=0.25, near=0.36, far=0.5)):
         for name, studio in zip(("left", "right"), studios, strict=True):
             Image.fromarray(studio.photograph(*pose, seed=number)).save(folder / f"{name}-{number:02}.png")
@@ -144,7 +147,7 @@ def test_the_sheet_is_the_board_to_the_millimetre(tmp_path, capsys):
 @settings(max_examples=3)
 @given(st.integers(0, 1000), st.floats(0.06, 0.2), st.floats(-2, 2))
 def test_cameras_are_found_from_what_they_see_of_a_board(seed, baseline, crooked):
-    lenses = rig(baseline=baseline, crooked=crooked)
+    lenses = create_lenses(baseline=baseline, crooked=crooked)
     solution = solve(BOARD, sightings(lenses, seed=seed), (640, 400))
     solved = solution.calibration
     assert solved is not None and all("both" in why or "not see" in why for why in solution.left_out.values())
@@ -156,7 +159,7 @@ def test_cameras_are_found_from_what_they_see_of_a_board(seed, baseline, crooked
 
 
 def test_a_pair_that_does_not_fit_is_left_out_by_name():
-    seen = sightings(rig())
+    seen = sightings(create_lenses())
     seen[5] = replace(seen[5], right={n: np.add(p, (0.0, 3.0)) for n, p in seen[5].right.items()})
     seen[7] = replace(seen[7], left={})
     seen[8] = replace(seen[8], right=dict(list(seen[8].right.items())[:4]))
@@ -168,7 +171,7 @@ def test_a_pair_that_does_not_fit_is_left_out_by_name():
 
 
 def test_good_calibration_is_judged_good_with_its_error():
-    judgement = rate_solution(BOARD, solve(BOARD, sightings(rig(), 30), (640, 400)))
+    judgement = rate_solution(BOARD, solve(BOARD, sightings(create_lenses(), 30), (640, 400)))
     assert judgement.verdict == "good" and judgement.is_usable and not judgement.advice
     facts = dict(judgement.facts)
     assert facts["baseline"] == "100.0 mm" or abs(float(facts["baseline"].split()[0]) - 100) < 0.5
@@ -181,7 +184,7 @@ def test_reported_disparity_error_covers_the_true_error(seed, noise):
     """The error is measured at 2 m over the whole image with known cameras. Boards were at most 0.8 m
     away.
     """
-    lenses = rig()
+    lenses = create_lenses()
     solution = solve(BOARD, sightings(lenses, noise=noise, seed=seed), (640, 400))
     rectification = Rectification(solution.calibration)
     across, down = np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-0.6, 0.6, 7))
@@ -205,12 +208,12 @@ def test_reported_disparity_error_covers_the_true_error(seed, noise):
     ],
 )
 def test_insufficient_calibration_gives_advice(of, sentence):
-    judgement = rate_solution(BOARD, solve(BOARD, sightings(rig(), **of), (640, 400)))
+    judgement = rate_solution(BOARD, solve(BOARD, sightings(create_lenses(), **of), (640, 400)))
     assert not judgement.is_usable and any(sentence in each for each in judgement.advice), judgement
 
 
 def test_exchanged_cameras_are_reported():
-    judgement = rate_solution(BOARD, solve(BOARD, sightings(rig()[::-1]), (640, 400)))
+    judgement = rate_solution(BOARD, solve(BOARD, sightings(create_lenses()[::-1]), (640, 400)))
     assert not judgement.is_usable and "exchanged" in judgement.advice[0]
 
 

@@ -10,19 +10,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 pytest.importorskip("cv2", reason='OpenCV is not installed: pip install "./edge[libcamera]"')
-from stereo_rig import calibration_of, rig
+from stereo_rig import calibration_of, create_lenses
 
 from enliven.errors import InputError, ResourceError
 from enliven_edge.sensors.stereo.calibration import load_calibration, save_calibration
 
-GOOD = calibration_of(*rig())
+GOOD = calibration_of(*create_lenses())
 
 
 @settings(max_examples=20)
 @given(st.floats(0.01, 2.0), st.floats(-3, 3), st.floats(0, 2))
 def test_calibration_file_round_trips(tmp_path_factory, baseline, crooked, bent):
     path = tmp_path_factory.mktemp("file") / "stereo.toml"
-    calibration = calibration_of(*rig(baseline=baseline, crooked=crooked, bent=bent))
+    calibration = calibration_of(*create_lenses(baseline=baseline, crooked=crooked, bent=bent))
     save_calibration(path, calibration, ["A remark\nof two lines."])
     assert load_calibration(path) == calibration
     assert path.read_text().startswith("# A remark of two lines.\n")

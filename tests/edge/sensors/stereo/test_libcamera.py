@@ -15,8 +15,8 @@ from isolated_sensors import none_left  # noqa: F401 (a fixture)
 from PIL import Image
 
 pytest.importorskip("cv2", reason='OpenCV is not installed: pip install "./edge[libcamera]"')
-from stereo_rig import calibration_of, rectified_left, rig
-from stereo_scene import Photographer, Plane
+from stereo_rig import calibration_of, create_lenses, rectified_left
+from stereo_scene import Plane, Renderer
 
 from enliven import cli
 from enliven.errors import EnlivenError, InputError, ResourceError
@@ -36,16 +36,16 @@ FRAMES = 12
 def recorded(tmp_path_factory):
     """Returns (driver options, true depth): pairs of a slanted wall, and the calibration."""
     folder = tmp_path_factory.mktemp("recorded")
-    lenses = rig(192, 120)
+    lenses = create_lenses(192, 120)
     calibration = calibration_of(*lenses)
-    photographer = Photographer([Plane((0, 0, 1.2), (0.3, 0.1, -1))])
+    photographer = Renderer([Plane((0, 0, 1.2), (0.3, 0.1, -1))])
     for name, lens in zip(("left", "right"), lenses, strict=True):
         (folder / name).mkdir()
-        image = Image.fromarray(photographer.picture(lens, noise=1.0))
+        image = Image.fromarray(photographer.render_image(lens, noise=1.0))
         for number in range(FRAMES):
             image.save(folder / name / f"{number:03}.png")
     save_calibration(folder / "stereo.toml", calibration, [])
-    truth = photographer.depth(rectified_left(Rectification(calibration)))
+    truth = photographer.render_depth(rectified_left(Rectification(calibration)))
     return {"calibration": str(folder / "stereo.toml"), "rehearse": str(folder)}, truth
 
 

@@ -6,15 +6,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 pytest.importorskip("cv2", reason='OpenCV is not installed: pip install "./edge[libcamera]"')
-from stereo_rig import calibration_of, rectified_left, rig
-from stereo_scene import Photographer, Plane, person, room
+from stereo_rig import calibration_of, create_lenses, rectified_left
+from stereo_scene import Plane, Renderer, person, room
 
 from enliven.errors import InputError
 from enliven_edge.sensors.stereo.matching import StereoMatcher, depth_table
 from enliven_edge.sensors.stereo.rectification import Rectification
 
 WIDTH, HEIGHT = 256, 160
-CAMERAS = rig(WIDTH, HEIGHT)
+CAMERAS = create_lenses(WIDTH, HEIGHT)
 RECTIFIED = Rectification(calibration_of(*CAMERAS))
 TRUE = rectified_left(RECTIFIED)
 FOCAL_BASELINE = RECTIFIED.intrinsics.fx * RECTIFIED.baseline
@@ -22,12 +22,12 @@ FOCAL_BASELINE = RECTIFIED.intrinsics.fx * RECTIFIED.baseline
 
 def pair(things, seed=0, gains=(1.0, 1.1)):
     """Returns (left, right) images with noise, vignetting and two exposures, and the true depth in metres."""
-    photographer = Photographer(things, seed)
+    photographer = Renderer(things, seed)
     images = [
-        photographer.picture(lens, gain=gain, vignette=0.3, noise=2.0)
+        photographer.render_image(lens, gain=gain, vignette=0.3, noise=2.0)
         for lens, gain in zip(CAMERAS, gains, strict=True)
     ]
-    return *images, photographer.depth(TRUE)
+    return *images, photographer.render_depth(TRUE)
 
 
 def disparity_error(depth, truth):
@@ -77,7 +77,7 @@ def test_depth_of_a_person_is_accurate_at_two_exposures(performance):
 
 def test_points_hidden_from_the_right_camera_get_no_depth(performance):
     left, right, truth = performance
-    photographer = Photographer(PERFORMANCE)
+    photographer = Renderer(PERFORMANCE)
     eye, looks = TRUE.rays(*(each.ravel().astype(float) for each in np.meshgrid(range(WIDTH), range(HEIGHT))))
     points = eye + looks * truth.reshape(-1, 1)
     other = -CAMERAS[1].turn.T @ CAMERAS[1].shift
@@ -146,7 +146,7 @@ def test_rectified_cameras_see_every_point_in_one_row(crooked, bent, baseline, s
     """The column difference equals the disparity of the depth; over random rigs and points."""
     from enliven_edge.sensors.stereo.stereo_solver import _rectify_points
 
-    lenses = rig(baseline=baseline, crooked=crooked, bent=bent)
+    lenses = create_lenses(baseline=baseline, crooked=crooked, bent=bent)
     calibration = calibration_of(*lenses)
     rectification = Rectification(calibration)
     random = np.random.default_rng(seed)

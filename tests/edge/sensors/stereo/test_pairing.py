@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from enliven.errors import ResourceError
-from enliven_edge.sensors.stereo.pairing import CameraImage, Pairing
+from enliven_edge.sensors.stereo.pairing import CameraImage, ImagePairing
 
 STEP, TOLERANCE = 33_333_333, 1_000_000
 IMAGE = np.zeros((1, 1), np.uint8)
@@ -36,7 +36,7 @@ flags = st.lists(st.booleans(), min_size=40, max_size=40)
     st.lists(st.integers(0, TOLERANCE // 2), min_size=1, max_size=7),
 )
 def test_every_picture_that_has_a_partner_finds_it(lost_left, lost_right, late, jitter):
-    pairing, pairs = Pairing("test", TOLERANCE), []
+    pairing, pairs = ImagePairing("test", TOLERANCE), []
     both = [n for n in range(40) if not lost_left[n] and not lost_right[n]]
     try:
         for picture in arrivals((lost_left, lost_right), late, jitter):
@@ -53,7 +53,7 @@ def test_every_picture_that_has_a_partner_finds_it(lost_left, lost_right, late, 
 
 
 def test_unsynchronised_cameras_are_reported_with_their_offset():
-    pairing = Pairing("test", TOLERANCE)
+    pairing = ImagePairing("test", TOLERANCE)
     with pytest.raises(ResourceError, match=r"not in step: 12\.0 ms apart.*sync"):
         for number in range(200):
             for eye in (0, 1):
@@ -62,7 +62,7 @@ def test_unsynchronised_cameras_are_reported_with_their_offset():
 
 
 def test_lost_synchronisation_is_reported_before_a_loss():
-    pairing, pairs = Pairing("test", TOLERANCE), 0
+    pairing, pairs = ImagePairing("test", TOLERANCE), 0
     with pytest.raises(ResourceError, match=r"not in step: 9\.0 ms"):
         for number in range(200):
             apart = 9_000_000 if number >= 20 else 0
@@ -72,7 +72,7 @@ def test_lost_synchronisation_is_reported_before_a_loss():
 
 
 def test_cameras_that_find_their_step_late_are_forgiven():
-    pairing, pairs = Pairing("test", TOLERANCE), 0
+    pairing, pairs = ImagePairing("test", TOLERANCE), 0
     for number in range(140):
         apart = max(0, 120 - number) * 1_000_000 // 6
         for eye in (0, 1):
@@ -82,7 +82,7 @@ def test_cameras_that_find_their_step_late_are_forgiven():
 
 @pytest.mark.parametrize("eye", [0, 1])
 def test_camera_without_images_is_named(eye):
-    pairing = Pairing("test", TOLERANCE)
+    pairing = ImagePairing("test", TOLERANCE)
     with pytest.raises(ResourceError, match=f"the {('right', 'left')[eye]} camera sends no images"):
         for number in range(200):
             pairing.add(CameraImage(eye, IMAGE, number * STEP, number))

@@ -8,7 +8,7 @@ from estimates_for_tests import EYE, estimate_of, seen_as, ways_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from people_seen_for_tests import CLASSES, SEEDS, seen_in, seen_person, taken
-from tolerances import alike, assert_alike
+from tolerances import are_alike, assert_alike
 
 from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.capsules import nearest_capsules
@@ -120,7 +120,7 @@ def test_thinning_keeps_what_each_point_looks_like(seed, step):
     thin = seen.thin(step)
     assert np.array_equal(thin.surface, seen.surface[:, ::step])
     assert np.array_equal(thin.rays, seen.rays[::step])
-    assert alike(thin.affinity(0.1), seen.affinity(0.1)[:, ::step])
+    assert are_alike(thin.affinity(0.1), seen.affinity(0.1)[:, ::step])
     assert thin.estimate is seen.estimate
 
 

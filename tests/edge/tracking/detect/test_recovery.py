@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from estimates_for_tests import estimate_of, seen_as
 from postures_seen_for_tests import observed
-from tolerances import SOLVED, assert_alike
+from tolerances import SOLVER_TOLERANCE, assert_alike
 
 from enliven.person.joints import Joint
 from enliven_edge.tracking.body_model import joint_limits, model
@@ -113,7 +113,7 @@ def test_landmarks_without_weight_change_nothing():
     unweighed = Fitter(FitSettings(landmarks=0.0)).fit(with_landmarks(plain, arm_out()), start)
     nothing = Fitter(FitSettings()).fit(with_landmarks(plain, arm_out(), ()), start)
     for fitted, other in (unweighed, nothing):
-        assert_alike(fitted.joints(), expected.joints(), SOLVED)
+        assert_alike(fitted.joints(), expected.joints(), SOLVER_TOLERANCE)
         assert other.energy == report.energy
 
 

@@ -147,7 +147,7 @@ def watched(monitor: HealthMonitor, frames) -> list[set[str]]:
     reported = []
     for each in frames:
         if monitor.admit(each):
-            monitor.judge(each, [standing()], MOUNT, TrackerState())
+            monitor.check_result(each, [standing()], MOUNT, TrackerState())
         reported.append(kinds(monitor))
     return reported
 
@@ -187,9 +187,9 @@ def test_sensor_fault_is_reported_and_cleared(kind, fault):
 def test_silent_sensor_is_reported():
     monitor = HealthMonitor()
     watched(monitor, [frame(i) for i in range(5)])
-    monitor.silent(0.2)
+    monitor.record_silence(0.2)
     assert kinds(monitor) == set()
-    monitor.silent(3.0)
+    monitor.record_silence(3.0)
     (state,) = monitor.states
     assert (state.kind, state.severity) == (HealthKind.NO_FRAMES, Severity.ERROR) and "3 s" in state.what
     assert watched(monitor, [frame(6)]) == [set()]
@@ -209,12 +209,12 @@ def test_bad_performer_position_is_reported_with_the_performer(kind, body):
     monitor, good = HealthMonitor(), standing(identity=2, aside=-0.7)
     for i in range(60):
         monitor.admit(frame(i))
-        monitor.judge(frame(i), [body, good], MOUNT, TrackerState())
+        monitor.check_result(frame(i), [body, good], MOUNT, TrackerState())
     assert (kind, 1) in {(s.kind, s.performer) for s in monitor.states}
     assert {s.performer for s in monitor.states} == {1}
     assert all("Performer 1" in s.what for s in monitor.states)
     monitor.admit(frame(60))
-    monitor.judge(frame(60), [good], MOUNT, TrackerState())
+    monitor.check_result(frame(60), [good], MOUNT, TrackerState())
     assert monitor.states == [], "who is gone is not complained of"
 
 
@@ -231,12 +231,12 @@ def test_trackers_own_warnings_are_forwarded(kind, state):
     monitor = HealthMonitor(name="left")
     for i in range(60):
         monitor.admit(frame(i))
-        monitor.judge(frame(i), [], MOUNT, state)
+        monitor.check_result(frame(i), [], MOUNT, state)
     (warning,) = monitor.states
     assert warning.kind == kind
     for i in range(60, 180):
         monitor.admit(frame(i))
-        monitor.judge(frame(i), [], MOUNT, TrackerState())
+        monitor.check_result(frame(i), [], MOUNT, TrackerState())
     assert monitor.states == []
 
 
@@ -247,7 +247,7 @@ def test_people_holding_hands_are_reported_as_joined():
         ada.joints[Joint.HAND_LEFT] = hand
         bob.joints[Joint.HAND_RIGHT] = [0.05, 0.9, -3.0]
         monitor.admit(frame(i))
-        monitor.judge(frame(i), [ada, bob], MOUNT, TrackerState())
+        monitor.check_result(frame(i), [ada, bob], MOUNT, TrackerState())
         if i == 44:
             (warning,) = monitor.states
             assert warning.kind == HealthKind.JOINED and "1 and 4" in warning.what
@@ -268,7 +268,7 @@ def test_frames_of_sensors_that_track_people_themselves_are_judged_by_their_time
     for i in range(60):
         each = BodyFrame([standing()], i * 6 * STEP, "kinect")
         assert monitor.admit(each)
-        monitor.judge(each, each.bodies)
+        monitor.check_result(each, each.bodies)
     assert kinds(monitor) == {HealthKind.SLOW}
 
 

@@ -198,20 +198,20 @@ def test_still_people_stay_still_when_looked_ahead():
 
 def test_measured_latency_is_looked_ahead_by_and_bounded():
     output = Output(settings_of(1.0, predict="measured"))
-    assert output.ahead == 0.0
+    assert output.prediction_seconds == 0.0
     output.latency = 0.07
-    assert output.ahead == 0.07
+    assert output.prediction_seconds == 0.07
     output.latency = 9.0
-    assert output.ahead == 0.3
+    assert output.prediction_seconds == 0.3
     output.latency = -1.0
-    assert output.ahead == 0.0
-    assert Output(settings_of(1.0, predict=0.05)).ahead == 0.05
+    assert output.prediction_seconds == 0.0
+    assert Output(settings_of(1.0, predict=0.05)).prediction_seconds == 0.05
 
 
 def test_each_performer_has_a_smoothing_of_its_own():
     tracker = load_settings(TrackerSettings, {"smoothing": {"amount": 2.0, "amounts": [0.0, -1.0, 5.0]}})
     output = Output(tracker)
-    assert [output.amount(p) for p in (1, 2, 3, 4)] == [0.0, 2.0, 5.0, 2.0]
+    assert [output.smoothing_amount(p) for p in (1, 2, 3, 4)] == [0.0, 2.0, 5.0, 2.0]
     bodies = noisy(0, 6)
     for i, body in enumerate(bodies):
         people = [dataclasses.replace(body, id=p) for p in (1, 2, 3)]
@@ -223,7 +223,7 @@ def test_each_performer_has_a_smoothing_of_its_own():
     output.smooth(1, None)
     (smoothed,) = output([dataclasses.replace(body, id=3)], 7 * STEP)
     np.testing.assert_array_equal(smoothed.joints, body.joints)
-    assert output.amount(1) == 2.0
+    assert output.smoothing_amount(1) == 2.0
 
 
 def test_in_the_mirror_left_is_right_and_the_sensor_s_plane_is_the_mirror():

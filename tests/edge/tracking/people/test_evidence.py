@@ -8,7 +8,7 @@ from estimates_for_tests import estimate_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from postures_seen_for_tests import observed
-from tolerances import SOLVED, assert_alike
+from tolerances import SOLVER_TOLERANCE, assert_alike
 
 from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.posture import Posture
@@ -112,7 +112,7 @@ def test_the_network_is_evidence_where_there_is_one():
     alone = of_joints.joint_evidence(posture, report, observation, np.zeros(20))
     evidence = of_joints.joint_evidence(posture, report, observation, np.zeros(20), estimate)
     assert evidence.shape == (20, len(NAMES)) and not alone[:, last].any()
-    assert_alike(np.delete(evidence, last, 1), np.delete(alone, last, 1), SOLVED)
+    assert_alike(np.delete(evidence, last, 1), np.delete(alone, last, 1), SOLVER_TOLERANCE)
     np.testing.assert_allclose(np.exp(evidence[:, last[0]]), estimate.expected_errors)
     nearer = estimate_of(posture.joints() + np.array([0.0, 0.0, 0.1]))
     near = of_joints.joint_evidence(posture, report, observation, np.zeros(20), nearer)

@@ -15,7 +15,7 @@ from enliven_edge.tracking.scene.background_kernels import (
     LearningRate,
     classify_pixels,
     empty_background,
-    guard,
+    guard_people,
     learn_frame,
 )
 
@@ -48,7 +48,7 @@ def test_guarded_pixels_match_the_slow_reference(seed, people):
     expected = [np.where(np.isin(guarded, ids), -1, guarded), guard_z.copy()]
     for at in np.argwhere(owner >= 0):
         expected[0][tuple(at)], expected[1][tuple(at)] = ids[owner[tuple(at)]], z[tuple(at)]
-    guard(owner, ids, z, guarded, guard_z)
+    guard_people(owner, ids, z, guarded, guard_z)
     np.testing.assert_array_equal([guarded, guard_z], expected)
 
 

@@ -13,7 +13,7 @@ from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
 from enliven_edge.tracking.scene.background_kernels import BACKGROUND, UNLIKELY, UNSEEN
-from enliven_edge.tracking.segment.pixel_labels import _span, image_boxes, label_pixels
+from enliven_edge.tracking.segment.pixel_labels import _project_ball_extent, image_boxes, label_pixels
 from enliven_edge.tracking.segment.segmentation import (
     MIN_GROUP_AREA_M2,
     REACH,
@@ -237,7 +237,7 @@ def test_a_ball_is_seen_between_its_tangents(seed, x, z, radius):
     turn = dice.uniform(0, 2 * np.pi, 4000)
     across, along = x + radius * np.cos(turn), z + radius * np.sin(turn)
     slopes = (across / along)[along > 1e-3]
-    least, most = _span(x, z, radius)
+    least, most = _project_ball_extent(x, z, radius)
     assert (slopes >= least - 1e-6).all() and (slopes <= most + 1e-6).all()
     if z > 1.0 and abs(x) < z:
         assert slopes.min() < least + 0.01 and slopes.max() > most - 0.01

@@ -73,7 +73,7 @@ def test_a_hole_stays_a_hole():
     outer, inner = flower([2.0] * 40), flower([1.0] * 20)[::-1]
     points = np.concatenate([outer, inner])
     cap = triangulate_cap([np.arange(40), 40 + np.arange(20)], points)
-    vertices = np.concatenate([points[cap.rim], cap.inside(points[cap.rim])])
+    vertices = np.concatenate([points[cap.rim], cap.inner_points(points[cap.rim])])
     assert areas(vertices, cap.faces).sum() == pytest.approx(signed_area(outer) + signed_area(inner))
     assert np.linalg.norm(vertices[cap.faces].mean(1), axis=1).min() > 0.9
 

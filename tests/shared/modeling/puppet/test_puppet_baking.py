@@ -5,7 +5,7 @@ mesh.
 import made_puppets
 import numpy as np
 import pytest
-from lost_shear import lost
+from lost_shear import measure_lost_shear
 
 from enliven.document.puppet import PuppetLayer
 from enliven.errors import InputError
@@ -62,7 +62,7 @@ def test_original_may_stay_and_bake_settings_apply(bean):
 def test_baked_puppet_is_exported_with_its_motion(baked):
     project, name, _ = baked
     performance = sample_performance(project, name, 0.2, 2.2, 15.0)
-    assert lost(performance) < 1e-6, "its nodes stretch along axes of their own"
+    assert measure_lost_shear(performance) < 1e-6, "its nodes stretch along axes of their own"
     assert len(build_glb([performance])) > 1000
 
 

@@ -10,7 +10,7 @@ from sample_meshes.cactus import make_cactus
 from enliven.document.project import Project
 from enliven.errors import InputError
 from enliven.examples.coverage import describe_unposed
-from enliven.examples.puppet_examples import missing
+from enliven.examples.puppet_examples import find_missing_examples
 from enliven.examples.puppet_motion import evaluate_state
 from enliven.modeling.puppet.edits import make_puppet
 from enliven.modeling.puppet.points import add_point, change_point
@@ -55,7 +55,7 @@ def test_suggestion_keeps_pairs_and_mirrors_them():
 def test_suggested_puppet_only_needs_poses():
     project = suggested(make_cactus(), points=6, poses=4)
     puppet = project.puppets["it"]
-    assert missing(project, puppet) == () and describe_unposed(puppet)
+    assert find_missing_examples(project, puppet) == () and describe_unposed(puppet)
     assert len(puppet.poses) == 4 and len(puppet.points) >= 4
     # It stands on a single pot, and no leg is paired with the pot.
     assert not any(point.foot for point in puppet.points if point.joint == "Hips")

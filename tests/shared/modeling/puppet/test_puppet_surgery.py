@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from enliven.document.project import are_identical
 from enliven.document.puppet import Plane, PuppetLayer
 from enliven.errors import InputError
-from enliven.examples.puppet_examples import missing
+from enliven.examples.puppet_examples import find_missing_examples
 from enliven.examples.puppet_motion import evaluate_state, to_world_frame
 from enliven.formats.project.file import parse_project, project_bytes
 from enliven.modeling.edits import copy_character, merge_characters, move_character
@@ -75,7 +75,7 @@ def test_cut_half_keeps_its_shape_in_key_poses(bean, height, time):
     was = solve_surfaces(surface_of_puppet(whole), np.array([pose.places for pose in whole.poses]))
     for name in names:
         half = after.puppet(name)
-        assert not missing(after, half) and len(half.poses) >= len(whole.poses)
+        assert not find_missing_examples(after, half) and len(half.poses) >= len(whole.poses)
         new, old = whence(half.mesh, whole.mesh)
         now = solve_surfaces(
             surface_of_puppet(half), np.array([pose.places for pose in half.poses[: len(was)]])
@@ -118,7 +118,7 @@ def test_a_half_without_paired_points_follows_through_new_ones():
     )
     after, (low, _) = cut_puppet(project.with_characters(tip), "bean", PlaneCut([0, 0.3, 0], [0, 1, 0]), 0.0)
     half = after.puppet(low)
-    assert half.points and all(p.joint for p in half.points) and not missing(after, half)
+    assert half.points and all(p.joint for p in half.points) and not find_missing_examples(after, half)
     assert np.abs(seen(after, low, 1.1) - seen(after, low, 0.2)).max() > 0.01
 
 
@@ -179,7 +179,9 @@ def test_at_the_time_of_a_merge_both_are_where_they_were(pair):
     merged = merge_characters(project, "bean", other, 0.7, notes=notes)
     assert list(merged.puppets) == ["bean"] and any("Away from the seam" in note for note in notes)
     puppet = merged.puppet("bean")
-    assert not missing(merged, puppet) and len({p.name for p in puppet.points}) == len(puppet.points)
+    assert not find_missing_examples(merged, puppet) and len({p.name for p in puppet.points}) == len(
+        puppet.points
+    )
     placed = cKDTree(seen(merged, "bean", 0.7))
     host, graft = seen(project, "bean", 0.7), seen(project, other, 0.7)
     for own, theirs in ((host, graft), (graft, host)):

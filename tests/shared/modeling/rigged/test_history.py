@@ -17,7 +17,7 @@ from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.rigged.cutting import cut_bone
 from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import insert_node, remove_node
-from enliven.modeling.rigged.posed import posed
+from enliven.modeling.rigged.posed import compute_pose
 from enliven.modeling.rigged.posing import turn_bone
 from enliven.modeling.rigged.stroke_cut import cut_shape_along_stroke
 
@@ -49,7 +49,9 @@ def random_edit(project, random):
         case 6:
             return "scale", scale_character(project, shape_id, float(random.uniform(0.5, 2)))
         case 7:
-            plane = PlaneCut(posed(project, project.shape(shape_id), time)[1][j], random.normal(size=3), 0.5)
+            plane = PlaneCut(
+                compute_pose(project, project.shape(shape_id), time)[1][j], random.normal(size=3), 0.5
+            )
             return "stroke", cut_shape_along_stroke(project, shape_id, plane, time)[0]
         case 8:
             return "turn", turn_bone(project, shape_id, j, random_turns(random), time)
@@ -75,7 +77,7 @@ def test_undo_after_200_random_edits_restores_the_project_bit_for_bit(seed):
             refused += 1
             assert history.project is before
             continue
-        done.append((name, history.do(name, edited)))
+        done.append((name, history.record_edit(name, edited)))
     assert {"insert", "remove", "cut"} <= {name for name, _ in done}
     after = history.project
     for name, edited in reversed(done):
@@ -99,7 +101,7 @@ def test_undo_restores_meshes_and_weights_too():
         except InputError:
             continue
         done.append(name)
-        history.do(name, edited)
+        history.record_edit(name, edited)
         for shape in edited.shapes.values():
             np.testing.assert_allclose(shape.skin.weights.sum(1), 1, atol=1e-4)
             assert len(shape.skin.weights) == len(shape.mesh.vertices)
@@ -113,14 +115,16 @@ def test_a_drag_is_one_step():
     project, random = random_project(1)
     history = History(project)
     for _ in range(20):
-        history.do("turn", turn_bone(history.project, "shape 0", 1, random_turns(random)), drag="hand")
+        history.record_edit(
+            "turn", turn_bone(history.project, "shape 0", 1, random_turns(random)), drag="hand"
+        )
     history.end_drag()
-    history.do("turn", turn_bone(history.project, "shape 0", 1, random_turns(random)), drag="hand")
+    history.record_edit("turn", turn_bone(history.project, "shape 0", 1, random_turns(random)), drag="hand")
     assert history.names == ("turn", "turn")
     history.undo()
     assert are_identical(history.undo(), project)
     history.redo()
-    history.do("move", move_character(history.project, "shape 0", [1, 0, 0]), drag="hand")
+    history.record_edit("move", move_character(history.project, "shape 0", [1, 0, 0]), drag="hand")
     assert history.names == ("turn", "move")
     assert history.redo_name is None
 
@@ -132,7 +136,7 @@ def test_history_steps_share_unchanged_data():
     assert before > 0
     for _ in range(50):
         rebuilt = copy.deepcopy(dict(history.project.takes))
-        history.do(
+        history.record_edit(
             "move", move_character(history.project, "shape 0", [0.1, 0, 0]).with_takes(*rebuilt.values())
         )
     assert history.megabytes == pytest.approx(before + 50 * project.shape("shape 0").place.nbytes / 1e6)
@@ -144,12 +148,12 @@ def test_the_oldest_steps_are_forgotten_and_never_the_project():
     size = History(project).megabytes
     history = History(project, HistorySettings(megabytes=1.2 * size))
     for _ in range(200):
-        edited = history.do("move", move_character(history.project, "shape 0", [0.1, 0, 0]))
+        edited = history.record_edit("move", move_character(history.project, "shape 0", [0.1, 0, 0]))
     assert 0 < len(history.names) < 200
     assert history.megabytes <= 1.2 * size
     assert are_identical(history.project, edited)
     nothing = History(project, HistorySettings(megabytes=0.0))
-    nothing.do("move", move_character(project, "shape 0", [1, 0, 0]))
+    nothing.record_edit("move", move_character(project, "shape 0", [1, 0, 0]))
     assert nothing.names == ()
     for step, word in ((nothing.undo, "undo"), (nothing.redo, "redo")):
         with pytest.raises(InputError, match=word):

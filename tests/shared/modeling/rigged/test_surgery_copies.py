@@ -19,7 +19,7 @@ from enliven.modeling.edits import (
     paste_character,
     scale_character,
 )
-from enliven.modeling.rigged.posed import posed
+from enliven.modeling.rigged.posed import compute_pose
 from enliven.modeling.rigged.posing import drag_joint, set_bone, turn_bone
 from enliven.motion.layers.evaluate import evaluate_pose
 from enliven.rotation import multiply
@@ -53,7 +53,7 @@ def test_a_copy_has_layers_of_its_own(seed, time):
         edited = set_layer(edited, copy, layer.id, weight=0.0)
     before = evaluate_pose(project, "shape 0", time)
     assert are_identical(evaluate_pose(edited, "shape 0", time).turns, before.turns)
-    modeled = posed(edited, edited.shape(copy), None)
+    modeled = compute_pose(edited, edited.shape(copy), None)
     assert angle(evaluate_pose(edited, copy, time).turns, modeled[0]) < 1e-9
 
 
@@ -115,9 +115,9 @@ def test_pose_has_requested_rotation_at_its_time(seed, time):
     j = int(random.integers(0, len(shape.skeleton)))
     world, turn = random_turns(random), random_turns(random)
     edited = set_bone(project, "shape 0", j, world, time)
-    assert angle(posed(edited, edited.shape("shape 0"), time)[0][j], world) < 1e-9
+    assert angle(compute_pose(edited, edited.shape("shape 0"), time)[0][j], world) < 1e-9
     turned = turn_bone(project, "shape 0", j, turn, time)
-    before, after = posed(project, shape, time), posed(turned, turned.shape("shape 0"), time)
+    before, after = compute_pose(project, shape, time), compute_pose(turned, turned.shape("shape 0"), time)
     below = list(shape.skeleton.below(j))
     apart = [i for i in range(len(shape.skeleton)) if i not in below]
     assert angle(after[0][below], multiply(turn, before[0][below])) < 1e-9
@@ -132,12 +132,12 @@ def test_a_dragged_joint_is_in_line_with_the_hand(seed, time):
     j = int(random.integers(1, len(shape.skeleton)))
     point = random.normal(size=3) * 3
     edited = drag_joint(project, "shape 0", j, point, time)
-    joints = posed(edited, edited.shape("shape 0"), time)[1]
+    joints = compute_pose(edited, edited.shape("shape 0"), time)[1]
     start = joints[shape.skeleton.parents[j]]
     way, bone = point - start, joints[j] - start
     np.testing.assert_allclose(bone / np.linalg.norm(bone), way / np.linalg.norm(way), atol=1e-9)
     moved = drag_joint(project, "shape 0", 0, point, time)
-    np.testing.assert_allclose(posed(moved, moved.shape("shape 0"), time)[1][0], point, atol=1e-9)
+    np.testing.assert_allclose(compute_pose(moved, moved.shape("shape 0"), time)[1][0], point, atol=1e-9)
 
 
 def test_a_mirrored_mesh_keeps_its_outside():

@@ -10,7 +10,7 @@ from enliven.errors import InputError
 from enliven.modeling.rigged.cutting import cut_bone
 from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import insert_node, remove_node
-from enliven.modeling.rigged.posed import posed
+from enliven.modeling.rigged.posed import compute_pose
 from enliven.motion.layers.evaluate import evaluate_pose
 from enliven.rotation import conjugate, multiply, rotate
 
@@ -23,7 +23,7 @@ laws = settings(deadline=None, max_examples=25)
 
 def at(project, shape_id, time):
     """Returns world rotations and joint positions by name, at rest if ``time`` is None."""
-    turns, joints = posed(project, project.shape(shape_id), time)
+    turns, joints = compute_pose(project, project.shape(shape_id), time)
     names = project.shape(shape_id).skeleton.names
     return dict(zip(names, turns, strict=True)), dict(zip(names, joints, strict=True))
 
@@ -184,7 +184,7 @@ def test_a_grafted_bone_keeps_its_twist_too(seed, time):
     j = int(random.integers(0, len(project.shape("shape 0").skeleton)))
     edited, names = merge(project, "shape 0", j, "shape 1", time)
     graft, whole = project.shape("shape 1"), edited.shape("shape 0")
-    old, new = posed(project, graft, time)[0], posed(edited, whole, time)[0]
+    old, new = compute_pose(project, graft, time)[0], compute_pose(edited, whole, time)[0]
     pairs = [(graft.skeleton.index(a), whole.skeleton.index(b)) for a, b in names.items()]
     turns = np.array([multiply(conjugate(new[k]), old[i]) for i, k in pairs])
     assert angle(turns, np.broadcast_to(turns[0], turns.shape)) < 1e-9
@@ -204,8 +204,8 @@ def direction_error(project, edited, time, old, new):
     """Returns the change of a grafted bone's direction, as a fraction of its length."""
     a, b = project.shape("shape 1"), edited.shape("shape 0")
     i, k = a.skeleton.index(old), b.skeleton.index(new)
-    before = rotate(posed(project, a, time)[0][i], a.skeleton.vectors[i])
-    after = rotate(posed(edited, b, time)[0][k], b.skeleton.vectors[k])
+    before = rotate(compute_pose(project, a, time)[0][i], a.skeleton.vectors[i])
+    after = rotate(compute_pose(edited, b, time)[0][k], b.skeleton.vectors[k])
     return np.linalg.norm(before - after) / np.linalg.norm(before)
 
 
@@ -221,13 +221,13 @@ def test_a_merge_leaves_the_host_its_motion_and_the_graft_its_own(seed, time, la
     # The graft moves in the node's frame as it moved in the world: only the frame differs, by a fixed turn
     # since the merge, W(later) W(merge)^-1.
     host = project.shape("shape 0")
-    then, now = posed(project, host, time)[0][j], posed(project, host, later)[0][j]
+    then, now = compute_pose(project, host, time)[0][j], compute_pose(project, host, later)[0][j]
     for old, new in names.items():
         a, b = project.shape("shape 1"), edited.shape("shape 0")
         i, k = a.skeleton.index(old), b.skeleton.index(new)
-        before = rotate(posed(project, a, later)[0][i], a.skeleton.vectors[i])
+        before = rotate(compute_pose(project, a, later)[0][i], a.skeleton.vectors[i])
         carried = rotate(now, rotate(then * [1, -1, -1, -1], before))
-        after = rotate(posed(edited, b, later)[0][k], b.skeleton.vectors[k])
+        after = rotate(compute_pose(edited, b, later)[0][k], b.skeleton.vectors[k])
         np.testing.assert_allclose(after, carried, atol=1e-8)
 
 

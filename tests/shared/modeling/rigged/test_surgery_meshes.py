@@ -15,7 +15,7 @@ from enliven.modeling.mesh.meshes import posed_vertices
 from enliven.modeling.rigged.cutting import cut_bone
 from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import insert_node, remove_node
-from enliven.modeling.rigged.posed import pose_with_stretch, posed
+from enliven.modeling.rigged.posed import compute_pose, pose_with_stretch
 from enliven.modeling.rigged.posing import set_bone, turn_bone
 from enliven.modeling.rigged.stroke_cut import cut_shape_along_stroke
 from enliven.motion.layers.evaluate import evaluate_pose
@@ -216,20 +216,20 @@ def fork(arm):
 
 @pytest.mark.parametrize("time", [None, 0.0, 0.8])
 def test_a_stroke_through_two_limbs_takes_both_off(fork, time):
-    joints = posed(fork, fork.shape("arm"), time)[1]
+    joints = compute_pose(fork, fork.shape("arm"), time)[1]
     ends = [joints[fork.shape("arm").skeleton.index(name)] for name in ("arm 1 2", "arm 1 3")]
     start = joints[2]
     normal = (ends[0] + ends[1]) / 2 - start
     plane = PlaneCut((start + (ends[0] + ends[1]) / 2) / 2, normal)
     edited, ids = cut_shape_along_stroke(fork, "arm", plane, time)
     assert len(ids) == 3 and ids[0] == "arm"
-    before = posed(fork, fork.shape("arm"), time)
+    before = compute_pose(fork, fork.shape("arm"), time)
     seen = dict(zip(fork.shape("arm").skeleton.names, before[0], strict=True))
     where = dict(zip(fork.shape("arm").skeleton.names, before[1], strict=True))
     for part in ids:
         shape = edited.shape(part)
         assert closed(shape.mesh)
-        for name, turn, place in zip(shape.skeleton.names, *posed(edited, shape, time), strict=True):
+        for name, turn, place in zip(shape.skeleton.names, *compute_pose(edited, shape, time), strict=True):
             if name in seen:
                 assert angle(turn, seen[name]) < 1e-9
                 np.testing.assert_allclose(place, where[name], atol=1e-9)
@@ -242,7 +242,7 @@ def test_a_stroke_through_two_limbs_takes_both_off(fork, time):
 
 def test_a_stroke_without_a_mesh_cuts_the_bones(fork):
     bare = fork.with_characters(fork.shape("arm").with_changes(mesh=None, skin=None))
-    joints = posed(bare, bare.shape("arm"), 0.3)[1]
+    joints = compute_pose(bare, bare.shape("arm"), 0.3)[1]
     edited, ids = cut_shape_along_stroke(
         bare, "arm", PlaneCut((joints[0] + joints[1]) / 2, joints[1] - joints[0]), 0.3
     )
@@ -250,7 +250,7 @@ def test_a_stroke_without_a_mesh_cuts_the_bones(fork):
 
 
 def test_ambiguous_stroke_is_refused(fork):
-    joints = posed(fork, fork.shape("arm"), 0.0)[1]
+    joints = compute_pose(fork, fork.shape("arm"), 0.0)[1]
     along = joints[1] - joints[0]
     refused = [
         (PlaneCut(joints[0] - 9 * along, along), "crosses no bone"),

@@ -12,7 +12,7 @@ from enliven.modeling.edits import copy_character
 from enliven.modeling.rigged.cutting import cut_bone
 from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import remove_node
-from enliven.modeling.rigged.posed import posed
+from enliven.modeling.rigged.posed import compute_pose
 from enliven.motion.contact.pin import pin_feet
 from enliven.motion.layers.evaluate import evaluate_pose
 from enliven.motion.layers.retarget import bind_chain
@@ -54,9 +54,9 @@ def test_pin_changes_the_pose(walker):
 def test_a_cut_turns_nothing_although_a_pin_lets_go(walker, bone, time):
     edited, parts = cut_bone(walker, "walker", bone, 0.5, time)
     shape = walker.shape("walker")
-    before = dict(zip(shape.skeleton.names, posed(walker, shape, time)[0], strict=True))
+    before = dict(zip(shape.skeleton.names, compute_pose(walker, shape, time)[0], strict=True))
     for part in parts:
-        turns = posed(edited, edited.shape(part), time)[0]
+        turns = compute_pose(edited, edited.shape(part), time)[0]
         for name, turn in zip(edited.shape(part).skeleton.names, turns, strict=True):
             if name in before:
                 assert angle(turn, before[name]) < 1e-9, name

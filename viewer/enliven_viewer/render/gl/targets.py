@@ -50,7 +50,7 @@ class RenderTarget:
     def begin(self, region: Region) -> None:
         """Begins drawing in front of the ground, in one region of the image, until :meth:`resolve`."""
         self.region = region
-        self._take_over(region)
+        self._copy_to_samples(region)
         self.drawn.use()
 
     def write_depth(self, on: bool) -> None:
@@ -58,14 +58,14 @@ class RenderTarget:
         self.drawn.depth_mask = on
         self.drawn.use()
 
-    def widen(self) -> None:
+    def allow_whole_image(self) -> None:
         """Removes the restriction to the region until the next :meth:`resolve`."""
         for outer_region in regions_around(self.region, self.size):
-            self._take_over(outer_region)
+            self._copy_to_samples(outer_region)
         self.region = self.drawn.scissor = full_region(self.size)
         self.drawn.use()
 
-    def _take_over(self, region: Region) -> None:
+    def _copy_to_samples(self, region: Region) -> None:
         """Copies the ground and its depth into the samples of a region."""
         if self.drawn is not self.ground:
             self.drawn.scissor = region
@@ -80,7 +80,7 @@ class RenderTarget:
             # Bind the target too. Otherwise the next framebuffer would be cleared only in this region.
             self.resolved.use()
 
-    def behind(self) -> moderngl.Texture:
+    def copy_as_texture(self) -> moderngl.Texture:
         """Returns the current image as a texture, which the next transparent meshes sample as their
         background.
         """

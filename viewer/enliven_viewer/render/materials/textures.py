@@ -78,8 +78,8 @@ class Textures:
         self.decodes_in_background = False
         self._pool: ThreadPoolExecutor | None = None
 
-    def take(self, source: Texture, name: str) -> SharedTexture:
-        """Returns the texture for a map of a material. The caller must call :meth:`give_back` later."""
+    def acquire_texture(self, source: Texture, name: str) -> SharedTexture:
+        """Returns the texture for a map of a material. The caller must call :meth:`release_texture` later."""
         key = id(source), name in _SRGB_MAPS
         if key not in self._held:
             self._held[key] = self._create_texture(source, key[1])
@@ -101,7 +101,7 @@ class Textures:
         decoding = self._pool.submit(_decode_pixels, source, self._most)
         return SharedTexture(self._upload(source, colours, _WHITE_PIXEL), source, decoding=decoding)
 
-    def give_back(self, source: Texture, name: str) -> None:
+    def release_texture(self, source: Texture, name: str) -> None:
         """Removes one user of a texture. A texture without users is freed."""
         key = id(source), name in _SRGB_MAPS
         shared_texture = self._held[key]

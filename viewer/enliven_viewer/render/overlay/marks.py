@@ -47,7 +47,7 @@ def make_cue_rows(actor: SceneCharacter, strength: float, bodies: Sequence[int] 
     rows[:, 3] = CUE_RADIUS * (0.65 + 0.35 * levels)
     has_several = len(set(cues.owners.tolist())) > 1
     rows[:, 4:7] = find_cue_tints(cues, bodies)[is_valid] if has_several else CUE_TINT
-    rows[:, 7] = strength * (0.35 + 0.65 * levels) * np.where(cues.firm[is_valid], 1.0, 0.45)
+    rows[:, 7] = strength * (0.35 + 0.65 * levels) * np.where(cues.attached_mask[is_valid], 1.0, 0.45)
     return rows
 
 

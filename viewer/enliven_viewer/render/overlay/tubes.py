@@ -50,7 +50,7 @@ class Tubes:
             bias: depth in metres below a surface up to which a tube is fully visible, such as a bone inside a
                 round limb.
         """
-        picture.widen()
+        picture.allow_whole_image()
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE | moderngl.BLEND)
         self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
         self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA

@@ -86,7 +86,7 @@ class ActionTable:
         action = self._actions[action_id]
         first, _, rest = tr(action.why_not()).partition(". ")
         if first:
-            self._toasts.say(first.removesuffix("."), rest)
+            self._toasts.show_message(first.removesuffix("."), rest)
             return False
         self.recent = [action_id, *(other for other in self.recent if other != action_id)][:_MAX_RECENT]
         try:
@@ -94,7 +94,7 @@ class ActionTable:
         except Exception as error:  # An internal error must not close the user's window.
             if not isinstance(error, EnlivenError) and os.environ.get("ENLIVEN_DEBUG"):
                 raise
-            self._toasts.tell(error, tr("Save your work, and report it."))
+            self._toasts.show_any_error(error, tr("Save your work, and report it."))
         return True
 
     def press(self, key: str, *, workspace_only: bool = False) -> bool:

@@ -140,12 +140,12 @@ class App:
     def ask(self, dialogue: str) -> None:
         """Opens a dialogue. The workspace has the dialogues; an application alone has none."""
 
-    def attempt(self, command: Callable[[], object]) -> bool:
+    def run_and_report(self, command: Callable[[], object]) -> bool:
         """Calls a function. If it raises an EnlivenError, shows the error as a message and returns False."""
         try:
             command()
         except EnlivenError as error:
-            self.editor.toasts.complain(error)
+            self.editor.toasts.show_error(error)
             return False
         return True
 

@@ -31,7 +31,7 @@ def group_layers(
                 continue
             few = sum(other.take == layer.take for other in playing) <= _MAX_TAKE_LANES
             alone = number if few and layer.source == "takes" else -1
-            group_key = (layer.take, layer.muted, layer.when())
+            group_key = (layer.take, layer.muted, layer.list_timing_values())
             groups.setdefault((key, *group_key, alone), []).append(number)
     return tuple((str(group[0]), tuple(numbers)) for group, numbers in groups.items())
 

@@ -30,12 +30,12 @@ class Quantity:
     units: Mapping[str, float]
     digits: int
 
-    def write(self, value: float) -> str:
+    def format_value(self, value: float) -> str:
         """Returns a value in its displayed form, such as "1.25 m"."""
         shown = f"{value:.{self.digits}f}".rstrip("0").rstrip(".")
         return f"{'0' if shown in ('-0', '') else shown} {self.unit}"
 
-    def read(self, typed: str, **more: float) -> float:
+    def parse_value(self, typed: str, **more: float) -> float:
         """Returns the value of the typed text, in :attr:`unit`.
 
         Args:

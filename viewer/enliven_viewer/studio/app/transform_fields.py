@@ -84,7 +84,7 @@ def draw_number_field(
     Args:
         more: further accepted units, with their factors.
     """
-    shown, typing = quantity.write(value), app.typing
+    shown, typing = quantity.format_value(value), app.typing
     imgui.set_next_item_width(_FIELD_WIDTH)
     flags = imgui.InputTextFlags_.auto_select_all
     with use_small_text():
@@ -95,4 +95,4 @@ def draw_number_field(
     elif key in typing:
         wanted = typing.pop(key)
         if wanted.strip() not in ("", shown):
-            app.attempt(lambda: change(quantity.read(wanted, **more)))
+            app.run_and_report(lambda: change(quantity.parse_value(wanted, **more)))

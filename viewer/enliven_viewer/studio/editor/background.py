@@ -73,12 +73,12 @@ class BackgroundTask:
             progress: progress to display, if the work can be cancelled.
         """
         if self._running_work is not None:
-            self._toasts.say(self._busy, tr("Wait until it is done."))
+            self._toasts.show_message(self._busy, tr("Wait until it is done."))
             return
         self._pool = self._pool or ThreadPoolExecutor(1, "background task")
         self._running_work = (self._pool.submit(work), then)
         self.progress, self.message = progress, message
-        self._toasts.say(f"{message} ...", tr("You can go on working."))
+        self._toasts.show_message(f"{message} ...", tr("You can go on working."))
 
     def cancel(self) -> None:
         """Cancels the computation. Its result is discarded, and other work can start at once."""
@@ -89,7 +89,7 @@ class BackgroundTask:
         if self._pool is not None:
             self._pool.shutdown(wait=False, cancel_futures=True)
             self._pool = None
-        self._toasts.say(
+        self._toasts.show_message(
             tr("Cancelled: {0}{1}", self.message[:1].lower(), self.message[1:]), tr("Nothing was changed.")
         )
 
@@ -103,7 +103,7 @@ class BackgroundTask:
         if error is None:
             then(work.result())
         else:
-            self._toasts.tell(error, tr("Nothing was changed."))
+            self._toasts.show_any_error(error, tr("Nothing was changed."))
 
     def finish(self) -> None:
         """Waits until the computation has finished. Used before the window closes, and in sessions without a

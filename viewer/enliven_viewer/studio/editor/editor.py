@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from enliven.document import FREE, History, Project, Puppet, RigBase, closing_time
+from enliven.document import FREE, ExampleCharacter, History, Project, RigBase, closing_time
 from enliven.errors import EnlivenError
 from enliven.modeling.edits import refuse_locked
 from enliven_viewer.language import later, tr
@@ -67,7 +67,7 @@ class Editor:
         self.puppets = PuppetEditor(self)
         self.motion_solver = MotionSolver(self.toasts)
         self.background = BackgroundTask(self.toasts, tr("Other work is still running"))
-        self._stage = StudioStage(self, {Puppet.kind: self.puppets.stage.stage_puppet})
+        self._stage = StudioStage(self, {ExampleCharacter.kind: self.puppets.stage.stage_puppet})
 
     @property
     def project(self) -> Project:
@@ -157,7 +157,7 @@ class Editor:
         if after is None:
             return False
         if after is not self.history.project:
-            self.history.do(name, after)
+            self.history.record_edit(name, after)
         self._clean_selection()
         return True
 
@@ -178,7 +178,7 @@ class Editor:
         except Exception as error:
             if not isinstance(error, EnlivenError) and os.environ.get("ENLIVEN_DEBUG"):
                 raise
-            self.toasts.tell(error, tr("Nothing was changed. Save your work, and report it."))
+            self.toasts.show_any_error(error, tr("Nothing was changed. Save your work, and report it."))
         return None
 
     def undo(self) -> None:
@@ -202,14 +202,14 @@ class Editor:
     def go_to(self, step: int) -> None:
         """Shows the project after a step of the history. Step 0 is its state when it was opened."""
         self.draft = None
-        self.history.go(step)
+        self.history.go_to_step(step)
         self._clean_selection()
 
     def select(self, **changes: object) -> None:
         """Changes parts of the selection. Another character clears handle, chain and layer."""
         self.selection = self.selection.with_changes(**changes)
 
-    def choose(self, character: str | None, handle: int | None = None) -> None:
+    def select_only(self, character: str | None, handle: int | None = None) -> None:
         """Selects only this character, and optionally one of its handles."""
         self.selection = Selection(character, handle)
 
@@ -217,7 +217,7 @@ class Editor:
         """Selects these characters. The last one is active."""
         self.selection = Selection.from_ids(*characters)
 
-    def toggle(self, character: str) -> None:
+    def toggle_selected(self, character: str) -> None:
         """Adds a character to the selection, or removes it."""
         chosen = self.selection.characters
         rest = tuple(other for other in chosen if other != character)
@@ -307,7 +307,7 @@ class Editor:
         """Switches the stage to the next look."""
         names = list(LOOKS)
         self.look = names[(names.index(self.look) + 1) % len(names)]
-        self.toasts.say(tr("Look: {0}", tr(self.look)))
+        self.toasts.show_message(tr("Look: {0}", tr(self.look)))
 
     def _find_subject_box(self) -> Box | None:
         """Returns the bounding box of the camera's subject: the selected characters, or all.
@@ -334,11 +334,11 @@ class Editor:
     def _step_history(self, pattern: str, none: str, name: str | None, step: Callable[[], Project]) -> None:
         self.draft = None
         if name is None:
-            self.toasts.say(tr(none))
+            self.toasts.show_message(tr(none))
             return
         step()
         self._clean_selection()
-        self.toasts.say(tr(pattern, tr(name)))
+        self.toasts.show_message(tr(pattern, tr(name)))
 
     def _clean_selection(self) -> None:
         """Removes items from the selection that the project no longer contains."""
@@ -353,4 +353,6 @@ def measure_project_length(project: Project, shortest: float) -> float:
     layers = [layer for character in project.characters.values() for layer in character.playing]
     sounds = [sound.end for sound in project.sounds.values()]
     least = max([shortest, *(layer.end(project.length_of(layer)) for layer in layers), *sounds])
-    return closing_time([layer.lasting(project.length_of(layer)) for layer in layers if layer.loop], least)
+    return closing_time(
+        [layer.compute_loop_duration(project.length_of(layer)) for layer in layers if layer.loop], least
+    )

@@ -31,7 +31,7 @@ def sample_path_boxes(project: Project, character: RigBase, time: float, extent:
         time: time in seconds that `extent` belongs to.
         extent: (N, 3) metres, points of its surface at that time.
     """
-    player = get_rig_edits(character).player(project, character)
+    player = get_rig_edits(character).create_player(project, character)
     end = project.end_of(character)
     moments = np.linspace(0.0, end, _PATH_SAMPLES) if end > 0.0 else [0.0]
 

@@ -46,5 +46,7 @@ def make_choosing_actions(editor: Editor) -> Iterator[Action]:
 
     about = "Hidden and locked shapes are left out."
     yield Action("edit.all", "Edit", "Choose all", ("ctrl+a",), every, empty, about=about, apart=True)
-    yield Action("edit.none", "Edit", "Choose nothing", ("ctrl+shift+a",), lambda: editor.choose(None), none)
+    yield Action(
+        "edit.none", "Edit", "Choose nothing", ("ctrl+shift+a",), lambda: editor.select_only(None), none
+    )
     yield Action("edit.inverse", "Edit", "Choose the others", ("ctrl+i",), inverse, empty, about=about)

@@ -71,6 +71,6 @@ class StudioStage:
         if cached is None or [*map(id, cached[0])] != [*map(id, needs)]:
             cached = self._players[character.id] = (
                 needs,
-                get_rig_edits(character).player(project, character),
+                get_rig_edits(character).create_player(project, character),
             )
         return StageCharacter(character, self._meshes.get_mesh(character), *cached[1](time))

@@ -60,4 +60,4 @@ def register_features(app: App) -> None:
             reason = f"{error.where}: {error.what}" if isinstance(error, EnlivenError) else str(error)
             problem = tr("the feature {0} cannot be loaded: {1}", entry.name, reason)
             remedy = tr("Update or remove the package {0}.", entry.dist.name if entry.dist else entry.value)
-            app.editor.toasts.complain(ResourceError(problem, where=entry.value, remedy=remedy))
+            app.editor.toasts.show_error(ResourceError(problem, where=entry.value, remedy=remedy))

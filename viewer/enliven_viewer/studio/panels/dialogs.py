@@ -166,7 +166,7 @@ def _finish(workspace: Workspace, browser: FileBrowser) -> None:
     except EnlivenError as error:
         browser.refusal, browser.awaits_retry = f"{error.what}. {error.remedy}", True
         return
-    workspace.attempt(lambda: workspace.finish_file_dialog(path))
+    workspace.run_and_report(lambda: workspace.finish_file_dialog(path))
 
 
 def _draw_recovery(workspace: Workspace) -> None:
@@ -187,7 +187,7 @@ def _draw_recovery(workspace: Workspace) -> None:
         imgui.dummy(ImVec2(0, 6))
         if draw_button(workspace, "Recover"):
             workspace.asking = ""
-            workspace.attempt(lambda: workspace.store.recover(recovery_files[0]))
+            workspace.run_and_report(lambda: workspace.store.recover(recovery_files[0]))
         imgui.same_line()
         if draw_button(workspace, "Throw away"):
             workspace.asking = ""

@@ -28,7 +28,7 @@ def draw_history(workspace: Workspace) -> None:
     )
     workspace.history_shown = bool(is_open)
     if shown:
-        steps, current_step = editor.history.steps, editor.history.at
+        steps, current_step = editor.history.steps, editor.history.current_step
         for number, name in enumerate(steps):
             with push_colours(FAINT if number > current_step else INK, imgui.Col_.text):
                 translated = tr(name)

@@ -137,7 +137,7 @@ def _draw_recent_files(workspace: Workspace) -> None:
         return
     for number, path in enumerate(paths):
         if imgui.menu_item(f"{path.name}###recent {number}", "", False, True)[0]:
-            workspace.attempt(lambda path=path: workspace.open(path))
+            workspace.run_and_report(lambda path=path: workspace.open(path))
         workspace.remember(f"recent {path.name}")
         imgui.set_item_tooltip(str(path.parent))
     imgui.end_menu()

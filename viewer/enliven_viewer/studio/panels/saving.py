@@ -26,10 +26,10 @@ def draw_unsaved(workspace: Workspace) -> None:
         )
         imgui.dummy(ImVec2(0, 6))
         if draw_choice(workspace, "Save", "Cancel"):
-            workspace.go_on(discard=False)
+            workspace.continue_waiting_command(discard=False)
         imgui.same_line(0.0, 40)
         if draw_button(workspace, "Discard"):
-            workspace.go_on(discard=True)
+            workspace.continue_waiting_command(discard=True)
 
 
 def _draw_recording(workspace: Workspace) -> None:
@@ -77,7 +77,7 @@ def draw_changed_file(workspace: Workspace) -> None:
             workspace.compare()
         imgui.same_line()
         if draw_button(workspace, "Save over it"):
-            workspace.attempt(lambda: workspace.save(over=True))
+            workspace.run_and_report(lambda: workspace.save(over=True))
         imgui.same_line()
         if draw_button(workspace, "Cancel") or imgui.is_key_pressed(imgui.Key.escape):
             workspace.cancel()

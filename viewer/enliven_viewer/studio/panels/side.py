@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from enliven.document import RigBase, Shape
+from enliven.document import RigBase, RiggedCharacter
 from enliven.mapping.model_clips import own_clips, play_own_clip, played_clip
 from enliven_viewer.language import Texts, later, tr, tr_n
 from enliven_viewer.studio.app.fields import draw_action_button, draw_character_name, draw_tooltip
@@ -68,7 +68,7 @@ def _draw_selection(workspace: Workspace, character: RigBase) -> None:
         return
     jointed = bool((character.parents >= 0).any())
     draw_note(describe_parts(character))
-    if isinstance(character, Shape):
+    if isinstance(character, RiggedCharacter):
         _draw_clips(workspace, character)
     draw_transform_fields(workspace)
     _draw_buttons(workspace, (*_CHARACTER_ACTIONS, *_BONE_ACTIONS) if jointed else _CHARACTER_ACTIONS)
@@ -83,7 +83,7 @@ def describe_parts(character: RigBase) -> str:
     return ", ".join(parts)
 
 
-def _draw_clips(workspace: Workspace, shape: Shape) -> None:
+def _draw_clips(workspace: Workspace, shape: RiggedCharacter) -> None:
     """Draws the selection of a model's own clips."""
     editor = workspace.editor
     names = own_clips(editor.project, shape)

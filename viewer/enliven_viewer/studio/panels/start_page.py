@@ -109,7 +109,7 @@ def _draw_recent_files(workspace: Workspace, column: float) -> None:
         draw_note("Files that you open or save are listed here. You can also drop files onto the window.")
     for number, path in enumerate(paths):
         if imgui.selectable(f"{path.name}###recent {number}", False, 0, ImVec2(column, 0))[0]:
-            workspace.attempt(lambda path=path: workspace.open(path))
+            workspace.run_and_report(lambda path=path: workspace.open(path))
         workspace.remember(f"start {path.name}")
         imgui.set_item_tooltip(str(path.parent))
 

@@ -158,7 +158,7 @@ def _draw_toasts(workspace: Workspace, draw_list: imgui.ImDrawList, area: Area) 
     if perform.active_workspace in ("Perform", "Play"):
         # Also leave room for the lines about performers, and for the line with the condition for which
         # Possess waits.
-        bottom -= HOLDER_LINE_HEIGHT * (len(perform.holders) + perform.possession_requests.waits)
+        bottom -= HOLDER_LINE_HEIGHT * (len(perform.holders) + perform.possession_requests.is_waiting)
     for toast in reversed(workspace.editor.toasts.shown):
         bottom = _draw_toast(draw_list, area, toast, bottom) - 8
 

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Clip, Project, Puppet
+from enliven.document import Clip, ExampleCharacter, Project
 from enliven.errors import EnlivenError
-from enliven.examples.performer import performed
-from enliven.examples.puppet_examples import collect_material, missing
+from enliven.examples.performer import extract_performer_clip
+from enliven.examples.puppet_examples import collect_motion_inputs, find_missing_examples
 from enliven.examples.puppet_solve import convert_to_reference
 from enliven.examples.suggest import SuggestedPoses, distance_to, suggest_further_poses, suggest_poses
 
@@ -53,7 +53,7 @@ class CoverageCache:
         self._coverages: dict[tuple[object, ...], tuple[tuple[object, ...], TakeCoverage | None]] = {}
         self._suggestions: dict[tuple[object, ...], tuple[Clip, SuggestedPoses | None, Float]] = {}
 
-    def find_coverage(self, project: Project, puppet: Puppet, take: str) -> TakeCoverage | None:
+    def find_coverage(self, project: Project, puppet: ExampleCharacter, take: str) -> TakeCoverage | None:
         """Returns the coverage of a take by the puppet's examples, or None if the performer never moves."""
         clip = project.takes[take]
         shown = tuple(project.takes[pose.take] for pose in puppet.poses)
@@ -69,7 +69,7 @@ class CoverageCache:
         return cached[1]
 
     def _compute_coverage(
-        self, project: Project, puppet: Puppet, clip: Clip, take: str
+        self, project: Project, puppet: ExampleCharacter, clip: Clip, take: str
     ) -> TakeCoverage | None:
         joints = _choose_joints(puppet, clip)
         without_examples, poses = self._suggest_poses(clip, joints)
@@ -107,7 +107,7 @@ class CoverageCache:
         key = (clip.id, joints)
         cached = self._suggestions.get(key)
         if cached is None or cached[0] is not clip:
-            poses = performed(clip, joints).poses
+            poses = extract_performer_clip(clip, joints).poses
             try:
                 suggested = suggest_poses(poses)
             except EnlivenError:
@@ -117,28 +117,28 @@ class CoverageCache:
         return cached[1], cached[2]
 
 
-def _choose_joints(puppet: Puppet, clip: Clip) -> tuple[str, ...]:
+def _choose_joints(puppet: ExampleCharacter, clip: Clip) -> tuple[str, ...]:
     """Returns the paired joints that the clip has, or all of the clip's joints if there are none."""
     names = set(clip.skeleton.names)
     paired = tuple(dict.fromkeys(point.joint for point in puppet.points if point.joint in names))
     return paired or clip.skeleton.names
 
 
-def _find_solver_points(project: Project, puppet: Puppet, take: str) -> tuple[Float, Float] | None:
+def _find_solver_points(project: Project, puppet: ExampleCharacter, take: str) -> tuple[Float, Float] | None:
     """Returns the examples (n, P, 3) and the take's frames (F, P, 3) in the solver's normalised coordinates.
     Returns None if the puppet does not play the take yet.
     """
     number = next((k for k, layer in enumerate(puppet.layers) if layer.take == take), None)
-    if number is None or missing(project, puppet):
+    if number is None or find_missing_examples(project, puppet):
         return None
     try:
-        examples, took = convert_to_reference(collect_material(project, puppet, puppet.layers[number]))
+        examples, took = convert_to_reference(collect_motion_inputs(project, puppet, puppet.layers[number]))
     except EnlivenError:
         return None
     return examples.sources, took.poses
 
 
-def _find_performer_poses(project: Project, puppet: Puppet, joints: tuple[str, ...]) -> Float:
+def _find_performer_poses(project: Project, puppet: ExampleCharacter, joints: tuple[str, ...]) -> Float:
     """Returns the performer's poses (n, J, 3) in metres at the key poses of takes that have the joints."""
     poses = []
     for pose in puppet.poses:
@@ -152,4 +152,4 @@ def _find_performer_poses(project: Project, puppet: Puppet, joints: tuple[str, .
 def _get_frame_joints(clip: Clip, frame: int, joints: tuple[str, ...]) -> Float:
     """Returns the joints (J, 3) of one frame of a clip, in the body frame."""
     frame_clip = clip.mapped(lambda track: track[frame : frame + 1])
-    return np.asarray(performed(frame_clip, joints).poses[0])
+    return np.asarray(extract_performer_clip(frame_clip, joints).poses[0])

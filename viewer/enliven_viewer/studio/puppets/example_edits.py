@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from enliven.document import Coupling, Kind, Position, Project, Puppet, Switch, Velocity, unused
+from enliven.document import Coupling, ExampleCharacter, Kind, Position, Project, Switch, Velocity, unused
 from enliven.errors import InputError
 from enliven.meshes import fit_height
 from enliven.modeling.edits import change_layers
@@ -229,7 +229,7 @@ def remove_switch(switches: Sequence[Switch], number: int) -> tuple[Switch, ...]
     )
 
 
-def find_layer_number(puppet: Puppet, chosen: int | None, take: str = "") -> int | None:
+def find_layer_number(puppet: ExampleCharacter, chosen: int | None, take: str = "") -> int | None:
     """Returns the number of the selected layer, or of the first unmuted one.
 
     A non-empty ``take`` restricts the search to layers of that take.

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import KeyPose, Project, Puppet
-from enliven.examples.puppet_motion import State
+from enliven.document import ExampleCharacter, KeyPose, Project
+from enliven.examples.puppet_motion import PuppetState
 from enliven.modeling.puppet.dragging import key_pose_at
 from enliven.modeling.puppet.poses import add_key_pose, change_key_pose, remove_key_pose
 from enliven_viewer.language import later, tr
@@ -26,7 +26,7 @@ class KeyPoses(PuppetSelection):
 
     def __init__(self, editor: EditorProtocol, stage: PuppetStage) -> None:
         super().__init__(editor, stage)
-        self.start_state: State | None = None
+        self.start_state: PuppetState | None = None
         self._edited_pose: tuple[str, int] | None = None
         self._states_before: dict[int, Float] | None = None
         self._edited_time = 0.0
@@ -132,10 +132,10 @@ class KeyPoses(PuppetSelection):
         self.clear_drag()
         self.editor.playing, self._edited_time = False, self.editor.time
 
-    def _add(self, puppet: Puppet, take: str, time: float, places: Float) -> bool:
+    def _add(self, puppet: ExampleCharacter, take: str, time: float, places: Float) -> bool:
         """Adds a key pose as one edit, and starts editing it."""
         if not puppet.points:
-            self.editor.toasts.say(
+            self.editor.toasts.show_message(
                 tr("It has no control points yet"), tr("Click the mesh where you want to hold it.")
             )
             return False

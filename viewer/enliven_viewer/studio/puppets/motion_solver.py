@@ -11,9 +11,9 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import wait as wait_for
 from dataclasses import dataclass
 
-from enliven.document import Project, Puppet, RigBase
+from enliven.document import ExampleCharacter, Project, RigBase
 from enliven.errors import EnlivenError
-from enliven.examples.puppet_examples import missing
+from enliven.examples.puppet_examples import find_missing_examples
 from enliven.examples.puppet_motion import solve_layer_motion
 from enliven_viewer.studio.toasts import Toasts
 
@@ -26,7 +26,7 @@ class _Request:
     """A request: a puppet and the project that holds its takes."""
 
     project: Project
-    puppet: Puppet
+    puppet: ExampleCharacter
 
     def matches(self, other: _Request | None) -> bool:
         """Returns True if another request is for the same motions, that is, the same puppet and takes."""
@@ -68,7 +68,7 @@ class MotionSolver:
             return self.newest_solution(project, character_id)
         return project, project.character(character_id)
 
-    def newest_solution(self, project: Project, puppet_id: str) -> tuple[Project, Puppet]:
+    def newest_solution(self, project: Project, puppet_id: str) -> tuple[Project, ExampleCharacter]:
         """Returns the newest solved project and puppet. If nothing has been solved yet, the puppet has no
         layers. The returned puppet may differ from the project's in its control points, so draw the returned
         puppet.
@@ -78,7 +78,7 @@ class MotionSolver:
         if request.matches(solved.solved) and solved.problem is None:
             assert solved.solved is not None
             return solved.solved.project, request.puppet
-        if not request.puppet.layers or missing(project, request.puppet):
+        if not request.puppet.layers or find_missing_examples(project, request.puppet):
             solved.solved = solved.problem = None
             return project, request.puppet.with_changes(
                 layers=()
@@ -145,7 +145,7 @@ class MotionSolver:
         """Stores the error, and reports it once."""
         if solved.reported_problem == str(error) and solved.problem is not None:
             return
-        solved.reported_problem, solved.problem = str(error), self._toasts.tell(error)
+        solved.reported_problem, solved.problem = str(error), self._toasts.show_any_error(error)
 
 
 def _solve(request: _Request) -> None:

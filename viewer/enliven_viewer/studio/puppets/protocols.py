@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Protocol, TypeVar
 
 from enliven.arrays import Float
-from enliven.document import KeyPose, Project, Puppet, RigBase
-from enliven.examples.puppet_motion import State
+from enliven.document import ExampleCharacter, KeyPose, Project, RigBase
+from enliven.examples.puppet_motion import PuppetState
 from enliven_viewer.studio.puppets.motion_solver import MotionSolver
 from enliven_viewer.studio.toasts import Toasts
 from enliven_viewer.studio.viewport.selection import Selection
@@ -35,7 +35,7 @@ class EditorProtocol(Protocol):
     def select(self, **changes: object) -> None:
         """Changes parts of the selection."""
 
-    def choose(self, character: str | None, handle: int | None = None) -> None:
+    def select_only(self, character: str | None, handle: int | None = None) -> None:
         """Selects a character, and optionally one of its handles."""
 
     def find_selected(self, rig: type[R], /) -> R | None:
@@ -46,10 +46,10 @@ class PoseEditState(Protocol):
     """The edited key pose, or the dragged control point, as far as the stage must show it."""
 
     silhouette: bool
-    start_state: State | None
+    start_state: PuppetState | None
 
     @property
-    def puppet(self) -> Puppet | None:
+    def puppet(self) -> ExampleCharacter | None:
         """Returns the selected puppet."""
 
     @property

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Puppet
+from enliven.document import ExampleCharacter
 from enliven.modeling.puppet.points import remove_point
 from enliven.modeling.puppet.poses import change_key_pose
 from enliven_viewer.language import later, tr, tr_n
@@ -96,7 +96,7 @@ class PuppetEditor(KeyPoses):
         puppet, place = self.puppet, np.asarray(place, np.float64)
         if puppet is None or not 0 <= point < len(puppet.points) or not np.isfinite(place).all():
             return
-        places = np.array(self._start(puppet))
+        places = np.array(self._find_start_places(puppet))
         places[point] = _clamp_place(puppet, place)
         if self.symmetric:
             places = mirror_places(puppet, places, point)
@@ -126,7 +126,7 @@ class PuppetEditor(KeyPoses):
         puppet, point = self.puppet, self.point
         if puppet is None or point is None:
             return False
-        self.drag(point, self._start(puppet)[point] + offset)
+        self.drag(point, self._find_start_places(puppet)[point] + offset)
         return self.drop(later("nudge {0}", puppet.points[point].name))
 
     def reset_point(self) -> bool:
@@ -147,7 +147,7 @@ class PuppetEditor(KeyPoses):
             return False
         self.editor.select(handle=None)
         if used:
-            self.editor.toasts.say(
+            self.editor.toasts.show_message(
                 tr_n(
                     "{1} was removed, also from {0} key pose",
                     "{1} was removed, also from {0} key poses",
@@ -158,7 +158,7 @@ class PuppetEditor(KeyPoses):
             )
         return True
 
-    def _start(self, puppet: Puppet) -> Float:
+    def _find_start_places(self, puppet: ExampleCharacter) -> Float:
         """Returns the positions (P, 3) in metres at the start of a drag.
 
         They come from the key pose at this moment if there is one, otherwise from the shown pose.
@@ -169,18 +169,18 @@ class PuppetEditor(KeyPoses):
         pose_number = None if moment is None else self.pose_at(*moment)
         return self.current_places(puppet) if pose_number is None else puppet.poses[pose_number].places
 
-    def current_places(self, puppet: Puppet) -> Float:
+    def current_places(self, puppet: ExampleCharacter) -> Float:
         """Returns the current positions (P, 3) of the puppet's control points in metres of the
         mesh's frame.
         """
         standing = self.stage.find(puppet.id)
         return puppet.rest if standing is None else standing.state.places
 
-    def _begin_here(self, puppet: Puppet, places: Float) -> bool:
+    def _begin_here(self, puppet: ExampleCharacter, places: Float) -> bool:
         """Stores the dragged positions as the key pose of the moment that the performer's view shows."""
         moment = self._find_moment(puppet)
         if moment is None:
-            self.editor.toasts.say(
+            self.editor.toasts.show_message(
                 tr("No take is shown, so this pose belongs to no moment"),
                 tr("Choose a take in the performer's view, go to a moment of it, and drag again."),
             )
@@ -191,7 +191,7 @@ class PuppetEditor(KeyPoses):
         self.edit_pose(pose_number)
         return self.editor.edit("pose", lambda p: change_key_pose(p, puppet.id, pose_number, places=places))
 
-    def _find_moment(self, puppet: Puppet) -> tuple[str, float] | None:
+    def _find_moment(self, puppet: ExampleCharacter) -> tuple[str, float] | None:
         """Returns the shown take and the time in it, or None if no take is shown."""
         takes, moment = self.editor.project.takes, self.moment
         if moment is None and puppet.layers:
@@ -200,7 +200,7 @@ class PuppetEditor(KeyPoses):
         return moment if moment is not None and moment[0] in takes else None
 
 
-def _clamp_place(puppet: Puppet, place: Float) -> Float:
+def _clamp_place(puppet: ExampleCharacter, place: Float) -> Float:
     """Returns the place (3,), clamped to the maximum distance from the mesh's centre."""
     middle, max_distance = find_mesh_centre(puppet.mesh), _MAX_DRAG_DISTANCE * measure_mesh(puppet.mesh)
     offset = place - middle

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.document import Project, Puppet
+from enliven.document import ExampleCharacter, Project
 from enliven.modeling.puppet.points import add_point
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.puppets.protocols import EditorProtocol
@@ -31,9 +31,9 @@ class PuppetSelection:
         return self.stage.puppets
 
     @property
-    def puppet(self) -> Puppet | None:
+    def puppet(self) -> ExampleCharacter | None:
         """Returns the selected puppet."""
-        return self.editor.find_selected(Puppet)
+        return self.editor.find_selected(ExampleCharacter)
 
     @property
     def point(self) -> int | None:
@@ -52,15 +52,15 @@ class PuppetSelection:
             return False
         taken = [point.vertex for point in puppet.points]
         if vertex in taken:
-            self.editor.choose(puppet.id, taken.index(vertex))
-            self.editor.toasts.say(tr("{0} exists already", puppet.points[taken.index(vertex)].name))
+            self.editor.select_only(puppet.id, taken.index(vertex))
+            self.editor.toasts.show_message(tr("{0} exists already", puppet.points[taken.index(vertex)].name))
             return False
         other = find_partner_vertex(puppet, vertex) if self.symmetric else None
         wanted = [vertex] if other is None or other in (vertex, *taken) else [vertex, other]
 
         poses = self.stage.surfaces.settle_each(puppet, [pose.places for pose in puppet.poses])
         if poses is None and len(puppet.mesh.vertices) > MIN_BACKGROUND_VERTICES:
-            self.editor.toasts.say(
+            self.editor.toasts.show_message(
                 tr("{0} is still being prepared", puppet.id), tr("Click again in a moment.")
             )
             return False
@@ -77,7 +77,7 @@ class PuppetSelection:
             later("put a control point") if len(wanted) == 1 else later("put control points"), change
         ):
             return False
-        self.editor.choose(puppet.id, len(taken))
+        self.editor.select_only(puppet.id, len(taken))
         return True
 
     def set_symmetric(self, on: bool) -> None:
@@ -88,12 +88,12 @@ class PuppetSelection:
         self.symmetric = on
         if on and puppet is not None and find_plane(puppet) is None:
             self.symmetric = False
-            self.editor.toasts.say(
+            self.editor.toasts.show_message(
                 tr("{0} has no plane of symmetry", puppet.id),
                 tr("Put and drag its control points one by one."),
             )
 
-    def _selected_puppet(self) -> Puppet | None:
+    def _selected_puppet(self) -> ExampleCharacter | None:
         if self.puppet is None:
-            self.editor.toasts.say(tr("No puppet is chosen"), tr("Click one first."))
+            self.editor.toasts.show_message(tr("No puppet is chosen"), tr("Click one first."))
         return self.puppet

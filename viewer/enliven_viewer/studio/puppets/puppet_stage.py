@@ -10,8 +10,8 @@ from typing import cast
 import numpy as np
 
 from enliven.arrays import AnyArray, Float, Float32
-from enliven.document import Character, Puppet, RigBase, SkinWeights
-from enliven.examples.puppet_motion import State, pose_of_state, to_world_frame
+from enliven.document import Character, ExampleCharacter, RigBase, SkinWeights
+from enliven.examples.puppet_motion import PuppetState, pose_of_state, to_world_frame
 from enliven.modeling.edits import bake_root_layers
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
 from enliven_viewer.studio.puppets.protocols import EditorProtocol, PoseEditState
@@ -30,8 +30,8 @@ class StagePuppet(StageCharacter):
         surface: (V, 3) vertices in metres of the mesh's frame.
     """
 
-    character: Puppet
-    state: State
+    character: ExampleCharacter
+    state: PuppetState
     surface: Float
 
     has_own_tool = True
@@ -105,7 +105,7 @@ class PuppetStage:
         ):
             surface = self._ghost_request[1].result()
             if self._ghost is None or self._ghost.surface is not surface:
-                state = State(pose.places, now.state.yaw, now.state.root)
+                state = PuppetState(pose.places, now.state.yaw, now.state.root)
                 self._ghost = self._make_stage_puppet(puppet, state, surface)
             return self._ghost
         return None
@@ -142,21 +142,21 @@ class PuppetStage:
         if any(self.editor.motion_solver.busy(name) for name in self.editor.project.puppets):
             self._version += 1
 
-    def _place_puppet(self, puppet: Puppet) -> StagePuppet:
+    def _place_puppet(self, puppet: ExampleCharacter) -> StagePuppet:
         editor, posing, newest = self.editor, self.posing, puppet
         places = posing.places if posing.puppet is puppet else None
         if places is not None and len(places) == len(puppet.points):
             shown_state = posing.start_state or find_playback_state(editor, puppet)[1]
-            state = State(places, shown_state.yaw, shown_state.root)
+            state = PuppetState(places, shown_state.yaw, shown_state.root)
         else:
             puppet, state = find_playback_state(editor, puppet)
         if newest.root_layers or puppet.root_layers:
             puppet = puppet.with_changes(root_layers=newest.root_layers)
-            puppet = cast(Puppet, bake_root_layers(editor.project, puppet, editor.time))
+            puppet = cast(ExampleCharacter, bake_root_layers(editor.project, puppet, editor.time))
         warm = editor.playing or editor.scrubbing or posing.is_dragging
         return self._make_stage_puppet(puppet, state, self.surfaces.solve(puppet, state.places, warm=warm))
 
-    def _make_stage_puppet(self, puppet: Puppet, state: State, surface: Float) -> StagePuppet:
+    def _make_stage_puppet(self, puppet: ExampleCharacter, state: PuppetState, surface: Float) -> StagePuppet:
         handles = to_world_frame(puppet, state, state.places)
         return StagePuppet(
             puppet, self._meshes.get_mesh(puppet), pose_of_state(puppet, state), handles, state, surface

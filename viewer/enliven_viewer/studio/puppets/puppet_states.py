@@ -5,19 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Project, Puppet
+from enliven.document import ExampleCharacter, Project
 from enliven.errors import EnlivenError
-from enliven.examples.puppet_examples import missing
-from enliven.examples.puppet_motion import State, evaluate_state, solve_layer_motion
+from enliven.examples.puppet_examples import find_missing_examples
+from enliven.examples.puppet_motion import PuppetState, evaluate_state, solve_layer_motion
 from enliven_viewer.studio.puppets.protocols import EditorProtocol
 
 
-def make_rest_state(puppet: Puppet) -> State:
+def make_rest_state(puppet: ExampleCharacter) -> PuppetState:
     """Returns the rest state of a puppet, at its placement."""
-    return State(puppet.rest, 0.0, np.zeros(3))
+    return PuppetState(puppet.rest, 0.0, np.zeros(3))
 
 
-def find_playback_state(editor: EditorProtocol, puppet: Puppet) -> tuple[Puppet, State]:
+def find_playback_state(
+    editor: EditorProtocol, puppet: ExampleCharacter
+) -> tuple[ExampleCharacter, PuppetState]:
     """Returns the puppet and its state at the editor's time, or its rest state if it cannot move yet.
 
     While the newest motion is being solved, the previously solved version of the puppet is returned.
@@ -34,7 +36,7 @@ def find_playback_state(editor: EditorProtocol, puppet: Puppet) -> tuple[Puppet,
     return puppet, state
 
 
-def find_start_places(project: Project, puppet: Puppet, take: str, time: float) -> Float:
+def find_start_places(project: Project, puppet: ExampleCharacter, take: str, time: float) -> Float:
     """Returns the initial positions of a new key pose at a time of a take, (P, 3) in metres of the mesh's
     frame.
 
@@ -42,7 +44,7 @@ def find_start_places(project: Project, puppet: Puppet, take: str, time: float) 
     """
     start = np.array(puppet.poses[-1].places if puppet.poses else puppet.rest)
     for number, layer in enumerate(puppet.layers):
-        if layer.take == take and not missing(project, puppet):
+        if layer.take == take and not find_missing_examples(project, puppet):
             try:
                 motion = solve_layer_motion(project, puppet, number)
             except EnlivenError:

@@ -9,7 +9,7 @@ import scipy
 
 from enliven.arrays import Float, Int
 from enliven.deformation.arap.self_intersection import SelfIntersection
-from enliven.document import Puppet
+from enliven.document import ExampleCharacter
 from enliven.meshes import Mesh
 from enliven_viewer.language import tr
 
@@ -35,7 +35,7 @@ class SelfIntersectionSearch:
         self._mesh: Mesh | None = None
         self._finder: SelfIntersection | None = None
 
-    def start_check(self, puppet: Puppet, surface: Float) -> None:
+    def start_check(self, puppet: ExampleCharacter, surface: Float) -> None:
         """Starts a self-intersection check of the surface (V, 3) metres in the background.
 
         Call once per frame; does not block.
@@ -64,15 +64,15 @@ class SelfIntersectionSearch:
             self._search.cancel()
         self.faces, self.message, self._search, self._searched_surface = np.zeros(0, np.int64), "", None, None
 
-    def _find_faces(self, puppet: Puppet, surface: Float) -> tuple[Int, str]:
+    def _find_faces(self, puppet: ExampleCharacter, surface: Float) -> tuple[Int, str]:
         finder = self._finder
         if finder is None:
             finder = self._finder = SelfIntersection(puppet.mesh)
-        faces = finder.newly_crossing(surface)
+        faces = finder.find_new_crossing_faces(surface)
         return faces, describe_intersection(puppet, faces) if len(faces) > _MAX_IGNORED_FACES else ""
 
 
-def describe_intersection(puppet: Puppet, faces: Int) -> str:
+def describe_intersection(puppet: ExampleCharacter, faces: Int) -> str:
     """Returns a sentence about the intersecting parts.
 
     Each of the faces (K,) is assigned to the control point that is nearest in the rest pose.

@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.deformation.arap.control_point_surface import PuppetSurface
-from enliven.document import Puppet
+from enliven.document import ExampleCharacter
 from enliven.errors import EnlivenError
 from enliven_viewer.language import tr
 from enliven_viewer.studio.puppets.mesh_cache import measure_mesh
@@ -31,7 +31,7 @@ _MAX_SETTLING_FRAMES = 60
 HeldPoints = tuple[tuple[int, float | None], ...]
 
 
-class Solver:
+class SurfaceSolver:
     """The surface solver of one mesh.
 
     Args:
@@ -39,7 +39,7 @@ class Solver:
         toasts: shows messages about waiting times and errors.
     """
 
-    def __init__(self, puppet: Puppet, pool: Executor, toasts: Toasts) -> None:
+    def __init__(self, puppet: ExampleCharacter, pool: Executor, toasts: Toasts) -> None:
         self.mesh, self.settings = puppet.mesh, puppet.surface
         self._name, self._pool, self._toasts = puppet.id, pool, toasts
         self._vertex_count = len(puppet.mesh.vertices)
@@ -51,12 +51,12 @@ class Solver:
         self._refused: HeldPoints | None = None
         self._preparation: Future[PuppetSurface] | None = self._begin(puppet)
         if self._vertex_count > MIN_ANNOUNCED_VERTICES:
-            toasts.say(
+            toasts.show_message(
                 tr("{0} is a very fine mesh: it takes a moment until it can be dragged", puppet.id),
                 tr("You can continue to work in the meantime."),
             )
 
-    def solve(self, puppet: Puppet, places: Float, *, warm: bool) -> Float:
+    def solve(self, puppet: ExampleCharacter, places: Float, *, warm: bool) -> Float:
         """Returns the surface (V, 3) in metres with control points at ``places`` (P, 3).
 
         Returns the last valid surface while it is being prepared, or if it cannot be solved.
@@ -70,7 +70,7 @@ class Solver:
             self._shown_surface = self._move_points(surface, places, warm=warm)
         return self._shown_surface
 
-    def find_prepared(self, puppet: Puppet) -> PuppetSurface | None:
+    def find_prepared(self, puppet: ExampleCharacter) -> PuppetSurface | None:
         """Returns the solver with the puppet's control points, or None while it is being prepared."""
         held = find_held_points(puppet)
         if self._refused == held or (self._preparation is not None and not self._preparation.done()):
@@ -87,7 +87,7 @@ class Solver:
             if held != self._held_points:
                 self._change_points(held)
         except Exception as error:
-            self._refuse(error)
+            self._report_refusal(error)
             return None
         return self._surface if self._preparation is None else None
 
@@ -137,16 +137,16 @@ class Solver:
                 return surface.pose
             return surface.solve_from_rest(places) if small and not warm else surface.solve(places)
         except EnlivenError as error:
-            self._toasts.complain(error)
+            self._toasts.show_error(error)
             self._remaining_frames = 0
             return self._shown_surface
 
-    def _refuse(self, error: Exception) -> None:
+    def _report_refusal(self, error: Exception) -> None:
         """Reports that these control points cannot be prepared."""
-        self._toasts.tell(error)
+        self._toasts.show_any_error(error)
         self._refused = self._held_points
 
-    def _begin(self, puppet: Puppet) -> Future[PuppetSurface]:
+    def _begin(self, puppet: ExampleCharacter) -> Future[PuppetSurface]:
         held, weights = _split_points(self._held_points)
         if self._vertex_count > MAX_VERTICES_AT_ONCE:
             return self._pool.submit(PuppetSurface, puppet.mesh, held, weights, puppet.surface)
@@ -160,7 +160,7 @@ class Solver:
     def _use_prepared(self, surface: PuppetSurface) -> None:
         first, self._surface, self._places = self._surface is None, surface, None
         if first and self._vertex_count > MIN_ANNOUNCED_VERTICES:
-            self._toasts.say(tr("{0} can be dragged now", self._name), *surface.notes[:1])
+            self._toasts.show_message(tr("{0} can be dragged now", self._name), *surface.notes[:1])
 
     def _change_points(self, held: HeldPoints) -> None:
         """Changes the control points. This happens in the background if it takes long."""
@@ -177,7 +177,7 @@ class Solver:
             work()
 
 
-def find_held_points(puppet: Puppet) -> HeldPoints:
+def find_held_points(puppet: ExampleCharacter) -> HeldPoints:
     """Returns the vertex and the weight of each control point, which determine the surface."""
     return tuple((point.vertex, point.weight) for point in puppet.points)
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 
 from enliven.arrays import Float
-from enliven.document import Puppet
+from enliven.document import ExampleCharacter
 from enliven.errors import EnlivenError
-from enliven_viewer.studio.puppets.solver import Solver
+from enliven_viewer.studio.puppets.solver import SurfaceSolver
 from enliven_viewer.studio.toasts import Toasts
 
 
@@ -24,12 +24,12 @@ class PuppetSurfaces:
 
     def __init__(self, toasts: Toasts) -> None:
         self._toasts = toasts
-        self._solvers: dict[str, Solver] = {}
+        self._solvers: dict[str, SurfaceSolver] = {}
         self._pool = ThreadPoolExecutor(1, "puppet surface")
         self._background = ThreadPoolExecutor(1, "another pose")
         self.version = 0
 
-    def solve(self, puppet: Puppet, places: Float, *, warm: bool) -> Float:
+    def solve(self, puppet: ExampleCharacter, places: Float, *, warm: bool) -> Float:
         """Returns the surface with control points at ``places`` (P, 3), (V, 3) in metres of the mesh's frame.
 
         While the mesh is being prepared, returns the rest surface. If the positions are invalid, returns the
@@ -41,7 +41,7 @@ class PuppetSurfaces:
         """
         return self._get_solver(puppet).solve(puppet, places, warm=warm)
 
-    def solve_in_background(self, puppet: Puppet, places: Float) -> Future[Float] | None:
+    def solve_in_background(self, puppet: ExampleCharacter, places: Float) -> Future[Float] | None:
         """Returns the future of the settled surface (V, 3) at positions (P, 3), or None. A current drag is
         not affected.
         """
@@ -50,7 +50,7 @@ class PuppetSurfaces:
             return None
         return self._background.submit(surface.settle_separately, places)
 
-    def settle_each(self, puppet: Puppet, many: Sequence[Float]) -> list[Float] | None:
+    def settle_each(self, puppet: ExampleCharacter, many: Sequence[Float]) -> list[Float] | None:
         """Returns the settled surface (V, 3) at each of several positions (P, 3).
 
         Returns None if they cannot be computed yet.
@@ -72,7 +72,7 @@ class PuppetSurfaces:
             solver.forget()
         self.version += 1
 
-    def is_prepared(self, puppet: Puppet) -> bool:
+    def is_prepared(self, puppet: ExampleCharacter) -> bool:
         """Returns True if the surface is prepared. The first call starts the preparation."""
         return self._get_solver(puppet).find_prepared(puppet) is not None
 
@@ -80,8 +80,8 @@ class PuppetSurfaces:
         """Discards the solvers of removed puppets."""
         self._solvers = {name: solver for name, solver in self._solvers.items() if name in ids}
 
-    def _get_solver(self, puppet: Puppet) -> Solver:
+    def _get_solver(self, puppet: ExampleCharacter) -> SurfaceSolver:
         solver = self._solvers.get(puppet.id)
         if solver is None or solver.mesh is not puppet.mesh or solver.settings is not puppet.surface:
-            solver = self._solvers[puppet.id] = Solver(puppet, self._pool, self._toasts)
+            solver = self._solvers[puppet.id] = SurfaceSolver(puppet, self._pool, self._toasts)
         return solver

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Plane, Puppet
+from enliven.document import ExampleCharacter, Plane
 from enliven.examples.symmetric import reflect_points
 from enliven_viewer.studio.puppets.mesh_cache import build_vertex_tree, find_mesh_plane, measure_mesh
 
@@ -13,12 +13,12 @@ _MIRROR_TOLERANCE = 0.05
 """Maximum error of a mirror image, as a fraction of the mesh's size."""
 
 
-def find_plane(puppet: Puppet) -> Plane | None:
+def find_plane(puppet: ExampleCharacter) -> Plane | None:
     """Returns the plane of symmetry of the puppet, otherwise that of its mesh, or None if there is none."""
     return puppet.symmetry if puppet.symmetry is not None else find_mesh_plane(puppet.mesh)
 
 
-def find_partner_vertex(puppet: Puppet, vertex: int) -> int | None:
+def find_partner_vertex(puppet: ExampleCharacter, vertex: int) -> int | None:
     """Returns the vertex nearest to a vertex's mirror image, or None. For a vertex near the plane, returns
     the vertex itself.
     """
@@ -33,7 +33,7 @@ def find_partner_vertex(puppet: Puppet, vertex: int) -> int | None:
     return int(used[nearest]) if distances <= max_error else None
 
 
-def find_partner_point(puppet: Puppet, point: int) -> int | None:
+def find_partner_point(puppet: ExampleCharacter, point: int) -> int | None:
     """Returns the mirror point of a control point, or None. For a point on the plane, returns the point
     itself.
     """
@@ -45,7 +45,7 @@ def find_partner_point(puppet: Puppet, point: int) -> int | None:
     return nearest if distances[nearest] <= _MIRROR_TOLERANCE * measure_mesh(puppet.mesh) else None
 
 
-def mirror_places(puppet: Puppet, places: Float, point: int) -> Float:
+def mirror_places(puppet: ExampleCharacter, places: Float, point: int) -> Float:
     """Returns (P, 3) positions in which the movement of ``point`` is mirrored to its mirror point. Movements
     are measured from the rest positions. A control point on the plane moves only within the plane.
     """

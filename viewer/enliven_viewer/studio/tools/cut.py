@@ -60,7 +60,7 @@ class CutTool(StrokeTool):
             stroke
         )
         if not names:
-            self.editor.toasts.say(
+            self.editor.toasts.show_message(
                 tr("The stroke crosses no bone"), tr("Draw it across a limb, from side to side.")
             )
             return
@@ -85,9 +85,9 @@ class CutTool(StrokeTool):
             return project
 
         if self.editor.edit("cut", change):
-            self.editor.choose(parts[-1])
+            self.editor.select_only(parts[-1])
             message = tr("Cut off: {0}", ", ".join(parts)) + "".join(f". {note}" for note in notes[:1])
-            self.editor.toasts.say(
+            self.editor.toasts.show_message(
                 message, tr("All parts keep their pose now, and their motion. Drag one with G.")
             )
 

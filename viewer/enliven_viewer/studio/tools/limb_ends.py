@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from enliven.arrays import Float, Int
-from enliven.document import GraphShape, Project
+from enliven.document import GraphCharacter, Project
 from enliven.errors import EnlivenError
 from enliven.meshes import Mesh
 from enliven.person import Joint
@@ -46,7 +46,7 @@ class LimbEndsTool(Tool):
 
     @property
     def hint(self) -> str:
-        shape = self.editor.find_selected(GraphShape)
+        shape = self.editor.find_selected(GraphCharacter)
         if shape is None:
             return "Click a possessed character to mark its head, hands and feet."
         if self._held_mark is not None:
@@ -62,7 +62,7 @@ class LimbEndsTool(Tool):
         """Returns the vertices (5,) at the limb ends. Returns an empty array while the search for them runs,
         or if nothing is selected.
         """
-        shape = self.editor.find_selected(GraphShape)
+        shape = self.editor.find_selected(GraphCharacter)
         if shape is None:
             return np.empty(0, np.int64)
         if len(shape.ends):
@@ -77,7 +77,7 @@ class LimbEndsTool(Tool):
         """Does nothing: only the marks can be grabbed."""
 
     def press(self, pointer: Pointer) -> bool:
-        shape, self.editor.playing = self.editor.find_selected(GraphShape), False
+        shape, self.editor.playing = self.editor.find_selected(GraphCharacter), False
         if shape is not None and len(marks := self.marks):
             distances = np.linalg.norm(self._find_pixels(shape.id, marks) - np.array(pointer.at), axis=1)
             if distances.min() <= max(self.editor.settings.reach, _MARK_RADIUS_PX):
@@ -86,11 +86,11 @@ class LimbEndsTool(Tool):
                 return True
         hit = self.character_at(pointer)
         if hit is not None and hit.character != self.editor.selection.character:
-            self.editor.choose(hit.character)
+            self.editor.select_only(hit.character)
         return False
 
     def drag(self, pointer: Pointer) -> None:
-        shape = self.editor.find_selected(GraphShape)
+        shape = self.editor.find_selected(GraphCharacter)
         if self._held_mark is None or shape is None:
             return
         posed, lens = self.editor.stage_character(shape.id), self.editor.lens
@@ -103,13 +103,13 @@ class LimbEndsTool(Tool):
             )
 
     def release(self, pointer: Pointer) -> None:
-        shape, held, marks = self.editor.find_selected(GraphShape), self._held_mark, self.marks
+        shape, held, marks = self.editor.find_selected(GraphCharacter), self._held_mark, self.marks
         self._held_mark = None
         if shape is not None and held is not None:
             self._store_ends(shape, shape.mesh.vertices[marks], later("name the {0}", _END_WORDS[held[0]]))
 
     def type(self, key: str) -> bool:
-        shape = self.editor.find_selected(GraphShape)
+        shape = self.editor.find_selected(GraphCharacter)
         if key not in ("delete", "backspace") or shape is None or not len(shape.ends):
             return False
         self._store_ends(shape, np.empty((0, 3)), tr("find the ends"))
@@ -120,7 +120,7 @@ class LimbEndsTool(Tool):
         self._held_mark = None
 
     def overlay(self) -> Overlay:
-        shape, marks = self.editor.find_selected(GraphShape), self.marks
+        shape, marks = self.editor.find_selected(GraphCharacter), self.marks
         if shape is None or not len(marks):
             return Overlay()
         colour = ACCENT if len(shape.ends) else QUIET
@@ -159,7 +159,7 @@ class LimbEndsTool(Tool):
         search = self._search
         return search.result() if search is not None and search.done() else np.empty(0, np.int64)
 
-    def _store_ends(self, shape: GraphShape, ends: Float, step: str) -> None:
+    def _store_ends(self, shape: GraphCharacter, ends: Float, step: str) -> None:
         def named(project: Project) -> Project:
             return project.with_characters(shape.with_changes(ends=ends, joints=np.empty((0, 3))))
 

@@ -120,12 +120,12 @@ class MoveTool(Tool):
             return held.merge(moved, other, notes)
 
         if editor.edit(later("merge {0}", name), change):
-            editor.choose(other.character)
-            editor.toasts.say(
+            editor.select_only(other.character)
+            editor.toasts.show_message(
                 tr("{0} is now part of {1}", name, other.character), tr("Ctrl+Z takes them apart.")
             )
             for note in notes[-2:]:  # The last note reports whether the two surfaces touch.
-                editor.toasts.say(note)
+                editor.toasts.show_message(note)
 
     def _find_merge_target(self, pointer: Pointer) -> Hit | None:
         """Returns the target of a merge with Shift: the character under the pointer, or the nearest
@@ -181,7 +181,7 @@ class MoveTool(Tool):
                 tr("No shape is near {0}", held.character),
                 tr("Let go over another, or where they touch."),
             )
-        self.editor.toasts.say(problem, remedy)
+        self.editor.toasts.show_message(problem, remedy)
 
     def cancel(self) -> None:
         super().cancel()

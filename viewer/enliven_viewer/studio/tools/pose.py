@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Project, Shape
+from enliven.document import Project, RiggedCharacter
 from enliven.modeling.edits import drag_handle, find_keys, key_handle
 from enliven_viewer.language import later
 from enliven_viewer.studio.editor.editor import Editor
@@ -50,7 +50,7 @@ class PoseTool(Tool):
         node = self._node_at(pointer)
         if node is not None:
             self.editor.playing, self._held_node = False, node
-            self.editor.choose(node[0], node[1])
+            self.editor.select_only(node[0], node[1])
             return True
         hit = self.character_at(pointer)
         self._held_handle = (
@@ -123,6 +123,6 @@ class PoseTool(Tool):
         if not handle:
             return whole.turn(project, pointer)
         place = editor.lens.intersect_plane(pointer.at, whole.handles[handle])
-        keyed = editor.is_auto_key and isinstance(project.character(whole.character), Shape)
+        keyed = editor.is_auto_key and isinstance(project.character(whole.character), RiggedCharacter)
         change = key_handle if keyed else drag_handle
         return change(project, whole.character, handle, place, editor.time)

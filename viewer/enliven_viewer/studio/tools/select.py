@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.document import Shape
+from enliven.document import RiggedCharacter
 from enliven_viewer.language import tr
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
@@ -50,18 +50,18 @@ class SelectTool(Tool):
             if pointer.ctrl:
                 self._box = (pointer.at, pointer.at)
                 return True
-            editor.choose(None)
+            editor.select_only(None)
             return False
-        shape, start = editor.find_selected(Shape), editor.selection.handle
+        shape, start = editor.find_selected(RiggedCharacter), editor.selection.handle
         is_selected, joint = editor.selection.character == hit.character, hit.handle >= 0
         if pointer.ctrl:
-            editor.toggle(hit.character)
+            editor.toggle_selected(hit.character)
         elif pointer.shift and not is_selected:
             editor.choose_all(*editor.selection.characters, hit.character)
         elif pointer.shift and joint and shape is not None and start is not None:
             editor.select(chain=shape.skeleton.path(start, hit.handle))
         else:
-            editor.choose(hit.character, hit.handle if joint else None)
+            editor.select_only(hit.character, hit.handle if joint else None)
         return joint  # Return False for a drag that starts on a surface, because it orbits the camera.
 
     def drag(self, pointer: Pointer) -> None:

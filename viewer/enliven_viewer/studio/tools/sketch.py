@@ -40,7 +40,7 @@ class SketchTool(StrokeTool):
         if not stroke:
             return
         if len(stroke) < _MIN_POINTS:
-            self.editor.toasts.say(tr("The stroke is too short"), tr("Draw all around the part."))
+            self.editor.toasts.show_message(tr("The stroke is too short"), tr("Draw all around the part."))
             return
         plane, points = self._project_to_plane(stroke)
         names: list[str] = []
@@ -51,10 +51,10 @@ class SketchTool(StrokeTool):
             return project.with_characters(shape_from_stroke(points, plane, id=name))
 
         if self.editor.edit("sketch part", change):
-            self.editor.choose(names[-1])
+            self.editor.select_only(names[-1])
             bones = len(self.editor.project.characters[names[-1]].handles) - 1
             message = tr_n("A part with {0} bone", "A part with {0} bones", bones)
-            self.editor.toasts.say(
+            self.editor.toasts.show_message(
                 message, tr("G moves it, M gives it motion, and you can rename it at the right.")
             )
 

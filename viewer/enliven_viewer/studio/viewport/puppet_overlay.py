@@ -46,7 +46,7 @@ class PuppetOverlay:
         self.ctx.enable_only(moderngl.DEPTH_TEST)
         self.ctx.depth_func = "<"
         self._load_mesh(vertices, faces).render(moderngl.TRIANGLES)
-        picture.widen()
+        picture.allow_whole_image()
         self._draw_blended(moderngl.NOTHING)
         mask.use(TEXTURE_UNITS["picture"])
         self._outline["tint"] = _to_float_tint(GHOST, 0.85)
@@ -65,7 +65,7 @@ class PuppetOverlay:
             return
         buffer = self.ctx.buffer(corners.tobytes())
         array = self.ctx.vertex_array(self._warning, [(buffer, "3f", "in_position")])
-        picture.widen()
+        picture.allow_whole_image()
         self._draw_blended(moderngl.DEPTH_TEST)
         picture.drawn.depth_mask = False
         picture.drawn.use()
@@ -91,7 +91,7 @@ class PuppetOverlay:
             index_buffer=order,
             index_element_size=4,
         )
-        picture.widen()
+        picture.allow_whole_image()
         self._draw_blended(moderngl.DEPTH_TEST)
         picture.drawn.depth_mask = False
         picture.drawn.use()

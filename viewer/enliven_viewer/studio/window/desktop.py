@@ -37,7 +37,7 @@ class PointerPath:
         self._positions.append((float(math.floor(x)), float(math.floor(y))))
         del self._positions[:-_MAX_POSITIONS]
 
-    def take(self, at: PointerPosition) -> list[PointerPosition]:
+    def take_positions(self, at: PointerPosition) -> list[PointerPosition]:
         """Returns and removes the positions up to ImGui's current position ``at``, which comes last."""
         if at not in self._positions:
             # The pointer was moved without an event, for example by a test. So the older positions do not

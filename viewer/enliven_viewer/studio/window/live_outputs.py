@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from enliven.document import Character, Pose, Shape, Skeleton, SkinWeights
+from enliven.document import Character, Pose, RiggedCharacter, Skeleton, SkinWeights
 from enliven.errors import InputError, ResourceError
 from enliven.outputs.live_frame import CharacterInfo, CharacterInfos, LiveEvent, LiveFrame, PerformerSlots
 from enliven.outputs.opening import OutputSet
@@ -43,7 +43,7 @@ class WindowOutputs(Closeable):
         if not self._outputs.statuses:
             return
         frame = self._frame(time.monotonic_ns())
-        self._check(dict(frame.characters))
+        self._check_outputs(dict(frame.characters))
         self._outputs.put(frame)
         self._show_troubles()
 
@@ -55,13 +55,13 @@ class WindowOutputs(Closeable):
         """Returns the shown stage as a live frame."""
         project = find_shown_characters(self._workspace)
         scene = find_shown_scene(self._workspace) or Scene()
-        drawn = {standing.id: self._drawn(standing) for standing in project}
+        drawn = {standing.id: self._find_character_info(standing) for standing in project}
         shapes = {name: character for name, character in drawn.items() if character is not None}
         poses: dict[str, Pose] = {standing.id: standing.pose for standing in project if standing.id in shapes}
         skeletons = {
             standing.id: standing.character.skeleton
             for standing in project
-            if isinstance(standing.character, Shape)
+            if isinstance(standing.character, RiggedCharacter)
         }
         for actor in scene.actors:
             if actor.character.id not in shapes:
@@ -77,19 +77,19 @@ class WindowOutputs(Closeable):
         self._held = held
         return LiveFrame(now_ns, numbered, tuple(poses.values()), infos, held, scene.props, events)
 
-    def _drawn(self, standing: StageCharacter) -> Character | None:
+    def _find_character_info(self, standing: StageCharacter) -> Character | None:
         """Returns the constant data of a character of the project. A skeleton without a surface
         is allowed.
         """
-        if standing.drawn is not None or not isinstance(standing.character, Shape):
+        if standing.drawn is not None or not isinstance(standing.character, RiggedCharacter):
             return standing.drawn
         name, skeleton = standing.id, standing.character.skeleton
         stand_in = self._stand_ins.get(name)
         if stand_in is None or stand_in[0] is not skeleton:
-            stand_in = self._stand_ins[name] = (skeleton, _bones_alone(name, skeleton))
+            stand_in = self._stand_ins[name] = (skeleton, _character_without_surface(name, skeleton))
         return stand_in[1]
 
-    def _check(self, infos: dict[str, CharacterInfo]) -> None:
+    def _check_outputs(self, infos: dict[str, CharacterInfo]) -> None:
         """Shows an error if an output cannot send the character that its address names."""
         if infos == self._checked:
             return
@@ -97,7 +97,7 @@ class WindowOutputs(Closeable):
         try:
             self._outputs.check(infos)
         except InputError as error:
-            self._workspace.editor.toasts.complain(error)
+            self._workspace.editor.toasts.show_error(error)
 
     def _show_troubles(self) -> None:
         """Shows an error for each output that has begun to lose packets."""
@@ -105,7 +105,7 @@ class WindowOutputs(Closeable):
         for name in sorted(troubles.keys() - self._failing):
             remedy = later("Start the receiving program, and compare its address and port with the output's.")
             problem = later("the output loses packets: {0}", troubles[name])
-            self._workspace.editor.toasts.complain(ResourceError(problem, where=name, remedy=remedy))
+            self._workspace.editor.toasts.show_error(ResourceError(problem, where=name, remedy=remedy))
         self._failing = frozenset(troubles)
 
 
@@ -119,7 +119,7 @@ def _live_skeleton(character: Character) -> Skeleton | None:
         return None
 
 
-def _bones_alone(name: str, skeleton: Skeleton) -> Character:
+def _character_without_surface(name: str, skeleton: Skeleton) -> Character:
     """Returns a character with the bones of a skeleton, and one small triangle in place of a surface."""
     skin = SkinWeights(np.zeros((3, 4), np.uint16), np.tile(np.array([1, 0, 0, 0], np.float32), (3, 1)))
     corners = (skeleton.positions[0] + 0.01 * np.eye(3)).astype(np.float32)

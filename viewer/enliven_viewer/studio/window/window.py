@@ -255,7 +255,7 @@ class StudioWindow:
         places, pictures = self.places, self._pictures
         assert pictures is not None
         if self.audience and not self.opening.bare:
-            draw_audience(self.workspace, places.viewport, self._idle_loop.words)
+            draw_audience(self.workspace, places.viewport, self._idle_loop.audience_text)
         elif not self.opening.bare:
             draw_panels(self.workspace, places)
             if not self.workspace.perform.hides_live:
@@ -287,7 +287,7 @@ class StudioWindow:
         held: dict[str, Any] = {"shift": io.key_shift, "ctrl": io.key_ctrl}
         is_over_view = area.holds(io.mouse_pos.x, io.mouse_pos.y) and not io.want_capture_mouse
         spot = (io.mouse_pos.x, io.mouse_pos.y)
-        for x, y in self.desktop.path.take(spot) if self.desktop is not None else [spot]:
+        for x, y in self.desktop.path.take_positions(spot) if self.desktop is not None else [spot]:
             passed = (x - area.x, y - area.y)
             if passed != user_input.at and (is_over_view or user_input.busy):
                 user_input.move(passed, **held)

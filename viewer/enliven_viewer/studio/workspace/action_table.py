@@ -219,7 +219,7 @@ def _make_motion_actions(c: Commands) -> Iterator[Action]:
         "Motion",
         "To equal limbs",
         ("ctrl+shift+d",),
-        c.spread,
+        c.copy_to_equal_limbs,
         c.lacks_limb,
         about="Copies the motion of the chosen limb to all equal limbs.",
     )
@@ -249,7 +249,7 @@ def _make_motion_actions(c: Commands) -> Iterator[Action]:
         "Motion",
         "Pin or free a foot",
         ("p",),
-        c.pin,
+        c.pin_foot,
         c.lacks_foot,
         about="A pinned foot stays where it stands while it touches the floor.",
     )

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from enliven.document import Project, Shape
+from enliven.document import Project, RiggedCharacter
 from enliven.matching.symmetry import EqualLimbs, equal_limbs
 from enliven.matching.views import best_view
 from enliven.modeling.edits import (
@@ -52,7 +52,7 @@ class Commands:
     def delete(self) -> None:
         """Removes the selected joint if there is one, otherwise the selected characters."""
         names, joint = self._selected_names, self.editor.selection.handle
-        if len(names) == 1 and joint and self.editor.find_selected(Shape) is not None:
+        if len(names) == 1 and joint and self.editor.find_selected(RiggedCharacter) is not None:
             remove_joint(self.editor, names[0], joint)
         else:
             self._delete_selection(later("delete {0}"))
@@ -61,7 +61,7 @@ class Commands:
         """Copies the selection, with its motion, to the clipboard."""
         if self._selected_names:
             self._copied, self._pasted = (self.editor.project, self._selected_names), 0
-            self.editor.toasts.say(
+            self.editor.toasts.show_message(
                 tr("Copied {0} with its motion", self._describe_selection()),
                 tr("Ctrl+V puts a copy next to it."),
             )
@@ -119,38 +119,38 @@ class Commands:
         layers = [layer for character in self.editor.selected_characters for layer in character.playing]
         return bool(layers) and all(layer.muted for layer in layers)
 
-    def spread(self) -> None:
+    def copy_to_equal_limbs(self) -> None:
         """Copies the motion of the selected limb to all limbs of equal shape."""
         limb = self._find_limb()
         if limb is None:
             return
         shape, joint, group = limb
         if group is None:
-            self.editor.toasts.say(
+            self.editor.toasts.show_message(
                 tr("No limb is equal to this one"), tr("Copy its motion chain by chain instead.")
             )
         elif self.editor.edit("same on equal limbs", lambda p: spread_motion(p, shape.id, group, joint)):
-            self.editor.toasts.say(
+            self.editor.toasts.show_message(
                 tr("{0} limbs move alike", len(group.limbs)),
                 tr("Move their clips on the timeline to delay them."),
             )
 
-    def pin(self) -> None:
+    def pin_foot(self) -> None:
         """Pins the selected foot, so that it does not slide while it touches the floor. Unpins
         a pinned foot.
         """
-        shape, joint = self.editor.find_selected(Shape), self.editor.selection.handle
+        shape, joint = self.editor.find_selected(RiggedCharacter), self.editor.selection.handle
         if shape is None or joint is None:
             return
         name = shape.handles[joint]
         if any(pin.joint == name for pin in shape.pins):
             self.editor.edit(later("unpin {0}", name), lambda project: unpin(project, shape.id, [joint]))
         elif self.editor.edit(later("pin {0}", name), lambda project: pin_feet(project, shape.id, [joint])):
-            self.editor.toasts.say(tr("{0} is pinned", name), tr("P unpins it."))
+            self.editor.toasts.show_message(tr("{0} is pinned", name), tr("P unpins it."))
 
     def show_best_view(self) -> None:
         """Turns the camera to the direction that shows most of the selected shape's bones."""
-        shape = self.editor.find_selected(Shape)
+        shape = self.editor.find_selected(RiggedCharacter)
         if shape is None:
             return
         posed = self.editor.stage_character(shape.id)
@@ -168,7 +168,7 @@ class Commands:
 
     def clear_motion(self) -> None:
         """Removes all motion from the selected chain, or from the whole selected shape."""
-        shape, chosen = self.editor.find_selected(Shape), self.editor.selection.chain
+        shape, chosen = self.editor.find_selected(RiggedCharacter), self.editor.selection.chain
         if shape is None:
             return
         chains: Sequence[Sequence[int]] = [order_from_root(shape, chosen)]
@@ -231,7 +231,11 @@ class Commands:
         """Returns the reason why a command on a shape with bones is unavailable, or an empty text if it is
         available.
         """
-        return "" if self.editor.find_selected(Shape) else "No shape with bones is chosen. Click one first."
+        return (
+            ""
+            if self.editor.find_selected(RiggedCharacter)
+            else "No shape with bones is chosen. Click one first."
+        )
 
     def lacks_copied(self) -> str:
         """Returns the reason why pasting a character is unavailable, or an empty text if it is available."""
@@ -243,7 +247,7 @@ class Commands:
 
     def lacks_foot(self) -> str:
         """Returns the reason why pinning a foot is unavailable, or an empty text if it is available."""
-        chosen = self.editor.find_selected(Shape) and self.editor.selection.handle is not None
+        chosen = self.editor.find_selected(RiggedCharacter) and self.editor.selection.handle is not None
         return "" if chosen else "No foot is chosen. Click the node of an ankle first."
 
     def lacks_undo(self) -> str:
@@ -263,9 +267,9 @@ class Commands:
         names = self._selected_names if names is None else names
         return names[0] if len(names) == 1 else later("{0} shapes", len(names))
 
-    def _find_limb(self) -> tuple[Shape, int, EqualLimbs | None] | None:
+    def _find_limb(self) -> tuple[RiggedCharacter, int, EqualLimbs | None] | None:
         """Returns the selected shape, a joint of its selected limb, and the limbs of equal shape."""
-        chosen, shape = self.editor.selection, self.editor.find_selected(Shape)
+        chosen, shape = self.editor.selection, self.editor.find_selected(RiggedCharacter)
         joint = chosen.handle if chosen.handle is not None else (chosen.chain[-1] if chosen.chain else None)
         if shape is None or joint is None:
             return None

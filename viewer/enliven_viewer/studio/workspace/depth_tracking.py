@@ -74,7 +74,9 @@ class DepthTracking:
         self._output_lines.clear()
         self._reader = threading.Thread(target=self._read_output, args=(self._process,), daemon=True)
         self._reader.start()
-        self._editor.toasts.say(tr("Finding the people in {0} ...", path.name), tr("You can go on working."))
+        self._editor.toasts.show_message(
+            tr("Finding the people in {0} ...", path.name), tr("You can go on working.")
+        )
 
     def poll(self) -> None:
         """Adds the tracked people once the tracker has ended, or shows its error. Call once per frame."""
@@ -94,7 +96,7 @@ class DepthTracking:
             if child.returncode:
                 problem = self._output_lines[-1] if self._output_lines else tr("it did not start")
                 remedy = tr("Try it in a terminal: enliven track {0} -o bodies.mcap", name)
-                self._editor.toasts.complain(InputError(problem, where=name, remedy=remedy))
+                self._editor.toasts.show_error(InputError(problem, where=name, remedy=remedy))
                 return
             output = Path(folder.name) / name
             try:
@@ -102,7 +104,7 @@ class DepthTracking:
                 add_file(self._editor, output)
             except EnlivenError as error:
                 remedy = tr("See what the tracker sees: enliven inspect {0} -o film.mp4", name)
-                self._editor.toasts.complain(InputError(error.what, where=name, remedy=remedy))
+                self._editor.toasts.show_error(InputError(error.what, where=name, remedy=remedy))
 
     def cancel(self) -> None:
         """Stops the tracker without a change of the project."""
@@ -111,7 +113,7 @@ class DepthTracking:
             return
         child.terminate()
         child.wait()
-        self._editor.toasts.say(tr("{0} is no longer tracked", self.name))
+        self._editor.toasts.show_message(tr("{0} is no longer tracked", self.name))
         self._process, self._folder, self.name = None, None, ""
         folder.cleanup()
 

@@ -101,7 +101,7 @@ def list_exportable(project: Project) -> list[RigBase]:
         InputError: if no character can be exported. The message says what the first character lacks.
     """
     solid = [character for character in project.characters.values() if character.mesh is not None]
-    lacking = [get_rig_edits(character).lacking(project, character) for character in solid]
+    lacking = [get_rig_edits(character).find_missing_data(project, character) for character in solid]
     movable = [character for character, lacks in zip(solid, lacking, strict=True) if not lacks]
     if not movable:
         remedy = " ".join(lacking[0]) if lacking else tr("Sketch one, or open a model.")
@@ -140,7 +140,7 @@ def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
         return project if first is None else play_own_clip(project, shape.id, names[first.id])
 
     if editor.edit(later("open {0}", path.name), add):
-        editor.choose(added_ids[-1])
+        editor.select_only(added_ids[-1])
         _show_notes(editor, path, rig.notes, _make_clip_note(editor.project, added_ids[-1]))
         editor.frame_path()
 
@@ -200,7 +200,7 @@ def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) 
         return move_character(project, name, [aside, 0.0, 0.0])
 
     if editor.edit(later("open {0}", path.name), add):
-        editor.choose(added_ids[-1])
+        editor.select_only(added_ids[-1])
         _show_notes(editor, path, notes, tr("It is a puppet: put control points on it with K."))
         editor.frame_path()
 
@@ -225,7 +225,7 @@ def _add_playing_character(
         return move_character(project, name, [float(box[1][0] - low) + _CHARACTER_GAP_M, 0.0, 0.0])
 
     if editor.edit(later("open {0}", file_name), add):
-        editor.choose(added_ids[-1])
+        editor.select_only(added_ids[-1])
         _show_notes(editor, Path(file_name), notes, "")
         editor.frame_path()
 
@@ -259,7 +259,7 @@ def _add_performance(editor: Editor, path: Path, read: _RecordedTake) -> None:
         remedy = tr("Possessed characters can be cut and merged.")
         if editor.puppets.puppet is not None:
             remedy = tr("Choose a take in the performer's view for {0}.", editor.puppets.puppet.id)
-        editor.toasts.say(tr("{0} brought {1}", path.name, ", ".join(added)), remedy)
+        editor.toasts.show_message(tr("{0} brought {1}", path.name, ", ".join(added)), remedy)
         fresh = [name for name in editor.project.characters if name not in before]
         if fresh and editor.puppets.puppet is None:
             editor.choose_all(*fresh)
@@ -325,8 +325,8 @@ def _show_notes(editor: Editor, path: Path, notes: tuple[str, ...], remedy: str)
             if len(notes[0]) <= _MAX_NOTE_LETTERS
             else f"{notes[0][:_MAX_NOTE_LETTERS].rsplit(' ', 1)[0]} ..."
         )
-        editor.toasts.say(f"{path.name}: {first}{more}")
-    editor.toasts.say(tr("Opened {0}", path.name), remedy)
+        editor.toasts.show_message(f"{path.name}: {first}{more}")
+    editor.toasts.show_message(tr("Opened {0}", path.name), remedy)
 
 
 FILE_TYPES: tuple[FileType, ...] = (

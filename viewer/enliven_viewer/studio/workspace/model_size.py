@@ -102,7 +102,7 @@ class SizeMatching:
         others = [height for height in heights.values() if height > 0.0]
         return (selected_height, float(np.median(others))) if selected_height > 0.0 and others else None
 
-    def lacks(self) -> str:
+    def find_missing(self) -> str:
         """Returns the reason why the selected character cannot be scaled to the others, with advice, or an
         empty text if it can.
         """
@@ -133,18 +133,24 @@ class SizeMatching:
 
         self.editor.edit("fit its size", change)
 
-    def tell(self) -> None:
+    def show_size_hint(self) -> None:
         """Shows a hint if the character that was just opened differs much in height from the others."""
         heights = self.heights()
         if heights is None or 1.0 / _MISMATCH_RATIO < heights[0] / heights[1] < _MISMATCH_RATIO:
             return
         message = tr("It is {0:.3g} m tall, the others {1:.3g} m", heights[0], heights[1])
-        self.editor.toasts.say(message, tr("Alt+F makes it as tall as the others."))
+        self.editor.toasts.show_message(message, tr("Alt+F makes it as tall as the others."))
 
 
 def make_fitting_actions(fitting: SizeMatching) -> Iterator[Action]:
     """Yields the action that scales the selected character to the others' height."""
     about = "Scales it to the height of the other shapes."
     yield Action(
-        "shape.fit", "Shape", "Fit to the others' size", ("alt+f",), fitting.fit, fitting.lacks, about=about
+        "shape.fit",
+        "Shape",
+        "Fit to the others' size",
+        ("alt+f",),
+        fitting.fit,
+        fitting.find_missing,
+        about=about,
     )

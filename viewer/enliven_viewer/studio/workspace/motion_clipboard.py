@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from enliven.document import GraphShape, Project, RigBase, Shape
+from enliven.document import GraphCharacter, Project, RigBase, RiggedCharacter
 from enliven.errors import InputError
 from enliven.modeling.edits import move_character, performance_in, transfer_performance
 from enliven.modeling.possessed.solving import solve_again
@@ -36,11 +36,11 @@ class MotionClipboard:
         if mesh is not None:
             self._copied, self._performed = None, mesh.id
             message = tr("Copied how {0} was performed", mesh.id)
-            self.editor.toasts.say(message, tr("Choose another character and press Ctrl+Shift+V."))
+            self.editor.toasts.show_message(message, tr("Choose another character and press Ctrl+Shift+V."))
         elif chain is not None:
             self._copied, self._performed = chain, None
             message = tr("Copied the chain's motion")
-            self.editor.toasts.say(message, tr("Choose another chain and press Ctrl+Shift+V."))
+            self.editor.toasts.show_message(message, tr("Choose another chain and press Ctrl+Shift+V."))
 
     def paste(self) -> None:
         """Pastes the copied motion onto the selected chain.
@@ -57,7 +57,7 @@ class MotionClipboard:
 
     def solve_again(self) -> None:
         """Solves the possession again with the selected mesh in its current form, for example after a cut."""
-        shape, project = self.editor.find_selected(GraphShape), self.editor.project
+        shape, project = self.editor.find_selected(GraphCharacter), self.editor.project
         if shape is None:
             return
         name, notes = shape.id, list[str]()
@@ -93,12 +93,12 @@ class MotionClipboard:
         """Returns the reason why solving a possession again is unavailable, or an empty text if it is
         available.
         """
-        chosen = self.editor.find_selected(GraphShape)
+        chosen = self.editor.find_selected(GraphCharacter)
         return "" if chosen else "No possessed character is chosen. Click one first."
 
-    def _find_performed_mesh(self) -> GraphShape | None:
+    def _find_performed_mesh(self) -> GraphCharacter | None:
         """Returns the selected mesh if performers have moved it."""
-        shape = self.editor.find_selected(GraphShape)
+        shape = self.editor.find_selected(GraphCharacter)
         return shape if shape is not None and performance_in(shape) is not None else None
 
     def _transfer_performance(self, source: str) -> None:
@@ -110,7 +110,7 @@ class MotionClipboard:
         name, notes = target.id, list[str]()
         if performed is None:
             remedy = tr("Copy the motion of another one.")
-            self.editor.toasts.complain(
+            self.editor.toasts.show_error(
                 InputError(tr("{0} no longer exists", source), where=name, remedy=remedy)
             )
             return
@@ -156,17 +156,17 @@ class MotionClipboard:
             return project.with_bodies(*bodies).with_streams(*streams).with_characters(shape)
 
         if self.editor.edit(edit_name, change):
-            self.editor.choose(name)
+            self.editor.select_only(name)
             advice = " ".join(notes) or tr("Ctrl+Z takes it back.")
-            self.editor.toasts.say(tr("{0} moves as its performers do", name), advice)
+            self.editor.toasts.show_message(tr("{0} moves as its performers do", name), advice)
 
 
 def find_selected_chain(editor: Editor) -> Chain | None:
     """Returns the selected shape and its selected chain."""
-    shape, chain = editor.find_selected(Shape), editor.selection.chain
+    shape, chain = editor.find_selected(RiggedCharacter), editor.selection.chain
     return (shape.id, order_from_root(shape, chain)) if shape is not None and len(chain) > 1 else None
 
 
-def order_from_root(shape: Shape, chain: tuple[int, ...]) -> tuple[int, ...]:
+def order_from_root(shape: RiggedCharacter, chain: tuple[int, ...]) -> tuple[int, ...]:
     """Returns the chain ordered from the root to the end."""
     return chain[::-1] if len(chain) > 1 and shape.parents[chain[0]] == chain[1] else chain

@@ -133,7 +133,7 @@ class ProjectStore:
         project, content = read
         self.path, self._content = path, content
         self._begin(project)
-        self.editor.toasts.say(tr("Opened {0}", path.name))
+        self.editor.toasts.show_message(tr("Opened {0}", path.name))
 
     def save(self, path: Path | None = None, *, over: bool = False) -> None:
         """Writes the project to its file. If another path is given, that becomes the project's file.
@@ -164,7 +164,7 @@ class ProjectStore:
         self._saved = self._autosaved = written
         self.path, self._content = target, _compute_checksum(data)
         self._find_recovery_path().unlink(missing_ok=True)
-        self.editor.toasts.say(tr("Saved {0}", target.name))
+        self.editor.toasts.show_message(tr("Saved {0}", target.name))
 
     def read_saved(self) -> Project:
         """Returns the project that the file contains now. Another window may have saved it.
@@ -242,7 +242,7 @@ class ProjectStore:
             self._autosaved = project
         except (OSError, EnlivenError) as error:
             reason = error.what if isinstance(error, EnlivenError) else str(error.strerror)
-            self.editor.toasts.say(
+            self.editor.toasts.show_message(
                 tr("The recovery file cannot be written ({0})", reason), tr("Save your work with Ctrl+S.")
             )
 
@@ -273,7 +273,7 @@ class ProjectStore:
         self.new()
         self.editor.edit("recover", lambda _: project)
         self.editor.frame_all()
-        self.editor.toasts.say(tr("Recovered"), tr("Save it with Ctrl+S."))
+        self.editor.toasts.show_message(tr("Recovered"), tr("Save it with Ctrl+S."))
         # From now on, this window owns the recovery file.
         self.folder.mkdir(parents=True, exist_ok=True)
         path.replace(self._find_recovery_path())

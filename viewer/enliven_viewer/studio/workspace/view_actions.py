@@ -60,7 +60,7 @@ def store_view(editor: Editor, name: str) -> None:
         later("store {0}", later("view {0}", name.rpartition(" ")[2])),
         lambda p: replace(p, views={**p.views, name: mark}),
     ):
-        editor.toasts.say(
+        editor.toasts.show_message(
             tr("Stored as bookmark {0}", name.rpartition(" ")[2]), tr("It is saved with the project.")
         )
 

@@ -72,7 +72,7 @@ class Workspace(App):
     def __init__(self, editor: Editor, folder: Path | None = None) -> None:
         super().__init__(editor, folder)
         if self.preferences.refusal is not None:
-            editor.toasts.complain(self.preferences.refusal)
+            editor.toasts.show_error(self.preferences.refusal)
         editor.less_motion = lambda: self.preferences.less_motion
         self.commands = Commands(editor)
         self.file_types += FILE_TYPES
@@ -124,7 +124,7 @@ class Workspace(App):
         elif dialogue == "history":
             self.history_shown = not self.history_shown
         elif dialogue == "save" and self.store.path is not None:
-            self.attempt(self.save)
+            self.run_and_report(self.save)
         elif dialogue in ("open", "save", "save as", "export", "film", "session", "perform"):
             self._browse("save as" if dialogue == "save" else dialogue)
         else:
@@ -152,7 +152,7 @@ class Workspace(App):
             self._after, self._path_to_open, self.asking = "open", path, "unsaved"
             return
         if _is_large(path) and not lacks_tracking(path):
-            self._open_beside(path)
+            self._open_next_to_current(path)
             return
         if lacks_tracking(path):
             self.depth.begin(path)
@@ -160,23 +160,23 @@ class Workspace(App):
             before = len(self.editor.project.characters)
             add_file(self.editor, path, self.file_types)
             if len(self.editor.project.characters) > before:
-                self.commands.fitting.tell()
+                self.commands.fitting.show_size_hint()
         else:
             self.store.open(path)
         self.preferences.remember_file(path)
 
-    def _open_beside(self, path: Path) -> None:
+    def _open_next_to_current(self, path: Path) -> None:
         """Reads a large file in the background. The window stays usable, and reading can be cancelled."""
         progress = WorkProgress()
 
         def add(read: Any) -> None:
             if path.suffix.lower() == PROJECT_SUFFIX:
-                self.attempt(lambda: self.store.take(path, read))
+                self.run_and_report(lambda: self.store.take(path, read))
             else:
                 before = len(self.editor.project.characters)
-                self.attempt(lambda: read[0](self.editor, path, read[1]))
+                self.run_and_report(lambda: read[0](self.editor, path, read[1]))
                 if len(self.editor.project.characters) > before:
-                    self.commands.fitting.tell()
+                    self.commands.fitting.show_size_hint()
             self.preferences.remember_file(path)
 
         def work() -> Any:
@@ -192,7 +192,7 @@ class Workspace(App):
         """Opens files that were dropped onto the window. Stops at a file that opens a dialogue."""
         for path in paths:
             if not self.asking:
-                self.attempt(lambda path=path: self.open(path))
+                self.run_and_report(lambda path=path: self.open(path))
 
     def finish_file_dialog(self, path: Path) -> None:
         """Handles the file that was chosen in the dialogue.
@@ -209,23 +209,23 @@ class Workspace(App):
             self.perform.connect_local("--loop", "--recording", str(path))
         elif dialogue == "session":
             save_session(self.editor.project, self.editor.selection.character or "", path)
-            self.editor.toasts.say(
+            self.editor.toasts.show_message(
                 tr("Saved {0}", path.name), tr("`enliven examples fit` plays it without a window.")
             )
         else:
             self.save(path)
 
-    def go_on(self, *, discard: bool) -> None:
+    def continue_waiting_command(self, *, discard: bool) -> None:
         """Saves or discards unsaved work, then continues the command that waited for this decision."""
         self.asking = ""
         if discard:
             self.store.forget()
-            self._go_on()
+            self._run_waiting_command()
             return
         # Stop the recording first, so that it becomes part of the saved project.
         self.perform.recording.stop()
         if self.store.path is not None:
-            self.attempt(self.save)
+            self.run_and_report(self.save)
         else:
             self._browse("save as")
 
@@ -252,7 +252,7 @@ class Workspace(App):
         else:
             if path is not None:
                 self.preferences.remember_file(path)
-            self._go_on()
+            self._run_waiting_command()
 
     def ask_for_name(self) -> None:
         """Opens the dialogue that saves the project under another name.
@@ -263,7 +263,7 @@ class Workspace(App):
 
     def compare(self) -> None:
         """Compares the project with the version that another window saved to its file."""
-        self.attempt(lambda: setattr(self, "compared", self._find_differences()))
+        self.run_and_report(lambda: setattr(self, "compared", self._find_differences()))
 
     def add_saved_items(self) -> None:
         """Adds the items that only the file contains to the project, as one edit. Updates the comparison."""
@@ -272,7 +272,7 @@ class Workspace(App):
             saved = self.store.read_saved()
             self.editor.edit("add the contents of the file", lambda project: with_saved_items(project, saved))
 
-        if self.attempt(add):
+        if self.run_and_report(add):
             self.compare()
 
     def _find_differences(self) -> tuple[Difference, ...]:
@@ -292,7 +292,7 @@ class Workspace(App):
         """
         if self.tour is None:
             return
-        self.tour.watch(seconds, origin)
+        self.tour.check_progress(seconds, origin)
         number = 0 if self.tour.step is None else self.tour.number
         if number != self.preferences.tour_step:
             self.preferences.tour_step = number
@@ -301,7 +301,7 @@ class Workspace(App):
     def end_tour(self) -> None:
         """Closes the tour, which can be resumed later."""
         if self.tour is not None:
-            self.tour.leave()
+            self.tour.restore_state()
         self.tour, self.preferences.toured = None, True
         self.preferences.save()
 
@@ -333,7 +333,7 @@ class Workspace(App):
 
         def tell(message: str) -> None:
             first, _, rest = message.partition(". ")
-            toasts.say(first, rest)
+            toasts.show_message(first, rest)
 
         def work() -> str:
             return write_export(project, path, characters, options, length, progress)
@@ -359,12 +359,12 @@ class Workspace(App):
         self.browser = FileBrowser(folder, endings, name, not opens, project_path)
         self.asking = dialogue
 
-    def _go_on(self) -> None:
+    def _run_waiting_command(self) -> None:
         """Runs the command that waited for the decision about unsaved work."""
         after, self._after = self._after, ""
         wanted, self._path_to_open = self._path_to_open, None
         if after == "open" and wanted is not None:
-            self.attempt(lambda: self.open(wanted))
+            self.run_and_report(lambda: self.open(wanted))
         elif after:
             self.ask(after)
 

@@ -83,7 +83,7 @@ def sample_groups(project: Project, subject: CurveSubject, times: Float) -> dict
     character = project.character(subject.character)
     groups = list[CurveGroup]()
     rig = get_rig_edits(character)
-    player = rig.player(project, character)
+    player = rig.create_player(project, character)
     moving = rig.handle_motion(character, player, subject.handle, subject.layer)
     if moving is not None:
         rows = [moving(float(time)) for time in times]
@@ -174,7 +174,10 @@ def find_value_scale(project: Project, subject: CurveSubject, group: str, time: 
     if layer is None or group == "weight":
         return float(getattr(layer, "weight", 1.0)) or 1.0
     plain: dict[str, Any] = {"speeds": ()}
-    return _find_speed(replace(layer, **plain), layer.even(time), project.length_of(layer)) or layer.speed
+    return (
+        _find_speed(replace(layer, **plain), layer.to_unwarped_time(time), project.length_of(layer))
+        or layer.speed
+    )
 
 
 def find_layer(project: Project, subject: CurveSubject) -> LayerBase | None:

@@ -194,7 +194,7 @@ class CurveInput:
         values = np.concatenate([group.values.ravel(), [dot.value for dot in group.dots]])
         return Scale.fit_values(values, group.unit, self.height)
 
-    def fit(self) -> None:
+    def fit_value_scale(self) -> None:
         """Fits the value scale to all values again."""
         self._scale = None
 
@@ -284,7 +284,7 @@ class CurveInput:
             edit_name, lambda p: remove_curve_key(p, subject, self._find_lane(subject), name, number)
         )
 
-    def type(self, key: str) -> bool:
+    def handle_key(self, key: str) -> bool:
         """Handles keyboard input for the selected key: Delete removes it.
 
         Returns True if it had an effect.
@@ -294,7 +294,7 @@ class CurveInput:
         self.remove()
         return True
 
-    def ease(self, ease: str) -> None:
+    def set_interpolation(self, ease: str) -> None:
         """Changes the interpolation from the selected key to the next one."""
         subject, number, name = self.subject, self.selected_key, self.shown_name()
         if subject is not None and number is not None:
@@ -314,7 +314,7 @@ class CurveInput:
     def _warn_if_clamped(self, subject: CurveSubject, name: str, time: float, value: float) -> None:
         """Shows a message if a value is outside the playable range and is therefore clamped."""
         if warning := describe_clamping(self.editor.project, subject, name, time, value):
-            self.editor.toasts.say(warning)
+            self.editor.toasts.show_message(warning)
 
     def _drag_target(self, x: float, y: float) -> tuple[float, float]:
         """Returns the time and the value to which the pointer drags the held key."""
@@ -350,5 +350,5 @@ class CurveInput:
         error = future.exception()
         if error is not None and not isinstance(error, EnlivenError):
             # Report only internal errors here. The panel that plays the character reports all others.
-            self.editor.toasts.tell(error)
+            self.editor.toasts.show_any_error(error)
         self._samples = (request, {} if error is not None else future.result())

@@ -78,7 +78,7 @@ def _draw_names(app: App, curves: CurveInput, groups: dict[str, CurveGroup], sho
         if name == shown.name:
             imgui.same_line()
             if imgui.small_button(labelled(tr("Fit"), "Fit")):
-                curves.fit()
+                curves.fit_value_scale()
             app.remember("fit curves")
             draw_tooltip("Show all values. The wheel zooms, the middle button pans.")
             _draw_values(curves, shown)
@@ -203,7 +203,7 @@ def _draw_key_menu(curves: CurveInput) -> None:
     if dot is not None and dot.ease:
         for ease in EASES:
             if imgui.menu_item(f"{tr(_EASE_LABELS[ease])}###ease {ease}", "", dot.ease == ease)[0]:
-                curves.ease(ease)
+                curves.set_interpolation(ease)
         imgui.separator()
     if imgui.menu_item(labelled(tr("Remove"), "remove key"), "", False)[0]:
         curves.remove()

@@ -26,7 +26,7 @@ def register(app: App) -> None:
 
     app.actions.add(_make_ghost_action(ghosts), _make_curve_action(curves))
     app.panels.append(Panel("curves", draw_curve_panel, lambda: curves.is_shown, place="above timeline"))
-    app.key_handlers.append(curves.type)
+    app.key_handlers.append(curves.handle_key)
     app.view_layers.append(ViewLayer(lambda context: GhostPass(context, ghosts)))
 
 

@@ -32,7 +32,7 @@ class OnionSkin:
     def draw(self, picture: RenderTarget, bodies: tuple[GhostBody, ...]) -> None:
         """Draws the ghosts in order, and resolves the image."""
         self._release_others({ghost.body for ghost in bodies})
-        picture.widen()
+        picture.allow_whole_image()
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
         self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
         self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA

@@ -140,6 +140,6 @@ class Ghosts:
         else:
             if not isinstance(error, EnlivenError):
                 # Report only internal errors here. The panel that plays the character reports all others.
-                self.editor.toasts.tell(error)
+                self.editor.toasts.show_any_error(error)
             self._samples.pop(name, None)
             self._failed_requests[name] = wanted

@@ -127,7 +127,7 @@ def _make_point_function(project: Project, character: RigBase) -> Callable[[floa
     """Returns a function that computes the positions (N, 3) of a character's handles at a time in seconds.
     For a character without handles, it computes the positions of the nodes.
     """
-    player = get_rig_edits(character).player(project, character)
+    player = get_rig_edits(character).create_player(project, character)
 
     def at(time: float) -> Float:
         pose, handles = player(time)

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.document import Puppet, RigBase
+from enliven.document import ExampleCharacter, RigBase
 
 _MAX_TRAILS = 7
 """Maximum number of trails without a selection: for two hands, two feet, a head and two ears."""
@@ -30,7 +30,7 @@ def choose_trail_points(
     wanted = [point for point in (chosen, *chain[-1:]) if point is not None and point < len(rest)]
     if wanted:
         return tuple(dict.fromkeys(wanted))
-    if isinstance(character, Puppet):
+    if isinstance(character, ExampleCharacter):
         return tuple(range(min(len(rest), 2 * _MAX_TRAILS)))
     parents = character.parents
     if not len(parents):

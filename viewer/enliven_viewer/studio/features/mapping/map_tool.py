@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from enliven.document import Project, Shape
+from enliven.document import Project, RiggedCharacter
 from enliven.errors import EnlivenError, InputError
-from enliven.mapping.automatic_mapping import RetargetedShape, automatic, play_own_take, retarget
+from enliven.mapping.automatic_mapping import RetargetedShape, create_automatic_plan, play_own_take, retarget
 from enliven.mapping.model_clips import is_own_take, loop_takes, mute_takes, own_clips, played_clip
 from enliven.mapping.plan import Plan
-from enliven.mapping.quality import MotionQuality, quality_of
+from enliven.mapping.quality import MotionQuality, measure_quality
 from enliven.mapping.softening import soften_plan
 from enliven.motion.layers.polyline import is_downward
 from enliven.motion.layers.retarget import bind_chain
@@ -134,7 +134,7 @@ class MapTool(Tool):
 
         Both are compared as projected in their views.
         """
-        clip, shape = self.source.clip, self.editor.find_selected(Shape)
+        clip, shape = self.source.clip, self.editor.find_selected(RiggedCharacter)
         self.offered = []
         if clip is None or shape is None:
             return
@@ -146,26 +146,26 @@ class MapTool(Tool):
                 clip, time, shape, posed.handles, editor.lens, self.source.lens, _MAX_MATCHES
             )
         except EnlivenError as error:
-            editor.toasts.complain(error)
+            editor.toasts.show_error(error)
 
     def map_whole(self) -> None:
         """Retargets the whole take: maps every limb to a suitable limb of the selected shape."""
-        editor, clip, shape = self.editor, self.source.clip, self.editor.find_selected(Shape)
+        editor, clip, shape = self.editor, self.source.clip, self.editor.find_selected(RiggedCharacter)
         if clip is None or shape is None:
-            editor.toasts.say(
+            editor.toasts.show_message(
                 tr("Nothing to map"), tr("Choose a take, and click the shape that should move.")
             )
             return
 
         before, gentle, loop = editor.project, self.gentle, self.loop
         itself = is_own_take(clip, shape)
-        plan = replace(automatic(clip, shape), **vars(self.whole_body))
+        plan = replace(create_automatic_plan(clip, shape), **vars(self.whole_body))
         if not (itself or plan.chains):
             remedy = tr("Map it chain by chain, or pose the take and find matches.")
             error = InputError(
                 tr("no limb of the take fits a limb of the shape"), where=clip.id, remedy=remedy
             )
-            editor.toasts.complain(error)
+            editor.toasts.show_error(error)
             return
 
         def fitted(project: Project) -> RetargetedShape:
@@ -184,7 +184,7 @@ class MapTool(Tool):
 
         def work() -> tuple[RetargetedShape, MotionQuality]:
             retargeted = fitted(before)
-            return retargeted, quality_of(
+            return retargeted, measure_quality(
                 retargeted.project, retargeted.shape_id, clip, retargeted.duration, retargeted.plan
             )
 
@@ -202,7 +202,7 @@ class MapTool(Tool):
                     if count
                     else ""
                 )
-                editor.toasts.say(
+                editor.toasts.show_message(
                     tr("{0} moves all of {1}", clip.id, shape.id),
                     tr("Space plays it, Ctrl+Z takes it back.") + limited_text,
                 )
@@ -218,7 +218,7 @@ class MapTool(Tool):
         ):
             self._last_chain = None
             count = len(offer.pairs)
-            editor.toasts.say(
+            editor.toasts.show_message(
                 tr_n(
                     "{1} drives {0} chain of {2}",
                     "{1} drives {0} chains of {2}",
@@ -254,7 +254,7 @@ class MapTool(Tool):
             message = tr_n(
                 "{1} moves {0} bone of {2}", "{1} moves {0} bones of {2}", bones, mapping.take, mapping.shape
             )
-            self.editor.toasts.say(message, tr("Space plays it, Y flips it over."))
+            self.editor.toasts.show_message(message, tr("Space plays it, Y flips it over."))
 
 
 def _remove_clip(project: Project, shape_id: str) -> Project:

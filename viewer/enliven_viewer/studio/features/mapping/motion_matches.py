@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from enliven.arrays import Float
-from enliven.document import Clip, Project, Shape
+from enliven.document import Clip, Project, RiggedCharacter
 from enliven.matching.ranking import Matcher
 from enliven.matching.source import source_of_skeleton
 from enliven.motion.layers.retarget import bind_chain
@@ -33,7 +33,13 @@ class MotionMatch:
 
 
 def rank_matches(
-    clip: Clip, time: float, shape: Shape, joints: Float, lens: Lens, source_lens: Lens, max_matches: int
+    clip: Clip,
+    time: float,
+    shape: RiggedCharacter,
+    joints: Float,
+    lens: Lens,
+    source_lens: Lens,
+    max_matches: int,
 ) -> list[MotionMatch]:
     """Returns the best matches of a take's pose at a time with a shape that has the joints ``joints`` (N, 3).
     Both are compared as projected in their views.

@@ -48,7 +48,7 @@ def make_outliner_actions(outliner: Outliner) -> Iterator[Action]:
         "Shape",
         "Hide",
         ("shift+h",),
-        lambda: outliner.hide(*chosen(), on=not all_hidden()),
+        lambda: outliner.set_hidden(*chosen(), is_hidden=not all_hidden()),
         lacks,
         all_hidden,
         "Hides it in this window only; exports and the stage do not change.",
@@ -67,7 +67,7 @@ def make_outliner_actions(outliner: Outliner) -> Iterator[Action]:
         "Shape",
         "Show everything",
         ("alt+h",),
-        lambda: outliner.hide(*hidden(), on=False),
+        lambda: outliner.set_hidden(*hidden(), is_hidden=False),
         lambda: "" if hidden() else tr("Nothing is hidden."),
     )
     yield Action(
@@ -75,7 +75,7 @@ def make_outliner_actions(outliner: Outliner) -> Iterator[Action]:
         "Shape",
         "Lock",
         ("ctrl+l",),
-        lambda: outliner.lock(*chosen(), on=not all_locked()),
+        lambda: outliner.set_locked(*chosen(), is_locked=not all_locked()),
         lacks,
         all_locked,
         "Locked shapes cannot be picked or edited.",
@@ -85,7 +85,7 @@ def make_outliner_actions(outliner: Outliner) -> Iterator[Action]:
         "Shape",
         "Unlock everything",
         ("ctrl+shift+l",),
-        lambda: outliner.lock(*locked(), on=False),
+        lambda: outliner.set_locked(*locked(), is_locked=False),
         lambda: "" if locked() else tr("Nothing is locked."),
     )
     for name, direction in (("up", -1), ("down", 1)):

@@ -49,7 +49,7 @@ class Outliner:
             self._cached_rows = (key, make_rows(project, live, self.opened, self.typed))
         return self._cached_rows[1]
 
-    def fold(self, row: Row) -> None:
+    def toggle_folded(self, row: Row) -> None:
         """Folds or unfolds a row."""
         self.opened ^= {row.key}
 
@@ -65,14 +65,14 @@ class Outliner:
         editor = self.editor
         if row.kind == HANDLE:
             handled = row.number < len(editor.project.characters[row.id].handles)
-            editor.choose(row.id, row.number if handled else None)
+            editor.select_only(row.id, row.number if handled else None)
         elif row.kind == CHARACTER and shift:
             self._select_range(row.id)
             return
         elif row.kind == CHARACTER and ctrl:
-            editor.toggle(row.id)
+            editor.toggle_selected(row.id)
         elif row.kind == CHARACTER:
-            editor.choose(row.id)
+            editor.select_only(row.id)
         self._range_start = row.id
 
     def _select_range(self, name: str) -> None:
@@ -129,13 +129,13 @@ class Outliner:
         """Returns the visibility and lock state of a character."""
         return self.editor.project.handling.get(name, FREE)
 
-    def hide(self, *names: str, on: bool) -> None:
+    def set_hidden(self, *names: str, is_hidden: bool) -> None:
         """Hides or shows characters, as one edit."""
-        self._set_display_state(names, "hide" if on else "show", hidden=on)
+        self._set_display_state(names, "hide" if is_hidden else "show", hidden=is_hidden)
 
-    def lock(self, *names: str, on: bool) -> None:
+    def set_locked(self, *names: str, is_locked: bool) -> None:
         """Locks or unlocks characters, as one edit."""
-        self._set_display_state(names, "lock" if on else "unlock", locked=on)
+        self._set_display_state(names, "lock" if is_locked else "unlock", locked=is_locked)
 
     def hide_others(self) -> None:
         """Hides every character that is not selected, as one edit."""

@@ -189,7 +189,7 @@ def _handle_click(app: App, outliner: Outliner, row: Row, *, fold: bool) -> None
     """Folds a row, shows a take next to the shapes, or selects the row's object."""
     io = imgui.get_io()
     if fold and row.folds:
-        outliner.fold(row)
+        outliner.toggle_folded(row)
     elif row.kind == TAKE and not imgui.is_mouse_double_clicked(0):
         app.show_take(row.id)
     elif row.kind in (CHARACTER, HANDLE):
@@ -224,11 +224,11 @@ def _draw_switches(app: App, outliner: Outliner, row: Row, right: float) -> None
     names = chosen if row.id in chosen else (row.id,)
     imgui.same_line(right - 2 * _SWITCH_WIDTH)
     if _draw_switch(app, f"eye {row.id}", CLOSED_EYE_ICON if now.hidden else EYE_ICON, now.hidden):
-        outliner.hide(*names, on=not now.hidden)
+        outliner.set_hidden(*names, is_hidden=not now.hidden)
     draw_tooltip("Show it again" if now.hidden else "Hide it here; exports and the stage do not change")
     imgui.same_line(right - _SWITCH_WIDTH)
     if _draw_switch(app, f"lock {row.id}", _LOCKED_ICON if now.locked else _UNLOCKED_ICON, now.locked):
-        outliner.lock(*names, on=not now.locked)
+        outliner.set_locked(*names, is_locked=not now.locked)
     draw_tooltip("Unlock it" if now.locked else "Lock it: it cannot be picked or edited")
 
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from enliven.document import GraphShape, Project, Puppet, RigBase
+from enliven.document import ExampleCharacter, GraphCharacter, Project, RigBase
 from enliven.takes.performed import ONLOOKER_SUFFIX
 from enliven_viewer.language import later, tr
 
 GROUP, CHARACTER, HANDLE, TAKE, LIVE = "group", "character", "handle", "take", "live"
 """The kinds of rows."""
-_HANDLE_WORDS = {Puppet.kind: later("point"), GraphShape.kind: later("part")}
+_HANDLE_WORDS = {ExampleCharacter.kind: later("point"), GraphCharacter.kind: later("part")}
 """The displayed word for a handle, by rig kind; "bone" for other rigs."""
 
 
@@ -115,7 +115,7 @@ def _make_handle_rows(character: RigBase) -> Iterator[Row]:
     of a possessed mesh.
     """
     handle_label = _HANDLE_WORDS.get(character.kind, later("bone"))
-    if isinstance(character, GraphShape):
+    if isinstance(character, GraphCharacter):
         for number, part in enumerate(character.parts) if len(character.parts) > 1 else ():
             yield Row(HANDLE, character.id, part.take, handle_label, number, 2)
         return

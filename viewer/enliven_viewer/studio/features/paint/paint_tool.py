@@ -123,7 +123,7 @@ class PaintTool(Tool):
         if over is None:
             return False
         if over[0] != self.editor.selection.character:
-            self.editor.choose(over[0])
+            self.editor.select_only(over[0])
         self._stroke, self._touched_point = [over[1]], over
         self._stroke_brush = self._choose_brush(pointer)
         return True

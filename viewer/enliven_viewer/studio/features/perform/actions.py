@@ -232,8 +232,8 @@ PERFORM_ACTIONS = (
     *_make_group(
         "See",
         _LIVE_WORKSPACES,
-        ("Deformation graph of the meshes", "g", lambda live: live.switch("graph")),
-        ("Performers' skeletons", "s", lambda live: live.switch("body", "reveal", "cues")),
+        ("Deformation graph of the meshes", "g", lambda live: live.toggle_overlays("graph")),
+        ("Performers' skeletons", "s", lambda live: live.toggle_overlays("body", "reveal", "cues")),
     ),
     PerformAction(
         "Zoom to the limb before possession",
@@ -254,8 +254,8 @@ PERFORM_ACTIONS = (
         ("Pause the stage", "space", lambda live: live.playhead.toggle_pause()),
         ("One pose back", "left", lambda live: live.playhead.step(-1)),
         ("One pose forward", "right", lambda live: live.playhead.step(1)),
-        ("Faster", "up", lambda live: live.playhead.faster(1)),
-        ("Slower", "down", lambda live: live.playhead.faster(-1)),
+        ("Faster", "up", lambda live: live.playhead.change_speed(1)),
+        ("Slower", "down", lambda live: live.playhead.change_speed(-1)),
     ),
 )
 """All actions. Actions without a specific workspace come first."""

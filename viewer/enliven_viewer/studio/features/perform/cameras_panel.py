@@ -108,7 +108,7 @@ def _draw_camera(app: App, search: CameraSearch, camera: Camera, number: int, av
         ImVec2(available_width - test_button_width, 0),
     ):
         search.close()  # End a running camera test, because it blocks the camera for the edge.
-        app.attempt(lambda: app.state(PerformSession).connect_local(*camera.words))
+        app.run_and_report(lambda: app.state(PerformSession).connect_local(*camera.words))
     imgui.end_disabled()
     app.remember(f"camera {number}")
     draw_tooltip(tr("Perform in front of it: {0}", camera.title) if camera.can_start else camera.title)
@@ -249,7 +249,7 @@ def _draw_edge(
     state_text = describe_edge_state(edge)
     draw_tooltip(f"{edge.announcement.name}, {edge.endpoint}: {state_text}")
     if pressed:
-        app.attempt(partial(app.state(PerformSession).connect, str(edge.endpoint)))
+        app.run_and_report(partial(app.state(PerformSession).connect, str(edge.endpoint)))
     low = ImVec2(position.x, position.y + 2)
     far = ImVec2(position.x + _PICTURE_WIDTH, position.y + _ROW_HEIGHT - 2)
     draw_list.add_rect_filled(low, far, pack_colour(DARK), 4.0)

@@ -149,4 +149,6 @@ class CharacterSizes:
         if isinstance(answer, Refused):
             self._sent_values[order.do, order.character or ""] = wanted, float("inf")
             outcome = tr("keeps its size") if order.do == "set" else tr("swings as before")
-            self._editor.toasts.say(tr("{0} {1} on the stage", order.character, outcome), answer.reason)
+            self._editor.toasts.show_message(
+                tr("{0} {1} on the stage", order.character, outcome), answer.reason
+            )

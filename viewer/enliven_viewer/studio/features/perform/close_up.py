@@ -139,9 +139,9 @@ def _find_limb(scene: Scene, actor: SceneCharacter) -> Float | None:
     if board is not None and board.state == "choosing" and 0 <= board.shown < len(board.rows):
         lines = [line for line in board.rows[board.shown].lines if len(line)]
         return np.concatenate(lines) if lines else None
-    if cues is None or cues.firm.all():
+    if cues is None or cues.attached_mask.all():
         return None
-    nodes = cues.nodes[~cues.firm]
+    nodes = cues.nodes[~cues.attached_mask]
     # Check the node numbers, because an edge may send invalid numbers.
     is_valid = nodes < len(actor.pose.positions)
     return np.asarray(actor.pose.positions[nodes[is_valid]], np.float64)

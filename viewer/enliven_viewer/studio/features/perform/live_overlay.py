@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Character, GraphShape, Project, RigBase, Shape
+from enliven.document import Character, GraphCharacter, Project, RigBase, RiggedCharacter
 from enliven.matching.match_list import MatchList
 from enliven.takes.live_layer import LiveLayer
 from enliven.takes.overdub import LiveOverdub, has_motion
@@ -68,13 +68,15 @@ class LiveOverlay:
                 actors.append(actor)
             elif not conditions.is_performing:
                 boards.pop(name, None)
-            elif isinstance(character, Shape) and len(character.skeleton) == len(actor.pose.positions):
+            elif isinstance(character, RiggedCharacter) and len(character.skeleton) == len(
+                actor.pose.positions
+            ):
                 moved, joints = self._add_live_motion(character, actor, conditions)
                 actors.append(moved)
                 hidden.add(name)
                 if name in boards:
                     boards[name] = _move_match_lines(boards[name], character, actor, joints)
-            elif isinstance(character, GraphShape) and self._is_overdub(character, actor, conditions):
+            elif isinstance(character, GraphCharacter) and self._is_overdub(character, actor, conditions):
                 actors.append(self._add_performance(character, actor))
                 hidden.add(name)
             elif _replaces_own(character, actor, conditions, playing=self.editor.playing):
@@ -86,28 +88,30 @@ class LiveOverlay:
         return replace(scene, actors=tuple(actors), boards=boards)
 
     def _add_live_motion(
-        self, shape: Shape, actor: SceneCharacter, conditions: OverlayConditions
+        self, shape: RiggedCharacter, actor: SceneCharacter, conditions: OverlayConditions
     ) -> tuple[SceneCharacter, Float]:
         """Returns a rigged character with its own motion plus the live motion, and its joints (N, 3) in
         metres.
         """
         replaced = frozenset[int]()
         if conditions.replaces_motion and conditions.plays_live and actor.cues is not None:
-            replaced = frozenset(actor.cues.nodes[actor.cues.firm].tolist())
+            replaced = frozenset(actor.cues.nodes[actor.cues.attached_mask].tolist())
         key, cached = (self.editor.project, replaced), self._layers.get(shape.id)
         if cached is None or cached[0][0] is not key[0] or cached[0][1] != replaced:
             cached = self._layers[shape.id] = key, LiveLayer(self.editor.project, shape.id, replaced)
         pose, joints = cached[1].pose(actor.pose, self.editor.time, heard=conditions.plays_live)
         return replace(actor, pose=pose), joints
 
-    def _is_overdub(self, shape: GraphShape, actor: SceneCharacter, conditions: OverlayConditions) -> bool:
+    def _is_overdub(
+        self, shape: GraphCharacter, actor: SceneCharacter, conditions: OverlayConditions
+    ) -> bool:
         """Returns True if the live motion of a possessed mesh is added to its own."""
         performed = (
             shape.id in conditions.held_ids and conditions.plays_live and not conditions.replaces_motion
         )
         return performed and _has_same_surface(shape, actor) and has_motion(self.editor.project, shape)
 
-    def _add_performance(self, shape: GraphShape, actor: SceneCharacter) -> SceneCharacter:
+    def _add_performance(self, shape: GraphCharacter, actor: SceneCharacter) -> SceneCharacter:
         """Returns a possessed mesh with its own motion plus the live motion."""
         cached = self._performances.get(shape.id)
         if cached is None or cached[0] is not self.editor.project or cached[1] is not actor.character:
@@ -137,7 +141,9 @@ def _replaces_own(
     )
 
 
-def _move_match_lines(board: MatchList, shape: Shape, actor: SceneCharacter, joints: Float) -> MatchList:
+def _move_match_lines(
+    board: MatchList, shape: RiggedCharacter, actor: SceneCharacter, joints: Float
+) -> MatchList:
     """Returns a character's matches with their lines moved to its shown joints (N, 3)."""
     pose = actor.pose
     live = pose.positions + np.einsum("nij,nj->ni", pose.linear, shape.skeleton.vectors)

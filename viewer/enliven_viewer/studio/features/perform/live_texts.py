@@ -64,10 +64,12 @@ def draw_live(app: App, area: Area, frame_rate: float) -> None:
     view = app.editor.lens.view
     is_over_characters = bool(app.editor.visible_characters)
     if perform.active_workspace == "Play":
-        hud.draw(size, _make_hud_state(live, frame_rate, live.words(view), is_over_characters))
+        hud.draw(
+            size, _make_hud_state(live, frame_rate, live.describe_next_possession(view), is_over_characters)
+        )
         _handle_scrubbing(live, area, size)
     else:
-        notice = live.notice if not live.scene.actors else ""
+        notice = live.empty_image_text if not live.scene.actors else ""
         hud.draw_choice(size, make_cards(live.scene, view), notice, is_over_characters)
     if perform.active_workspace in ("Perform", "Play"):
         free_area = find_area_next_to_preview(area, app.widgets.get("performer inset"))
@@ -99,7 +101,7 @@ def _make_hud_state(live: LiveStage, frame_rate: float, notice: str, is_over_cha
         live=head.live,
         paused=head.paused,
         speed=head.speed,
-        notice=live.notice,
+        notice=live.empty_image_text,
         among=is_over_characters,
         near=live.is_local,
         possession=notice,
@@ -149,7 +151,7 @@ def draw_holders(perform: PerformSession, draw_list: imgui.ImDrawList, area: Are
         present = perform.performers
         number = present.index(holder.body) if holder.body in present else 0
         tint = get_performer_colour(number)
-        _draw_line(draw_list, area, bottom, holder.words, tint)
+        _draw_line(draw_list, area, bottom, holder.description, tint)
         bottom -= HOLDER_LINE_HEIGHT
     return 0.0 if bottom == begin else area.y + area.height - bottom
 
@@ -167,7 +169,7 @@ def draw_utterance(
     perform: PerformSession, draw_list: imgui.ImDrawList, area: Area, below: float = _UTTERANCE_BOTTOM
 ) -> None:
     """Draws the recognised words in large text at the top, without moving other text."""
-    words = perform.voice.words
+    words = perform.voice.heard_words
     if words:
         _draw_line(draw_list, area, area.y + below, words, GOOD if perform.voice.is_understood else WAIT)
 

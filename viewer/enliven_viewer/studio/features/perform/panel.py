@@ -79,7 +79,7 @@ def _draw_main_buttons(app: App, perform: PerformSession) -> None:
     size = ImVec2(
         (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2, _PRIMARY_HEIGHT
     )
-    waits = perform.possession_requests.waits
+    waits = perform.possession_requests.is_waiting
     with push_fill(WAIT if waits else ACCENT):
         if imgui.button(labelled(tr("Cancel") if waits else tr("Possess"), "Possess"), size):
             app.actions.do("perform.possess_alone")
@@ -172,16 +172,16 @@ def _draw_stage_options(app: App, perform: PerformSession, area: Area) -> None:
     )
     app.remember("address")
     is_connect_pressed = imgui.button(labelled(tr("Connect"), "Connect"), _FULL_WIDTH) or entered
-    if is_connect_pressed and app.attempt(lambda: perform.connect(perform.address or _LOCAL_ADDRESS)):
+    if is_connect_pressed and app.run_and_report(lambda: perform.connect(perform.address or _LOCAL_ADDRESS)):
         perform.address = ""  # Clear the field, so that the address of another camera can be typed.
     app.remember("connect")
     for address in perform.known_addresses:
         if imgui.selectable(f"{address}###known {address}", False)[0]:
-            app.attempt(partial(perform.connect, address))
+            app.run_and_report(partial(perform.connect, address))
         app.remember(f"known {address}")
     draw_heading("No camera here?")
     if imgui.button(labelled(tr("A recorded person"), "A recorded person"), _FULL_WIDTH):
-        app.attempt(lambda: perform.connect_local("--loop"))
+        app.run_and_report(lambda: perform.connect_local("--loop"))
     app.remember("recorded person")
     draw_tooltip("Plays the recording that comes with enliven again and again, like a person at the camera")
     if imgui.button(labelled(tr("A recording of yours..."), "A recording of yours..."), _FULL_WIDTH):
@@ -189,11 +189,11 @@ def _draw_stage_options(app: App, perform: PerformSession, area: Area) -> None:
     app.remember("recording of yours")
     draw_tooltip("A camera recording or motion capture (.bvh) that plays again and again")
     if imgui.button(labelled(tr("A webcam"), "A webcam"), _FULL_WIDTH):
-        app.attempt(lambda: perform.connect_local("--sensor", "webcam"))
+        app.run_and_report(lambda: perform.connect_local("--sensor", "webcam"))
     app.remember("webcam")
     draw_tooltip("A normal camera instead of a depth camera; experimental (MediaPipe finds the bodies)")
     if imgui.button(labelled(tr("A simulated person"), "A simulated person"), _FULL_WIDTH):
-        app.attempt(lambda: perform.connect_local("--sensor", "synthetic"))
+        app.run_and_report(lambda: perform.connect_local("--sensor", "synthetic"))
     app.remember("made-up person")
     draw_tooltip("A simulated figure that waves and walks, for testing")
 
@@ -260,7 +260,7 @@ def _draw_other_cameras(app: App, perform: PerformSession) -> None:
         "##beside", tr("another camera's address"), perform.address, imgui.InputTextFlags_.enter_returns_true
     )
     app.remember("beside address")
-    if entered and perform.address and app.attempt(lambda: perform.add_secondary(perform.address)):
+    if entered and perform.address and app.run_and_report(lambda: perform.add_secondary(perform.address)):
         perform.address = ""
 
 
@@ -381,7 +381,7 @@ def _draw_character(app: App, perform: PerformSession, name: str, available_widt
     label = shorten_text(f"{name}  ·  {state_text}", available_width - (_REMOVE_WIDTH if can_remove else 0.0))
     if imgui.selectable(f"{label}###character {name}", chosen, flags, ImVec2(available_width, 0))[0]:
         perform.stage_selection = name if standing else perform.stage_selection
-        app.editor.choose(name if is_in_project else None)
+        app.editor.select_only(name if is_in_project else None)
     app.remember(f"{'stands' if standing else 'waits'} {name}")
     draw_tooltip(state_text if state.startswith("refused") else "")
     if can_remove:

@@ -99,18 +99,18 @@ class PossessionRequests:
         self.words = ""
 
     @property
-    def waits(self) -> bool:
+    def is_waiting(self) -> bool:
         """Returns True if a press is waiting. The next press cancels it."""
         return bool(self.words)
 
     def press(self, mode: Mode = "alone") -> None:
         """Possesses the selected character, or cancels a waiting press."""
-        if self.waits:
+        if self.is_waiting:
             self.forget()
             return
         live = self._stage.live
         if live is not None and live.take:
-            self._refuse(tr("This is a recording. Connect to a stage to step in"))
+            self._cancel_with_reason(tr("This is a recording. Connect to a stage to step in"))
         elif live is not None and self._stage.client is None:
             live.possess(mode)
         elif live is not None:
@@ -132,12 +132,12 @@ class PossessionRequests:
             return
         lacking = self._find_refusal(press)
         if lacking:
-            self._refuse(lacking)
+            self._cancel_with_reason(lacking)
             return
         press.is_accepted = True
         self.words = self._describe_missing(press)
         if self.words and time.monotonic() > press.until:
-            self._refuse(tr("Possess has timed out") + ". " + self.words)
+            self._cancel_with_reason(tr("Possess has timed out") + ". " + self.words)
         elif not self.words:
             self._send_request(press)
 
@@ -168,7 +168,7 @@ class PossessionRequests:
                 if project_character.mesh is not None
                 else tr("It has no surface, so it cannot be performed")
             )
-        is_known = stage.client is not None and stage.client.edges[0].complete
+        is_known = stage.client is not None and stage.client.edges[0].has_all_characters
         is_coming = bool(stage.sender.states) or press.of_scan or phase == "finishing" or not is_known
         nothing = tr("The stage has no character. Choose one, and put it there")
         return "" if stage.stage_ids or is_coming else nothing
@@ -180,7 +180,7 @@ class PossessionRequests:
             return ""
         if not stage.connected and len(live.document.timeline):
             return stage.lacks_edge()
-        if not stage.connected or not (stage.stage_ids or stage.client.edges[0].complete):
+        if not stage.connected or not (stage.stage_ids or stage.client.edges[0].has_all_characters):
             return live.preparation_text
         if self._scan_message.phase == "finishing":
             press.of_scan = True
@@ -236,18 +236,18 @@ class PossessionRequests:
         if isinstance(answer, Refused) and answer.reason.endswith(NO_ANSWER_TEXT):
             press.asked = False
             if time.monotonic() > press.until:
-                self._refuse(tr("The stage does not answer. Check that its program runs"))
+                self._cancel_with_reason(tr("The stage does not answer. Check that its program runs"))
             return
         self.forget()
         if isinstance(answer, Refused) and answer.reason != SUPERSEDED:
             where, _, problem = answer.reason.partition(": ")
-            self._refuse(problem if where.startswith(("possessing", "stage")) else answer.reason)
+            self._cancel_with_reason(problem if where.startswith(("possessing", "stage")) else answer.reason)
 
-    def _refuse(self, reason: str) -> None:
+    def _cancel_with_reason(self, reason: str) -> None:
         """Shows the reason and the advice, and cancels the press."""
         self.forget()
         problem, _, remedy = reason.partition(". ")
-        self._stage.editor.toasts.say(problem[:1].upper() + problem[1:].removesuffix("."), remedy)
+        self._stage.editor.toasts.show_message(problem[:1].upper() + problem[1:].removesuffix("."), remedy)
 
     @property
     def _scan_message(self) -> ScanMessage:

@@ -90,7 +90,7 @@ class Holder:
     number: int = 0
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """Returns a text for an audience, such as "Performer 1 is in the horse: both arms"."""
         parts = [tr(_PART_LABELS.get(part, part)) for part in self.parts]
         return tr(
@@ -111,14 +111,14 @@ class Holders:
         self.since_free: dict[str, list[HoldMessage]] = {}
 
     @property
-    def now(self) -> tuple[Holder, ...]:
+    def current_holders(self) -> tuple[Holder, ...]:
         """Returns all performers who control a character, sorted by id."""
         holders = [
             Holder(body, name, own) for name, held in self._parts.items() for body, own in held.items()
         ]
         return tuple(sorted(holders, key=lambda holder: (holder.body, holder.character)))
 
-    def take(self, message: HoldMessage) -> None:
+    def record_change(self, message: HoldMessage) -> None:
         """Processes a change of attachments."""
         before = self._parts.get(message.character, {})
         if not before:
@@ -244,7 +244,7 @@ class LiveRecorder:
             if self._recording is not None and not self.is_cut_short:
                 self._recording.frames.append(frame)
         elif topic is HOLDS:
-            self.holders.take(value)
+            self.holders.record_change(value)
             if self._recording is not None and not self.is_cut_short:
                 self._recording.events.append(value)
 

@@ -98,7 +98,7 @@ class StageRecording:
                 self.recorder.is_cut_short and not self._secondary_edges
             ) or self._silent_s > _SILENCE_TIMEOUT_S:
                 self.stop()
-                self.editor.toasts.say(
+                self.editor.toasts.show_message(
                     tr("The connection to the stage was lost, so the recording ended"),
                     tr("The recording up to that point is kept."),
                 )
@@ -152,7 +152,7 @@ class StageRecording:
         """
         if self.phase == "idle":
             if not self.last_recording:
-                self.editor.toasts.say(tr("Nothing was recorded yet"), tr("Record first."))
+                self.editor.toasts.show_message(tr("Nothing was recorded yet"), tr("Record first."))
                 return
             alternatives = find_alternatives(self.editor.project, self.last_recording)
             if keeps_last:
@@ -202,8 +202,8 @@ class StageRecording:
         editor = self.editor
         (performed, *others), start, replaces = self._end_recorders(), self._start_time, self.replaces
         if until_ns is not None:
-            others = [other.until(other.since_ns + until_ns - performed.since_ns) for other in others]
-            performed = performed.until(until_ns)
+            others = [other.cut_at(other.since_ns + until_ns - performed.since_ns) for other in others]
+            performed = performed.cut_at(until_ns)
         editor.recorded_until_s, editor.playing = 0.0, False
         added: list[str] = []
 
@@ -216,7 +216,7 @@ class StageRecording:
 
         if editor.edit(later("record {0}", performed.name), change, over_locks=True):
             shown_names = [name for name in added if name in editor.project.characters] or added
-            editor.toasts.say(
+            editor.toasts.show_message(
                 tr("Recorded {0}", ", ".join(shown_names)),
                 tr("Ctrl+Z takes it back; record again to add to it."),
             )

@@ -75,7 +75,7 @@ class SecondaryEdge(FollowedEdge):
 
     def receive(self, seconds: float) -> None:
         """Processes received messages."""
-        holders = self.recorder.holders.now
+        holders = self.recorder.holders.current_holders
         self.live.held, self.live.holding = (
             {holder.character for holder in holders},
             {holder.body for holder in holders},

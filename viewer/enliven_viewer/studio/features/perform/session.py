@@ -79,11 +79,11 @@ class PerformSession:
             self.secondary_edges,
         )
         self.close_up = CloseUp(editor)
-        self.sender, self.sizes = StageSender(editor.toasts.say), CharacterSizes(editor)
+        self.sender, self.sizes = StageSender(editor.toasts.show_message), CharacterSizes(editor)
         self.voice, self.physics = StageVoice(editor), StagePhysics(editor)
         self.possession_requests = PossessionRequests(self)
         self.address, self.cameras, self.edge_search = "", CameraSearch(), EdgeSearch()
-        self.shared_space = SharedSpace(editor.toasts.say)
+        self.shared_space = SharedSpace(editor.toasts.show_message)
         self._client: EdgeClient | None = None
         self._feed: EdgeFeed | None = None
         self._local_edge: LocalEdge | None = None
@@ -295,7 +295,7 @@ class PerformSession:
         if self.live is None:
             return
         self.live.target, self.live.held = self.target, {holder.character for holder in self.holders}
-        self.live.holding = {holder.body for holder in self.recording.recorder.holders.now}
+        self.live.holding = {holder.body for holder in self.recording.recorder.holders.current_holders}
         self._advance_stages(self.live, seconds)
         self.live.report_view(self.editor.lens.view)
         self._watch_edge()
@@ -325,13 +325,13 @@ class PerformSession:
     def _advance_stages(self, live: LiveStage, seconds: float) -> None:
         """Processes the messages of all edges, and makes the scenes of all edges for the same moment."""
         if self._client is not None and self._client.status is not None and self.secondary_edges:
-            self.shared_space.place(self._client.edges[0].name, self.secondary_edges)
+            self.shared_space.update_transforms(self._client.edges[0].name, self.secondary_edges)
         live.receive(seconds)
         for guest in self.secondary_edges:
             guest.receive(seconds)
         if self._feed is not None:
             stages = [(live, self._feed), *((guest.live, guest.feed) for guest in self.secondary_edges)]
-            self.shared_space.align(stages)
+            self.shared_space.align_times(stages)
         for stage in (live, *(guest.live for guest in self.secondary_edges)):
             stage.compose(seconds)
 
@@ -343,7 +343,7 @@ class PerformSession:
             and (why := self._local_edge.ended) is not None
         ):
             problem, _, remedy = why.removeprefix("enliven: ").partition(". ")
-            self.editor.toasts.complain(
+            self.editor.toasts.show_error(
                 EnlivenError(problem, where="the stage on this machine", remedy=remedy)
             )
             self.disconnect()
@@ -388,7 +388,7 @@ class PerformSession:
         """Returns the reason why the physics cannot be switched, with advice, or an empty text
         if they can.
         """
-        return self.lacks_edge() or (self.physics.words if self.physics.state is None else "")
+        return self.lacks_edge() or (self.physics.state_text if self.physics.state is None else "")
 
     def lacks_recording(self) -> str:
         """Returns the reason why no alternative of the last recording can be recorded, with advice. The text
@@ -424,7 +424,9 @@ class PerformSession:
         self._awaiting_stage = (*(other for other in self._awaiting_stage if other != name), name)
         if not self.connected:
             message = tr("{0} will be put on the stage once one is connected", name)
-            self.editor.toasts.say(message, tr("Connect to a camera at the right, or to a recorded person."))
+            self.editor.toasts.show_message(
+                message, tr("Connect to a camera at the right, or to a recorded person.")
+            )
 
     @property
     def waiting_characters(self) -> tuple[str, ...]:
@@ -448,12 +450,13 @@ class PerformSession:
     def _check_availability(self, lacking: str) -> bool:
         """Returns True if ``lacking`` is empty. Otherwise shows it as a message."""
         if lacking:
-            self.editor.toasts.say(*tr(lacking).split(". "))
+            self.editor.toasts.show_message(*tr(lacking).split(". "))
         return not lacking
 
 
 def _number_holders(live: LiveStage, recorder: LiveRecorder) -> tuple[Holder, ...]:
     """Returns the performers who control a character on one edge, with their displayed numbers."""
     return tuple(
-        replace(holder, number=live.numbers.number_of(holder.body)) for holder in recorder.holders.now
+        replace(holder, number=live.numbers.number_of(holder.body))
+        for holder in recorder.holders.current_holders
     )

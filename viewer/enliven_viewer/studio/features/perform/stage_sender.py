@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 
-from enliven.document import GraphShape, Project, RigBase
+from enliven.document import GraphCharacter, Project, RigBase
 from enliven.formats.project.one_character import texture_bytes
 from enliven.wire import MAX_TEXTURE_BYTES, Answer, Done, Refused
 from enliven_viewer.language import later, tr
@@ -22,14 +22,14 @@ class StageSender:
     """Keeps the characters on the stage equal to those of the project.
 
     Args:
-        tell: a function that shows a message and advice.
+        show_message: a function that shows a message and advice.
 
     Attributes:
         states: the displayed state of each character, by its id.
     """
 
-    def __init__(self, tell: Callable[[str, str], None]) -> None:
-        self._show_message = tell
+    def __init__(self, show_message: Callable[[str, str], None]) -> None:
+        self._show_message = show_message
         self.states: dict[str, str] = {}
         self._sent: dict[str, RigBase] = {}
         self._edited: dict[str, tuple[RigBase, float]] = {}
@@ -110,7 +110,7 @@ def _differs_in_motion_only(character: RigBase, sent: RigBase) -> bool:
 
     The edge needs only the rest pose, so such an edit is not sent.
     """
-    kinds = isinstance(character, GraphShape) and isinstance(sent, GraphShape)
+    kinds = isinstance(character, GraphCharacter) and isinstance(sent, GraphCharacter)
     return kinds and all(
         getattr(character, each) is getattr(sent, each) for each in (*character.drawn_by, "ends", "joints")
     )

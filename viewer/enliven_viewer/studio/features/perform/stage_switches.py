@@ -126,7 +126,7 @@ class StageVoice:
         return self._heard is not None and self._heard.understood
 
     @property
-    def words(self) -> str:
+    def heard_words(self) -> str:
         """Returns the words recognised in the last seconds, or an empty text if there are none."""
         heard = self._heard
         if heard is None or time.monotonic() > self._heard_until:
@@ -171,7 +171,7 @@ class StageVoice:
     def _handle_answer(self, answer: Answer) -> None:
         if isinstance(answer, Refused):
             self.wanted_state = False
-            self._editor.toasts.say(tr("The microphone was not switched"), answer.reason)
+            self._editor.toasts.show_message(tr("The microphone was not switched"), answer.reason)
 
 
 LooseWorld = Literal["none", "boxes", "dodgeball"]
@@ -213,7 +213,7 @@ class StagePhysics:
         return LOOSE_WORLDS.index(self.state.world) if on and self.state is not None else 0
 
     @property
-    def words(self) -> str:
+    def state_text(self) -> str:
         """Returns advice on how to get objects, or the reason why there are none, in at most
         two sentences.
         """
@@ -236,4 +236,4 @@ class StagePhysics:
 
     def _handle_answer(self, answer: Answer) -> None:
         if isinstance(answer, Refused):
-            self._editor.toasts.say(tr("This stage has no physics"), answer.reason)
+            self._editor.toasts.show_message(tr("This stage has no physics"), answer.reason)

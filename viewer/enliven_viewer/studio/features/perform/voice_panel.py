@@ -65,7 +65,7 @@ def draw_voice(app: App, perform: PerformSession) -> None:
     app.remember("voice")
     draw_tooltip("Close the microphone" if voice.is_on else "Voice: open the microphone of this stage")
     available_width = imgui.get_window_size().x - _SWITCH_SIZE - _HELP_SIZE - 22
-    heard_text = voice.words
+    heard_text = voice.heard_words
     colour = (GOOD if voice.is_understood else WAIT) if heard_text else INK
     lines = ((heard_text or tr(voice.status), colour), (voice.advice, QUIET))
     with use_small_text():
@@ -113,9 +113,9 @@ def draw_physics(app: App, perform: PerformSession) -> None:
     if physics.has_problem:
         with use_small_text(), push_colours(WAIT, imgui.Col_.text):
             imgui.push_text_wrap_pos(0.0)
-            imgui.text_unformatted(tr(physics.words))
+            imgui.text_unformatted(tr(physics.state_text))
             imgui.pop_text_wrap_pos()
     else:
-        draw_note(physics.words)
+        draw_note(physics.state_text)
     imgui.end_child()
     app.remember("physics state")

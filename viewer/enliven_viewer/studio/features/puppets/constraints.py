@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven.document import Coupling, Position, Puppet, Velocity
+from enliven.document import Coupling, ExampleCharacter, Position, Velocity
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import draw_tooltip
@@ -21,7 +21,7 @@ from enliven_viewer.studio.puppets.example_edits import (
 _REMOVE_ICON = "\uf00d"
 
 
-def draw_constraints(app: App, puppet: Puppet) -> None:
+def draw_constraints(app: App, puppet: ExampleCharacter) -> None:
     """Lists the hard constraints of the layer's take."""
     number = find_layer_number(puppet, app.editor.selection.layer)
     constraints = list_constraints(app.editor.project, puppet.id, number) if number is not None else ()
@@ -32,7 +32,7 @@ def draw_constraints(app: App, puppet: Puppet) -> None:
         _draw_constraint_row(app, puppet, number, row, constraint)
 
 
-def draw_constraint_buttons(app: App, puppet: Puppet) -> None:
+def draw_constraint_buttons(app: App, puppet: ExampleCharacter) -> None:
     """Draws the buttons that add a hard constraint of the selected control point at the playhead."""
     editor, chosen = app.editor, app.editor.puppets.point
     number = find_layer_number(puppet, editor.selection.layer)
@@ -70,7 +70,9 @@ def draw_constraint_buttons(app: App, puppet: Puppet) -> None:
         )
 
 
-def _draw_constraint_row(app: App, puppet: Puppet, number: int, row: int, held: HardConstraint) -> None:
+def _draw_constraint_row(
+    app: App, puppet: ExampleCharacter, number: int, row: int, held: HardConstraint
+) -> None:
     """Draws one constraint. A click goes to its frame, and the cross removes it."""
     editor = app.editor
     take = editor.project.takes[puppet.layers[number].take]

@@ -9,7 +9,7 @@ from functools import partial
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven.document import Puppet
+from enliven.document import ExampleCharacter
 from enliven.modeling.edits import get_rig_edits
 from enliven_viewer.language import tr
 from enliven_viewer.studio.app.app import App
@@ -61,18 +61,18 @@ def draw_examples(app: App, area: Area) -> None:
             draw_settings(app, puppet)
 
 
-def _draw_head(app: App, puppet: Puppet) -> None:
+def _draw_head(app: App, puppet: ExampleCharacter) -> None:
     """Draws the button back to the side panel, and the puppet's name."""
     if imgui.button(_BACK_ICON, ImVec2(30, 0)):
         app.editor.puppets.accept()
-        app.editor.choose(None)
+        app.editor.select_only(None)
     app.remember("all shapes")
     draw_tooltip("Back to everything that is on the stage")
     imgui.same_line()
     draw_character_name(app, puppet)
 
 
-def _draw_next_step(app: App, puppet: Puppet) -> None:
+def _draw_next_step(app: App, puppet: ExampleCharacter) -> None:
     """Draws the highlighted button of the next step. It is always at the same position."""
     label, about, act = _find_next_step(app, puppet)
     with push_fill(ACCENT):
@@ -82,7 +82,7 @@ def _draw_next_step(app: App, puppet: Puppet) -> None:
     draw_tooltip(about)
 
 
-def _find_next_step(app: App, puppet: Puppet) -> tuple[str, str, Callable[[], object]]:
+def _find_next_step(app: App, puppet: ExampleCharacter) -> tuple[str, str, Callable[[], object]]:
     """Returns the next step for a puppet: label, description and command."""
     editor, take = app.editor, app.state(PerformerView).take
     if editor.puppets.number is not None:
@@ -102,10 +102,10 @@ def _find_next_step(app: App, puppet: Puppet) -> tuple[str, str, Callable[[], ob
     return tr("Pose it here"), pose_hint, begin
 
 
-def draw_status(app: App, puppet: Puppet) -> None:
+def draw_status(app: App, puppet: ExampleCharacter) -> None:
     """Shows the missing inputs of the puppet, or the error that prevents its motion, or that it can move."""
     project, solving = app.editor.project, app.editor.motion_solver
-    lacking, problem = get_rig_edits(puppet).lacking(project, puppet), solving.problem(puppet.id)
+    lacking, problem = get_rig_edits(puppet).find_missing_data(project, puppet), solving.problem(puppet.id)
     if lacking:
         _draw_box(app, ACCENT, tr("Before it moves"), _merge_pairing_sentences(lacking))
     elif problem is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enliven.document import Puppet
+from enliven.document import ExampleCharacter
 from enliven_viewer.studio.app.viewport_input import ViewportInput
 from enliven_viewer.studio.features.puppets.performer_view import PerformerView
 from enliven_viewer.studio.puppets.example_edits import find_layer_number
@@ -40,7 +40,7 @@ class KeyPoseNavigator:
             self.puppets.begin_pose(take, frame * clip.step)
             self._bring_into_view()
 
-    def _go_to(self, puppet: Puppet, take: str, seconds: float) -> None:
+    def _go_to(self, puppet: ExampleCharacter, take: str, seconds: float) -> None:
         """Moves the playhead to a time of a take where the puppet plays it.
 
         The second view shows that take.

@@ -16,7 +16,7 @@ from enliven.arrays import Float
 from enliven.document import Clip, Skeleton
 from enliven.examples.performer import yaw_from_rotation
 from enliven.modeling.puppet.edits import play_take
-from enliven.skeletons.facing import facing_of, rotate_about_y
+from enliven.skeletons.facing import find_facing, rotate_about_y
 from enliven_viewer.language import later, tr
 from enliven_viewer.render.camera import TURN_PER_PIXEL, OrbitCamera
 from enliven_viewer.studio.editor.editor import Editor
@@ -201,9 +201,9 @@ class PerformerView:
         if number is None:
             for k, point in enumerate(puppet.points):
                 if point.joint == joint:
-                    editor.choose(puppet.id, k)
+                    editor.select_only(puppet.id, k)
                     return
-            editor.toasts.say(
+            editor.toasts.show_message(
                 tr("No control point is chosen"), tr("Click one on the puppet, then the joint.")
             )
             return
@@ -254,5 +254,5 @@ class PerformerView:
     def _find_front_yaw(self, clip: Clip) -> float:
         """Returns the yaw of the performer's rest pose in radians."""
         if self._facing is None or self._facing[0] is not clip.skeleton:
-            self._facing = (clip.skeleton, facing_of(clip.skeleton))
+            self._facing = (clip.skeleton, find_facing(clip.skeleton))
         return self._facing[1]

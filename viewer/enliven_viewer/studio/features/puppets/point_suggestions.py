@@ -7,9 +7,9 @@ from concurrent.futures import Future, ThreadPoolExecutor
 import numpy as np
 import scipy
 
-from enliven.deformation.graph.sampling import scatter
-from enliven.deformation.graph.surface_ends import extremities
-from enliven.document import Puppet
+from enliven.deformation.graph.sampling import sample_uniform_points
+from enliven.deformation.graph.surface_ends import find_extremity_vertices
+from enliven.document import ExampleCharacter
 from enliven.meshes import Mesh
 from enliven_viewer.studio.puppets.mesh_cache import measure_mesh
 
@@ -37,7 +37,7 @@ class PointSuggestions:
         self._mesh: Mesh | None = None
         self._search: Future[tuple[int, ...]] | None = None
 
-    def suggest_vertices(self, puppet: Puppet) -> tuple[int, ...]:
+    def suggest_vertices(self, puppet: ExampleCharacter) -> tuple[int, ...]:
         """Returns suggested vertices that are not near a control point, or an empty result while the search
         runs.
         """
@@ -66,8 +66,8 @@ def _find_limb_ends(mesh: Mesh) -> tuple[int, ...]:
     """Returns the indices of the vertices at the ends of limbs, or of the most extreme vertices if there are
     no limbs. At an end, the neighbourhood is on one side of the vertex.
     """
-    candidates = extremities(mesh, _MAX_CANDIDATES)
-    samples = scatter(mesh, _SURFACE_SAMPLES, np.random.default_rng(0)).positions
+    candidates = find_extremity_vertices(mesh, _MAX_CANDIDATES)
+    samples = sample_uniform_points(mesh, _SURFACE_SAMPLES, np.random.default_rng(0)).positions
     tree, reach = scipy.spatial.cKDTree(samples), _NEIGHBOURHOOD_RADIUS * measure_mesh(mesh)
     ends = []
     for vertex in candidates:

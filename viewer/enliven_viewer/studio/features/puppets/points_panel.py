@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven.document import ControlPoint, Project, Puppet
+from enliven.document import ControlPoint, ExampleCharacter, Project
 from enliven.modeling.puppet.points import change_point
 from enliven.modeling.puppet.poses import set_symmetry
 from enliven.modeling.puppet.suggest import suggested_joint, suggested_vertices
@@ -35,7 +35,7 @@ _SUGGESTION_COUNT = 6
 _AXIS_LABELS = (later("left to right"), later("above to below"), later("front to back"))
 
 
-def draw_points(app: App, puppet: Puppet) -> None:
+def draw_points(app: App, puppet: ExampleCharacter) -> None:
     """Draws the heading, a row per point, the fields of the selected point, and the buttons."""
     draw_heading(tr("Control points   {0}", len(puppet.points) or ""))
     if not puppet.points:
@@ -49,7 +49,7 @@ def draw_points(app: App, puppet: Puppet) -> None:
     _draw_symmetry(app, puppet)
 
 
-def _draw_orientation_buttons(app: App, puppet: Puppet) -> None:
+def _draw_orientation_buttons(app: App, puppet: ExampleCharacter) -> None:
     """Draws the buttons that turn a mesh that lies on its back or faces sideways."""
     half = ImVec2((imgui.get_content_region_avail().x - 8) / 2, 0)
     for label, axis, tip in (
@@ -70,12 +70,12 @@ def _turn_mesh(app: App, puppet: str, axis: str) -> None:
         app.editor.frame_all(reset=False)
 
 
-def _draw_row(app: App, puppet: Puppet, number: int, point: ControlPoint) -> None:
+def _draw_row(app: App, puppet: ExampleCharacter, number: int, point: ControlPoint) -> None:
     """Draws one point: its mark as in the 3D view, its name, and its joint."""
     origin, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     puppets = app.editor.puppets
     if imgui.invisible_button(f"##point {number}", ImVec2(width, _ROW_HEIGHT - 4)):
-        app.editor.choose(puppet.id, None if puppets.point == number else number)
+        app.editor.select_only(puppet.id, None if puppets.point == number else number)
     app.remember(f"point {point.name}")
     hovered, chosen = imgui.is_item_hovered(), puppets.point == number
     draw_list = imgui.get_window_draw_list()
@@ -98,7 +98,7 @@ def _draw_row(app: App, puppet: Puppet, number: int, point: ControlPoint) -> Non
             draw_list.add_text(ImVec2(right - 34, origin.y + 4), pack_colour(QUIET), _SOFT_ICON)
 
 
-def _draw_point_fields(app: App, puppet: Puppet, point: ControlPoint) -> None:
+def _draw_point_fields(app: App, puppet: ExampleCharacter, point: ControlPoint) -> None:
     """Draws the fields of the selected point."""
     editor, name = app.editor, point.name
 
@@ -125,7 +125,7 @@ def _draw_point_fields(app: App, puppet: Puppet, point: ControlPoint) -> None:
     imgui.unindent(22)
 
 
-def _draw_joint_list(app: App, puppet: Puppet, point: ControlPoint) -> None:
+def _draw_joint_list(app: App, puppet: ExampleCharacter, point: ControlPoint) -> None:
     """Draws the list of joints that the point may follow, most likely first."""
     editor, take = app.editor, app.state(PerformerView).take
     imgui.set_next_item_width(-1)
@@ -144,7 +144,7 @@ def _draw_joint_list(app: App, puppet: Puppet, point: ControlPoint) -> None:
     app.remember("joint")
 
 
-def _draw_buttons(app: App, puppet: Puppet) -> None:
+def _draw_buttons(app: App, puppet: ExampleCharacter) -> None:
     editor = app.editor
     half = ImVec2((imgui.get_content_region_avail().x - 8) / 2, 0)
     if imgui.button(labelled(tr("Suggest points"), "Suggest points"), half):
@@ -165,7 +165,7 @@ def _draw_buttons(app: App, puppet: Puppet) -> None:
         )
 
 
-def suggest_points(app: App, puppet: Puppet) -> bool:
+def suggest_points(app: App, puppet: ExampleCharacter) -> bool:
     """Adds control points at the ends of the mesh's limbs, as one edit."""
 
     def change(project: Project) -> Project:
@@ -174,7 +174,7 @@ def suggest_points(app: App, puppet: Puppet) -> bool:
     return app.editor.edit("suggest control points", change)
 
 
-def _draw_symmetry(app: App, puppet: Puppet) -> None:
+def _draw_symmetry(app: App, puppet: ExampleCharacter) -> None:
     """Draws the symmetry options: mirrored examples, the plane, and editing both sides at once."""
     editor = app.editor
     toggled, on = imgui.checkbox(labelled(tr("symmetric"), "symmetric"), puppet.symmetry is not None)
@@ -198,7 +198,7 @@ def _draw_symmetry(app: App, puppet: Puppet) -> None:
         editor.puppets.set_symmetric(on)
 
 
-def set_mirrored(app: App, puppet: Puppet, on: bool) -> None:
+def set_mirrored(app: App, puppet: ExampleCharacter, on: bool) -> None:
     """Sets or clears the symmetry plane of the examples.
 
     Before the first key pose, also switches symmetric editing.

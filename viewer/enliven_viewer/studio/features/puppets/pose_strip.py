@@ -8,7 +8,7 @@ from contextlib import nullcontext
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from enliven.document import Puppet
+from enliven.document import ExampleCharacter
 from enliven.modeling.puppet.poses import remove_key_pose
 from enliven_viewer.language import later, tr
 from enliven_viewer.live.hud import format_time
@@ -95,7 +95,7 @@ def _scroll_with_wheel() -> None:
         imgui.set_scroll_x(imgui.get_scroll_x() - 60 * imgui.get_io().mouse_wheel)
 
 
-def _draw_head(app: App, puppet: Puppet, coverage: TakeCoverage | None) -> None:
+def _draw_head(app: App, puppet: ExampleCharacter, coverage: TakeCoverage | None) -> None:
     """Draws the number of key poses, the number still needed, and buttons for the edited key pose."""
     puppets = app.editor.puppets
     imgui.align_text_to_frame_padding()
@@ -131,7 +131,7 @@ def _make_status_text(coverage: TakeCoverage, count: int) -> str:
     return tr("{0} more would be enough for {1}, at the dashed moments", coverage.needed, coverage.take)
 
 
-def _draw_pose_buttons(app: App, puppet: Puppet, number: int) -> None:
+def _draw_pose_buttons(app: App, puppet: ExampleCharacter, number: int) -> None:
     """Draws the buttons for the edited key pose."""
     tooltips = {
         "Done": tr("Keep it, and let the puppet play (Enter)"),
@@ -152,7 +152,7 @@ def _draw_pose_buttons(app: App, puppet: Puppet, number: int) -> None:
             run_pose_command(app, puppet, number, label)
 
 
-def run_pose_command(app: App, puppet: Puppet, number: int, label: str) -> None:
+def run_pose_command(app: App, puppet: ExampleCharacter, number: int, label: str) -> None:
     """Runs the command of a button or menu entry on a key pose."""
     editor, key, name = app.editor, puppet.poses[number], puppet.id
     if label == "Done":
@@ -178,7 +178,7 @@ _COMMAND_TITLES = {"Duplicate": later("duplicate a key pose"), "Mirror": later("
 """The name in the undo history of each command that adds another key pose."""
 
 
-def _find_free_time(app: App, puppet: Puppet, number: int) -> float:
+def _find_free_time(app: App, puppet: ExampleCharacter, number: int) -> float:
     """Returns a time in the take without a key pose. It is half a second after or before key pose ``number``
     if possible.
     """
@@ -191,7 +191,7 @@ def _find_free_time(app: App, puppet: Puppet, number: int) -> float:
     return free * clip.step
 
 
-def _draw_add_button(app: App, puppet: Puppet) -> None:
+def _draw_add_button(app: App, puppet: ExampleCharacter) -> None:
     """Draws the button that adds a key pose at the time shown in the performer's view."""
     moment = app.state(PerformerView).moment
     origin = imgui.get_cursor_screen_pos()
@@ -216,7 +216,7 @@ def _draw_add_button(app: App, puppet: Puppet) -> None:
         imgui.set_tooltip(tr("Make a key pose for this moment"))
 
 
-def _draw_tile(app: App, puppet: Puppet, number: int, place: int, thumbnails: Thumbnails) -> None:
+def _draw_tile(app: App, puppet: ExampleCharacter, number: int, place: int, thumbnails: Thumbnails) -> None:
     """Draws one key pose. A click edits it."""
     pose, chosen = puppet.poses[number], app.editor.puppets.number == number
     origin = imgui.get_cursor_screen_pos()
@@ -256,14 +256,14 @@ def _draw_tile(app: App, puppet: Puppet, number: int, place: int, thumbnails: Th
     imgui.end_group()
 
 
-def _draw_menu(app: App, puppet: Puppet, number: int) -> None:
+def _draw_menu(app: App, puppet: ExampleCharacter, number: int) -> None:
     """Draws the context menu of a key pose."""
     for label in ("Edit", "Duplicate", "Mirror", "Remove"):
         if imgui.menu_item_simple(f"{tr(label)}###{label}"):
             run_pose_command(app, puppet, number, label)
 
 
-def _draw_suggestions(app: App, puppet: Puppet, coverage: TakeCoverage | None) -> None:
+def _draw_suggestions(app: App, puppet: ExampleCharacter, coverage: TakeCoverage | None) -> None:
     """Draws the performer at the suggested times. A click begins a key pose."""
     if coverage is None or not puppet.points:
         return

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from enliven.arrays import Float
-from enliven.document import Project, Puppet, RigBase, unused
+from enliven.document import ExampleCharacter, Project, RigBase, unused
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.modeling.edits import compute_vertices, find_base_centre, get_rig_edits, move_character
@@ -41,8 +41,8 @@ class PuppetCommands:
 
         if not self.editor.edit(later("make a puppet of {0}", name), change):
             return False
-        self.editor.choose(puppet_name)
-        self.editor.toasts.say(
+        self.editor.select_only(puppet_name)
+        self.editor.toasts.show_message(
             tr("{0} stays; its puppet stands next to it", name), tr("K puts control points on it.")
         )
         return True
@@ -51,7 +51,7 @@ class PuppetCommands:
         """Switches the silhouette of the previous key pose, which is shown while a key pose is edited."""
         puppets = self.editor.puppets
         puppets.silhouette = not puppets.silhouette
-        self.editor.toasts.say(
+        self.editor.toasts.show_message(
             tr("The previous key pose is outlined")
             if puppets.silhouette
             else tr("The previous key pose is no longer outlined")
@@ -61,7 +61,7 @@ class PuppetCommands:
         """Switches the display of self-intersecting faces, which are marked while a key pose is edited."""
         puppets = self.editor.puppets
         puppets.warn = not puppets.warn
-        self.editor.toasts.say(
+        self.editor.toasts.show_message(
             tr("Self-intersecting faces are red")
             if puppets.warn
             else tr("Self-intersecting faces are not shown")
@@ -78,7 +78,7 @@ class PuppetCommands:
         )
         return True
 
-    def _make_bake_edit(self, puppet: Puppet) -> Callable[[tuple[Project, str, object]], None]:
+    def _make_bake_edit(self, puppet: ExampleCharacter) -> Callable[[tuple[Project, str, object]], None]:
         """Returns the function that puts a baked puppet into the project. It rejects the result if the puppet
         has changed during the baking.
         """
@@ -95,8 +95,8 @@ class PuppetCommands:
                 return project.without(puppet.id).with_streams(*streams).with_characters(shape)
 
             if self.editor.edit(later("bake {0}", puppet.id), change):
-                self.editor.choose(name)
-                self.editor.toasts.say(
+                self.editor.select_only(name)
+                self.editor.toasts.show_message(
                     tr("{0} is a possessed character now", name), tr("It is {0}. Ctrl+Z goes back.", error)
                 )
 
@@ -111,7 +111,7 @@ class PuppetCommands:
         puppet = self.editor.puppets.puppet
         if puppet is None:
             return "No puppet is chosen. Click one first."
-        return " ".join(get_rig_edits(puppet).lacking(self.editor.project, puppet))
+        return " ".join(get_rig_edits(puppet).find_missing_data(self.editor.project, puppet))
 
     def _find_solid_character(self) -> RigBase | None:
         """Returns the selected character if it has a surface and is not a puppet."""

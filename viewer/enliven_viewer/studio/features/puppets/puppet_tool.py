@@ -107,7 +107,7 @@ class PuppetTool(Tool):
             self._drag = PointDrag(self.editor, standing, puppets.point, self.hovered_part, pointer.at)
         elif standing is not None and self.hovered_point is not None:
             self._new_point = None
-            self.editor.choose(standing.id, self.hovered_point)
+            self.editor.select_only(standing.id, self.hovered_point)
             self._drag = PointDrag(self.editor, standing, self.hovered_point, "view", pointer.at)
         else:
             self._click = pointer
@@ -220,7 +220,7 @@ class PuppetTool(Tool):
             # The artist can make a puppet of the character under the pointer.
             hit = self.character_at(pointer)
         if hit is not None:
-            self.editor.choose(hit.character)
+            self.editor.select_only(hit.character)
 
     def _step_back(self) -> bool:
         """Handles Escape, one step at a time.

@@ -6,7 +6,7 @@ import dataclasses
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven.document import Puppet
+from enliven.document import ExampleCharacter
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import Change, draw_slider, draw_switch, draw_tooltip
@@ -26,7 +26,7 @@ SETTING_SLIDERS = (
 """The sliders: (group, field, label, minimum, maximum, number format)."""
 
 
-def draw_settings(app: App, puppet: Puppet) -> None:
+def draw_settings(app: App, puppet: ExampleCharacter) -> None:
     """Draws the sliders, initially collapsed."""
     imgui.dummy(ImVec2(0, 4))
     with push_colours(RAISED, imgui.Col_.header), push_colours(PRESSED, imgui.Col_.header_hovered):

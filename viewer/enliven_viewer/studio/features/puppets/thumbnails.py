@@ -10,7 +10,7 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Puppet
+from enliven.document import ExampleCharacter
 from enliven.meshes import Mesh
 from enliven_viewer.render.camera import OrbitCamera
 from enliven_viewer.render.renderer import Renderer
@@ -50,11 +50,11 @@ class Thumbnails:
         self._ctx, self._surfaces = ctx, surfaces
         self._renderer: Renderer | None = None
         self._characters = create_puppet_meshes()
-        self._solving: dict[_Key, tuple[Puppet, Future[Float]]] = {}
+        self._solving: dict[_Key, tuple[ExampleCharacter, Future[Float]]] = {}
         self._textures: dict[_Key, tuple[Mesh, moderngl.Texture]] = {}
         self._shown_keys: dict[tuple[str, int], _Key] = {}
 
-    def texture(self, puppet: Puppet, places: Float, slot: int = 0) -> int | None:
+    def texture(self, puppet: ExampleCharacter, places: Float, slot: int = 0) -> int | None:
         """Returns the OpenGL name of the thumbnail's texture, top row first, or None until it is drawn.
 
         Args:
@@ -91,7 +91,7 @@ class Thumbnails:
                 self._textures.pop(next(iter(self._textures)))[1].release()
             return
 
-    def _draw_thumbnail(self, puppet: Puppet, vertices: Float) -> moderngl.Texture:
+    def _draw_thumbnail(self, puppet: ExampleCharacter, vertices: Float) -> moderngl.Texture:
         if self._renderer is None:
             self._renderer = Renderer(self._ctx, _SIZE, _SETTINGS)
         character = self._characters.get_mesh(puppet)
@@ -108,6 +108,6 @@ class Thumbnails:
         return self._ctx.texture(_SIZE, 3, self._renderer.pixels().tobytes(), alignment=1)
 
 
-def _make_key(puppet: Puppet, places: Float) -> _Key:
+def _make_key(puppet: ExampleCharacter, places: Float) -> _Key:
     held: Iterable[object] = ((point.vertex, point.weight) for point in puppet.points)
     return id(puppet.mesh), puppet.id, tuple(held), puppet.surface, np.asarray(places).tobytes()

@@ -137,7 +137,7 @@ class ScanPreviewPass(RenderPass):
         self._load(shown, program)
         if self._array is None:
             return
-        picture.widen()
+        picture.allow_whole_image()
         self._ctx.enable_only(moderngl.DEPTH_TEST)
         self._ctx.depth_func = "<="
         picture.write_depth(True)

@@ -135,7 +135,7 @@ class ScanSession:
         """Starts a scan."""
         self.open()
         if lacking := self.lacks_stage():
-            self.editor.toasts.say(*tr(lacking).split(". "))
+            self.editor.toasts.show_message(*tr(lacking).split(". "))
             return
         within = _MAX_DISTANCE_M if self.mode is ScanMode.NEAR else None
         voxel = _PERSON_VOXEL_M if self.mode is ScanMode.PERSON else VOXEL_SIZES[self.size]
@@ -207,7 +207,7 @@ class ScanSession:
     def _handle_answer(self, answer: Answer) -> None:
         if isinstance(answer, Refused):
             problem, _, remedy = answer.reason.removeprefix("scan: ").partition(". ")
-            self.editor.toasts.say(problem[:1].upper() + problem[1:], remedy)
+            self.editor.toasts.show_message(problem[:1].upper() + problem[1:], remedy)
 
     # Once per frame ---------------------------------------------------------------------------------------
 
@@ -286,12 +286,12 @@ class ScanSession:
         ):
             return
         self.perform.sender.mark_sent(name, self.editor.project.characters[name])
-        self.editor.choose(name)
+        self.editor.select_only(name)
         self.editor.frame_all()
         self.is_shown = False
-        self.editor.toasts.say(
+        self.editor.toasts.show_message(
             tr("{0} stands on the stage", name),
             tr("Step in: press Possess, or P. Ctrl+Z takes the scan back."),
         )
         if self.message.note:
-            self.editor.toasts.say(self.message.note, self.message.remedy)
+            self.editor.toasts.show_message(self.message.note, self.message.remedy)

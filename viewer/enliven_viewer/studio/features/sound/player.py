@@ -99,7 +99,7 @@ class SoundPlayer:
             remedy = tr(
                 'Install it with pip install "./viewer[sound]" and libportaudio2, or plug in a device.'
             )
-            self.editor.toasts.say(tr("The sound cannot be played here {0}", lacks), remedy)
+            self.editor.toasts.show_message(tr("The sound cannot be played here {0}", lacks), remedy)
             return None
 
     def _fill_samples(self, out: Int16, count: int, times: Any, fault: Any) -> None:

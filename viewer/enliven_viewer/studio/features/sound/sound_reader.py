@@ -58,7 +58,9 @@ def add_sound(editor: Editor, path: Path, read: Sound) -> None:
     """Adds a sound to perform along with. It begins at the playhead and replaces an existing sound."""
     sound = replace(read, begin=editor.time)
     if editor.edit(later("open {0}", path.name), lambda project: replace(project, sounds={sound.id: sound})):
-        editor.toasts.say(tr("{0} begins here", path.name), tr("It plays during playback and recording."))
+        editor.toasts.show_message(
+            tr("{0} begins here", path.name), tr("It plays during playback and recording.")
+        )
 
 
 def _read_samples(file: Any, resampler: Any) -> Iterator[Int16]:

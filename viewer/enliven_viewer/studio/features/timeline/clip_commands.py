@@ -72,11 +72,11 @@ class ClipCommands:
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
 
-    def do(self, edit_id: str) -> None:
+    def run_edit(self, edit_id: str) -> None:
         """Splits, blends, reverses, mirrors or removes the clips under the playhead."""
         self.editor.edit(_CLIP_EDITS[edit_id][0], self._make_edit(edit_id))
 
-    def lacks(self, edit_id: str) -> str:
+    def find_missing(self, edit_id: str) -> str:
         """Returns the reason why an edit is unavailable, with advice, or an empty text if it is available."""
         if not self._find_lanes():
             return "No clip is under the playhead. Put the playhead over one."
@@ -102,12 +102,12 @@ class ClipCommands:
 
         return every
 
-    def mark(self) -> None:
+    def add_marker_at_playhead(self) -> None:
         """Puts a marker at the playhead."""
         time = self.editor.time
         self.editor.edit("add marker", lambda project: add_marker(project, time)[0])
 
-    def jump(self, direction: int) -> None:
+    def go_to_marker(self, direction: int) -> None:
         """Moves the playhead to the next marker, or to the previous one if `direction` is -1."""
         times = sorted(
             {0.0, self.editor.length, *(marker.seconds for marker in self.editor.project.markers.values())}
@@ -154,11 +154,21 @@ def make_clip_actions(c: ClipCommands) -> Iterator[Action]:
         ("remove", "Remove", ("shift+delete",), "The take stays in the project."),
     )
     for name, label, keys, about in deeds:
-        functions = (lambda name=name: c.do(name), lambda name=name: c.lacks(name))
+        functions = (lambda name=name: c.run_edit(name), lambda name=name: c.find_missing(name))
         yield Action(f"clip.{name}", "Clip", label, keys, *functions, about=about)
     about = "Drag it along the ruler; double-click it to name it."
     yield Action(
-        "clip.mark", "Clip", "A marker at the playhead", ("shift+m",), c.mark, about=about, apart=True
+        "clip.mark",
+        "Clip",
+        "A marker at the playhead",
+        ("shift+m",),
+        c.add_marker_at_playhead,
+        about=about,
+        apart=True,
     )
-    yield Action("clip.next_marker", "Clip", "To the next marker", ("shift+right",), lambda: c.jump(1))
-    yield Action("clip.marker_before", "Clip", "To the previous marker", ("shift+left",), lambda: c.jump(-1))
+    yield Action(
+        "clip.next_marker", "Clip", "To the next marker", ("shift+right",), lambda: c.go_to_marker(1)
+    )
+    yield Action(
+        "clip.marker_before", "Clip", "To the previous marker", ("shift+left",), lambda: c.go_to_marker(-1)
+    )

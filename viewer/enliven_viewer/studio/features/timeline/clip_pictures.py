@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from enliven.arrays import AnyArray, Float, Int32, UInt8
-from enliven.document import Clip, GraphShape, PoseStream, Project, joint_places
+from enliven.document import Clip, GraphCharacter, PoseStream, Project, joint_places
 
 POSE_COUNT = 64
 """Number of poses in a take's sheet. They are evenly spaced over the take."""
@@ -60,7 +60,7 @@ def _make_figure_function(project: Project, take: Clip | PoseStream) -> Callable
     """
     if isinstance(take, Clip):
         return lambda: (_find_joints(take, _choose_frames(len(take.turns))), _list_bones(take))
-    shapes = project.of(GraphShape).values()
+    shapes = project.of(GraphCharacter).values()
     parts = [(shape, part.nodes, part.take) for shape in shapes for part in shape.parts]
     parts += [(shape, layer.own, layer.take) for shape in shapes for layer in shape.over]
     edges = next((_find_edges(shape, nodes) for shape, nodes, name in parts if name == take.id), None)
@@ -83,7 +83,7 @@ def _list_bones(take: Clip) -> AnyArray:
     return np.stack([parents[1:], np.arange(1, len(parents))], 1)
 
 
-def _find_edges(shape: GraphShape, nodes: AnyArray) -> AnyArray:
+def _find_edges(shape: GraphCharacter, nodes: AnyArray) -> AnyArray:
     """Returns lines (L, 2) between nodes for the edges of the shape. Omits edges of nodes that the stream
     lacks, and some edges if there are more than ``_MAX_LINES``.
     """

@@ -6,7 +6,7 @@ from dataclasses import fields
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven.document import FEET, Layer, LayerBase, Project, RigBase, Shape
+from enliven.document import FEET, Layer, LayerBase, Project, RigBase, RiggedCharacter
 from enliven.modeling.edits import alternative_takes, change_layers, foot_lock_mode, lock_feet, remove_layer
 from enliven.motion.layers.retarget import set_travel
 from enliven_viewer.language import labelled, later, tr
@@ -124,7 +124,7 @@ def _make_change(name: str, number: int, field: str) -> Change:
     return change
 
 
-def _draw_chain_options(app: App, shape: Shape, layer: Layer, number: int) -> None:
+def _draw_chain_options(app: App, shape: RiggedCharacter, layer: Layer, number: int) -> None:
     """Draws the options that only layers of bones have: inverse kinematics of the chain's end, and root
     motion.
     """

@@ -9,7 +9,7 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Protocol
 
-from enliven.document import LayerBase, Marker, Project, RigBase, Segment, Shape
+from enliven.document import LayerBase, Marker, Project, RigBase, RiggedCharacter, Segment
 from enliven_viewer.language import tr
 from enliven_viewer.studio.app.lane_groups import group_layers
 from enliven_viewer.studio.app.time_axis import END_MARGIN, LABEL_WIDTH, RULER_HEIGHT, TimeScale
@@ -29,7 +29,9 @@ def make_lane_name(character: RigBase, layer: LayerBase) -> str:
     take, _, limb = name.partition(": ")
     if limb:
         return f"{describe_limb(limb)}, {take}"
-    if not isinstance(character, Shape) or (name != layer.take and not name.startswith(f"{layer.take} ")):
+    if not isinstance(character, RiggedCharacter) or (
+        name != layer.take and not name.startswith(f"{layer.take} ")
+    ):
         return name
     lanes_of_take = sum(other.take == layer.take for other in character.playing)
     limb = _find_driven_joint(character, name) if lanes_of_take > 1 else ""
@@ -49,7 +51,7 @@ def describe_limb(role: str) -> str:
     return " ".join(plain)
 
 
-def _find_driven_joint(shape: Shape, layer_id: str) -> str:
+def _find_driven_joint(shape: RiggedCharacter, layer_id: str) -> str:
     """Returns the end joint of the bones that a layer drives, or an empty text if it drives all bones or
     none.
     """

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
-from enliven.document import Puppet, PuppetLayer, RigBase, Switch
+from enliven.document import ExampleCharacter, PuppetLayer, RigBase, Switch
 from enliven_viewer.studio.features.timeline.layout import END_MARGIN, LABEL_WIDTH, Lane, TimelineLayout
 from enliven_viewer.studio.puppets.coverage import TakeCoverage
 from enliven_viewer.studio.puppets.example_edits import HardConstraint, list_constraints
@@ -31,7 +31,7 @@ class PuppetDetails:
         switches: returns the edited or detected contact switches of a layer.
     """
 
-    chosen: Puppet | None
+    chosen: ExampleCharacter | None
     coverage: Callable[[str], TakeCoverage | None]
     switches: Callable[[int], Sequence[Switch]]
 

@@ -63,7 +63,7 @@ class TakeCommands:
         if self.editor.edit(
             later("hear {0}", recorded), lambda project: choose_take(project, alternatives, recorded)
         ):
-            self._follow(alternatives, recorded)
+            self._select_take_lane(alternatives, recorded)
 
     def keep(self) -> None:
         """Keeps only the active take, and deletes its alternatives."""
@@ -71,7 +71,7 @@ class TakeCommands:
         if self.editor.edit(
             later("keep {0}", audible_take), lambda project: keep_take(project, alternatives, audible_take)
         ):
-            self._follow(alternatives, audible_take)
+            self._select_take_lane(alternatives, audible_take)
 
     def drop(self, recorded: str = "") -> None:
         """Deletes one of the alternative takes, by default the active take."""
@@ -79,10 +79,10 @@ class TakeCommands:
         if self.editor.edit(
             later("delete {0}", deleted_take), lambda project: drop_take(project, alternatives, deleted_take)
         ):
-            self.editor.toasts.say(tr("{0} is deleted", deleted_take), tr("Ctrl+Z brings it back."))
-            self._follow(alternatives, self.audible_take)
+            self.editor.toasts.show_message(tr("{0} is deleted", deleted_take), tr("Ctrl+Z brings it back."))
+            self._select_take_lane(alternatives, self.audible_take)
 
-    def _follow(self, alternatives: str, recorded: str) -> None:
+    def _select_take_lane(self, alternatives: str, recorded: str) -> None:
         """Selects the lane of a take if a lane of its alternatives was selected."""
         editor = self.editor
         character = editor.project.characters.get(editor.selection.character or "")

@@ -141,7 +141,7 @@ class TimelineInput:
             self.clip = handle.item
             frame = self.editor.settings.frame_step if self.snapping else 0.0
             if locked:
-                self.editor.toasts.say(tr("This lane is locked"), tr("Click its lock first."))
+                self.editor.toasts.show_message(tr("This lane is locked"), tr("Click its lock first."))
             else:
                 self._drag = ClipDrag.from_handle(layout, handle, self.editor.time, frame, alt=alt, ctrl=ctrl)
         elif handle.kind != "label":
@@ -164,7 +164,7 @@ class TimelineInput:
             self.folded = self.folded ^ {handle.character}
         elif handle.kind == "solo":
             self.editor.edit("solo", lambda project: _toggle_solo(project, handle.character))
-        self.editor.choose(handle.character)
+        self.editor.select_only(handle.character)
 
     def drag(self, x: float) -> None:
         """Handles pointer movement during a drag."""

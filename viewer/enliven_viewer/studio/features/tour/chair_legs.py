@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from enliven.arrays import Float, Float32, Int
-from enliven.document import GraphShape
+from enliven.document import GraphCharacter
 from enliven.meshes import Mesh
 from enliven_viewer.studio.app.targets import Rectangle, Target
 from enliven_viewer.studio.editor.editor import Editor
@@ -101,7 +101,7 @@ def _find_parts(mesh: Mesh, low: np.ndarray) -> tuple[Int, ...]:
     return tuple(part for part in parts if len(part) >= _MIN_VERTICES)
 
 
-def find_leg_to_cut(editor: Editor, chair: GraphShape) -> Target:
+def find_leg_to_cut(editor: Editor, chair: GraphCharacter) -> Target:
     """Returns a leg in the image, and a stroke across it that crosses nothing else.
 
     The leg nearest to the camera is tried first. A stroke cuts everything that it crosses in the image. So no
@@ -187,7 +187,7 @@ def _crosses_any(path: Stroke, triangles: Float) -> bool:
     return bool((~is_beyond_end & ~is_on_one_side).any())
 
 
-def find_piece_to_carry(editor: Editor, piece: GraphShape, chair: GraphShape) -> Target:
+def find_piece_to_carry(editor: Editor, piece: GraphCharacter, chair: GraphCharacter) -> Target:
     """Returns the cut-off part, and the drag path from it to a high point of the chair at the same depth. A
     drag keeps the depth, so the part touches the chair only at such a point.
     """
@@ -220,7 +220,7 @@ def find_chair_in_image(editor: Editor, extent: Float | Float32 | None) -> Targe
     return Target(box=_add_margin(_find_box(pixels))) if np.isfinite(pixels).all() else Target()
 
 
-def _find_pixels(editor: Editor, shape: GraphShape) -> Float:
+def _find_pixels(editor: Editor, shape: GraphCharacter) -> Float:
     """Returns the (V, 2) pixels of a shape's vertices in the image."""
     return editor.lens.project(editor.stage_character(shape.id).vertices)[0]
 

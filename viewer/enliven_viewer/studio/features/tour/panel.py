@@ -243,7 +243,7 @@ def _draw_buttons(app: App, tour: Tour, end: Callable[[], object]) -> None:
     with push_fill(ACCENT):
         if imgui.button(labelled(tr(_SHOW_LABEL), _SHOW_LABEL), size):
             mouse = imgui.get_io().mouse_pos
-            tour.show((mouse.x, mouse.y))
+            tour.demonstrate_step((mouse.x, mouse.y))
     imgui.end_disabled()
     app.remember("tour show")
     imgui.same_line()

@@ -114,7 +114,7 @@ class Tour:
             return None
         return box[0] + origin[0], box[1] + origin[1], box[2] + origin[0], box[3] + origin[1]
 
-    def watch(self, seconds: float, origin: Point = (0.0, 0.0)) -> None:
+    def check_progress(self, seconds: float, origin: Point = (0.0, 0.0)) -> None:
         """Checks if the step is done. Call once per frame with the seconds since the last call."""
         step = self.step
         if step is None:
@@ -150,7 +150,7 @@ class Tour:
         step = self.step
         self.reviewing = step is not None and self._is_done(step)
 
-    def show(self, start: Point) -> None:
+    def demonstrate_step(self, start: Point) -> None:
         """Demonstrates the step. The hand starts at a pixel of the window."""
         if self.part is not None and not self.is_demonstrating:
             self.is_demonstrating, self._hand, self._demonstrated_part = True, start, None
@@ -172,7 +172,7 @@ class Tour:
         if self._has_paused:
             self._state.workspace.editor.playing, self._has_paused = True, False
 
-    def leave(self) -> None:
+    def restore_state(self) -> None:
         """Restores playback, pointer and widgets."""
         self._stop_demonstration()
         self._resume_playback()

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Protocol
 
 from enliven.arrays import Float, Float32
-from enliven.document import GraphShape
+from enliven.document import GraphCharacter
 from enliven.takes.overdub import has_motion
 from enliven_viewer.studio.actions.table import ActionTable
 from enliven_viewer.studio.app.contributions import Panel
@@ -101,7 +101,7 @@ class TourWorkspace(Protocol):
     def browser(self) -> TourFileField | None:
         """Returns the contents of a file dialogue."""
 
-    def attempt(self, command: Callable[[], object]) -> bool:
+    def run_and_report(self, command: Callable[[], object]) -> bool:
         """Calls a function. Shows an error as a message and returns False."""
 
     def finish_file_dialog(self, path: Path) -> None:
@@ -127,7 +127,7 @@ class TourState:
     workspace: TourWorkspace
 
     @property
-    def chairs(self) -> tuple[GraphShape, ...]:
+    def chairs(self) -> tuple[GraphCharacter, ...]:
         """Returns the characters that a dancer can possess, and the parts that were cut off."""
         return tuple(self.workspace.editor.project.graphs.values())
 
@@ -138,7 +138,7 @@ class TourState:
         return TourCounts(len(self.chairs), merges)
 
     @property
-    def chair(self) -> GraphShape | None:
+    def chair(self) -> GraphCharacter | None:
         """Returns the chair of the tour: the possessed chair, otherwise the largest chair, or None without a
         chair.
         """
@@ -147,7 +147,7 @@ class TourState:
         return chairs[-1] if chairs else None
 
     @property
-    def piece(self) -> GraphShape | None:
+    def piece(self) -> GraphCharacter | None:
         """Returns the smallest part that was cut off the chair, or None if there is none."""
         pieces = [chair for chair in self.chairs if chair is not self.chair]
         return min(pieces, key=_measure_size) if pieces else None
@@ -219,5 +219,5 @@ class TourState:
         return [holder.character for holder in self.workspace.perform.holders if holder.character in graphs]
 
 
-def _measure_size(shape: GraphShape) -> int:
+def _measure_size(shape: GraphCharacter) -> int:
     return len(shape.mesh.vertices)

@@ -98,12 +98,12 @@ def _go_to_workspace(workspace_name: str) -> Callable[[TourState], object]:
 
 
 def _call_dancer(toured: TourState) -> None:
-    toured.workspace.attempt(lambda: toured.workspace.perform.connect_local("--loop"))
+    toured.workspace.run_and_report(lambda: toured.workspace.perform.connect_local("--loop"))
 
 
 def _possess_chair(toured: TourState) -> None:
     if toured.chair is not None:
-        toured.workspace.editor.choose(toured.chair.id)
+        toured.workspace.editor.select_only(toured.chair.id)
     toured.workspace.actions.do("perform.possess_alone")
 
 
@@ -140,7 +140,7 @@ def _look_at_chair(toured: TourState) -> None:
 def _save_project(toured: TourState) -> None:
     browser = toured.workspace.browser
     if browser is not None:
-        toured.workspace.attempt(lambda: toured.workspace.finish_file_dialog(browser.get_path()))
+        toured.workspace.run_and_report(lambda: toured.workspace.finish_file_dialog(browser.get_path()))
 
 
 def _has_name(toured: TourState) -> bool:
