@@ -31,13 +31,14 @@ class InputError(EnlivenError):
 
 
 class LaterVersionError(InputError):
-    """Raised for a file of a later version than this version of enliven can read. The file is neither used
-    nor replaced."""
+    """Raised for a file of a later version than this version of enliven can read.
+
+    The file is neither used nor replaced.
+    """
 
 
 class ResourceError(EnlivenError):
-    """Raised if a resource of this machine is missing or in use, such as a port, a sensor or OpenGL (exit
-    code 4)."""
+    """Raised if a port, a sensor, OpenGL or another resource is missing or in use (exit code 4)."""
 
     exit_code = 4
 
@@ -89,8 +90,10 @@ def plain_reason(error: BaseException, otherwise: str = "its contents do not fit
 
 
 def error_location(error: BaseException) -> str:
-    """Returns the source location of an internal error, as a suffix for a message. The suffix is empty if the
-    location is unknown."""
+    """Returns the source location of an internal error, as a suffix for a message.
+
+    The suffix is empty if the location is unknown.
+    """
     trace = error.__traceback__
     if trace is None:
         return ""

@@ -1,4 +1,4 @@
-"""Carries out the commands of viewers in fair order, within a time budget per frame."""
+"""Carries out the commands of viewers in fair order, within a time budget per frame (a rate limit)."""
 
 from __future__ import annotations
 

@@ -61,10 +61,10 @@ def load_sample(name: Literal["chair", "lamp", "cactus"]) -> Mesh:
 
 
 def cactus_project() -> Project:
-    """Returns a project with the cactus as a puppet that a tracked person moves, and with the take of its key
-    poses.
+    """Returns a project with the cactus as a puppet that a tracked person moves.
 
-    The performer's poses are constructed from bone directions. They are not recordings.
+    The project also contains the take of the puppet's key poses. The performer's poses are constructed from
+    bone directions. They are not recordings.
     """
     from enliven.formats.project.file import read_project
 

@@ -41,10 +41,11 @@ def studio(
 
     \b
       enliven studio                     an empty stage: sketch a part with S
-      enliven studio SPIDER.glb WALK.bvh a model, and a take that moves it enliven studio CACTUS.ply WALK.bvh
-      a mesh without a skeleton: animate it by example poses enliven studio SQUID.enliven       continue a
-      project enliven studio DANCE.enliven --out vmc:127.0.0.1  stream it into Unreal, VSeeFace or Blender
-      enliven the same as enliven studio
+      enliven studio SPIDER.glb WALK.bvh a model, and a take that moves it
+      enliven studio CACTUS.ply WALK.bvh a mesh without a skeleton: animate it by example poses
+      enliven studio SQUID.enliven       continue a project
+      enliven studio DANCE.enliven --out vmc:127.0.0.1  stream it into Unreal, VSeeFace or Blender
+      enliven                            the same as enliven studio
 
     Press F1 in the window for the keys.
     """
