@@ -290,6 +290,15 @@ def open_file(path: Path) -> BinaryIO:
     return io.BufferedReader(_ReportedFile(str(path), "rb", opener=lambda *_: descriptor))
 
 
+def is_file(path: Path | str) -> bool:
+    """Returns True for an existing regular file.
+
+    It returns False for a name that is too long, or in a folder that cannot be read. :meth:`Path.is_file`
+    raises an OSError for these. A later :func:`read_file` then reports the reason.
+    """
+    return os.path.isfile(path)
+
+
 def read_file(path: Path, max_bytes: int = MAX_FILE_BYTES) -> bytes:
     """Reads the bytes of a regular file of at most ``max_bytes`` bytes.
 

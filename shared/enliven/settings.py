@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from enliven.errors import EnlivenError, InputError, LaterVersionError, refuse_later_version
-from enliven.files import read_file
+from enliven.files import is_file, read_file
 
 log = logging.getLogger(__name__)
 
@@ -163,7 +163,7 @@ def read_toml(path: Path, newest: int = TOML_VERSION) -> dict[str, Any]:
 
 def refuse_later_toml(path: Path) -> None:
     """Raises LaterVersionError if a TOML file has a later version, so that it is not overwritten."""
-    if not path.is_file():
+    if not is_file(path):
         return
     try:
         read_toml(path)

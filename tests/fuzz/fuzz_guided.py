@@ -18,6 +18,7 @@ import signal
 import struct
 import sys
 import time
+import traceback
 import types
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -39,6 +40,8 @@ LOOK_S = 0.1
 """Interval at which the parent checks its child, seconds."""
 PACKAGES = ("enliven", "enliven_edge", "enliven_viewer")
 """Packages that are instrumented."""
+_FAILURE = 3
+"""Exit code of a child after an exception outside the reader, such as one of atheris."""
 _HEAD = struct.Struct("<Qdd")
 """The report of a child: executions, slowest seconds, start of the current input. The input follows."""
 
@@ -117,8 +120,10 @@ def take_turn(target: Target, seconds: float, seed: int, folders: list[Path], ro
     if child == 0:
         try:
             _fuzz(target, seconds, seed, folders, room, keep, board)
+        except BaseException:
+            _traceback_file(target, keep).write_text(traceback.format_exc(), encoding="utf-8")
         finally:
-            os._exit(3)
+            os._exit(_FAILURE)
     code = _watch(child, board)
     executions, slowest, _ = _HEAD.unpack_from(board, 0)
     turn = Turn(executions, [], slowest)
@@ -127,12 +132,19 @@ def take_turn(target: Target, seconds: float, seed: int, folders: list[Path], ro
         data = board[_HEAD.size + 8 : _HEAD.size + 8 + length]
         if code == -signal.SIGKILL:
             error: BaseException = TooSlow(f"longer than {HANG_FACTOR * PATIENCE} s, in compiled code")
+        elif code == _FAILURE:
+            error = ChildProcessError(f"the search itself failed, see {_traceback_file(target, keep)}")
         else:
             error = ChildProcessError(f"the process ended with {code}, in compiled code")
         turn.broken.append(str(keep_broken(target, bytes(data), keep, error)))
     turn.broken += [f"{target.name}: the file is {path}" for path in sorted(set(keep.iterdir()) - earlier)]
     board.close()
     return turn
+
+
+def _traceback_file(target: Target, keep: Path) -> Path:
+    """Returns the file for the traceback of a child whose search failed outside the reader."""
+    return keep / f"traceback-{target.slug}.txt"
 
 
 def _watch(child: int, board: mmap.mmap) -> int:

@@ -11,8 +11,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from enliven.errors import ResourceError
+from enliven.batch.plan import BatchPlan, plan_jobs
+from enliven.document.example_settings import ExampleSettings
+from enliven.errors import InputError, ResourceError
 from enliven.files import read_file, replace_file, write_file
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.project.file import read_project
+from enliven.meshes.files import load_mesh
+from enliven.settings import load_settings
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows has other permissions")
 
@@ -100,7 +106,7 @@ def test_saving_keeps_the_owner(tmp_path):
 SOMEBODY = """
 import os
 from pathlib import Path
-from enliven.errors import ResourceError
+from enliven.errors import InputError, ResourceError
 from enliven.files import write_file
 os.setgid(1235)
 os.setuid(1235)
@@ -181,3 +187,20 @@ def test_devices_and_folders_are_not_replaced(tmp_path):
     for place in (tmp_path, pipe):
         with pytest.raises(ResourceError, match="cannot be written"), replace_file(place):
             pass
+
+
+@pytest.mark.parametrize(
+    "read",
+    [
+        lambda name: load_mesh(f"{name}.xyz"),
+        lambda name: load_mesh(f"{name}.ply"),
+        lambda name: read_gltf(Path(f"{name}.abc")),
+        lambda name: read_project(Path(f"{name}.enliven")),
+        lambda name: load_settings(ExampleSettings, Path(f"{name}.toml")),
+        lambda name: plan_jobs(BatchPlan(motions=(f"{name}.bvh",), characters=(f"{name}.glb",))),
+    ],
+    ids=["unknown mesh", "mesh", "glTF", "project", "settings", "batch"],
+)
+def test_every_reader_refuses_a_name_that_is_too_long(read):
+    with pytest.raises(InputError):
+        read("x" * 300)

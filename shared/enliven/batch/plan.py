@@ -16,7 +16,7 @@ from pathlib import Path
 from enliven.batch.jobs import BatchJob, create_job, create_results_folder, is_result
 from enliven.errors import InputError
 from enliven.exporters import exporter_of, find_sheet_function
-from enliven.files import require_folder
+from enliven.files import is_file, require_folder
 from enliven.oneshot.retargeting import RetargetOptions
 from enliven.settings import group, load_settings, setting
 
@@ -88,7 +88,7 @@ def plan_jobs(plan: BatchPlan) -> list[BatchJob]:
     motions = _find_files(plan.motions, MOTION_SUFFIXES, output, missing_files)
     characters = _find_files(plan.characters, CHARACTER_SUFFIXES, output, missing_files)
     missing_files += [
-        file for file in (*plan.mappings.values(), plan.options.mapping) if file and not Path(file).is_file()
+        file for file in (*plan.mappings.values(), plan.options.mapping) if file and not is_file(file)
     ]
     names = {character.stem for character in characters} | {character.name for character in characters}
     missing_files += [
@@ -163,14 +163,14 @@ def _find_files(entries: Sequence[str], kinds: Sequence[str], output: Path, miss
     results_folder = os.path.abspath(output)
     for entry in entries:
         path = Path(entry)
-        if path.is_file():
+        if is_file(path):
             files.append(path)
             continue
-        is_folder = path.is_dir()
+        is_folder = os.path.isdir(path)
         matching = [
             file
             for file in (sorted(path.rglob("*")) if is_folder else _match_pattern(path))
-            if (_is_kind(file, kinds) if is_folder else file.is_file())
+            if (_is_kind(file, kinds) if is_folder else is_file(file))
             and not (Path(os.path.abspath(file)).is_relative_to(results_folder) and is_result(file))
         ]
         if not matching:
@@ -183,7 +183,7 @@ def _match_pattern(pattern: Path) -> Iterator[Path]:
     """Yields the paths that match a pattern, sorted. If a folder with brackets in its name exists, the
     brackets are part of the name.
     """
-    folder = next((parent for parent in pattern.parents if parent.is_dir()), Path())
+    folder = next((parent for parent in pattern.parents if os.path.isdir(parent)), Path())
     names = glob.glob(str(pattern.relative_to(folder)), root_dir=folder, recursive=True)
     return (folder / name for name in sorted(names))
 
@@ -192,7 +192,7 @@ def _is_kind(file: Path, kinds: Sequence[str]) -> bool:
     """Returns True if a file of a folder has one of the suffixes. Text files must contain a table of
     numbers.
     """
-    if file.suffix.lower() not in kinds or not file.is_file():
+    if file.suffix.lower() not in kinds or not is_file(file):
         return False
     return file.suffix.lower() != ".txt" or _is_table(file)
 

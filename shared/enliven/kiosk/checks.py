@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from enliven.errors import EnlivenError, InputError, ResourceError
+from enliven.files import is_file
 from enliven.settings import load_settings, read_toml
 from enliven.space.space_file import load_space
 from enliven.supervision.schedule import parse_time_of_day
@@ -91,7 +92,7 @@ def _find_profile_mistakes(profile: KioskProfile, path: Path, starts_here: bool)
 
 def _find_character_mistakes(name: str, character: KioskCharacter, path: Path) -> Iterator[EnlivenError]:
     """Yields the mistakes in the settings of one character."""
-    if character.mesh not in BUILT_IN_MESHES and not (path.parent / character.mesh).is_file():
+    if character.mesh not in BUILT_IN_MESHES and not is_file(path.parent / character.mesh):
         yield InputError(
             f"the mesh {character.mesh} of characters.{name} does not exist",
             where=str(path),
@@ -112,7 +113,7 @@ def _find_edge_mistakes(profile: KioskProfile, path: Path) -> Iterator[EnlivenEr
         if not edge.settings:
             continue
         settings = path.parent / edge.settings
-        if not settings.is_file():
+        if not is_file(settings):
             yield InputError(
                 f"the settings file {edge.settings} of edges.{name} does not exist",
                 where=str(path),
@@ -135,7 +136,7 @@ def _find_missing_files(profile: KioskProfile, path: Path) -> Iterator[EnlivenEr
     files += [("souvenir.certificate", souvenir.certificate)]
     files += [("souvenir.certificate_key", souvenir.certificate_key)]
     for key, name in files:
-        if name and not (folder / name).is_file():
+        if name and not is_file(folder / name):
             yield InputError(
                 f"the file {name} of {key} does not exist",
                 where=str(path),
@@ -143,7 +144,7 @@ def _find_missing_files(profile: KioskProfile, path: Path) -> Iterator[EnlivenEr
             )
     for name in dict.fromkeys((health.password_file, health.certificate_key, souvenir.certificate_key)):
         secret = folder / name
-        if name and secret.is_file() and stat.S_IMODE(secret.stat().st_mode) & 0o077:
+        if name and is_file(secret) and stat.S_IMODE(secret.stat().st_mode) & 0o077:
             yield InputError("other users can read it", where=str(secret), remedy=f"Type: chmod 600 {secret}")
 
 
@@ -151,7 +152,7 @@ def _find_space_mistakes(profile: KioskProfile, path: Path) -> Iterator[EnlivenE
     """Yields a mistake if the space file cannot be read, or if it contains no place for an edge of this
     computer."""
     file = path.parent / profile.zone.space
-    if not profile.zone.space or not file.is_file():
+    if not profile.zone.space or not is_file(file):
         return
     try:
         places = load_space(file).sensors

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from enliven.errors import InputError, plain_reason
-from enliven.files import ReferencedFiles, read_file, require_folder, write_file
+from enliven.files import ReferencedFiles, is_file, read_file, require_folder, write_file
 from enliven.meshes.gltf.gltf_json import GLTF_SUFFIXES
 from enliven.meshes.mesh import Axis, Mesh, guess_up, rotate_upright, weld
 from enliven.meshes.obj import read_obj
@@ -44,7 +44,7 @@ def load_mesh(path: Path | str) -> LoadedMesh:
     path = Path(path)
     suffix = path.suffix.lower()
     known_formats = f"Known formats: {', '.join(s[1:] for s in READABLE)}."
-    if suffix not in READABLE and path.is_file():
+    if suffix not in READABLE and is_file(path):
         raise InputError(
             f"{suffix or 'a file without an extension'} is not a known mesh format",
             where=str(path),

@@ -24,7 +24,7 @@ from enliven import __version__
 from enliven.arrays import AnyArray
 from enliven.document import Project
 from enliven.errors import InputError, refuse_later_version
-from enliven.files import DAMAGE, read_file, write_file
+from enliven.files import DAMAGE, is_file, read_file, write_file
 from enliven.formats.npy import read_npy
 from enliven.formats.project.file_kinds import describe_file_kind
 from enliven.formats.project.lost_motion import replace_lost_motion
@@ -68,7 +68,7 @@ def write_project(path: Path | str, project: Project) -> None:
 def refuse_later_project(path: Path) -> None:
     """Raises LaterVersionError if a file is a project of a later version. Call it before replacing the
     file."""
-    if not path.is_file():  # Skip pipes, because opening a pipe blocks until its other end is opened.
+    if not is_file(path):  # Skip pipes, because opening a pipe blocks until its other end is opened.
         return
     try:
         with zipfile.ZipFile(path) as archive:

@@ -13,7 +13,7 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Float
 from enliven.errors import EnlivenError, InputError, plain_reason
-from enliven.files import DAMAGE, ReferencedFiles, read_file
+from enliven.files import DAMAGE, ReferencedFiles, is_file, read_file
 from enliven.meshes.gltf.compression import MAX_UNPACKED_BYTES, check_meshopt, draco_arrays, meshopt_bytes
 from enliven.meshes.gltf.extensions import DRACO, MESHOPT, extension_notes, follow_pointers, hidden_nodes
 from enliven.meshes.gltf.gltf_json import GLTF_SUFFIXES, Entry, gltf_document
@@ -266,7 +266,7 @@ def _parse_document(path: Path) -> tuple[Entry, list[int], bytes | None]:
     """Parses the file. Returns the document, the parent of each node, and the binary chunk of a GLB. Any
     error becomes an InputError with a message for the user.
     """
-    if path.suffix.lower() not in GLTF_SUFFIXES and path.is_file():
+    if path.suffix.lower() not in GLTF_SUFFIXES and is_file(path):
         raise InputError("it is not a glTF file", where=str(path), remedy="Give a .glb, .gltf or .vrm file.")
     data = read_file(path)
     if not data:
