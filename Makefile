@@ -40,10 +40,10 @@ test-arm: setup-dev ## the numeric core's tests as an aarch64 processor would ru
 	@sh scripts/test_arm.sh $(ONLY)
 
 test-web: setup-dev ## exported files, and the web page, in Chromium (npm and chromium; pictures in out/web/pictures)
-	@npm install --silent --no-save --prefix out/web three@0.187.0 gltfpack@1.3.0
+	@npm install --silent --no-save --prefix out/web three@0.187.0 gltfpack@1.3.0 gltf-validator@2.0.0-dev.3.10
 	@npm ci --silent --prefix integrations/web
 	@.venv/bin/python -m pytest -n 0 tests/viewer/render/test_other_viewer.py \
-		tests/real/test_other_viewer_real.py tests/shared/formats/test_meshopt.py \
+		tests/real/test_other_viewer_real.py tests/real/test_validators_real.py tests/shared/formats/test_meshopt.py \
 		tests/system/test_web_page.py tests/shared/wire/test_typescript_reader.py $(ARGS)
 
 test-devices:    ## the panel's firmware, all of the camera drivers' contract, then devices in a guest (as root): ONLY=guest
