@@ -31,8 +31,6 @@ from pathlib import Path
 from typing import Any, BinaryIO, Literal
 from urllib.parse import unquote, unquote_to_bytes
 
-import msgspec
-
 from enliven.errors import EnlivenError, InputError, ResourceError, plain_reason
 
 if sys.platform != "win32":
@@ -53,10 +51,6 @@ DAMAGE = (
 )
 """The exceptions that parsers raise if the numbers in a file are damaged. Readers catch them, because checks
 of each number would be most of a reader's code.
-"""
-DECODE_ERRORS = (msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
-"""The exceptions that msgspec's decoders raise for damaged JSON or MessagePack. Text that is not UTF-8 raises
-no MsgspecError.
 """
 _READ_FLAGS = (
     os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)

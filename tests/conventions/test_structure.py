@@ -178,7 +178,7 @@ def test_decoding_errors_are_caught_completely():
                 if isinstance(node, ast.ExceptHandler) and node.type is not None:
                     caught = {n.attr if isinstance(n, ast.Attribute) else n.id for n in _names(node.type)}
                     is_partial = caught & {"DecodeError", "MsgspecError"} and not caught & complete
-                    assert not is_partial, f"{path}:{node.lineno}: catch enliven.files.DECODE_ERRORS"
+                    assert not is_partial, f"{path}:{node.lineno}: catch enliven.decoding.DECODE_ERRORS"
 
 
 def _names(expression: ast.expr) -> list[ast.Name | ast.Attribute]:

@@ -106,7 +106,7 @@ def house() -> Iterator[House]:
 
 
 def test_two_performers_attach_their_parts_by_keys(house: House) -> None:
-    assert house.cues.state == "preview" and not house.cues.firm.any()
+    assert house.cues.state == "preview" and not house.cues.attached_mask.any()
     house.live.choose_parts(2)
     whole = set(house.cues.nodes)
     house.until(lambda: set(house.cues.nodes) < whole)
@@ -124,7 +124,7 @@ def test_two_performers_attach_their_parts_by_keys(house: House) -> None:
     assert words == "P steps in: the legs of performer 2"
     house.live.choose_parts(1)
     house.live.possess("join")
-    house.until(lambda: set(house.cues.owners[house.cues.firm].tolist()) == {1, 2})
+    house.until(lambda: set(house.cues.owners[house.cues.attached_mask].tolist()) == {1, 2})
     assert house.holders == {1: ["legs"], 2: ["upper body"]}
     house.live.choose_parts(8)
     house.live.possess("extend")

@@ -35,8 +35,8 @@ print(json.dumps(os.access({path!r}, os.R_OK | os.W_OK) and os.open({path!r}, os
 """
 ATTACHED = """
 import json
-from enliven_edge.sensors.attached_cameras import attached
-print(json.dumps([[c.kind.name, c.title, c.mbit, str(c.node), c.find_problems()] for c in attached()]))
+from enliven_edge.sensors.attached_cameras import list_attached
+print(json.dumps([[c.kind.name, c.title, c.mbit, str(c.node), c.find_problems()] for c in list_attached()]))
 """
 
 

@@ -4,7 +4,7 @@ import time
 from pathlib import Path
 
 import pytest
-from contract import PATIENCE, helpers
+from contract import TIMEOUT_S, helpers
 from wild import Wild
 
 from enliven_edge.sensors.isolation.isolated import IsolatedOpener
@@ -18,7 +18,7 @@ def opener(folder: Path, every_frame: bool = False, **options) -> IsolatedOpener
 def none_left():
     """Checks that every test ends without a helper process."""
     yield
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + TIMEOUT_S
     while helpers():
         assert time.monotonic() < deadline, "a helper process was left"
         time.sleep(0.01)

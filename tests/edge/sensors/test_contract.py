@@ -15,10 +15,10 @@ from contract import (
     FULL,
     LONG,
     OTHER,
-    PATIENCE,
     PAUSE,
     SIZE,
     STEP,
+    TIMEOUT_S,
     Live,
     helper_of,
     helpers,
@@ -180,7 +180,7 @@ def test_garbage_and_closing_of_one_sensor_do_not_affect_another(live, takes, mo
     reader.start()
     wait_until(lambda: other._errands.is_busy)
     other.close()
-    reader.join(PATIENCE)
+    reader.join(TIMEOUT_S)
     assert not reader.is_alive() and other.read(TURN) is None
     live.frame()
 

@@ -79,7 +79,7 @@ def dense(mapping, poses, constraints, weight):
 
     Hard constraints are rows with a large weight, which makes the solution exact to about 1e-6.
     """
-    nodes, examples = mapping.nodes(poses), mapping.examples
+    nodes, examples = mapping.compute_nodes(poses), mapping.examples
     points, frames, most = nodes.right.shape
     each = most + 3
     unknowns = points * frames * each

@@ -143,7 +143,7 @@ def inner(x):
 def kernel(x):
     return inner(x)
 
-print(inner._cache._stem, kernel._cache._stem)
+print(inner._cache._file_stem, kernel._cache._file_stem)
 """
 
 

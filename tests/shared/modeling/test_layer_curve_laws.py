@@ -185,7 +185,7 @@ def test_keys_are_moved_eased_and_refused():
         (lambda: set_layer_key(project, name, [0], "weights", 0.5, 1.5), "the weight 1.5"),
         (lambda: set_layer_key(project, name, [0], "weights", np.nan, 0.5), "is not a key"),
         (lambda: set_layer_key(project, name, [99], "weights", 0.5, 0.5), "layer 99 does not exist"),
-        (lambda: move_layer_key(project, name, [0], "weights", 0, 1.5), "at one time"),
+        (lambda: move_layer_key(project, name, [0], "weights", 0, 1.5), "at the same time"),
         (lambda: remove_layer_key(project, name, [0], "speeds", 0), "key 0 of its speeds does not exist"),
     ):
         with pytest.raises(InputError, match=words):

@@ -143,9 +143,9 @@ import sys, time
 from enliven.outputs.live_frame import LiveFrame
 from enliven.outputs.opening import open_outputs
 from enliven.outputs.output_plan import plan_outputs
-from enliven.outputs.settings import outputs_of
+from enliven.outputs.settings import collect_output_settings
 
-outputs = open_outputs(outputs_of(sys.argv[1:], {}))
+outputs = open_outputs(collect_output_settings(sys.argv[1:], {}))
 while not outputs.is_ready:
     time.sleep(0.01)
 print(outputs.process_id, flush=True)

@@ -22,7 +22,7 @@ class Collector:
     def __init__(self) -> None:
         self.frames, self.threads = [], set()
 
-    def packets(self, frame: LiveFrame) -> list[bytes]:
+    def encode_packets(self, frame: LiveFrame) -> list[bytes]:
         self.frames.append(frame)
         self.threads.add(threading.get_ident())
         return [b"packet"]
@@ -39,19 +39,19 @@ class Slow(Collector):
         super().__init__()
         self.go, self.begun = threading.Semaphore(0), 0
 
-    def packets(self, frame: LiveFrame) -> list[bytes]:
+    def encode_packets(self, frame: LiveFrame) -> list[bytes]:
         self.begun += 1
         self.go.acquire()
-        return super().packets(frame)
+        return super().encode_packets(frame)
 
 
 class Faulty(Collector):
     """An output that raises an error for the frame with time 0."""
 
-    def packets(self, frame: LiveFrame) -> list[bytes]:
+    def encode_packets(self, frame: LiveFrame) -> list[bytes]:
         if frame.time_ns == 0:
             raise ValueError("broken")
-        return super().packets(frame)
+        return super().encode_packets(frame)
 
 
 @contextlib.contextmanager
@@ -157,7 +157,7 @@ def test_an_absent_receiver_costs_the_others_nothing():
 
 def test_a_packet_that_is_too_long_is_counted():
     class Long(Collector):
-        def packets(self, frame):
+        def encode_packets(self, frame):
             return [bytes(70_000)]
 
     with outputs_with(Long()) as (outputs, senders):

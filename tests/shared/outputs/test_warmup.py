@@ -10,7 +10,7 @@ import gc
 from numba.core.dispatcher import Dispatcher
 from live_scenes import four_characters
 from enliven.outputs.output_plan import plan_outputs
-from enliven.outputs.settings import outputs_of
+from enliven.outputs.settings import collect_output_settings
 
 
 def kernels():
@@ -18,10 +18,10 @@ def kernels():
 
 frame = four_characters()
 for scheme in ("vmc", "vrchat", "rokoko", "osc"):
-    (plan,) = plan_outputs(outputs_of([f"{scheme}:127.0.0.1:9"], {}))
+    (plan,) = plan_outputs(collect_output_settings([f"{scheme}:127.0.0.1:9"], {}))
     with plan.open() as sender:
         before = kernels()
-        packets = sender._output.packets(four_characters())
+        packets = sender._output.encode_packets(four_characters())
         new = sorted({d.py_func.__name__ for d, n in kernels().items() if n > before.get(d, 0)})
         print(scheme, len(packets), *new, sep="|")
 """

@@ -19,7 +19,7 @@ actions = st.lists(
         st.tuples(st.just("advance"), st.floats(0, 3)),
         st.tuples(st.just("scrub"), st.floats(-1, 2)),
         st.tuples(st.just("step"), st.integers(-5, 5)),
-        st.tuples(st.just("faster"), st.integers(-2, 2)),
+        st.tuples(st.just("change_speed"), st.integers(-2, 2)),
         st.tuples(st.just("toggle_pause")),
         st.tuples(st.just("go_live")),
         st.tuples(st.just("arrive"), st.integers(1, 5)),

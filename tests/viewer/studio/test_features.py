@@ -47,7 +47,7 @@ def test_a_feature_of_another_package_appears_in_the_window(installed, tmp_path)
 def test_a_feature_adds_its_state_once(installed, tmp_path) -> None:
     workspace = Workspace.new(Editor(), tmp_path)
     assert workspace.actions.do("gauge.show") and workspace.state(Gauge).is_shown
-    with pytest.raises(InputError, match="state Gauge: it is there already"):
+    with pytest.raises(InputError, match="state Gauge: it exists already"):
         workspace.add_state(Gauge())
 
 

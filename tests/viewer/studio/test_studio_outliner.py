@@ -86,7 +86,7 @@ def test_clicks_choose_one_a_range_or_one_more(workspace) -> None:
 def test_hidden_character_is_not_picked_or_framed_but_exported(workspace) -> None:
     editor, before = workspace.editor, len(list_exportable(workspace.editor.project))
     wide = np.ptp(np.array(editor.measure_bounds()), axis=0)[0]
-    workspace.state(Outliner).hide("post", on=True)
+    workspace.state(Outliner).set_hidden("post", is_hidden=True)
     assert (
         "post" not in [posed.id for posed in editor.visible_characters]
         and len(list_exportable(editor.project)) == before

@@ -7,7 +7,7 @@ import threading
 import uuid
 
 import pytest
-from contract import PATIENCE, helper_of, helpers
+from contract import TIMEOUT_S, helper_of, helpers
 from patience import wait_until
 from wild import Wild
 
@@ -63,8 +63,8 @@ class Viewer:
 def edge(tmp_path, monkeypatch):
     """Starts an edge in a thread, which waits for a missing camera, and a viewer."""
     # A hanging call stays hanging.
-    monkeypatch.setattr(isolated, "SILENCE_TIMEOUT_S", 10 * PATIENCE)
-    monkeypatch.setattr(helper_process, "OPEN_TIMEOUT_S", 10 * PATIENCE)
+    monkeypatch.setattr(isolated, "SILENCE_TIMEOUT_S", 10 * TIMEOUT_S)
+    monkeypatch.setattr(helper_process, "OPEN_TIMEOUT_S", 10 * TIMEOUT_S)
     (tmp_path / "gone").touch()
     warm_up_tracking(TrackerSettings())
     wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
@@ -77,7 +77,7 @@ def edge(tmp_path, monkeypatch):
         with contextlib.closing(viewer.link):
             yield sensor, viewer
         served.stop()
-        thread.join(PATIENCE)
+        thread.join(TIMEOUT_S)
         assert not thread.is_alive()
     wait_until(lambda: not helpers(), "an end without a helper process")
 

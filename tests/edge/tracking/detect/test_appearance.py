@@ -224,8 +224,8 @@ def test_another_estimate_of_the_same_frame_is_seen_at_the_same_points():
     observation, _ = seen_person("one leg up", SEEDS[0])
     seen, by_facing = seen_in(observation)
     for estimate in by_facing:
-        other, itself = seen.of(estimate), estimate_at_points(observation, estimate)
+        other, itself = seen.with_estimate(estimate), estimate_at_points(observation, estimate)
         assert other.estimate is estimate and other.surface is observation.surface
         assert_alike(other.probabilities, itself.probabilities)
-        assert_alike(seen.thin(7).of(estimate).affinity(0.1), other.affinity(0.1)[:, ::7])
-    np.testing.assert_allclose(seen.of(by_facing[0]).probabilities, seen.probabilities, atol=1e-3)
+        assert_alike(seen.thin(7).with_estimate(estimate).affinity(0.1), other.affinity(0.1)[:, ::7])
+    np.testing.assert_allclose(seen.with_estimate(by_facing[0]).probabilities, seen.probabilities, atol=1e-3)

@@ -140,7 +140,7 @@ def test_edits_are_values(bean):
     assert project_bytes(bean) == data and are_identical(parse_project(project_bytes(after)), after)
     with pytest.raises(InputError, match="no part of the mesh"):
         cut_puppet(bean, "bean", PlaneCut([0, 99.0, 0], [0, 1.0, 0.0]), 0.7)
-    with pytest.raises(InputError, match="time is nan"):
+    with pytest.raises(InputError, match="time nan is not finite"):
         cut_puppet(bean, "bean", plane, float("nan"))
     with pytest.raises(InputError, match="no puppet"):
         cut_puppet(bean, "pea", plane, 0.7)

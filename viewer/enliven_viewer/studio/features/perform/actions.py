@@ -15,6 +15,23 @@ from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.features.perform.session import WORKSPACES, PerformSession
 from enliven_viewer.studio.features.perform.stage_switches import LOOSE_LABELS
 
+_FIRST_LABELS = {
+    "Remove the chosen character from the stage": "Take the chosen character from the stage",
+    "Record an alternative take": "Record beside what was recorded last",
+    "Possess together with others": "Possess beside others",
+    "Scale with both hands, or end scaling": "Scale with both hands, or let it stay",
+    "Reset its size": "Its own size again",
+    "Only people here now may perform": "Only who is here now performs",
+    "Next match": "Next match with the pose",
+    "Open or close the microphone": "Open the microphone, or close it",
+    "Deformation graph of the meshes": "Graph of the meshes",
+    "Zoom to the limb before possession": "Close to the limb that takes hold",
+    "Back to live": "Back to what is live",
+    "One pose back": "A pose back",
+    "One pose forward": "A pose on",
+}
+"""The first label of each action with a new label. Stored shortcuts name actions by their first labels."""
+
 
 @dataclass(frozen=True)
 class PerformAction:
@@ -42,7 +59,8 @@ class PerformAction:
         """Returns a permanent name such as "perform.possess_alone"."""
         if self.label == _STAND_LABEL:
             return "perform.stand"  # The start page refers to this action, so its name is fixed.
-        return "perform." + re.sub(r"[^a-z]+", "_", self.label.lower()).strip("_")
+        label = _FIRST_LABELS.get(self.label, self.label)
+        return "perform." + re.sub(r"[^a-z]+", "_", label.lower()).strip("_")
 
     def lacks(self, session: PerformSession) -> str:
         """Returns the reason why the action is unavailable now, with advice, or an empty text if it is
