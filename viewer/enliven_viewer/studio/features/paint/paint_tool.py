@@ -83,9 +83,9 @@ class PaintTool(Tool):
         if self.both_sides and self.mirror(character.mesh) is None:
             return "The mesh is not symmetric, so only one side is painted."
         brush_hints = {
-            "softer": "Orange areas are softer: they swing further than the performer moves.",
-            "stiffer": "Blue areas are stiffer.",
-            "erase": "Removes the paint.",
+            "softer": later("Orange areas are softer: they swing further than the performer moves."),
+            "stiffer": later("Blue areas are stiffer."),
+            "erase": later("Removes the paint."),
         }
         return tr("{0} Ctrl inverts the brush. The keys [ and ] change its size.", brush_hints[self.brush])
 
