@@ -39,15 +39,15 @@ _HUMANS = (
     ),
     *("bystander", "user", "operator", "everyone", "anyone"),
 )
-_AFTER_HUMANS = "".join(rf"(?<!\b{noun} )(?<!\b{noun}s )" for noun in _HUMANS)
-"""Words after which "who" is plain English, as a pattern."""
+_NOT_AFTER_HUMANS = "".join(rf"(?<!\b{noun} who)(?<!\b{noun}s who)" for noun in _HUMANS)
+"""Words before "who" with which it is plain English, as a pattern that follows "who"."""
 CONSTRUCTIONS = {
     "What/Who as a subject": re.compile(r"(?:^|[.:;]\s+)(?:What|Who|Whom)\s+(?!is\b.*\?)\w+", re.MULTILINE),
     "of what": re.compile(
         r"\b(?:of|by|with|to|from|for|than|in|and|or|over|as|into|on)\s+what\b", re.IGNORECASE
     ),
     "of which": re.compile(r"\b(?:of|by|out of|from|than|on) which\b", re.IGNORECASE),
-    "who": re.compile(_AFTER_HUMANS + r"\bwho\b", re.IGNORECASE),
+    "who": re.compile(r"\bwho\b" + _NOT_AFTER_HUMANS, re.IGNORECASE),
     "beside": re.compile(r"\bbeside\b", re.IGNORECASE),
     "is no": re.compile(r"\b(?:is|are|was|were) no (?!longer)\w+", re.IGNORECASE),
     "as it is": re.compile(r"\bas (?:it|they) (?:is|was|stands|were|are)\b", re.IGNORECASE),
