@@ -113,7 +113,7 @@ def _check_recordings(sources: list[Source]) -> None:
             raise InputError(
                 "the recording is given twice",
                 where=str(second),
-                remedy="Give the recording that each sensor made at the same time.",
+                remedy="Give one recording for each sensor, all made at the same time.",
             )
 
 

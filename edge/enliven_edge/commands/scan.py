@@ -163,7 +163,9 @@ def _check_arguments(output: Path, recording: Path | None, sensor: str | None, o
     if output.suffix.lower() not in OUTPUT_SUFFIXES:
         endings = ", ".join(ending[1:] for ending in OUTPUT_SUFFIXES)
         raise InputError(
-            f"cannot write {output.suffix or 'no'} files", where=str(output), remedy=f"Known: {endings}."
+            f"cannot write files with the extension {output.suffix!r}",
+            where=str(output),
+            remedy=f"Known extensions: {endings}.",
         )
     if output.exists() and not overwrite:
         raise InputError(

@@ -325,7 +325,7 @@ class Stage:
         if character not in self.actors:
             names = ", ".join(self.actors) or "none"
             problem = f"there is no character {character!r}"
-            raise InputError(problem, where="stage", remedy=f"Known: {names}.")
+            raise InputError(problem, where="stage", remedy=f"Characters on the stage: {names}.")
         actor = self.actors[character]
         others = (other for other in self.actors.values() if other is not actor)
         actor.busy = frozenset(hold.body for other in others for hold in other.holds)

@@ -140,7 +140,7 @@ def _state_file(program: str) -> Path:
     """
     folder = user_folder()
     if folder is None:
-        raise OSError("no folder for kernels")
+        raise OSError("no writable folder for compiled kernels was found")
     return folder / f"native-{program}-{_processor_key()}.json"
 
 

@@ -131,7 +131,7 @@ class CurveChannel:
         if len(data) < _MIN_INITIATE_BYTES:
             raise CurveError("INITIATE has another form")
         if not hmac.compare_digest(data[9 : 9 + _COOKIE_BYTES], self._cookie):
-            raise CurveError("the cookie is another one")
+            raise CurveError("the handshake's cookie does not match")
         vouch_box = data[9 + _COOKIE_BYTES :]
         count, box = vouch_box[:_SHORT_NONCE_BYTES], vouch_box[_SHORT_NONCE_BYTES:]
         self._check_count(count)

@@ -155,7 +155,11 @@ def _check_source(address: OutputAddress, protocol: Protocol, where: str) -> Non
     is_performer = _PERFORMER_NAME.fullmatch(source) is not None
     if protocol.sources == "none":
         remedy = f"Leave out /{source}: this protocol sends everything on the stage."
-        raise InputError(f"{address.scheme} sends no single source", where=where, remedy=remedy)
+        raise InputError(
+            f"{address.scheme} always sends everything, so no source can be chosen",
+            where=where,
+            remedy=remedy,
+        )
     if source.startswith(PERFORMER) and not is_performer:
         remedy = f"Write {PERFORMER}1 for the first performer, {PERFORMER}2 for the second, and so on."
         raise InputError(f"{source!r} is not the name of a performer", where=where, remedy=remedy)

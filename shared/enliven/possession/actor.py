@@ -124,7 +124,11 @@ class Actor:
             InputError: if no part of the character can swing.
         """
         where = f"exaggerating {self.character.id!r}"
-        raise InputError("no part of it can swing", where=where, remedy="Choose a mesh that performers hold.")
+        raise InputError(
+            "no part of it can swing freely, because performers cannot attach to it",
+            where=where,
+            remedy="Choose a mesh that performers can possess.",
+        )
 
     def preview(self, body: int | None = None, parts: str = "all") -> None:
         """Selects the performer (body id) and the body parts for the preview in :meth:`cues`. The id None

@@ -81,7 +81,7 @@ def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
         project = add_character_motion(project, key, character, own_poses, begin, messages, holds)
     if not project.graphs:
         advice = "Possess a mesh and record it: enliven run."
-        raise InputError("no possessed mesh moves in it", where=str(path), remedy=advice)
+        raise InputError("it contains no motion of a possessed mesh", where=str(path), remedy=advice)
     return project
 
 

@@ -65,7 +65,9 @@ def read_secret_file(path: Path, content: str, max_bytes: int) -> bytes:
     try:
         state = os.fstat(descriptor)
         if not stat.S_ISREG(state.st_mode):
-            raise InputError("it is not a regular file", where=str(path), remedy=f"Name the {content}.")
+            raise InputError(
+                "it is not a regular file", where=str(path), remedy=f"Give the path of the {content}."
+            )
         if sys.platform != "win32":
             _refuse_other_users(path, content, state)
         with os.fdopen(os.dup(descriptor), "rb") as file:
@@ -74,7 +76,7 @@ def read_secret_file(path: Path, content: str, max_bytes: int) -> bytes:
         os.close(descriptor)
     if len(data) > max_bytes:
         raise InputError(
-            f"it has more than {max_bytes} bytes", where=str(path), remedy=f"Name the {content}."
+            f"it has more than {max_bytes} bytes", where=str(path), remedy=f"Give the path of the {content}."
         )
     return data
 

@@ -98,7 +98,7 @@ def test_a_take_without_possessed_meshes_is_refused(tmp_path):
     write(tmp_path / "bones.mcap", (box("rig", "bones"), 1, np.arange(0, 1, STEP)))
     write(tmp_path / "still.mcap", (box("chair"), 1, [0.5]))
     for name in ("bones", "still"):
-        with pytest.raises(InputError, match="no possessed mesh moves"):
+        with pytest.raises(InputError, match="no motion of a possessed mesh"):
             read_possessed(tmp_path / f"{name}.mcap")
     with pytest.raises(InputError):
         read_possessed(tmp_path / "nothing.mcap")

@@ -111,7 +111,9 @@ def intrinsics_from_lens(
         distortion = (0.0,) * 5
     elif model.lower().replace("_", " ") not in ("brown conrady", "plumb bob"):
         remedy = "Record depth that is rectified."
-        raise InputError(f"its images have the distortion model {model!r}", where=where, remedy=remedy)
+        raise InputError(
+            f"the distortion model {model!r} of its images is not supported", where=where, remedy=remedy
+        )
     (width, height), (fx, fy, cx, cy), (k1, k2, p1, p2, k3) = size, lens, distortion
     return Intrinsics(width, height, fx, fy, cx, cy, (k1, k2, p1, p2, k3))
 

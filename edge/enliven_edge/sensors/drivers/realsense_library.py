@@ -64,7 +64,7 @@ def intrinsics(lens: Any, rs: Any, kind: str, name: str, rehearsed: bool) -> tup
     supported = (rs.distortion.none, rs.distortion.brown_conrady)
     if lens.model not in supported and any(lens.coeffs):
         raise InputError(
-            f"its images have the distortion model {lens.model}",
+            f"the distortion model {lens.model} of its images is not supported",
             where=name,
             remedy="Choose a depth mode, which is rectified.",
         )

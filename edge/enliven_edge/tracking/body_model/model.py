@@ -250,7 +250,9 @@ DOFS = 3 + len(DOF_FRAME)
 
 
 def _ancestry() -> Int:
-    """Returns a (13, 27) matrix: 1 if a rotational degree of freedom moves a frame, else 0."""
+    """Returns a (13, 27) matrix: 1 if a rotational degree of freedom (row) moves a coordinate frame (column),
+    else 0.
+    """
     moves = np.zeros((13, len(DOF_FRAME)), np.int64)
     for frame in range(13):
         ancestor = frame
@@ -261,7 +263,8 @@ def _ancestry() -> Int:
 
 
 MOVES = _ancestry()
-"""(13, 27) matrix: 1 if a rotational degree of freedom moves a frame, else 0."""
+"""(13, 27) matrix: 1 if a rotational degree of freedom (row) moves a coordinate frame (column), else 0.
+"""
 
 
 def _bone_frames() -> Int:

@@ -241,7 +241,11 @@ def _second_in_keys(project: Project, layer: LayerBase, time: float) -> float:
     second = (layer.to_unwarped_time(time) - layer.offset) * layer.speed
     if _frame_at(second) < 0:
         problem = f"the clip with its keys begins at {layer.offset:.2f} s"
-        raise InputError(problem, where=f"layer {layer.take!r}", remedy="Move that clip earlier first.")
+        raise InputError(
+            problem,
+            where=f"layer {layer.take!r}",
+            remedy="First move the clip with the keys to an earlier time.",
+        )
     return max(second, 0.0)
 
 

@@ -54,7 +54,9 @@ def trace_outline(stroke: Float, count: int, smooth: int = 2) -> Float:
     size = signed_area(points)
     length = float(np.linalg.norm(np.roll(points, -1, 0) - points, axis=1).sum())
     if abs(size) < 1e-3 * length**2 / (4 * np.pi):
-        raise InputError("it encloses no area", where=_ERROR_PLACE, remedy="Draw the outline of the part.")
+        raise InputError(
+            "the stroke encloses no area", where=_ERROR_PLACE, remedy="Draw a closed outline of the part."
+        )
     return points if size > 0 else points[::-1].copy()
 
 
