@@ -191,7 +191,7 @@ def test_visitors_of_an_edge_without_a_place_are_left_out(enter):
     for _ in range(round(4.0 * RATE_HZ)):
         room.step()
         assert {split_performer_id(body)[0] for body in room.frame.report.bodies} <= {0}
-    assert room.frame.report.bodies and "no place for the edge right" in room.frame.report.problem
+    assert room.frame.report.bodies and "does not contain the edge right" in room.frame.report.problem
 
 
 @pytest.mark.slow

@@ -16,16 +16,16 @@ from enliven_viewer.studio.features.perform.session import WORKSPACES, PerformSe
 from enliven_viewer.studio.features.perform.stage_switches import LOOSE_LABELS
 
 _FIRST_LABELS = {
-    "Remove the chosen character from the stage": "Take the chosen character from the stage",
+    "Remove the character from the stage": "Take the chosen character from the stage",
     "Record an alternative take": "Record beside what was recorded last",
     "Possess together with others": "Possess beside others",
     "Scale with both hands, or end scaling": "Scale with both hands, or let it stay",
     "Reset its size": "Its own size again",
-    "Only people here now may perform": "Only who is here now performs",
+    "Lock to the current performers": "Only who is here now performs",
     "Next match": "Next match with the pose",
     "Open or close the microphone": "Open the microphone, or close it",
-    "Deformation graph of the meshes": "Graph of the meshes",
-    "Zoom to the limb before possession": "Close to the limb that takes hold",
+    "Deformation graphs": "Graph of the meshes",
+    "Zoom to the next limb": "Close to the limb that takes hold",
     "Back to live": "Back to what is live",
     "One pose back": "A pose back",
     "One pose forward": "A pose on",
@@ -139,7 +139,7 @@ PERFORM_ACTIONS = (
         apart=True,
     ),
     PerformAction(
-        "Remove the chosen character from the stage",
+        "Remove the character from the stage",
         "",
         PerformSession.remove_from_stage,
         why_not=PerformSession.lacks_to_take_off,
@@ -212,7 +212,7 @@ PERFORM_ACTIONS = (
         ("Next performer", "b", LiveStage.choose_performer),
         ("Less smoothed", "comma", lambda live: live.change_smoothing(-1)),
         ("More smoothed", "period", lambda live: live.change_smoothing(1)),
-        ("Only people here now may perform", "k", LiveStage.toggle_lock),
+        ("Lock to the current performers", "k", LiveStage.toggle_lock),
         ("Learn the room again", "", LiveStage.learn_room),
     ),
     *_make_group(
@@ -250,11 +250,11 @@ PERFORM_ACTIONS = (
     *_make_group(
         "See",
         _LIVE_WORKSPACES,
-        ("Deformation graph of the meshes", "g", lambda live: live.toggle_overlays("graph")),
+        ("Deformation graphs", "g", lambda live: live.toggle_overlays("graph")),
         ("Performers' skeletons", "s", lambda live: live.toggle_overlays("body", "reveal", "cues")),
     ),
     PerformAction(
-        "Zoom to the limb before possession",
+        "Zoom to the next limb",
         "c",
         lambda session: session.close_up.toggle(),
         _LIVE_WORKSPACES,

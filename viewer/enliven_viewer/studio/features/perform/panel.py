@@ -430,7 +430,7 @@ def _draw_performers(app: App, perform: PerformSession, live: LiveStage) -> None
     app.remember("release")
     draw_tooltip("Let go  (R)")
     if imgui.checkbox(
-        labelled(tr("Only people here now may perform"), "Only people here now may perform"), choice.locked
+        labelled(tr("Lock to the current performers"), "Lock to the current performers"), choice.locked
     )[0]:
         live.toggle_lock()
     app.remember("lock")
