@@ -62,7 +62,7 @@ def health(
         try:
             serve_health(settings, parent_is_gone)
         except KeyboardInterrupt:
-            # The server has shut down properly, and then raises the signal that ended it again.
+            # The server shuts down properly, and then raises the signal that stopped it a second time.
             return
 
 

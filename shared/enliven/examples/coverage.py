@@ -59,7 +59,7 @@ def measure_coverage(project: Project, puppet: ExampleCharacter, layer: int) -> 
 
 def describe_unposed(puppet: ExampleCharacter) -> tuple[str, ...]:
     """Returns a sentence for the user if all key poses are equal, because none has been edited yet. Otherwise
-    returns an empty text.
+    returns an empty tuple.
     """
     if len(puppet.poses) < 2:
         return ()

@@ -200,7 +200,8 @@ def _write_rotations(rest, joints, turns, axes):
         for r in range(3):
             turned[r] = start[r, 0] * before[0] + start[r, 1] * before[1] + start[r, 2] * before[2]
         # Swing an upper arm in two steps. The first step leads to a direction farther forward and outward.
-        # Then the undefined direction is behind the body.
+        # A swing is undefined for the direction opposite to its start. This moves that direction behind
+        # the body, where arms do not point.
         if child in _UPPER_ARMS:
             outward = 0.3 if child == _UPPER_ARMS[0] else -0.3
             for r in range(3):

@@ -117,7 +117,7 @@ def fit_figures(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, flo
     unit = (float(np.ptp(mesh.vertices[:, 1])) or 1.0) / _PERSON_HEIGHT_M
     samples = sample_uniform_points(mesh, 8000, np.random.default_rng(0))
     points = samples.positions
-    # Precompute the nearness fields of the surface and of the figures' bones.
+    # Precompute the proximity grids of the surface and of the figures' bones.
     surface_field = _ProximityGrid(points, _BONE_DISTANCE_M * unit, _CELL_M * unit, samples.normals)
     bone_fields = [
         _ProximityGrid(_bone_points(figure), _SURFACE_DISTANCE_M * unit, _CELL_M * unit) for figure in figures

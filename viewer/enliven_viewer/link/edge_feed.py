@@ -59,8 +59,8 @@ class EdgeFeed:
         document.characters = dict(self.link.characters)
         arrived_values = [(topic, value) for topic in list_shown_topics() for value in self.link.take(topic)]
         if not began_again:
-            # After a restart, the messages may contain times of two sensor clocks, so do not sort them by
-            # time.
+            # Sort by time only if the edge did not restart: after a restart, the messages may contain times
+            # of two sensor clocks.
             arrived_values.sort(key=lambda arrival: _time_ns(arrival[1]))
         for topic, received in arrived_values:
             self._add_times(received)

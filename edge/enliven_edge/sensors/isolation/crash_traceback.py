@@ -16,7 +16,10 @@ _MAX_BYTES = 1 << 16
 
 
 class CrashTraceback:
-    """The edge's end of the pipe. On systems without such pipes it never has a report."""
+    """The reading end of a pipe through which a crashed sensor process sends its traceback.
+
+    On systems without such pipes, there is never a traceback.
+    """
 
     def __init__(self, context: SpawnContext) -> None:
         self._near: Connection | None = None

@@ -68,12 +68,12 @@ def bind_chain(
     if take_id not in project.takes:
         advice = f"Known: {', '.join(project.takes)}." if project.takes else "Record or import one first."
         raise InputError(f"the take {take_id!r} does not exist", where="project", remedy=advice)
-    take = project.takes[take_id].skeleton
+    take_skeleton = project.takes[take_id].skeleton
     source = tuple(int(joint) for joint in source)
-    bones_along(take, source, where=f"take {take_id!r}")
+    bones_along(take_skeleton, source, where=f"take {take_id!r}")
     bones = check_downward_chain(shape, target)
     if basis is None:
-        source_bone = first_bone(take, source)
+        source_bone = first_bone(take_skeleton, source)
         if played.get("mirrored"):
             source_bone = source_bone * [-1.0, 1.0, 1.0]
         basis = basis_from_views(

@@ -66,8 +66,10 @@ class ObjectModel:
             self.fuse(view, pose @ room_from_camera)
 
     def begin(self, rest: ObjectRest) -> None:
-        """Fuses only the newest image of a rest. Use this method if the object never stood still in the
-        rest."""
+        """Starts an object pose with only its newest image.
+
+        Use this method if the object did not stand still long enough to fuse several images.
+        """
         view = rest.scanner.view
         if view is not None and rest.object_from_room is not None and rest.parts:
             pose = rest.scanner.poses[-1][1]

@@ -135,8 +135,9 @@ class PuppetStage:
         return next(candidate for candidate in self.puppets if candidate.id == puppet.id)
 
     def improve(self) -> None:
-        """Continues to settle dragged surfaces, and fetches surfaces solved in the background. Call once per
-        frame.
+        """Runs more solver iterations on dragged surfaces, and fetches surfaces solved in the background.
+
+        Call once per frame.
         """
         self.surfaces.improve()
         if any(self.editor.motion_solver.busy(name) for name in self.editor.project.puppets):

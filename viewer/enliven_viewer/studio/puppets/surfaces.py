@@ -62,7 +62,7 @@ class PuppetSurfaces:
             return None
 
     def improve(self) -> None:
-        """Continues to settle dragged surfaces, and fetches prepared surfaces."""
+        """Runs more solver iterations on dragged surfaces, and fetches surfaces solved in the background."""
         moved = [solver.improve() or solver.has_result() for solver in self._solvers.values()]
         self.version += any(moved)
 

@@ -72,7 +72,7 @@ def draw_camera_previews(app: App, area: Area, inset: PreviewPlacement, pictures
 class PreviewContent:
     """The contents of one camera view of an edge or a take: the name, the performers, and the camera.
 
-    ``limbs`` are the colours of a match, sRGB by performer and by the outer joint of a bone.
+    ``limbs`` contains the sRGB colours of matched bones, by performer and by the joint at the bone's end.
     """
 
     name: str

@@ -112,16 +112,18 @@ def _describe_direction(status: ScanMessage) -> str:
     round_it = _find_turn_angle(camera - target, eye - target)
     up = float(eye[1] - camera[1])
     higher = up > _MIN_HEIGHT_DIFFERENCE_M
-    held = tr("Hold it higher") if higher else tr("Hold it lower") if up < -_MIN_HEIGHT_DIFFERENCE_M else ""
+    height_advice = (
+        tr("Hold it higher") if higher else tr("Hold it lower") if up < -_MIN_HEIGHT_DIFFERENCE_M else ""
+    )
     if abs(round_it) > _OTHER_SIDE_ANGLE:
         return tr("Walk round to the other side")
     if abs(round_it) > _ARRIVAL_ANGLE:
         # For a person who faces the centre, moving anticlockwise as seen from above is moving to the right.
         side = tr("Walk on to the right") if round_it > 0 else tr("Walk on to the left")
-        if not held:
+        if not height_advice:
             return side
         return tr("{0}, and hold it higher", side) if higher else tr("{0}, and hold it lower", side)
-    return held or tr("Good: go on slowly")
+    return height_advice or tr("Good: go on slowly")
 
 
 def _find_turn_angle(first: Float, second: Float) -> float:

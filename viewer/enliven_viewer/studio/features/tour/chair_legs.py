@@ -73,19 +73,19 @@ def find_legs(mesh: Mesh) -> tuple[Int, ...]:
 def _search_legs(mesh: Mesh) -> tuple[Int, ...]:
     heights = mesh.vertices[:, 1] - mesh.vertices[:, 1].min()
     height = max(float(heights.max()), 1e-6)
-    best: tuple[Int, ...] = ()
+    best_parts: tuple[Int, ...] = ()
     for fraction in _SEARCH_HEIGHTS:
         parts = [
             leg
             for leg in _find_parts(mesh, heights < fraction * height)
             if heights[leg].min() < _MAX_FLOOR_GAP * height
         ]
-        if len(parts) >= max(len(best), 2):
+        if len(parts) >= max(len(best_parts), 2):
             # Heights are tried from low to high. If two heights give the same number of legs, take the
             # greater height.
-            best = tuple(parts)
-    if best:
-        return best
+            best_parts = tuple(parts)
+    if best_parts:
+        return best_parts
     return (np.flatnonzero(heights <= 0.2 * height),)
 
 

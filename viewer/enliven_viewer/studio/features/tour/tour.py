@@ -139,7 +139,7 @@ class Tour:
         self._continue_demonstration(seconds, origin)
 
     def skip(self) -> None:
-        """Moves to the next step with its preconditions met."""
+        """Moves to the next step, and first establishes its preconditions."""
         self._go_to_step(self.number + 1)
         while self.number < len(TOUR_STEPS) - 1 and not TOUR_STEPS[self.number].ready(self._state):
             self._go_to_step(self.number + 1)
