@@ -170,7 +170,7 @@ def test_test_files_make_contexts_of_zeromq_by_the_helper():
 
 
 def test_decoding_errors_are_caught_completely():
-    """Damaged JSON also raises UnicodeDecodeError and RecursionError, which are no errors of msgspec."""
+    """Damaged JSON also raises UnicodeDecodeError and RecursionError, which are not errors of msgspec."""
     complete = {"ValueError", "DAMAGE"}
     for folder in PACKAGES.values():
         for path in (ROOT / folder).rglob("*.py"):
@@ -178,7 +178,7 @@ def test_decoding_errors_are_caught_completely():
                 if isinstance(node, ast.ExceptHandler) and node.type is not None:
                     caught = {n.attr if isinstance(n, ast.Attribute) else n.id for n in _names(node.type)}
                     is_partial = caught & {"DecodeError", "MsgspecError"} and not caught & complete
-                    assert not is_partial, f"{path}:{node.lineno}: catch enliven.decoding.DECODE_ERRORS"
+                    assert not is_partial, f"{path}:{node.lineno}: catch enliven.files.DECODE_ERRORS"
 
 
 def _names(expression: ast.expr) -> list[ast.Name | ast.Attribute]:

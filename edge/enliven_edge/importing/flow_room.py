@@ -10,9 +10,8 @@ import msgspec
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.decoding import DECODE_ERRORS
 from enliven.errors import InputError
-from enliven.files import read_file
+from enliven.files import DECODE_ERRORS, read_file
 from enliven.person import PARENTS, Body, Joint
 from enliven_edge.importing.base import ImportOptions, read_head
 from enliven_edge.importing.skeletons import (

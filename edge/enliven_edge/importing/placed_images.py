@@ -11,9 +11,8 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.camera import LEVEL_WORLD_FROM_CAMERA, Intrinsics
-from enliven.decoding import DECODE_ERRORS
 from enliven.errors import InputError
-from enliven.files import read_file
+from enliven.files import DECODE_ERRORS, read_file
 from enliven.frames import DepthFrame
 from enliven_edge.importing.base import (
     DEFAULT_OPTIONS,

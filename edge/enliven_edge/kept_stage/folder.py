@@ -13,9 +13,8 @@ from typing import TypeVar
 
 import msgspec
 
-from enliven.decoding import DECODE_ERRORS
 from enliven.errors import EnlivenError, InputError
-from enliven.files import read_file, write_file
+from enliven.files import DECODE_ERRORS, read_file, write_file
 from enliven.wire import MAX_UPLOAD_BYTES
 from enliven_edge.kept_stage.state import VERSION, StageState, StartJournal
 

@@ -17,8 +17,8 @@ from typing import Any, BinaryIO, Literal, TypeVar
 
 import msgspec
 
-from enliven.decoding import DECODE_ERRORS
 from enliven.errors import EnlivenError, InputError
+from enliven.files import DECODE_ERRORS
 from enliven.frames import Frame
 from enliven.recording import BODIES_TOPIC, DEPTH_TOPIC, Recording, frame_from_message
 from enliven_edge.sensors.base import Condition, SensorFault

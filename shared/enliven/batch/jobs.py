@@ -20,10 +20,9 @@ from pathlib import Path
 
 import msgspec
 
-from enliven.decoding import DECODE_ERRORS
 from enliven.errors import EnlivenError, InputError, ResourceError
 from enliven.exporters import find_sheet_function
-from enliven.files import INVALID_NAME_REASON, file_fault, read_file, write_file
+from enliven.files import DECODE_ERRORS, INVALID_NAME_REASON, file_fault, read_file, write_file
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import Rig
 from enliven.oneshot.retargeting import RetargetedFile, RetargetOptions, retarget_file

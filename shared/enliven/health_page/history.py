@@ -10,9 +10,8 @@ from pathlib import Path
 
 import msgspec
 
-from enliven.decoding import DECODE_ERRORS
 from enliven.errors import InputError
-from enliven.files import read_file, write_file
+from enliven.files import DECODE_ERRORS, read_file, write_file
 
 SAMPLE_INTERVAL_S = 60.0
 """Time between two stored values, in seconds."""

@@ -13,8 +13,8 @@ from urllib.parse import urlsplit
 import msgspec
 
 from enliven import __version__
-from enliven.decoding import DECODE_ERRORS
 from enliven.errors import InputError, ResourceError
+from enliven.files import DECODE_ERRORS
 from enliven.health_page.snapshot import STATUS_WORDS, HealthSnapshot, MonitoredEdge
 from enliven.keys.key_files import is_loopback
 from enliven.web_server.access import PASSWORD_VARIABLE

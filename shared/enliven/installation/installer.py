@@ -13,9 +13,8 @@ from pathlib import Path
 
 import msgspec
 
-from enliven.decoding import DECODE_ERRORS
 from enliven.errors import InputError, ResourceError
-from enliven.files import read_file, write_file
+from enliven.files import DECODE_ERRORS, read_file, write_file
 
 from .install_plan import CONFIGURATION_FOLDER, STATE_FOLDER, InstallPlan, PlannedFile, command_line
 

@@ -20,9 +20,8 @@ from typing import TypeVar
 
 import msgspec
 
-from enliven.decoding import DECODE_ERRORS
 from enliven.errors import InputError
-from enliven.files import read_file, user_data_folder, write_file
+from enliven.files import DECODE_ERRORS, read_file, user_data_folder, write_file
 
 RUNTIME_VARIABLE = "ENLIVEN_RUNTIME"
 """Environment variable with the runtime folder. All programs of a kiosk must agree on it."""

@@ -17,9 +17,9 @@ from typing import Any, Union
 
 import msgspec
 
-from enliven.decoding import DECODE_ERRORS
 from enliven.document import Character
 from enliven.errors import EnlivenError, InputError
+from enliven.files import DECODE_ERRORS
 from enliven.wire.characters import CharacterMessage
 from enliven.wire.convert_characters import character_to_message, message_to_character
 from enliven.wire.requests import REQUESTS, Request

@@ -12,9 +12,8 @@ from typing import Any
 
 import msgspec
 
-from enliven.decoding import DECODE_ERRORS
 from enliven.errors import EnlivenError, InputError, ResourceError, refuse_later_version
-from enliven.files import read_file, user_data_folder, write_file
+from enliven.files import DECODE_ERRORS, read_file, user_data_folder, write_file
 from enliven_viewer.language import language_in_use, set_language, tr
 from enliven_viewer.theme import get_theme, use_theme
 

@@ -10,9 +10,9 @@ import msgspec
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.decoding import DECODE_ERRORS
 from enliven.doctor import need
 from enliven.errors import InputError
+from enliven.files import DECODE_ERRORS
 from enliven.person import (
     ROKOKO_BONES,
     ROKOKO_JOINTS,

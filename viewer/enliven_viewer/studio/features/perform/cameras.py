@@ -15,7 +15,7 @@ from PIL import Image
 
 from enliven.arrays import UInt8
 from enliven.commands.processes import start_process
-from enliven.decoding import DECODE_ERRORS
+from enliven.files import DECODE_ERRORS
 from enliven_viewer.language import later, tr
 
 log = logging.getLogger(__name__)
