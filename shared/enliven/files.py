@@ -53,8 +53,8 @@ DAMAGE = (
 of each number would be most of a reader's code.
 """
 DECODE_ERRORS = (ValueError, RecursionError)
-"""The exceptions of msgspec's decoders for damaged JSON or MessagePack. Its own are ValueErrors, and so is the
-error for text that is not UTF-8.
+"""The exceptions of msgspec's decoders for damaged JSON or MessagePack. Those of msgspec are ValueErrors.
+So is the error for text that is not UTF-8.
 """
 _READ_FLAGS = (
     os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
