@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import ipaddress
+import itertools
 import logging
 import socket
 import threading
@@ -18,6 +19,9 @@ log = logging.getLogger(__name__)
 _MIN_UPDATE_INTERVAL_S = 1.0
 """Minimum interval in seconds between two changes of the announcement. It is limited, because every computer
 on the network receives them."""
+_NAME_TIMEOUT_MS = 2500
+"""Timeout in milliseconds of the question whether another service has the name. A service that was announced
+less than a second ago replies after more than a second."""
 _CLOSE_TIMEOUT_S = 3.0
 """Timeout in seconds for withdrawing the announcement (the goodbye message)."""
 
@@ -78,7 +82,7 @@ class Announcer:
         zeroconf = Zeroconf(interfaces=InterfaceChoice.All if everywhere else addresses)
         try:
             announced = self._announcement
-            info = _service_info(announced, announced.instance, addresses)
+            info = _service_info(announced, _find_free_name(zeroconf, announced.instance), addresses)
             zeroconf.register_service(info, allow_name_change=True)
             self.name = info.name.removesuffix("." + SERVICE_TYPE)
             log.info("announced on the network as %s", self.name)
@@ -92,6 +96,22 @@ class Announcer:
         finally:
             with contextlib.suppress(Exception):
                 zeroconf.close()  # This also sends the goodbye message.
+
+
+def _find_free_name(zeroconf: Any, instance: str) -> str:
+    """Returns a name that no service on the network has: the instance, or with "-2", "-3", ... appended.
+
+    The library's own check asks for replies to this address and port. If several programs of a computer share
+    the port of multicast DNS, the system gives such a reply to any of them. So ask for a reply to everyone.
+    """
+    from zeroconf import DNSQuestionType
+
+    for number in itertools.count(1):
+        name = instance if number == 1 else f"{instance}-{number}"
+        full_name, question = f"{name}.{SERVICE_TYPE}", DNSQuestionType.QM
+        if zeroconf.get_service_info(SERVICE_TYPE, full_name, _NAME_TIMEOUT_MS, question) is None:
+            return name
+    raise AssertionError
 
 
 _ALL_ADDRESSES = ("0.0.0.0", "::", "*", "")
