@@ -62,7 +62,7 @@ def person(rng: np.random.Generator) -> Clip:
 
 
 def spider(take: Clip, rng: np.random.Generator) -> Project:
-    """Returns a spider whose eight legs of six bones follow the arms and legs of a person, two by two."""
+    """Returns a spider with eight legs of six bones. Each arm or leg of a person moves two of them."""
     parents, places = [-1], [np.array([0.0, 0.5, 0.0])]
     for leg in range(8):
         way = np.array([np.cos(leg * np.pi / 4), -0.2, np.sin(leg * np.pi / 4)])

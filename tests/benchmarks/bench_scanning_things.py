@@ -1,4 +1,4 @@
-"""Measures scans of objects on which nothing was tuned, with a Kinect's noise: errors of surface and camera.
+"""Measures scans of objects that were never used for tuning, with Kinect noise: errors of surface and camera.
 
 A stool, a bear of round parts and a plant with leaves 2 mm thick are rendered at 640 x 480 from a hand-held
 path, ten images per second. Shape and path are known.

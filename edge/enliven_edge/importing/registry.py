@@ -16,7 +16,7 @@ from enliven_edge.importing.base import Reader
 from enliven_edge.importing.images import describe_colour_image
 
 ENTRY_POINTS = "enliven.readers"
-"""The entry-point group with which other packages can add readers. Each entry names a :class:`Reader`."""
+"""The entry-point group for readers of other packages. Each entry names a :class:`Reader`."""
 _BUILT_IN = (
     "bags.reader:BagReader",
     "depth_images:OpenCvDepthReader",

@@ -83,7 +83,7 @@ class Sensor(Closeable):
 
     @abstractmethod
     def read(self, timeout: float | None = None) -> Frame | None:
-        """Returns the next frame as soon as it is due. Returns None when the stream has ended.
+        """Returns the next frame as soon as it is due. Returns None if the stream has ended.
 
         Args:
             timeout: maximum seconds to wait. None waits without limit.

@@ -42,7 +42,7 @@ def _option_value(text: str) -> Any:
 
 
 ENTRY_POINTS = "enliven.sensors"
-"""The entry-point group with which other packages add sensors. An entry point names a subclass of Sensor."""
+"""The entry-point group for sensors of other packages. An entry point names a subclass of Sensor."""
 _BUILT_IN = {
     "libcamera": "enliven_edge.sensors.drivers.libcamera:LibcameraSensor",
     "oak": "enliven_edge.sensors.drivers.oak:OakSensor",

@@ -106,12 +106,12 @@ def _find_free_name(zeroconf: Any, instance: str) -> str:
     """
     from zeroconf import DNSQuestionType
 
-    for number in itertools.count(1):
-        name = instance if number == 1 else f"{instance}-{number}"
+    def is_free(name: str) -> bool:
         full_name, question = f"{name}.{SERVICE_TYPE}", DNSQuestionType.QM
-        if zeroconf.get_service_info(SERVICE_TYPE, full_name, _NAME_TIMEOUT_MS, question) is None:
-            return name
-    raise AssertionError
+        return zeroconf.get_service_info(SERVICE_TYPE, full_name, _NAME_TIMEOUT_MS, question) is None
+
+    names = itertools.chain([instance], (f"{instance}-{number}" for number in itertools.count(2)))
+    return next(filter(is_free, names))
 
 
 _ALL_ADDRESSES = ("0.0.0.0", "::", "*", "")

@@ -1,4 +1,4 @@
-"""Names of body parts with which performers attach to a mesh, such as "left arm", "upper body" or "hip +
+"""Names of body parts that can attach to a mesh, such as "left arm", "upper body" or "hip +
 right arm"."""
 
 from __future__ import annotations

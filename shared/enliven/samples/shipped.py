@@ -25,7 +25,7 @@ COORDINATE_STEP_M = 2.0**-14
 
 
 _OWN_PARTS = {"lamp": "hip and right arm"}
-"""The body parts with which performers attach to a sample by default. For other meshes, all parts are
+"""The body parts that attach to a sample by default. For other meshes, all parts are
 used."""
 
 

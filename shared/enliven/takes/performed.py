@@ -57,7 +57,7 @@ Key = tuple[str, int]
 
 
 _UNSPLIT_TAKE_SETTINGS = TakeSettings(gap=math.inf)
-"""Settings with which each performer gets a single take, even if the tracker lost the performer for a
+"""Settings that give each performer a single take, even if the tracker lost the performer for a
 while."""
 ONLOOKER_SUFFIX = " onlooker"
 """Suffix of a take's name, before its number, if its performer was attached to no character while other

@@ -74,7 +74,7 @@ _MAX_AT_BORDER = 0.03
 _MIN_CUT_OUTLINE = 0.08
 """Minimum fraction of the outline at the image border for a blob that the image border cuts off."""
 _SHAPE_SAMPLES = 1500
-"""Approximate number of points with which a blob's shape is measured. The cost grows with their number."""
+"""Approximate number of points for measuring a blob's shape. The cost grows with their number."""
 _WALL_OFFSET_M = 1.0
 """Distance in metres added to the depth of a wall behind a blob, so that any blob stands free in front of
 it."""
