@@ -34,6 +34,8 @@ sensor."""
 _METRES_PER_Z = 0.0036
 """Metres per unit of z, which the files do not state. With this value the lengths of bones change least while
 they turn towards the sensor, for all people in the known recordings. In millimetres people would be flat."""
+_MAX_NUMBER = 1e10
+"""Largest pixel or z of a joint. It is larger than any 32-bit integer, in case one marks a missing point."""
 _INVALID = -500
 """Maximum z of an unmeasured point. The files use large negative numbers for such points."""
 _MAX_DEPTH_STEP_M = 0.4
@@ -106,6 +108,8 @@ def _read_frames(path: Path) -> list[list[_Skeleton]]:
                     f"frame {number} has a body of {len(skeleton.joints)} joints, expected 21",
                     where=str(path),
                 )
+            if any(max(abs(p.x), abs(p.y), abs(p.z)) > _MAX_NUMBER for p in skeleton.joints):
+                raise InputError(f"frame {number} has a joint at an impossible position", where=str(path))
     return frames
 
 

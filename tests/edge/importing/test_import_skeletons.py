@@ -354,6 +354,15 @@ def test_flow_room_text_that_is_not_utf_8_is_refused(tmp_path):
         list(find_reader([path], "flow-room").read([path]))
 
 
+def test_flow_room_joint_at_an_impossible_position_is_refused(tmp_path):
+    frame = [flow_room_body(person(), "720", 2.4)]
+    frame[0]["joints"][7]["z"] = 1e308
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps([frame]))
+    with pytest.raises(InputError, match="frame 0 has a joint at an impossible position"):
+        read(path)
+
+
 def test_recording_without_upright_person_is_reported(tmp_path):
     path = tmp_path / "a.json"
     joints = ",".join(['{"x":-500,"y":-500,"z":-500}'] * 21)
