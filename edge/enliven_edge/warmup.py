@@ -25,6 +25,13 @@ _TWO_PEOPLE_FRAMES = 3
 """Number of frames with two people who touch. The second person is new, then confirmed, then tracked."""
 _EMPTY_FRAMES = 1
 """Number of frames without people, in which both people are lost."""
+_EMPTY_ROOM_FRAMES = 3
+"""Number of frames of an empty room. The background is unknown, then learnt, then extended to unseen
+pixels."""
+_EMPTY_ROOM_STEP_NS = 500_000_000
+"""Nanoseconds between the frames of an empty room. The background is extended at most every 0.3 s."""
+_WALL_MM = 2500
+"""Depth of the empty room's wall in millimetres, within the range of every sensor."""
 _PEOPLE_DISTANCE = 1 / 6
 """Distance of the two people as a fraction of the image width. It is small, so that region growing must
 separate them."""
@@ -47,11 +54,30 @@ def warm_up_tracking(settings: TrackerSettings | None = None) -> None:
     _compile_other_kernels()
 
 
+def compile_scene_kernels() -> None:
+    """Compiles the kernels of the background model and of the floor fit: a seventh of all tracker kernels.
+
+    These kernels come last in :func:`warm_up_tracking`. So a second process can compile them while the first
+    process compiles the others.
+    """
+    frame = next(_recorded_frames())
+    depth = np.full_like(frame.depth, _WALL_MM)
+    depth[:, : depth.shape[1] // 4] = 0  # Pixels without depth, to which the background is extended.
+    tracker = Tracker()
+    for i in range(_EMPTY_ROOM_FRAMES):
+        tracker.track(dataclasses.replace(frame, depth=depth, time_ns=i * _EMPTY_ROOM_STEP_NS))
+    _compile_other_kernels()
+
+
+def _recorded_frames() -> Iterator[DepthFrame]:
+    """Yields the depth frames of the shipped recording."""
+    return (frame for frame in Recording(shipped_recording()).frames() if isinstance(frame, DepthFrame))
+
+
 def _warm_up_frames() -> Iterator[DepthFrame]:
     """Yields the frames to be tracked, with times at 30 frames per second."""
-    frames = (f for f in Recording(shipped_recording()).frames() if isinstance(f, DepthFrame))
     count = _ONE_PERSON_FRAMES + _TWO_PEOPLE_FRAMES + _EMPTY_FRAMES
-    for i, frame in zip(range(count), frames, strict=False):
+    for i, frame in zip(range(count), _recorded_frames(), strict=False):
         depth = frame.depth
         if i >= _ONE_PERSON_FRAMES:
             depth = _duplicate_person(depth)

@@ -15,12 +15,15 @@ def compile_something() -> None:
 def test_the_first_compilation_starts_the_process_once():
     with TrackerCompilation() as tracker:
         assert tracker._process is None
+        assert not tracker.is_running
         compile_something()
         process = tracker._process
+        assert tracker.is_running
         compile_something()
         assert tracker._process is process
         tracker.wait()
         assert process.returncode == 0, "it has compiled and tracked"
+        assert not tracker.is_running
         compile_something()
         assert tracker._process is process
 

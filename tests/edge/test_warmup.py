@@ -72,3 +72,19 @@ def test_warm_up_compiles_all_kernels():
 @pytest.mark.slow
 def test_first_frames_without_warm_up_load_kernels():
     assert {"minimise", "_solid_pixels"} <= set(kernels_of(warm=False)["live"])
+
+
+SCENE = """
+from enliven_edge.tracking.fit.gauss_newton import minimise
+from enliven_edge.tracking.scene.background_fill import fill_from_nearest
+from enliven_edge.tracking.scene.background_kernels import learn_frame
+from enliven_edge.tracking.scene.floor import _level_plane
+from enliven_edge.warmup import compile_scene_kernels
+compile_scene_kernels()
+print([len(kernel.signatures) for kernel in (learn_frame, fill_from_nearest, _level_plane, minimise)])
+"""
+
+
+def test_compile_scene_kernels_leaves_the_model_fit_to_the_other_process():
+    shown = subprocess.run([sys.executable, "-c", SCENE], capture_output=True, text=True, check=True)
+    assert shown.stdout == "[1, 1, 1, 0]\n"

@@ -16,7 +16,7 @@ from enliven.kernel_cache.compiling import on_compilation
 from enliven.kernel_cache.store import user_folder
 from enliven_edge.stage.character_setup import create_actor, default_parts, make_character_id
 from enliven_edge.stage.puppet.spec import is_puppet
-from enliven_edge.warmup import warm_up_tracking
+from enliven_edge.warmup import compile_scene_kernels, warm_up_tracking
 
 if TYPE_CHECKING:
     from enliven.possession import Actor
@@ -45,6 +45,8 @@ def prepare_actors(
             next_step("Compiling the solver (kept for the next start)")
             actor.warm_up()
             next_step("Compiling the tracker (kept for the next start)")
+        if tracker.is_running:
+            compile_scene_kernels()
         tracker.wait()
         warm_up_tracking(edge_settings.tracker)
     return list(actors.values()), parts
@@ -92,6 +94,11 @@ class TrackerCompilation:
             command = [sys.executable, "-m", "enliven_edge.warmup"]
             no_stream = subprocess.DEVNULL
             self._process = subprocess.Popen(command, stdin=no_stream, stdout=no_stream, stderr=no_stream)
+
+    @property
+    def is_running(self) -> bool:
+        """True while the process compiles."""
+        return self._process is not None and self._process.poll() is None
 
     def wait(self) -> None:
         """Waits until the compiling process has ended. If it failed, this process compiles the missing
