@@ -38,6 +38,8 @@ NOT_TRACKED = 0.0
 """Confidence of a joint that the SDK does not know."""
 CONFIDENCE_OF_STATE = np.array([NOT_TRACKED, INFERRED, TRACKED])
 """(3,) the confidence of the SDKs' tracking states 0, 1 and 2."""
+MAX_DISTANCE_M = 1000.0
+"""A joint that is farther from the sensor than this is damaged data. Depth sensors reach a few metres."""
 FOOT_ABOVE_SOLE = 0.02
 """Height in metres of an average adult's foot joint above the sole."""
 _FEET = (Joint.FOOT_LEFT, Joint.FOOT_RIGHT)
@@ -109,7 +111,7 @@ def frames_in_world(
     Raises:
         InputError: if no joint was seen.
     """
-    rotated = [_rotate_moment(moment, world_from_sensor) for moment in moments]
+    rotated = [_move_to_world(moment, world_from_sensor) for moment in moments]
     all_bodies = [body for moment in rotated for body in moment.bodies]
     floor, statures = _estimate_floor(all_bodies, where), _estimate_statures(all_bodies)
     for moment in rotated:
@@ -120,15 +122,23 @@ def frames_in_world(
 
 
 def mask_missing(joints: Float, confidence: Float) -> tuple[Float, Float]:
-    """Returns joints (20, 3) and confidence (20,) with missing joints as NaN and confidence 0."""
-    is_observed: Bool = np.asarray(np.isfinite(joints).all(-1))
+    """Returns joints (20, 3) and confidence (20,) with missing joints as NaN and confidence 0.
+
+    Joints farther than :data:`MAX_DISTANCE_M` on an axis are missing, too. Their squares could overflow.
+    """
+    is_observed: Bool = np.asarray((np.abs(joints) <= MAX_DISTANCE_M).all(-1))
     return np.where(is_observed[:, None], joints, np.nan), np.where(
         is_observed, np.clip(confidence, 0.0, 1.0), 0.0
     )
 
 
-def _rotate_moment(moment: SkeletonMoment, turn: Float) -> SkeletonMoment:
-    return SkeletonMoment(moment.time_ns, [replace(b, joints=b.joints @ turn.T) for b in moment.bodies])
+def _move_to_world(moment: SkeletonMoment, world_from_sensor: Float) -> SkeletonMoment:
+    """Returns a moment with rotated bodies. Joints at impossible positions are missing."""
+    bodies = []
+    for body in moment.bodies:
+        joints, confidence = mask_missing(body.joints, body.confidence)
+        bodies.append(replace(body, joints=joints @ world_from_sensor.T, confidence=confidence))
+    return SkeletonMoment(moment.time_ns, bodies)
 
 
 def _estimate_statures(bodies: Sequence[Body]) -> dict[int, float]:

@@ -7,13 +7,19 @@ import numpy as np
 import pytest
 
 from enliven.errors import InputError
-from enliven.person.body import ANKLE_ABOVE_SOLE
+from enliven.person.body import ANKLE_ABOVE_SOLE, Body
 from enliven.person.joints import Joint
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.kinect_texts import MSR_FOCAL, MSR_ORDER, level_from_tilted
 from enliven_edge.importing.mirror import OTHER_SIDE, mirror_frames
 from enliven_edge.importing.registry import find_reader
-from enliven_edge.importing.skeletons import KINECT2_NAMES, KINECT2_ORDER
+from enliven_edge.importing.skeletons import (
+    KINECT2_NAMES,
+    KINECT2_ORDER,
+    WORLD_FROM_KINECT_SPACE,
+    SkeletonMoment,
+    frames_in_world,
+)
 from enliven_edge.tracking.output.output import Output
 
 UPRIGHT = {
@@ -361,6 +367,21 @@ def test_flow_room_joint_at_an_impossible_position_is_refused(tmp_path):
     path.write_text(json.dumps([frame]))
     with pytest.raises(InputError, match="frame 0 has a joint at an impossible position"):
         read(path)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("value", [1e308, -1e200, 2000.0, np.inf, np.nan])
+def test_joint_at_an_impossible_position_is_missing(value):
+    joints = person()
+    good = Body(0, joints, np.ones(20))
+    bad = Body(0, joints.copy(), np.ones(20))
+    bad.joints[Joint.HAND_LEFT, 2] = value
+    moments = [SkeletonMoment(0, [good]), SkeletonMoment(33_000_000, [bad])]
+    first, second = frames_in_world(moments, "kinect1", WORLD_FROM_KINECT_SPACE, "take")
+    (good,), (bad,) = first.bodies, second.bodies
+    others = np.arange(20) != Joint.HAND_LEFT
+    assert np.isnan(bad.joints[Joint.HAND_LEFT]).all() and bad.confidence[Joint.HAND_LEFT] == 0.0
+    assert np.array_equal(bad.joints[others], good.joints[others]) and bad.stature == good.stature
 
 
 def test_recording_without_upright_person_is_reported(tmp_path):
