@@ -14,6 +14,7 @@ from enliven.commands.terminal import print_line, progress_lines
 from enliven.document import unused
 from enliven.kernel_cache.compiling import on_compilation
 from enliven.kernel_cache.store import user_folder
+from enliven.wire import posecode
 from enliven_edge.stage.character_setup import create_actor, default_parts, make_character_id
 from enliven_edge.stage.puppet.spec import is_puppet
 from enliven_edge.warmup import compile_scene_kernels, warm_up_tracking
@@ -45,6 +46,7 @@ def prepare_actors(
             next_step("Compiling the solver (kept for the next start)")
             actor.warm_up()
             next_step("Compiling the tracker (kept for the next start)")
+        posecode.warm_up()
         if tracker.is_running:
             compile_scene_kernels()
         tracker.wait()

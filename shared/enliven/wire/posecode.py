@@ -117,14 +117,16 @@ class PoseCodec:
 
 
 def warm_up() -> None:
-    """Compiles the decoder, or loads it from the cache.
+    """Compiles the encoder and the decoder, or loads them from the cache.
 
     Call it before the first frame, because compilation takes seconds.
     """
-    table = np.empty((1, COLUMNS), np.int32)
+    pivots, order, parents = np.zeros((1, 3)), np.zeros(1, np.int64), np.full(1, -1)
+    table, _ = _prediction_residuals(np.eye(3)[None], pivots, pivots, order, parents, False)
+    encode_columns(table)
     # Decode bytes as in a message. They become a read-only array, for which Numba compiles separate code.
     decode_columns(np.frombuffer(b"\xff" * (COLUMNS // 2), np.uint8), table)
-    _restore_pose(table, np.zeros((1, 3)), np.zeros(1, np.int64), np.full(1, -1), False)
+    _restore_pose(table, pivots, order, parents, False)
 
 
 def spanning_tree(pivots: Float, edges: AnyArray) -> tuple[Int, Int]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int, Int32
 from enliven.errors import InputError
-from enliven.kernels import njit
+from enliven.kernels import copy_row, njit
 from enliven.meshes import Mesh, face_areas, face_vectors, normals_of, weld
 from enliven.rotation import unit
 
@@ -99,7 +99,7 @@ def _nearest_faces(corners, middles, reach, points, faces, weights):
             off = _clamp_to_triangle(corners[f], points[n], shares)
             if off < best:
                 best, faces[n] = off, f
-                weights[n] = shares
+                copy_row(weights[n], shares)
 
 
 @njit(cache=True, nogil=True)
