@@ -96,7 +96,7 @@ def test_a_sensor_of_a_package_that_is_not_installed_names_the_package(monkeypat
 
 
 def test_two_sensors_of_one_name_are_refused():
-    with contextlib.ExitStack() as stack, pytest.raises(InputError, match="Name them yourself"):
+    with contextlib.ExitStack() as stack, pytest.raises(InputError, match="Give each sensor another name"):
         open_sources([Source(None, "synthetic", {})] * 2, stack)
 
 

@@ -33,7 +33,7 @@ BOMB = lz4.frame.compress(bytes(1 << 26))
         (chunk(b"zip", 1, b"a"), "compressed by b'zip'"),
         (ros1.MAGIC + struct.pack("<I", 1 << 30), "ends in the middle"),
         (chunk(b"none", len(LISTED) - 2, LISTED[:-2]), "ends in the middle"),
-        (ros1.MAGIC, "no known camera"),
+        (ros1.MAGIC, "no images of a supported camera"),
     ],
 )
 def test_hostile_bags_are_refused(tmp_path, content, words):

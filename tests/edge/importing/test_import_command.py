@@ -86,8 +86,8 @@ def test_failed_import_leaves_no_file_and_keeps_the_old_one(folder, tmp_path):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        ([], "nothing to import"),
-        (["{folder}"], "is not named"),
+        ([], "no input file is named"),
+        (["{folder}"], "no output file is named"),
         (["nowhere", "-o", "{out}"], "nowhere: there is no such file"),
         (["{folder}", "-o", "{out}", "--reader", "plane-depth"], "Did you mean plain-depth"),
         (["{folder}", "-o", "{folder}/no/such/folder.mcap"], "no/such' does not exist"),

@@ -284,7 +284,7 @@ def test_settings_are_read_and_checked():
     assert read.boxes.at == ((1.0, 2.0),) and read.boxes.high == 3
     with pytest.raises(InputError, match=r"'none' or 'boxes' or 'dodgeball'"):
         load_settings(PhysicsSettings, {"world": "bowling"})
-    with pytest.raises(InputError, match="Use boxes"):
+    with pytest.raises(InputError, match="Set world to boxes"):
         Playground(PhysicsSettings(world="none"))
 
 

@@ -120,7 +120,9 @@ def test_invalid_film_or_camera_is_reported(tmp_path):
         open_sensor("webcam", device=str(tmp_path / "a.mp4"))
     with pytest.raises(ResourceError, match=r"video99: the camera was not found\. (There are|Plug one)"):
         open_sensor("webcam", device="/dev/video99")
-    with pytest.raises(ResourceError, match=r"null: it cannot be opened .* Check that it is a camera"):
+    with pytest.raises(
+        ResourceError, match=r"null: the camera cannot be opened .* Check that this is a camera"
+    ):
         WebcamSensor("/dev/null", source=Truth())
     with pytest.raises(InputError, match="view"):
         open_sensor("webcam", device="/dev/video99", view=500.0)

@@ -76,7 +76,7 @@ def test_old_playback_is_refused_before_the_library_hangs(take, tmp_path, monkey
     needs("orbbec")
     monkeypatch.setattr(playback, "_FILE_VERSION", 1.0)
     write_playback(take, tmp_path / "old.bag")
-    with pytest.raises(InputError, match="only version 2 is known"):
+    with pytest.raises(InputError, match="only version 2 is supported"):
         open_reopening(sensor_opener("orbbec", rehearse=str(tmp_path / "old.bag")))
 
 
