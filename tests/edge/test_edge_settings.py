@@ -54,7 +54,7 @@ def test_a_sensor_that_the_space_does_not_know_is_refused():
     space = load_space(EDGES / loaded.space)
     with contextlib.ExitStack() as stack:
         sensors = open_sources([Source("middle", "synthetic", {})], stack)
-        with pytest.raises(InputError, match=r"no pose for the sensor .middle.*left, right"):
+        with pytest.raises(InputError, match=r"no pose of the sensor .middle.*left, right"):
             FusedSensors(sensors, {"middle": Tracker()}, space)
 
 

@@ -181,6 +181,6 @@ def test_a_wall_of_the_tum_benchmark_is_at_two_metres(tmp_path) -> None:
 
 def test_an_empty_image_is_named_and_later_times_stay(tmp_path) -> None:
     output = call("import", FAULTS / "depth_empty_png", "-o", tmp_path / "a.mcap", "--fps", 10)
-    assert "depth_3.png is left out: it is empty" in output
+    assert "depth_3.png is skipped: the file is empty" in output
     assert [frame.time_ns for frame in Recording(tmp_path / "a.mcap").frames()] == [0, 10**8, 3 * 10**8]
     assert "depth_3.png" in call("track", FAULTS / "depth_empty_png", "-o", tmp_path / "b.mcap")

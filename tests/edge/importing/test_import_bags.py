@@ -156,7 +156,7 @@ def test_depth_steps_of_orbbec_cameras_are_applied(tmp_path, orbbec, monkeypatch
     [
         ({0: struct.pack("<d", 1.0)}, "only version 2"),
         ({0: struct.pack("<d", 2.0), 85: b"\0\0\0\0"}, "disparities instead of depth"),
-        ({0: struct.pack("<d", 2.0), 176: struct.pack("<f", float("nan"))}, "step of depth is nan"),
+        ({0: struct.pack("<d", 2.0), 176: struct.pack("<f", float("nan"))}, "depth unit of nan mm"),
     ],
 )
 def test_unsupported_orbbec_recording_is_refused(tmp_path, orbbec, monkeypatch, about, words):
@@ -257,5 +257,5 @@ def test_truncated_recording_leaves_no_output(orbbec, tmp_path, share, which):
 
 
 def test_several_recordings_are_imported_one_by_one(orbbec):
-    with pytest.raises(InputError, match="these are 2 recordings"):
+    with pytest.raises(InputError, match="the 2 files are separate recordings"):
         list(BagReader().read([orbbec, OLD_BAG]))

@@ -50,7 +50,7 @@ def folder(tmp_path):
 def test_import_reports_findings_and_assumptions(folder, tmp_path):
     output = run("import", folder, "-o", tmp_path / "take.mcap", "--fps", 10)
     assert "4 frames of 320x240 depth, 0.3 s, sensor kinect1 (plain-depth" in output
-    assert "Note: no camera in the files" in output
+    assert "Note: the files contain no camera" in output
     recording = Recording(tmp_path / "take.mcap")
     assert [frame.time_ns for frame in recording.frames()] == [0, 10**8, 2 * 10**8, 3 * 10**8]
     assert recording.info.metadata["import"]["reader"] == "plain-depth"

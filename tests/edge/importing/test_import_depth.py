@@ -93,7 +93,7 @@ def test_realsense_takes_the_device_of_the_file_name(tmp_path):
     assert (camera.fx, camera.fy) == (480.0, 480.5)
     assert (camera.cx, camera.cy) == (315.0, 175.0)
     save(tmp_path / "1_M99_depth_0.png", depth_image(0, 360, 640))
-    with pytest.raises(InputError, match=r"M99 is not in the list.*Known: M11, M7"):
+    with pytest.raises(InputError, match=r"M99 is not in the list.*Known devices: M11, M7"):
         read(tmp_path)
 
 
@@ -292,7 +292,7 @@ def spoil(path, how):
 @pytest.mark.parametrize(
     ("how", "words"),
     [
-        ("empty", "it is empty"),
+        ("empty", "the file is empty"),
         ("colour", "a PNG image in colour"),
         ("8 bits", "256 greys"),
         ("a web page", "not a PNG"),
@@ -309,7 +309,7 @@ def test_an_image_without_depth_is_reported_and_leaves_a_gap(tmp_path, how, word
     assert [frame.time_ns for frame in frames] == [i * 10**8 for i in readable]
     for i, frame in zip(readable, frames, strict=True):
         assert np.array_equal(frame.depth, depth_image(i, 240, 320))
-    (warning,) = [note for note in notes if "left out" in note]
+    (warning,) = [note for note in notes if "skipped" in note]
     assert f"depth_{at}.png" in warning and words in warning
 
 
@@ -320,7 +320,7 @@ def test_many_images_without_depth_are_counted(tmp_path):
             spoil(tmp_path / f"{i}.png", "empty")
     frames, notes = read_with(None, tmp_path)
     assert len(frames) == 10
-    assert len([note for note in notes if "is left out" in note]) == 5
+    assert len([note for note in notes if "is skipped" in note]) == 5
     assert "5 more images are skipped; the last is 19.png" in notes
 
 
@@ -413,7 +413,7 @@ def test_a_tum_list_is_checked(tmp_path):
     tum(tmp_path / "b")
     with (tmp_path / "b" / "groundtruth.txt").open("a") as file:
         file.write("1305031453 1 2\n")
-    with pytest.raises(InputError, match="line 6 is not a time"):
+    with pytest.raises(InputError, match="line 6 does not consist of a time"):
         read(tmp_path / "b")
 
 
@@ -430,5 +430,5 @@ def test_seven_scenes_are_read_as_they_come(tmp_path):
     assert frame.intrinsics.fx == 585.0 and any("7-Scenes" in note for note in notes)
     assert (frame.depth[:10] == 0).all() and (frame.depth[10:] == 2000).all()
     assert frame.colour is not None and frame.world_from_camera is not None
-    with pytest.raises(InputError, match=r"1 sequences.*seq-01"):
+    with pytest.raises(InputError, match=r"1 separate recordings.*seq-01"):
         find_files([str(tmp_path / "chess")])

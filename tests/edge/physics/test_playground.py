@@ -213,7 +213,7 @@ def test_playground_with_nan_velocity_restarts(caplog):
     performed(simulation, lambda k: (-2.0, 0.0, 0.0), 3)
     simulation.world.velocities[0, 0] = np.nan
     props = step(simulation, [], [], set(), 3 * NS)
-    assert simulation.resets == 1 and "starts again" in caplog.text
+    assert simulation.resets == 1 and "was restarted" in caplog.text
     assert np.allclose(props.positions, tower_places(SMALL), atol=1e-6)
 
 

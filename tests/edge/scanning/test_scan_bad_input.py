@@ -30,7 +30,7 @@ def carried(tmp_path_factory):
 def test_unmoved_camera_gives_advice(tmp_path):
     frame = take_of().frame(0)
     still = write((replace(frame, time_ns=n * 33_000_000) for n in range(5)), tmp_path / "still.mcap")
-    with pytest.raises(InputError, match=r"the camera moved 0 cm only\. Carry it round"):
+    with pytest.raises(InputError, match=r"the camera moved only 0 cm\. Carry the camera around"):
         run("--recording", still, "-o", tmp_path / "no.glb", "--voxel", 16)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["still.mcap"]
 

@@ -56,20 +56,36 @@ MESSAGES = [
     ),
     ("oak", "Device 1844301041 (OAK-1) does not have stereo pair available", "no stereo pair"),
     ("realsense", "failed to open usb interface: 0, error: RS2_USB_STATUS_ACCESS", "your user may not open"),
-    ("realsense", "Unable to claim interface 0, error: RS2_USB_STATUS_BUSY", "another program uses it"),
+    (
+        "realsense",
+        "Unable to claim interface 0, error: RS2_USB_STATUS_BUSY",
+        "another program uses the camera",
+    ),
     ("realsense", "xioctl(VIDIOC_S_FMT) failed, errno=16 Last Error: Device or resource busy", "another"),
-    ("realsense", "Couldn't resolve requests", "cannot send such images on this port. Use a USB 3 port"),
-    ("realsense", "Device disconnected. Failed to reconnect: ", "no longer connected. Plug it in again"),
+    (
+        "realsense",
+        "Couldn't resolve requests",
+        "cannot send the requested images on this port. Use a USB 3 port",
+    ),
+    (
+        "realsense",
+        "Device disconnected. Failed to reconnect: ",
+        "no longer connected. Plug the camera in again",
+    ),
     ("orbbec", "[usb] Access denied (insufficient permissions)", "your user may not open the camera"),
     (
         "orbbec",
         "usbEnumerator openUsbDevice failed!",
-        "it cannot be opened. Close other programs that use it",
+        "the camera cannot be opened. Close other programs that use the camera",
     ),
-    ("orbbec", "Device is deactivated/disconnected!\n code 2", "no longer connected. Plug it in again"),
+    (
+        "orbbec",
+        "Device is deactivated/disconnected!\n code 2",
+        "no longer connected. Plug the camera in again",
+    ),
     ("other", "[Errno 13] Permission denied: '/dev/video0'", "your user may not open the camera"),
     ("other", "[Errno 19] No such device", "no longer connected"),
-    ("other", "Frobnication failed", "it cannot be used (Frobnication failed). Unplug it once"),
+    ("other", "Frobnication failed", "the camera cannot be used (Frobnication failed). Unplug the camera"),
 ]
 """(sensor, message of its library, our message)."""
 
@@ -131,7 +147,7 @@ def test_two_cameras_of_one_name_are_reported_with_advice():
     with pytest.raises(ResourceError) as raised:
         choose_device("oak", "an OAK", {"A1": 0, "B2": 1}, "", "device")
     reason = str(raised.value)
-    assert "2 are connected: A1, B2" in reason and "--set device=A1" in reason
+    assert "2 cameras are connected: A1, B2" in reason and "--set device=A1" in reason
     assert "--sensor left=oak --sensor right=oak --set left.device=A1 --set right.device=B2" in reason
 
 
@@ -259,10 +275,10 @@ def test_a_camera_that_does_not_know_its_lens_gets_that_of_its_kind():
     typical, is_known = choose_intrinsics(320, 200, (1.0, 1.0, 0.0, 0.0), "oak-d", "oak 1")
     assert not is_known and typical.width == 320 and 200 < typical.fx < 240
     for rehearsed, remedy in (
-        (False, "Ask for 640x400, or cal"),
-        (True, "Rehearse with .* or with one of 640x400"),
+        (False, "Set the image size to 640x400, or cal"),
+        (True, "Rehearse with .* or with a recording of 640x400"),
     ):
-        with pytest.raises(InputError, match=rf"oak 1: it does not know its lens.* {remedy}"):
+        with pytest.raises(InputError, match=rf"oak 1: the lens of the camera is unknown.* {remedy}"):
             choose_intrinsics(640, 480, (1.0, 1.0, 0.0, 0.0), "oak-d", "oak 1", rehearsed)
 
 
