@@ -142,7 +142,7 @@ def _estimate_distance(bodies: Sequence[Float], path: Path) -> float:
     height_px = float(np.percentile(heights, 75)) if heights else 0.0
     if height_px < 20.0:
         raise InputError(
-            "nobody stands upright in the recording, so the distance to the sensor is unknown",
+            "the recording shows no person who stands upright, so the distance to the sensor is unknown",
             where=str(path),
         )
     centre = float(np.median([uvz[:, 2] for uvz in bodies])) * _METRES_PER_Z

@@ -37,8 +37,8 @@ _MAX_SAVED_FRAMES = 50
 class CommandQueue:
     """Sorts the queued commands of all viewers, and keeps the order of each viewer's commands.
 
-    The viewer whose recent commands cost the least time comes first. The commands of disconnected viewers
-    come last.
+    The viewer with the lowest cost of recent commands comes first. The commands of disconnected viewers come
+    last.
 
     Args:
         budget: seconds for commands in each frame of usual length. Unused time is saved for later calls of

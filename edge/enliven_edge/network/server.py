@@ -66,8 +66,8 @@ _FRAMES_PER_TURN = 16
 class ZmtpServer:
     """Listens on a TCP port and speaks ZMTP with the peers that connect.
 
-    The peer whose recent messages cost the least time is read first, so that a flood does not delay the
-    others. If the server is full, a new connection replaces the first of these that exists:
+    The peer with the lowest cost of recent messages is read first, so that a flood does not delay the others.
+    If the server is full, a new connection replaces the first of these that exists:
 
     1. a connection without a complete handshake;
     2. with keys, a connection of an unpaired peer;

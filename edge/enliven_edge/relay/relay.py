@@ -176,7 +176,7 @@ class Relay(Closeable):
                 waiting = Refused(f"this relay waits for the edge at {self._upstream.endpoint}")
                 return self._upstream.state.welcome("watch") or waiting
             case GetState():
-                refusal = Refused(f"there is no character {request.character!r}")
+                refusal = Refused(f"unknown character {request.character!r}")
                 return self._upstream.state.packed.get(request.character, refusal)
             case Ping():
                 self._send_first_heartbeat(request.listening)

@@ -367,7 +367,7 @@ def test_recording_without_upright_person_is_reported(tmp_path):
     path = tmp_path / "a.json"
     joints = ",".join(['{"x":-500,"y":-500,"z":-500}'] * 21)
     path.write_text('[[],[{"bodyIndex":0,"joints":[' + joints + "]}]]")
-    with pytest.raises(InputError, match="nobody stands upright"):
+    with pytest.raises(InputError, match="no person who stands upright"):
         list(find_reader([path], "flow-room").read([path]))
 
 
