@@ -562,7 +562,7 @@ def test_a_damaged_file_of_a_viewer_locks_out_that_viewer_only(
     path = locked.store.folder / "viewers" / f"{fingerprint(locked.keys['edit'].public)}.toml"
     path.write_text(path.read_text().replace("edit", "king"))
     locked.access.refresh(immediately=True)
-    assert locked.access.viewer_role(locked.keys["edit"].public) is None and "not admitted" in caplog.text
+    assert locked.access.viewer_role(locked.keys["edit"].public) is None and "cannot connect" in caplog.text
     assert locked.access.viewer_role(locked.keys["watch"].public) == "watch"
 
 

@@ -154,7 +154,7 @@ def test_a_failed_calibration_loses_no_file(takes, space, tmp_path, capsys):
     words = ["calibrate", str(takes / "left.mcap"), str(takes / "right.mcap"), "-o", str(path)]
     assert run([*words, "--seconds", "1.5"]) == 3
     output = capsys.readouterr()
-    assert "cannot be placed yet" in output.err and "was left unchanged" in output.err
+    assert "not accurate enough yet" in output.err and "was not changed" in output.err
     assert path.read_bytes() == (takes / "space.toml").read_bytes()
     assert list(tmp_path.iterdir()) == [path]
 
@@ -167,7 +167,7 @@ def test_recording_given_twice_is_refused(tmp_path, monkeypatch, capsys, second)
     (tmp_path / "link.mcap").symlink_to(recording)
     (tmp_path / "copy.mcap").write_bytes(recording.read_bytes())
     assert run(["calibrate", str(recording), second.format(recording), "-o", "space.toml"]) == 3
-    assert "the recording is given twice" in capsys.readouterr().err
+    assert "two sources are the same recording" in capsys.readouterr().err
     assert not (tmp_path / "space.toml").exists()
 
 

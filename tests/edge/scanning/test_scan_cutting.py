@@ -123,8 +123,10 @@ def test_added_scan_completes_the_earlier_one(tmp_path):
     assert len(list(Recording(tmp_path / "box.scan.mcap").frames())) > 18 + 25
     (tmp_path / "box.scan.mcap").unlink()
     before = target.read_bytes()
-    with pytest.raises(InputError, match=r"its scan was not kept: box\.scan\.mcap is missing"):
+    with pytest.raises(
+        InputError, match=r"the images of this scan were not saved: box\.scan\.mcap is missing"
+    ):
         run("--recording", back, "--add", target, "-o", target)
     assert target.read_bytes() == before
-    with pytest.raises(InputError, match="do not go together"):
+    with pytest.raises(InputError, match="cannot be used together"):
         run("--recording", back, "--add", target, "--before", front, "-o", tmp_path / "no.glb")
