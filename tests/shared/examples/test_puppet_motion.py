@@ -399,7 +399,7 @@ def test_switches_that_were_edited_are_used_and_wrong_ones_refused():
 
 def test_there_is_no_layer_of_that_number():
     project = puppet_project()
-    with pytest.raises(InputError, match="no layer 4"):
+    with pytest.raises(InputError, match="layer 4 does not exist"):
         motion(project, 4)
 
 

@@ -62,7 +62,7 @@ def test_all_mistakes_are_found_at_once(tmp_path: Path) -> None:
         "characters.squid.parts",
         "the language 'xx' in story.language",
         "the file visit.mcap in story.attract does not exist",
-        "screen.size is 'big'",
+        "the size 'big' in screen.size",
         "'4 am' is not a time of day",
         "other users can read this secret file",
     ):

@@ -257,7 +257,7 @@ def test_an_edit_that_cannot_be_changes_nothing():
     chain = chain_to(clip.skeleton, 7)
     bad = [
         (lambda: bind_chain(project, "ghost", (0, 1), "take", chain), "no shape"),
-        (lambda: bind_chain(project, "tree", (0, 1), "ghost", chain), "no take 'ghost'"),
+        (lambda: bind_chain(project, "tree", (0, 1), "ghost", chain), "take 'ghost' does not exist"),
         (lambda: bind_chain(project, "tree", (0, 2), "take", chain), "not neighbours"),
         (lambda: bind_chain(project, "tree", (0, 1), "take", (0, 99)), "joint 99 does not exist"),
         (lambda: bind_chain(project, "tree", (2, 1, 0), "take", chain), "from 'a' to 'c'"),

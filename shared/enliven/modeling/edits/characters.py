@@ -295,7 +295,9 @@ def _check_layers(character: RigBase, numbers: set[int]) -> None:
     if missing:
         problem = f"the character has no layer {min(missing)}"
         raise InputError(
-            problem, where=character.where, remedy=f"The character has {count} layers, numbered from 0."
+            problem,
+            where=character.where,
+            remedy=f"The layers are numbered from 0. Number of layers: {count}.",
         )
 
 

@@ -267,7 +267,7 @@ def _with_clips(project: Project, character_id: str, numbers: Iterable[int], cha
 def _find_layer(character: RigBase, number: int) -> LayerBase:
     playing = character.playing
     if not 0 <= number < len(playing):
-        remedy = f"The character has {len(playing)} layers, numbered from 0."
+        remedy = f"The layers are numbered from 0. Number of layers: {len(playing)}."
         raise InputError(f"the character has no layer {number}", where=character.where, remedy=remedy)
     return playing[number]
 
@@ -275,5 +275,8 @@ def _find_layer(character: RigBase, number: int) -> LayerBase:
 def _check_clip(clips: Sequence[Segment], clip: int, character_id: str) -> None:
     """Raises an error if the clip does not exist."""
     if not 0 <= clip < len(clips):
-        problem, remedy = f"the lane has no clip {clip}", f"The lane has {len(clips)} clips, numbered from 0."
+        problem, remedy = (
+            f"the lane has no clip {clip}",
+            f"The clips are numbered from 0. Number of clips: {len(clips)}.",
+        )
         raise InputError(problem, where=f"character {character_id!r}", remedy=remedy)

@@ -203,7 +203,7 @@ def _handle_number(character: RigBase, handle: int | str) -> int:
     if isinstance(handle, str) or not 0 <= handle < character.keyable:
         count = character.keyable
         remedy = (
-            f"The character has {count} nodes, numbered from 0."
+            f"The nodes are numbered from 0. Number of nodes: {count}."
             if count
             else "Set keys for the whole character instead."
         )

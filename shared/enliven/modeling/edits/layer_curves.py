@@ -31,7 +31,7 @@ def layer_keys(project: Project, character_id: str, layer: int, number: Number) 
     """
     character = project.character(character_id)
     if not 0 <= layer < len(character.playing):
-        remedy = f"The character has {len(character.playing)} layers, numbered from 0."
+        remedy = f"The layers are numbered from 0. Number of layers: {len(character.playing)}."
         raise InputError(f"the character has no layer {layer}", where=character.where, remedy=remedy)
     keys: tuple[CurveKey, ...] = getattr(character.playing[layer], number)
     return keys

@@ -120,7 +120,7 @@ def _checked_to_differ(project: Project, puppet: ExampleCharacter) -> Project:
 
 def _find_key_pose(puppet: ExampleCharacter, number: int) -> KeyPose:
     if not 0 <= number < len(puppet.poses):
-        remedy = f"The puppet has {len(puppet.poses)} key poses, numbered from 0."
+        remedy = f"The key poses are numbered from 0. Number of key poses: {len(puppet.poses)}."
         raise InputError(f"the puppet has no key pose {number}", where=f"puppet {puppet.id!r}", remedy=remedy)
     return puppet.poses[number]
 

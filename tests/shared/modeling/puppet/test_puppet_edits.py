@@ -329,7 +329,7 @@ FIVE = np.zeros((5, 3))
         (lambda p: change_key_pose(p, "stool", 9, time=0.0), "no key pose 9"),
         (
             lambda p: remove_key_pose(p, "stool", -1),
-            "the puppet has no key pose -1. The puppet has 4 key poses, numbered from 0.",
+            "the puppet has no key pose -1. The key poses are numbered from 0. Number of key poses: 4.",
         ),
         (lambda p: play_take(p, "stool", "run"), "the project has no take 'run'. Known takes: walk."),
         (lambda p: play_take(p, "stool", "walk", sped=2.0), "the attribute 'sped' does not exist"),
@@ -344,7 +344,7 @@ FIVE = np.zeros((5, 3))
         ),
         (
             lambda p: change_layers(p, "stool", [3], loop=True),
-            "the character has no layer 3. The character has 1 layers, numbered from 0.",
+            "the character has no layer 3. The layers are numbered from 0. Number of layers: 1.",
         ),
         (lambda p: remove_layer(p, "stool", 1), "no layer 1"),
         (lambda p: scale_character(p, "stool", 0.0), "a character cannot be scaled by 0.0"),
