@@ -274,7 +274,7 @@ WRONG = [
     ("time = 0.2", "tiem = 0.2", "[[pose]] 1: unknown key tiem. Did you mean time?"),
     ("frame = 30", "frame = 6", "frame 6 of the take 'walk' already has the key pose 0"),
     ('take = "walk"', 'take = "run"', "[[pose]] 2: the take 'run' does not exist. Known: walk."),
-    ('"right foot" = [-0.2', '"wrong foot" = [-0.2', "control point 'wrong foot' does not exist"),
+    ('"right foot" = [-0.2', '"wrong foot" = [-0.2', "no control point 'wrong foot'"),
     ("moves = {", 'places = {"left foot" = [0, 0, 0]}\nmoves = {', "[[pose]] 1: it has places and moves"),
     ("normal = [1, 0, 0]", "normal = [0, 0, 0]", "[symmetry]: "),
     ("acceleration = 0.1", "accelleration = 0.1", "[settings]: unknown key examples.accelleration. Did"),

@@ -296,7 +296,7 @@ def test_markers_are_added_moved_named_and_removed():
 
 def test_invalid_segments_are_reported():
     for wrong, words in (
-        ([Segment(0, 0)], "no length"),
+        ([Segment(0, 0)], "no duration"),
         ([Segment(1, 2)], "does not begin"),
         ([Segment(0, 1, speed=0.0)], "end or speed"),
         ([Segment(0, 3), Segment(1, 2)], "inside another"),
