@@ -62,7 +62,7 @@ def test_a_sensor_that_the_space_does_not_know_is_refused():
     ("text", "message"),
     [
         ("[sensors]\nleft = 3", "sensors.left must be a table"),
-        ("sensors = 3", "sensors must hold tables"),
+        ("sensors = 3", "sensors must contain tables"),
         ('[sensors.left]\nsensr = "oak"', "Did you mean sensors.left.sensor"),
         ("[sensors.left.scene]\nfar = 99.0", "sensors.left.scene.far is 99.0, outside"),
         ("[sensors.left]\noptions = { path = [1] }", "sensors.left.options"),

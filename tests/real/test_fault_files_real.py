@@ -50,10 +50,10 @@ def call(*words) -> str:
 MESHES = {
     "concave_L.obj": (5.9, 12, ""),
     "half_flipped.obj": (2.2277, 206, "turned 204 of 408 faces"),
-    "inside_out.obj": (2.2277, 206, "it was inside out"),
+    "inside_out.obj": (2.2277, 206, "the faces of the mesh pointed inwards"),
     "latin1_comment.obj": (2.2277, 206, ""),
     "tokens.off": (2.366, 4, ""),
-    "bin_tail.stl": (2.2277, 206, "bytes after its last triangle"),
+    "bin_tail.stl": (2.2277, 206, "bytes after the last triangle"),
 }
 """Area in square units, vertices, and words of a note, for each mesh."""
 

@@ -62,7 +62,7 @@ def test_failed_write_keeps_the_old_file(tmp_path, monkeypatch):
         ('[sensors."a"]\nworld_from_sensor = [[1,0,0,0],[0,1,0,0],[0,0,1,0]]', "world_from_sensor"),
         ('[sensors."a"]\nworld_from_sensor = [[2,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]', "not a rigid"),
         ('[sensors."a"]\nworld_from_sensor = [[-1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]', "not a rigid"),
-        ("[sensors", "not readable TOML"),
+        ("[sensors", "not valid TOML"),
     ],
 )
 def test_a_wrong_file_is_refused(tmp_path, text, message):

@@ -79,5 +79,5 @@ def test_custom_profile_is_found_by_its_path(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_bytes((profiles_folder() / "tof.toml").read_bytes())
     assert load_profile(path) == load_profile(str(path)) == load_profile("tof")
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="the file does not exist"):
         load_profile(tmp_path / "other.toml")

@@ -118,7 +118,7 @@ def test_a_deleted_character_is_named_even_if_it_was_read_before(library: Path) 
     job = _first_job(library)
     run_job(job)
     Path(job.character).unlink()
-    assert "horse.glb: there is no such file" in run_job(job).problem
+    assert "horse.glb: the file does not exist" in run_job(job).problem
 
 
 def test_a_changed_character_is_read_again(library: Path) -> None:
@@ -137,7 +137,7 @@ def test_a_job_with_relative_paths_becomes_absolute(library: Path, monkeypatch: 
     plan = BatchPlan(("motions/walk.bvh",), ("characters/horse.glb",), "out")
     (job,) = plan_jobs(plan)
     monkeypatch.chdir("/")
-    assert "there is no such file" in run_job(job).problem
+    assert "the file does not exist" in run_job(job).problem
     monkeypatch.chdir(library)
     absolute = job.with_absolute_paths()
     monkeypatch.chdir("/")

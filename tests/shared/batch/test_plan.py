@@ -64,14 +64,17 @@ def test_the_number_of_named_files_is_limited(library: Path) -> None:
     ("text", "part"),
     [
         ('motions = ["motions"]', "has no characters"),
-        ('characters = ["characters"]', "has no motions"),
+        ('characters = ["characters"]', "has neither a plan"),
         ('motions = ["motions"]\ncharacters = ["characters"]\nformat = "fbx"', ".fbx cannot be written"),
         ('motion = ["motions"]', "did you mean motions"),
         ('motions = ["motions"]\ncharacters = ["characters"]\n[options]\nrate = 1000', "options.rate"),
         ("version = 99", "version"),
         ('motions = "motions"\ncharacters = ["characters"]', "expected a list in square brackets"),
         ("motions:\n  - walks\ncharacters:\n  - models", "at line 1"),
-        ('motions = ["motions"]\ncharacters = ["characters"]\noutput = "a\\u0000b"', "no file can have"),
+        (
+            'motions = ["motions"]\ncharacters = ["characters"]\noutput = "a\\u0000b"',
+            "file name is not valid",
+        ),
         (
             'motions = ["motions"]\ncharacters = ["characters"]\n[heights]\nhorse = -1.0',
             "the height of horse",
@@ -80,7 +83,7 @@ def test_the_number_of_named_files_is_limited(library: Path) -> None:
     ],
     ids=[
         "no characters",
-        "no motions",
+        "neither a plan",
         "format",
         "key",
         "range",

@@ -178,7 +178,7 @@ def test_unwritable_content_is_reported(tmp_path):
         build_glb([sample_performance(project, "bare")])
     with pytest.raises(InputError, match="nothing to write"):
         build_glb([])
-    with pytest.raises(InputError, match="is not a valid time range"):
+    with pytest.raises(InputError, match="frames per second is not valid"):
         sample_performance(project, "squid", 2.0, 1.0)
     (tmp_path / "file").write_text("x")
     with pytest.raises(ResourceError, match="cannot be written"):

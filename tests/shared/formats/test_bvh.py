@@ -176,7 +176,7 @@ def test_truncated_or_empty_file_is_refused() -> None:
         parse_bvh(SIMPLE[: SIMPLE.index("Frame Time")])
     with pytest.raises(InputError, match="no frames"):
         parse_bvh(SIMPLE[: SIMPLE.index("0 90 0 0 0 0")])
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="the file does not exist"):
         read_bvh("there/is/no.bvh")
 
 

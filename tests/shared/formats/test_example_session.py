@@ -272,18 +272,18 @@ WRONG = [
     ("time = 0.2", "time = 99.0", "[[pose]] 1: take 'walk': 99 s is outside of the take. It has 0..3 s."),
     ("time = 0.2", "time = 1e308", "is outside of the take. It has 0..3 s."),
     ("time = 0.2", "tiem = 0.2", "[[pose]] 1: unknown key tiem. Did you mean time?"),
-    ("frame = 30", "frame = 6", "[[pose]] 2: puppet 'stool': frame 6 of 'walk' already has key pose 0"),
+    ("frame = 30", "frame = 6", "frame 6 of the take 'walk' already has the key pose 0"),
     ('take = "walk"', 'take = "run"', "[[pose]] 2: the take 'run' does not exist. Known: walk."),
-    ('"right foot" = [-0.2', '"wrong foot" = [-0.2', "control point 'wrong foot' does not exist"),
+    ('"right foot" = [-0.2', '"wrong foot" = [-0.2', "no control point 'wrong foot'"),
     ("moves = {", 'places = {"left foot" = [0, 0, 0]}\nmoves = {', "[[pose]] 1: it has places and moves"),
     ("normal = [1, 0, 0]", "normal = [0, 0, 0]", "[symmetry]: "),
     ("acceleration = 0.1", "accelleration = 0.1", "[settings]: unknown key examples.accelleration. Did"),
-    ("acceleration = 0.1", "acceleration = 99.0", "examples.acceleration is 99.0, outside 0.0..10.0"),
-    ("speed = 2", "speed = 0", "[[layer]] 1: layer of 'walk': offset 0.0, speed 0.0"),
+    ("acceleration = 0.1", "acceleration = 99.0", "acceleration is 99.0, outside the range 0.0..10.0"),
+    ("speed = 2", "speed = 0", "[[layer]] 1: layer of 'walk': the offset 0.0 s or the speed 0.0"),
     ("speed = 2", "sped = 2", "[[layer]] 1: unknown key sped. Did you mean speed?"),
-    ("frame = 3\n", "frame = 3000\n", "[[layer]] 1: constraints: the position of 'point 3' at frame 3000"),
+    ("frame = 3\n", "frame = 3000\n", "the position of the control point 'point 3' at frame 3000"),
     ('point = "point 3"', 'point = "nose"', "control point 'nose' does not exist. Known: left foot, right"),
-    ('axes = "y"', 'axes = "up"', "the position of 'point 3' at frame 3 (up) has axes 'up'"),
+    ('axes = "y"', 'axes = "up"', "the control point 'point 3' at frame 3 (up) has axes 'up'"),
     ('kind = "contact"', 'kind = "hop"', "[[layer]] 1, switch 1: kind is 'hop', expected 'contact' or"),
     ("[[layer.switch]]\nframe = 0", "[[layer.switch]]\nframe = 4", "[[layer]] 1: locomotion: switches at"),
     ("[[layer]]", "[layer]", "layer must be tables. Write [[layer]] for each."),
@@ -304,10 +304,10 @@ def test_error_names_table_key_and_fix(folder, right, wrong, said):
 
 
 def test_other_files_are_refused(folder):
-    with pytest.raises(InputError, match=r"nowhere\.toml: there is no such file"):
+    with pytest.raises(InputError, match=r"nowhere\.toml: the file does not exist"):
         read_session(folder / "nowhere.toml")
     (folder / "bad.toml").write_text("[mesh\n")
-    with pytest.raises(InputError, match=r"it is not readable TOML"):
+    with pytest.raises(InputError, match=r"the file is not valid TOML"):
         read_session(folder / "bad.toml")
     (folder / "empty.toml").write_text("")
     with pytest.raises(InputError, match=r"it has no \[mesh\]"):
@@ -324,7 +324,9 @@ def test_contradictions_are_all_named(folder):
     (folder / "session.toml").write_text(BY_HAND.replace("[[layer.switch]]", more + "[[layer.switch]]"))
     with pytest.raises(InputError) as refused:
         read_session(folder / "session.toml")
-    assert "(xyz) contradicts the position of 'point 3' at frame 3 (y)" in str(refused.value)
+    assert "(xyz) contradicts the position of the control point 'point 3' at frame 3 (y)" in str(
+        refused.value
+    )
 
 
 def test_the_same_take_twice_needs_two_names(folder):

@@ -117,7 +117,7 @@ OTHER = z85.encode(bytes(range(32, 64))).decode()
     [
         ("", "public key is missing"),
         ("\x00\x01", "not readable"),
-        ("-----BEGIN OPENSSH PRIVATE KEY-----", "not readable TOML"),
+        ("-----BEGIN OPENSSH PRIVATE KEY-----", "not valid TOML"),
         ("version = 99", "version 99"),
         (f'public = "{KEY[:-1]}"\nsecret = "{OTHER}"', "public key is missing or invalid"),
         (f'public = "{KEY}"\nsecret = 7', "secret key is missing or invalid"),
@@ -214,14 +214,14 @@ def test_the_command_makes_lists_shows_and_forgets(
     listed = capsys.readouterr().out
     assert print_of_own in listed and "laptop" in listed and "stage at 10.0.0.5:5581" in listed
     assert own.secret.hex() not in listed
-    assert cli.run(["keys", "forget", "laptop"]) == 0 and "forgotten: laptop" in capsys.readouterr().out
+    assert cli.run(["keys", "forget", "laptop"]) == 0 and "removed: laptop" in capsys.readouterr().out
     assert cli.run(["keys", "show"]) == 0 and capsys.readouterr().out.strip() == print_of_own
     assert cli.run(["keys", "make", "--overwrite"]) == 0
     own_config.own_path.write_text("nonsense")
     capsys.readouterr()
     assert cli.run(["keys", "list"]) == 3
     output = capsys.readouterr()
-    assert "damaged" in output.out and "not readable TOML" in output.err and "stage" in output.out
+    assert "damaged" in output.out and "not valid TOML" in output.err and "stage" in output.out
 
 
 def test_one_key_at_two_addresses_stays_paired_with_both(tmp_path: Path) -> None:

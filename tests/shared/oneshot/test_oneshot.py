@@ -116,7 +116,7 @@ def test_impossible_edit_is_refused_with_a_fix(performed, tmp_path):
         (lambda: mesh_at(project, "table", 0.0), chair),
         (lambda: cut(project, "table", PlaneCut(np.zeros(3), np.ones(3)), 0.0), chair),
         (lambda: copy(project, "table"), chair),
-        (lambda: merge(project, chair, chair, 0.0), "Copy it first"),
+        (lambda: merge(project, chair, chair, 0.0), "Copy the character first"),
         (lambda: export(project, tmp_path / "chair.doc"), ".glb"),
         (lambda: export(project, tmp_path / "chair.bvh"), ""),
     ):

@@ -111,7 +111,7 @@ def test_keys_of_another_protocol_are_refused(keys, message, tmp_path):
         ('[addresses]\n"/enliven/time" = "/{0}"', "does not rename an address"),
         ('[addresses]\n"/enliven/performer/*/height" = "/*/*"', r"has more \* than"),
         ("adresses = 1", r"adresses.*Did you mean addresses\?"),
-        ("[addresses]\nx", "not readable TOML"),
+        ("[addresses]\nx", "not valid TOML"),
     ],
 )
 def test_a_wrong_mapping_file_is_refused(text, message, tmp_path):
