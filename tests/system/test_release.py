@@ -175,7 +175,7 @@ def repository(tmp_path, monkeypatch):
 def test_a_release_is_of_a_commit_with_its_tag(repository):
     folder, git = repository
     release.check_commit("0.3.0.dev0")
-    with pytest.raises(release.ReleaseError, match=r"no tag v0.3.0. Type: git tag -a v0.3.0"):
+    with pytest.raises(release.ReleaseError, match=r"no tag v0.3.0. Run: git tag -a v0.3.0"):
         release.check_commit("0.3.0")
     git("tag", "-a", "v0.3.0", "-m", "enliven 0.3.0")
     release.check_commit("0.3.0")

@@ -76,7 +76,7 @@ def test_the_number_of_named_files_is_limited(library: Path) -> None:
             'motions = ["motions"]\ncharacters = ["characters"]\n[heights]\nhorse = -1.0',
             "the height of horse",
         ),
-        ('motions = ["empty"]\ncharacters = ["characters"]', "empty (the folder has no .bvh"),
+        ('motions = ["empty"]\ncharacters = ["characters"]', "empty (this folder contains no .bvh"),
     ],
     ids=[
         "no characters",

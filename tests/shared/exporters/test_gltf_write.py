@@ -174,7 +174,7 @@ def test_unwritable_content_is_reported(tmp_path):
     shape = random_shape(random, "squid")
     bare = still_shape("bare", shape.skeleton)
     project = Project().with_characters(shape, bare)
-    with pytest.raises(InputError, match="it has no mesh"):
+    with pytest.raises(InputError, match="the character has no mesh"):
         build_glb([sample_performance(project, "bare")])
     with pytest.raises(InputError, match="nothing to write"):
         build_glb([])

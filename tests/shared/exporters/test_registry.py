@@ -58,14 +58,14 @@ def test_exporter_can_be_a_package_entry_point(tmp_path, monkeypatch, clip):
 @pytest.mark.parametrize(
     ("name", "options", "error", "words"),
     [
-        ("out.fbx", {}, InputError, r"\.fbx cannot be written.*Known: \.bvh, \.csv, \.glb"),
+        ("out.fbx", {}, InputError, r"\.fbx cannot be written.*Known suffixes: \.bvh, \.csv, \.glb"),
         ("out.gltf", {}, InputError, r"\.gltf cannot be written"),
         ("out", {}, InputError, "no ending"),
         ("out.glb", {"unit": "cm"}, InputError, "has no 'unit'"),
         ("out.glb", {"up": "z"}, InputError, "has no 'up' to choose.*fixes the vertical axis"),
-        ("out.bvh", {"up": "x"}, InputError, "axis 'x' cannot be vertical. Known: y, z"),
-        ("out.bvh", {"scale": 0.0}, InputError, "0 is not a scale"),
-        ("out.bvh", {"scale": float("nan")}, InputError, "nan is not a scale"),
+        ("out.bvh", {"up": "x"}, InputError, "axis 'x' cannot be vertical. Known vertical axes: y, z"),
+        ("out.bvh", {"scale": 0.0}, InputError, "the scale 0 is not allowed"),
+        ("out.bvh", {"scale": float("nan")}, InputError, "the scale nan is not allowed"),
         ("out.csv", {"unit": "inch"}, InputError, "'inch' does not exist"),
         ("moveis/out.glb", {}, ResourceError, "the folder .*moveis' does not exist"),
     ],

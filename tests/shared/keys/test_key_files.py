@@ -60,7 +60,7 @@ def test_all_files_are_for_their_owner_only(store: KeyStore, mask: int) -> None:
 
 def test_keys_are_replaced_only_on_request(store: KeyStore) -> None:
     first = store.create_own_pair()
-    with pytest.raises(InputError, match=r"there are keys already.*--overwrite"):
+    with pytest.raises(InputError, match=r"already has keys.*--overwrite"):
         store.create_own_pair()
     assert store.load_own_pair() == first
     assert store.create_own_pair(overwrite=True) != first
@@ -148,7 +148,7 @@ def test_peers_are_stored_listed_and_forgotten(store: KeyStore) -> None:
     with pytest.raises(InputError, match="no paired viewer or edge matches"):
         store.forget("nobody")
     store.add_viewer(viewer(3, first.name))
-    with pytest.raises(InputError, match="several peers match"):
+    with pytest.raises(InputError, match="several paired viewers or edges match"):
         store.forget(first.name)
     assert store.forget(fingerprint(first.public)[:9]) == [first]
     assert store.forget("Kiosk.local") == [edge] and store.load_edges() == []

@@ -302,7 +302,7 @@ def test_an_address_that_others_reach_needs_permission(port):
     assert plan_outputs({"watch": LiveOutputSettings(word, insecure=True)})[0].place == plan.place
     with plan.open(), FoxgloveClient(port):
         pass
-    with pytest.raises(InputError, match="insecure is not a key of vmc"):
+    with pytest.raises(InputError, match="insecure does not apply to the protocol vmc"):
         open_outputs({"x": LiveOutputSettings("vmc:127.0.0.1", insecure=True)})
 
 

@@ -105,7 +105,7 @@ FOREIGN = {
     "an empty ZIP archive": archive(),
     "a ZIP archive that is cut short": archive(one="1" * 500)[:80],
     "a ZIP archive with 1 file, such as project.json": archive(**{"project.json": '{"name": "other", }'}),
-    "data of no known kind": bytes(range(256)) * 4,
+    "data of an unknown kind": bytes(range(256)) * 4,
     "a file of zeros": bytes(500),
 }
 """Files with a project's name that are not projects, by their real type."""

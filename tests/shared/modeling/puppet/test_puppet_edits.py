@@ -293,7 +293,10 @@ FIVE = np.zeros((5, 3))
         (lambda p: change_point(p, "stool", "top", name="left foot"), "two control points have one name"),
         (lambda p: remove_point(p, "stool", "nose"), "Known: left foot, right foot"),
         (lambda p: add_key_pose(p, "stool", "run", 0.0, FIVE), "the take 'run' does not exist. Known: walk."),
-        (lambda p: add_key_pose(p, "stool", "walk", 9.0, FIVE), "9 s is outside of the take. It has 0..3 s"),
+        (
+            lambda p: add_key_pose(p, "stool", "walk", 9.0, FIVE),
+            "9 s is outside the take. Choose a time from 0 to 3 s",
+        ),
         (lambda p: add_key_pose(p, "stool", "walk", np.nan, FIVE), "nan s is outside"),
         (
             lambda p: add_key_pose(p, "stool", "walk", 2.0, np.zeros((4, 3))),
@@ -313,7 +316,7 @@ FIVE = np.zeros((5, 3))
         ),
         (
             lambda p: play_take(p, "stool", "walk", positions=(Position("top", 999, (0, 0, 0)),)),
-            "is outside of the motion's frames. Frames are 0..90.",
+            "is outside the motion's frames. Choose a frame from 0 to 90.",
         ),
         (lambda p: change_layers(p, "stool", [3], loop=True), "layer 3 does not exist. Number of layers: 1."),
         (lambda p: remove_layer(p, "stool", 1), "layer 1 does not exist"),
