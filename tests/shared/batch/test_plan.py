@@ -139,7 +139,7 @@ def test_results_in_the_folder_of_motions_are_not_motions(library: Path, output:
 def test_a_file_in_the_place_of_the_output_folder_is_named(library: Path, output: str) -> None:
     (library / "file").write_text("taken")
     plan = BatchPlan((str(library / "motions"),), (str(library / "characters"),), str(library / output))
-    with pytest.raises(ResourceError, match="a file has this name") as caught:
+    with pytest.raises(ResourceError, match="a folder above it is a file") as caught:
         plan_jobs(plan)
     assert str(library / output) in str(caught.value)
 

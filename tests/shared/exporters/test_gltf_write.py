@@ -176,7 +176,7 @@ def test_unwritable_content_is_reported(tmp_path):
     project = Project().with_characters(shape, bare)
     with pytest.raises(InputError, match="the character has no mesh"):
         build_glb([sample_performance(project, "bare")])
-    with pytest.raises(InputError, match="nothing to write"):
+    with pytest.raises(InputError, match="no character was selected"):
         build_glb([])
     with pytest.raises(InputError, match="is not a valid time range"):
         sample_performance(project, "squid", 2.0, 1.0)

@@ -60,9 +60,9 @@ def test_exporter_can_be_a_package_entry_point(tmp_path, monkeypatch, clip):
     [
         ("out.fbx", {}, InputError, r"\.fbx cannot be written.*Known suffixes: \.bvh, \.csv, \.glb"),
         ("out.gltf", {}, InputError, r"\.gltf cannot be written"),
-        ("out", {}, InputError, "no ending"),
+        ("out", {}, InputError, "no suffix"),
         ("out.glb", {"unit": "cm"}, InputError, "has no 'unit'"),
-        ("out.glb", {"up": "z"}, InputError, "has no 'up' to choose.*fixes the vertical axis"),
+        ("out.glb", {"up": "z"}, InputError, "does not support the option 'up'.*the same vertical axis"),
         ("out.bvh", {"up": "x"}, InputError, "axis 'x' cannot be vertical. Known vertical axes: y, z"),
         ("out.bvh", {"scale": 0.0}, InputError, "the scale 0 is not allowed"),
         ("out.bvh", {"scale": float("nan")}, InputError, "the scale nan is not allowed"),

@@ -202,7 +202,7 @@ def _foreign_file_error(data: bytes, where: str) -> InputError:
     kind, ending = describe_file_kind(data)
     advice = "Choose a project that was saved by enliven."
     if ending:
-        advice = f"To open the file, rename it to a name that ends in {ending}."
+        advice = f"To open the file, rename it to a name ending in {ending}."
     return InputError(f"the file is not an enliven project, but {kind}", where=where, remedy=advice)
 
 
