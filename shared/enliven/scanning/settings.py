@@ -86,7 +86,7 @@ class TrackingSettings:
     )
     independent: float = parameter(
         0.02,
-        "Fraction of the points whose noise counts as independent. Neighbouring pixels share their noise.",
+        "Fraction of the points that count as independent. Neighbouring pixels share their noise.",
         low=1e-4,
         high=1,
     )
