@@ -212,7 +212,7 @@ def test_events_and_health_are_logs(server, port):
         assert line.message == "The lens is covered. Uncover it."
         server.put_health([state])
         server.put_health([])
-        wait_until(lambda: client.newest("/health").message == "Over: The lens is covered.", "the end")
+        wait_until(lambda: client.newest("/health").message == "Resolved: The lens is covered.", "the end")
         assert len(client.messages["/health"]) == 2, "a state that lasts is not repeated"
         server.send(
             LiveFrame(0, {}, events=[LiveEvent("possess", 1, "chair"), LiveEvent("release", 0, "chair")])
