@@ -436,7 +436,7 @@ def test_a_code_tried_ten_times_over_the_network_pairs_nobody(locked: Locked) ->
     locked.access.open_pairing()
     code, before = locked.access.desk.code, locked.store.load_viewers()
     reasons = [try_code(locked.house.visitor(), wrong(code)).reason for _ in range(9)]
-    assert reasons[:MAX_TRIES_PER_CODE] == ["the code is wrong"] * MAX_TRIES_PER_CODE
+    assert reasons[:MAX_TRIES_PER_CODE] == ["the pairing code is wrong"] * MAX_TRIES_PER_CODE
     assert all("too many tries" in reason for reason in reasons[MAX_TRIES_PER_CODE:])
     assert "too many tries" in try_code(locked.house.visitor(), code).reason, "also the right one, the tenth"
     assert locked.store.load_viewers() == before

@@ -67,7 +67,7 @@ def clip_of_capture(
     else:
         frame = 0 if rest == "first" else rest
         if not isinstance(frame, int) or not 0 <= frame < len(positions):
-            advice = f'Give "auto", "zero", "first" or 0..{len(positions) - 1}.'
+            advice = f'Choose "auto", "zero", "first" or a frame from 0 to {len(positions) - 1}.'
             raise InputError(f"the rest pose {rest!r} does not exist", where=f"clip {id!r}", remedy=advice)
         at_rest = rigid_pose(parents, offsets, positions[frame], rotations[frame])
         frame_turns = turns[frame]
@@ -115,8 +115,10 @@ def clip_of_bodies(
     times: Float = np.asarray(seconds, np.float64)
     where = f"clip {id!r}"
     if not bodies or times.shape != (len(bodies),) or (np.diff(times) <= 0).any():
-        advice = "Give one time for each body, each after the one before."
-        raise InputError(f"{len(bodies)} bodies at {times.shape} times", where=where, remedy=advice)
+        advice = "Pass one time for each body, in ascending order."
+        raise InputError(
+            f"{len(bodies)} bodies do not match times of the shape {times.shape}", where=where, remedy=advice
+        )
     joints = np.stack([body.joints for body in bodies])
     is_seen = np.stack([body.confidence > 0 for body in bodies])
     joints = fill_unseen(np.array(PARENTS), joints, is_seen)

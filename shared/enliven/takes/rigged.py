@@ -63,8 +63,10 @@ def skeleton_from_bones(character: Character) -> Skeleton:
         if parents[bone] < 0:
             begins = np.flatnonzero((positions[:bone] == pivots[bone]).all(1))
             if not len(begins):
-                problem = f"its bone {bone} has no parent"
-                raise InputError(problem, where=f"character {character.id!r}", remedy="Record it again.")
+                problem = f"bone {bone} of the character has no parent"
+                raise InputError(
+                    problem, where=f"character {character.id!r}", remedy="Record the character again."
+                )
             parents[bone] = begins[0]
     for bone in np.flatnonzero(np.isnan(positions[:, 0])):
         positions[bone] = _limb_end(character, int(bone), pivots[bone], positions[parents[parents[bone]]])

@@ -67,7 +67,7 @@ class PoseCodec:
         count = len(character.pivots)
         if count > MAX_TRANSFORMS:
             raise InputError(
-                f"it has {count} transforms, at most {MAX_TRANSFORMS} go on the wire",
+                f"the character has {count} transforms, but at most {MAX_TRANSFORMS} can be sent",
                 where=f"character {character.id!r}",
                 remedy="Use a coarser deformation graph.",
             )
@@ -91,9 +91,10 @@ class PoseCodec:
         count = len(self._pivots)
         if pose.linear.shape != (count, 3, 3) or pose.positions.shape != (count, 3):
             raise InputError(
-                f"it has {pose.linear.shape} linear parts and {pose.positions.shape} positions, not {count}",
+                f"the pose has {pose.linear.shape} linear parts and {pose.positions.shape} "
+                f"positions, expected {count}",
                 where=f"pose of {pose.character!r}",
-                remedy="Publish the character again after a change of its graph.",
+                remedy="After a change of the deformation graph, publish the character again.",
             )
         linear, positions = pose.linear.astype(np.float64), pose.positions.astype(np.float64)
         table, clamped = _prediction_residuals(

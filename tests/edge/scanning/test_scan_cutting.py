@@ -63,7 +63,7 @@ def test_box_option_equals_the_whole_scan_inside_it(folder, tmp_path):
     (character,) = read_project(half).characters.values()
     assert np.ptp(character.mesh.vertices[:, 1]) == pytest.approx(0.25, abs=0.02)
     assert not (tmp_path / "half.scan.mcap").exists()
-    with pytest.raises(InputError, match=r"no surface .* The scanned surface reaches from"):
+    with pytest.raises(InputError, match=r"no surface .* The scanned surface extends from"):
         run("--recording", kept_recording, "-o", tmp_path / "far.glb", "--voxel", 16, "--box=5,0,5,6,1,6")
 
 

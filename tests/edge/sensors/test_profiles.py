@@ -57,7 +57,7 @@ def test_an_unknown_name_names_the_nearest() -> None:
 @pytest.mark.parametrize(
     ("before", "after", "message"),
     [
-        ("near = 0.8", "near = 9.0", "not below range.far"),
+        ("near = 0.8", "near = 9.0", "must be smaller than range.far"),
         ("baseline = -0.075", "baseline = 0.0", "baseline"),
         ("cx = 319.5", "cx = 900.0", "principal point"),
         ("constant =", "constnat =", "Did you mean noise.constant"),

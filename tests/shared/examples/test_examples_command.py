@@ -56,10 +56,10 @@ def test_from_a_mesh_and_a_motion_to_a_film_of_it(folder, capsys):
         np.testing.assert_array_equal(pose.places, puppet.rest)
     # Nothing is posed yet, which is reported.
     assert examples(folder, "check", "s/made.toml") == 3
-    assert "All key poses are alike: set the places of the control points." in capsys.readouterr().out
+    assert "All key poses are equal: move the control points of the key poses." in capsys.readouterr().out
     # No film of the unposed, sliding mesh is made. The project can be posed in the studio.
     assert examples(folder, "fit", "s/made.toml", "-o", "out.glb", "--end", 1) == 3
-    assert "All key poses are alike" in capsys.readouterr().err and not (folder / "out.glb").exists()
+    assert "All key poses are equal" in capsys.readouterr().err and not (folder / "out.glb").exists()
     assert examples(folder, "fit", "s/made.toml", "-o", "unposed.enliven") == 0
     capsys.readouterr()
     text = (folder / "s" / "made.toml").read_text()
@@ -69,7 +69,7 @@ def test_from_a_mesh_and_a_motion_to_a_film_of_it(folder, capsys):
     (folder / "s" / "made.toml").write_text(posed)
     assert examples(folder, "check", "s/made.toml") == 0
     output = capsys.readouterr().out
-    assert "the pose farthest from all examples is" in output and f"{name} - " in output
+    assert "the pose that differs most from all examples is" in output and f"{name} - " in output
     assert examples(folder, "fit", "s/made.toml", "-o", "out.glb", "--end", 1, "--rate", 10) == 0
     assert "contains 1.00 s of motion from 3 key poses" in capsys.readouterr().out
     document = checked_glb((folder / "out.glb").read_bytes())
@@ -145,7 +145,7 @@ def test_coverage_is_the_farthest_pose_found_by_looking_at_each(folder):
         (("fit", "nowhere.toml", "-o", "out.glb"), "the file does not exist"),
         (
             ("fit", "full.toml", "-o", "out.abc"),
-            ".abc cannot be written. Known: .bvh, .csv, .enliven, .glb",
+            ".abc cannot be written. Known suffixes: .bvh, .csv, .enliven, .glb",
         ),
         (
             ("fit", "full.toml", "-o", "out.glb", "--start", 5, "--end", 2),
@@ -169,7 +169,10 @@ def test_coverage_is_the_farthest_pose_found_by_looking_at_each(folder):
             "'w' is not an axis. Write x, y or z.",
         ),
         (("new", "stool.ply", "stool.ply", "-o", "new.toml"), "ply is not a motion file"),
-        (("new", "stool.ply", "walk.enliven", "-o", "new.enliven"), "a session is not a project"),
+        (
+            ("new", "stool.ply", "walk.enliven", "-o", "new.enliven"),
+            "a session file cannot have the suffix .enliven",
+        ),
         (
             ("new", "stool.ply", "walk.enliven", "-o", "new.toml", "--start", 9),
             "there is no motion from 9 s to 3 s",

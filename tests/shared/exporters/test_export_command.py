@@ -146,17 +146,25 @@ def test_motion_files_are_turned_into_one_another(made, tmp_path):
 @pytest.mark.parametrize(
     ("words", "code", "said"),
     [
-        (("no.mcap", "-o", "out.fbx"), 3, ".fbx cannot be written. Known: .bvh, .csv, .glb"),
+        (("no.mcap", "-o", "out.fbx"), 3, ".fbx cannot be written. Known suffixes: .bvh, .csv, .glb"),
         (("no.mcap", "-o", "moveis/out.glb"), 4, "moveis' does not exist"),
         (("no.mcap", "-o", "out.glb", "--unit", "cm"), 3, ".glb has no 'unit' to choose"),
-        (("no.mcap", "-o", "out.bvh", "--unit", "inch"), 3, "the unit 'inch' does not exist. Known: m, cm."),
+        (
+            ("no.mcap", "-o", "out.bvh", "--unit", "inch"),
+            3,
+            "the unit 'inch' is unknown. Known units: m, cm.",
+        ),
         (("no.mcap", "-o", "out.bvh", "--morphs"), 3, ".bvh has no 'morphs' to choose"),
         (("no.mcap", "-o", "out.glb"), 3, "the file does not exist"),
-        (("empty.mcap", "-o", "out.glb"), 3, "nothing in it moves. Record a performance that lasts longer"),
+        (
+            ("empty.mcap", "-o", "out.glb"),
+            3,
+            "the file contains no motion. Record a performance that lasts longer",
+        ),
         (
             ("depth.mcap", "-o", "out.glb"),
             3,
-            "moves. Find the people in its depth first: enliven track depth",
+            "motion. Track the people in the depth images first: enliven track depth",
         ),
         (
             ("show.enliven", "-o", "out.glb", "-c", "sofa"),

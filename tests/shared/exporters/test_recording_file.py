@@ -201,8 +201,11 @@ def test_stopped_export_leaves_the_old_file(project, tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["-o", "out.mcap", "--unit", "cm"], ".mcap has no 'unit' to choose. Leave it out."),
-        (["-o", "out.mcap", "--up", "z"], ".mcap has no 'up' to choose. Leave it out: the format fixes"),
+        (["-o", "out.mcap", "--unit", "cm"], ".mcap does not support the option 'unit'. Remove the option."),
+        (
+            ["-o", "out.mcap", "--up", "z"],
+            ".mcap does not support the option 'up'. Remove the option. The format always",
+        ),
         (
             ["-o", "live.mcap"],
             "live.mcap: the output file is also the source file. Choose another output file.",

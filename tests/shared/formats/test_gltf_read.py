@@ -240,7 +240,7 @@ def test_a_model_without_a_rig_gets_one_bone(tmp_path):
     del gltf.json["skins"], gltf.json["nodes"][2]["skin"]
     rig = read_gltf(gltf.write(tmp_path / "still.gltf"), height=3.0, floor=True)
     np.testing.assert_allclose(rig.shape.skeleton.positions[:, 1], [0, 3])
-    assert rig.notes == ("it has no rig: it gets one bone, from its bottom to its top",)
+    assert rig.notes == ("the model has no rig, so one bone from its bottom to its top was added",)
 
 
 @pytest.mark.parametrize(

@@ -175,7 +175,7 @@ LATER = "reads files up to version 2. Update enliven"
             lambda h: (h.update(made_by="9.9"), first_layer(h).update(glow=1)),
             "enliven 9.9, .*update enliven",
         ),
-        (lambda h: first_layer(h).update(glow=1), "'glow' is unknown. Take an earlier copy"),
+        (lambda h: first_layer(h).update(glow=1), "'glow' is unknown. Use an earlier copy"),
     ],
 )
 def test_a_project_of_a_later_version_is_refused_and_kept(tmp_path, change, words):
@@ -224,10 +224,14 @@ def spoiled(change):
     [
         (lambda h, a: h.update(format="zip"), "not an enliven project", ""),
         (lambda h, a: h.update(version=VERSION + 1, made_by="9.9"), "made by enliven 9.9", ""),
-        (lambda h, a: h.update(version="new"), "its header is damaged", ""),
+        (lambda h, a: h.update(version="new"), "the header of the project file is damaged", ""),
         (lambda h, a: a.popitem(), "an array is missing", "project."),
-        (lambda h, a: a.update({next(iter(a)): b"\x93NUMPY"}), "array in it is damaged", ""),
-        (lambda h, a: a.update({k: next(iter(a.values())) for k in a}), "array in it is damaged", ""),
+        (lambda h, a: a.update({next(iter(a)): b"\x93NUMPY"}), "array in the project is damaged", ""),
+        (
+            lambda h, a: a.update({k: next(iter(a.values())) for k in a}),
+            "array in the project is damaged",
+            "",
+        ),
         (lambda h, a: first_layer(h).update(glow=1), "'glow' is unknown", "layers[0]"),
         (lambda h, a: first_layer(h).pop("take"), "'take' is missing", "layers[0]"),
         (lambda h, a: first_layer(h).update(speed="fast"), "'fast' is not a float", "speed"),

@@ -244,4 +244,4 @@ def test_a_space_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
     assert "the file gone.toml in zone.space does not exist" in line
     (tmp_path / "space.toml").write_text("sensors = 3\n")
     (line,) = mistakes(tmp_path, '[zone]\nspace = "space.toml"\n')
-    assert "it names no sensors" in line and "space.toml" in line
+    assert "contains no sensors" in line and "space.toml" in line

@@ -94,7 +94,7 @@ CHAIN = '[[chain]]\nsource = "a..b"\ntarget = "c..d"\n'
         (CHAIN + 'mode = "dance"\n', "mode is 'dance'", "chain 1"),
         ('[[chain]]\nsource = "a..b"\n', "needs a source and a target", "chain 1"),
         ("[[chain]]\nsource = 3\ntarget = 4\n", "source is 3", "chain 1"),
-        ("chain = 3\n", "must be tables", "map.toml"),
+        ("chain = 3\n", "must be an array of tables", "map.toml"),
         ("chains = []\n", "unknown key chains", "map.toml"),
     ],
 )

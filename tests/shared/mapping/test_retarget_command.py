@@ -122,7 +122,7 @@ def test_stretched_surface_is_reported_with_joints_and_a_better_mapping(files, c
     output = capsys.readouterr()
     assert "edges stretch " in output.out and "below the floor" in output.out
     assert "moved less" not in output.out
-    named = re.search(r"stretches at (.*) \(--soften moves limbs less\)", output.err).group(1).split(", ")
+    named = re.search(r"stretches at (.*) \(--soften reduces the motion\)", output.err).group(1).split(", ")
     assert set(named) <= set(horse().names)
     offered = float(
         re.search("the best alternative mapping, .*: edges stretch ([0-9.]+)", output.err).group(1)
@@ -149,7 +149,7 @@ def test_an_animation_of_a_model_is_a_take(files, capsys):
     assert "in the performer's pose" in capsys.readouterr().out
     assert retarget(files, "-o", files / "a.glb", "--animation", "graze", take="horse.glb") == 0
     assert retarget(files, "-o", files / "a.glb", "--animation", "fly", take="horse.glb") == 3
-    assert "Known: graze" in capsys.readouterr().err
+    assert "Known animations: graze" in capsys.readouterr().err
 
 
 def test_a_models_own_take_is_copied_joint_by_joint(files, capsys):
@@ -186,11 +186,11 @@ def test_a_mapping_with_a_joint_that_is_not_there_lists_those_that_are(files, ca
 
 def test_files_of_the_wrong_kind_are_refused(files, capsys):
     assert retarget(files, "-o", files / "a.glb", take="horse.png") == 3
-    assert "Known: .bvh" in capsys.readouterr().err
+    assert "Known formats: .bvh" in capsys.readouterr().err
     assert retarget(files, "-o", files / "a.glb", model="walk.bvh") == 3
     assert "the file is not a glTF file" in capsys.readouterr().err
     assert retarget(files, "-o", files / "a.fbx") == 3
-    assert ".fbx cannot be written. Known: .bvh, .csv, .glb" in capsys.readouterr().err
+    assert ".fbx cannot be written. Known suffixes: .bvh, .csv, .glb" in capsys.readouterr().err
 
 
 def test_exceeded_joint_limits_are_reported_and_can_be_disabled(files, capsys):

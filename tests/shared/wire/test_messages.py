@@ -453,7 +453,7 @@ def test_scan_flags_and_mode_mean_the_same(flags, mode) -> None:
         ({"person": True, "moved": True}, "not moved and person"),
         ({"turned": True, "within": 1.5}, "not near and turned"),
         ({"mode": "moved", "person": True}, "not moved and person"),
-        ({"mode": "near"}, "add within"),
+        ({"mode": "near"}, "set within"),
         ({"mode": "sideways"}, "sideways"),
     ],
 )

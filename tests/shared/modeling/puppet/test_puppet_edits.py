@@ -340,7 +340,7 @@ FIVE = np.zeros((5, 3))
         ),
         (
             lambda p: play_take(p, "stool", "walk", positions=(Position("top", 999, (0, 0, 0)),)),
-            "is outside of the motion's frames. Frames are 0..90.",
+            "is outside the motion's frames. Choose a frame from 0 to 90.",
         ),
         (
             lambda p: change_layers(p, "stool", [3], loop=True),
