@@ -159,7 +159,7 @@ def test_stage_command_lists_puts_removes_and_reports_errors(edge: StagedEdge, t
     save_mesh(replace(CHAIR, vertices=CHAIR.vertices[:, [0, 2, 1]] * [1000.0, -1000.0, 1000.0]), lying)
     assert "held by 1" in run("list")
     output = run("put", str(lying), "--name", "stool")
-    assert "z is taken as up" in output and "stool stands on the stage" in output
+    assert "z is taken as up" in output and "stool is now on the stage" in output
     listed = run("list").splitlines()
     assert len(listed) == 2 and listed[1].startswith("stool: revision 1, a possessed mesh")
     edge.until(lambda: "stool" in edge.link.characters)
