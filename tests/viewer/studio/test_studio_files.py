@@ -201,7 +201,7 @@ def test_the_browser_lists_folders_and_what_can_be_opened(tmp_path) -> None:
     browser.name = "b.glb"
     assert browser.get_path() == tmp_path / "b.glb"
     browser.name = "nothing.glb"
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="does not exist"):
         browser.get_path()
     browser.enter(tmp_path / "inner")
     assert browser.name == "" and browser.files() == []

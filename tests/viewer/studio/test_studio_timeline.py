@@ -107,7 +107,7 @@ def test_layers_that_no_shape_uses_have_no_lane() -> None:
 def test_messages_stay_their_time_and_bad_ones_longer() -> None:
     toasts = Toasts(2.0)
     toasts.show_message("done")
-    toasts.show_error(InputError("the shape is flat", where="stroke", remedy="Draw a circle."))
+    toasts.show_error(InputError("it is flat", where="stroke", remedy="Draw a circle."))
     toasts.show_message("done")
     assert [toast.text for toast in toasts.shown] == ["stroke: it is flat", "done"], "once each"
     assert toasts.shown[0].remedy == "Draw a circle." and toasts.shown[0].is_error

@@ -79,7 +79,7 @@ def test_number_of_examples_is_rated_without_percents() -> None:
     coverage = TakeCoverage(**{**fields, "take": "sway", "needed": 1, "remaining_distance": 1.38})
     assert coverage_words(coverage, 0) == "key poses that sway needs: about 1"
     assert coverage_words(coverage, 2) == "sway needs one more, at the dashed moment"
-    assert coverage_words(replace(coverage, needed=3), 2).startswith("3 more would be enough")
+    assert coverage_words(replace(coverage, needed=3), 2).startswith("sway needs 3 more")
     assert coverage_words(replace(coverage, needed=0), 4).startswith("enough for sway")
     for needed in range(4):
         assert "%" not in coverage_words(replace(coverage, needed=needed), 2)
@@ -124,7 +124,7 @@ def test_motion_quality_is_worded_with_the_place() -> None:
 def test_phrase_list_describes_every_command() -> None:
     for word in WORDS:
         assert describe_command(word) not in WORDS, f"{word} is shown as it stands in the settings"
-    assert describe_command("possess left arm") == "steps in: left arm"
+    assert describe_command("possess left arm") == "possesses the character: left arm"
     assert describe_command("hop") == "hop", "a word of a newer edge is shown unchanged"
 
 
