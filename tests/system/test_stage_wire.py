@@ -165,7 +165,7 @@ def test_stage_command_lists_puts_removes_and_reports_errors(edge: StagedEdge, t
     edge.until(lambda: "stool" in edge.link.characters)
     stool = edge.link.characters["stool"].vertices
     assert np.ptp(stool[:, 1]) == pytest.approx(1.75, abs=1e-3), "it stands upright, as tall as a person"
-    assert "was removed" in run("remove", "stool") and "there is no character 'stool'" in run("remove", "stool")
+    assert "removed" in run("remove", "stool") and "there is no character 'stool'" in run("remove", "stool")
     assert "no such file" in run("put", str(tmp_path / "none.obj"))
 
 

@@ -36,15 +36,13 @@ def view(
             help=f"Address of an edge: HOST or HOST:PORT. Repeat it for several. Default {DEFAULT_ADDRESS}."
         ),
     ] = None,
-    port: Annotated[
-        int | None, typer.Option(min=1, max=65535, help="Port on which the edge sends poses.")
-    ] = None,
+    port: Annotated[int | None, typer.Option(min=1, max=65535, help="The edge's port for poses.")] = None,
     control_port: Annotated[
         int | None,
         typer.Option(
             min=1,
             max=65535,
-            help="Port on which the edge receives commands. Default: the port after the pose port.",
+            help="The edge's port for commands. Default: the port after the pose port.",
         ),
     ] = None,
     film: Annotated[Path | None, typer.Option(help="Write this MP4 instead of opening a window.")] = None,

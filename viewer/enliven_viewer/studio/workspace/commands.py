@@ -248,7 +248,7 @@ class Commands:
         return (
             ""
             if self._find_limb()
-            else "No limb is chosen. Click a node of the limb whose motion you want to copy."
+            else "No limb is chosen. Click a node of the limb with the motion to copy."
         )
 
     def lacks_foot(self) -> str:

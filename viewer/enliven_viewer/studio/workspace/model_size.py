@@ -113,7 +113,7 @@ class SizeMatching:
         """
         heights = self.heights()
         if heights is None:
-            return "There is no other shape to compare with. Choose a shape next to other shapes."
+            return "The project has no other shape to compare with. Choose a shape next to other shapes."
         same = abs(heights[0] / heights[1] - 1.0) < _HEIGHT_TOLERANCE
         return "The shape is already as tall as the others. Choose another shape." if same else ""
 

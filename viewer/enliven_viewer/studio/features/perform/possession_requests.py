@@ -111,7 +111,7 @@ class PossessionRequests:
         live = self._stage.live
         if live is not None and live.take:
             self._cancel_with_reason(
-                tr("A recording is playing, so nobody can possess a character. Connect to a stage first")
+                tr("A recording is playing, so no character can be possessed. Connect to a stage first")
             )
         elif live is not None and self._stage.client is None:
             live.possess(mode)
@@ -170,7 +170,7 @@ class PossessionRequests:
             return (
                 ""
                 if project_character.mesh is not None
-                else tr("The chosen shape has no surface, so nobody can possess it")
+                else tr("The chosen shape has no surface, so it cannot be possessed")
             )
         is_known = stage.client is not None and stage.client.edges[0].has_all_characters
         is_coming = bool(stage.sender.states) or press.of_scan or phase == "finishing" or not is_known

@@ -408,7 +408,7 @@ class PerformSession:
                 or "Nothing is chosen. Click the character that you want to put on the stage"
             )
         no_surface_text = (
-            "The chosen shape has no surface, so nobody can possess it" if character.mesh is None else ""
+            "The chosen shape has no surface, so it cannot be possessed" if character.mesh is None else ""
         )
         return self.lacks_edge() or no_surface_text
 
