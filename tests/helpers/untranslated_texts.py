@@ -40,9 +40,9 @@ SAME_EVERYWHERE = {"Shift", "enliven", "Ctrl"}
 
 
 FOR_DEVELOPERS = {
-    *("no widget ", " is on the screen", "Known: ", " is ", "it exists already"),
-    *("Give it another id or key.",),
-    "Use --film out.mp4 to render without a window, or start where there is a display.",
+    *("no widget ", " is on the screen", "Known: ", "the shortcut ", " is already used by "),
+    *("this action id exists already", "Choose another id or shortcut."),
+    "Use --film out.mp4 to render without a window, or start on a computer with a display.",
 }
 """Errors that appear in a terminal or for a plugin's author, not in the window."""
 

@@ -192,8 +192,8 @@ def test_misspelt_setting_is_reported(tmp_path, enliven):
         (("retarget", "a.bvh", "b.glb", "-o", "out.fbx"), 3, "Known suffixes: .bvh, .csv, .glb"),
         (("retarget", "a.bvh", "b.glb", "-o", "out.glb", "--sheet", "moveis/out.png"), 4, "does not exist"),
         (("examples", "fit", "a.toml", "-o", "moveis/out.mcap"), 4, "does not exist"),
-        (("view", "x.glb"), 3, "enliven studio x.glb, or make a film of it: enliven export x.glb"),
-        (("view", "x.enliven"), 3, "Open it: enliven studio x.enliven."),
+        (("view", "x.glb"), 3, "enliven studio x.glb. Or render a film: enliven export x.glb"),
+        (("view", "x.enliven"), 3, "Open the file: enliven studio x.enliven."),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )

@@ -121,7 +121,7 @@ def test_two_performers_attach_their_parts_by_keys(house: House) -> None:
     house.live.choose_performer()
     house.live.choose_performer()
     words = house.live.possession.describe_choice(int)
-    assert words == "P steps in: the legs of performer 2"
+    assert words == "Press P to step in with the legs of performer 2"
     house.live.choose_parts(1)
     house.live.possess("join")
     house.until(lambda: set(house.cues.owners[house.cues.attached_mask].tolist()) == {1, 2})

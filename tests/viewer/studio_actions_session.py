@@ -106,7 +106,7 @@ def greyed(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     workspace = window.workspace
     workspace.editor.select(character=None)
     ctx.yield_(2)
-    ctx.menu_action(imgui.test_engine.TestAction.hover, menu_path("Shape/Make a puppet of it"))
+    ctx.menu_action(imgui.test_engine.TestAction.hover, menu_path("Shape/Make a puppet"))
     ctx.sleep_no_skip(1.0, 0.1)  # a tooltip appears once the pointer rests
     picture(ctx, "greyed")
     press(ctx, "escape")

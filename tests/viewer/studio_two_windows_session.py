@@ -63,7 +63,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, path: Path) -
     report["asked"], report["compared"] = asked, [difference.item for difference in workspace.compared]
     shot("compared")
     click("Add the items that are only in the file")
-    click("Save over it")
+    click("Overwrite")
     report["done"] = not workspace.store.dirty
     window.close()
 

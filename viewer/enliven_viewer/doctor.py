@@ -28,7 +28,7 @@ def _check_offscreen() -> Check:
 
         ctx = create_offscreen_context()
     except ImportError as error:
-        return Check(name, False, str(error), "Install it: pip install moderngl")
+        return Check(name, False, str(error), "Install moderngl: pip install moderngl")
     except EnlivenError as error:
         return Check(name, False, error.what, error.remedy)
     renderer, version = ctx.info["GL_RENDERER"], ctx.version_code
@@ -40,13 +40,13 @@ def _check_window() -> Check:
     """Checks if glfw can connect to the display. A machine without a display can still render films."""
     name = "window"
     if not has_display():
-        return Check(name, True, "no display was found, so 'enliven view' needs --film")
+        return Check(name, True, "no display was found, so only films can be rendered: enliven view --film")
     try:
         import glfw
 
         from enliven_viewer.window import decode_error
     except ImportError as error:
-        return Check(name, False, str(error), "Install it: pip install glfw")
+        return Check(name, False, str(error), "Install glfw: pip install glfw")
     errors: list[str] = []
     glfw.set_error_callback(lambda code, text: errors.append(decode_error(text)))
     if not glfw.init():
@@ -54,7 +54,7 @@ def _check_window() -> Check:
             name,
             False,
             errors[-1] if errors else "glfw found no display",
-            "Check the variable DISPLAY, or use --film.",
+            "Check the environment variable DISPLAY, or render films: enliven view --film.",
         )
     version = decode_error(glfw.get_version_string())
     glfw.terminate()
@@ -70,11 +70,11 @@ def _check_encoder() -> Check:
 
         encoder = choose_encoder(av)
     except ImportError as error:
-        return Check(name, False, str(error), "Install it: pip install av")
+        return Check(name, False, str(error), "Install PyAV: pip install av")
     except EnlivenError as error:
         return Check(name, False, error.what, error.remedy)
     description = f"{encoder.name} ({encoder.format}; licence {encoder.licence})"
     if encoder.format != "H.264":
-        description = f"no H.264 encoder, films are {encoder.format}"
-        return Check(name, False, description, "Install PyAV's wheel: pip install av")
+        description = f"no H.264 encoder was found, so films are encoded as {encoder.format}"
+        return Check(name, False, description, "Install the PyAV package that contains H.264: pip install av")
     return Check(name, True, description)

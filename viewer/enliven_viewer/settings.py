@@ -26,7 +26,7 @@ class RenderSettings:
 
     samples: int = setting(
         4,
-        "Number of samples per pixel for anti-aliasing. 1 turns it off; lower it on slow graphics cards.",
+        "Number of samples per pixel for anti-aliasing. 1 turns it off. Use fewer on slow graphics cards.",
         low=1,
         high=16,
     )
@@ -47,9 +47,16 @@ class RenderSettings:
     field_of_view: float = setting(
         34.0, "Vertical field of view of the camera.", unit="degrees", low=5, high=120
     )
-    reveal_opacity: float = setting(0.16, "Opacity of the mesh around the performer's body.", low=0, high=1)
+    reveal_opacity: float = setting(
+        0.16,
+        "Opacity of a mesh while the performer's body inside it is shown.",
+        low=0,
+        high=1,
+    )
     look: LookName = setting("studio", "Preset of light, backdrop and floor.")
-    grid: bool = setting(True, "Shows grid lines on the floor, half a metre apart, if the look has them.")
+    grid: bool = setting(
+        True, "Shows grid lines on the floor, half a metre apart, if the look contains grid lines."
+    )
     backdrop: str = setting("", "Colour of the backdrop, such as '#22334a'. Empty: the colour of the look.")
     brightness: float = setting(1.0, "Factor on the brightness of all lights.", low=0.1, high=10)
     light_around: float = setting(
@@ -64,9 +71,11 @@ class RenderSettings:
     )
     skeleton: SkeletonShown = setting(
         "choosing",
-        "When performers' skeletons are visible: while they choose what to hold, always, or never.",
+        "When performers' skeletons are visible: while a performer chooses a limb, always, or never.",
     )
-    held_light: float = setting(1.0, "Strength of the highlight on the held parts of a mesh.", low=0, high=2)
+    held_light: float = setting(
+        1.0, "Strength of the highlight on the parts of a mesh that a performer controls.", low=0, high=2
+    )
     texture_size: int = setting(
         2048,
         "Maximum side length of a texture. Larger textures are reduced to save graphics memory.",
@@ -77,7 +86,7 @@ class RenderSettings:
 
     def __post_init__(self) -> None:
         if self.backdrop and not re.fullmatch(r"#[0-9a-fA-F]{6}", self.backdrop):
-            remedy = "Give six hexadecimal digits, such as '#22334a'."
+            remedy = "Write # and six hexadecimal digits, such as '#22334a'."
             raise InputError(f"{self.backdrop!r} is not a colour", where="render.backdrop", remedy=remedy)
 
     @property
@@ -97,13 +106,13 @@ class PlaybackSettings:
     )
     rate: float = parameter(
         30.0,
-        "Expected number of poses per second. It bounds the memory of the live timeline.",
+        "Expected number of poses per second. This value limits the memory of the live timeline.",
         unit="Hz",
         low=1,
         high=1000,
     )
     gap: float = parameter(
-        0.2, "Maximum gap between two poses that are interpolated.", unit="seconds", low=0, high=60
+        0.2, "Longest gap between two poses that is filled by interpolation.", unit="seconds", low=0, high=60
     )
 
 
@@ -111,7 +120,9 @@ class PlaybackSettings:
 class FilmSettings:
     """Settings of films."""
 
-    rate: float = setting(30.0, "Frame rate of the film, in sensor time.", unit="Hz", low=1, high=240)
+    rate: float = setting(
+        30.0, "Frame rate of the film, in frames per second of sensor time.", unit="Hz", low=1, high=240
+    )
     bit_rate: float = setting(
         6.0,
         "Bit rate of the film. Raise it for better quality and a larger file.",
@@ -187,6 +198,6 @@ def with_size(settings: ViewerSettings, size: str | None) -> ViewerSettings:
     match = re.fullmatch(r"(\d{2,5})\s*[x×]\s*(\d{2,5})", size.strip().lower())
     if not match or not all(16 <= int(n) <= 16384 for n in match.groups()):
         raise InputError(
-            f"{size!r} is not a size", where="--size", remedy="Give WIDTHxHEIGHT, such as 1280x720."
+            f"{size!r} is not a size", where="--size", remedy="Write WIDTHxHEIGHT, such as 1280x720."
         )
     return replace(settings, width=int(match[1]), height=int(match[2]))

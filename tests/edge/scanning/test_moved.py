@@ -135,7 +135,9 @@ def test_window_texts_follow_the_object_state(scanned):
     words = [text for _, text in scanned.told]
     assert any(text.startswith("Object lifted or lost: put it down") for text in words)
     assert any(text.startswith("Looking for the object, ") for text in words)
-    assert any(text.startswith("Found again in ") and text.endswith(" s: go round it") for text in words)
+    assert any(
+        text.startswith("Found again in ") and text.endswith(" s: go round the object") for text in words
+    )
     messages = [message for message, _ in scanned.told]
     carried = [message for message in messages if message.thing == "carried"]
     assert carried and all(MOVE[0] < seconds_of(message) < MOVE[1] + 2.0 for message in carried)

@@ -46,12 +46,12 @@ def test_full_turn_creates_a_character_with_named_ends(tmp_path):
         edge.feed_frames(images[-1:])
         scanner = edge.edge.scans._scan._run.scanner
         edge.until(lambda: "me" in window.editor.project.characters, "the character, without a key")
-    assert words == ["Stand one to three metres in front of the camera, whole in view"]
+    assert words == ["Stand 1 to 3 m in front of the camera, with your whole body in view"]
     assert all(message.thing == "person" for message, _ in messages)
     missing = [message.missing for message, _ in messages]
     assert (np.diff(missing) <= 0).all() and missing[-1] == 0.0 and scanner.missing == 0.0
-    assert any(text.startswith("Turn on the spot, slowly: 5") for _, text in messages)
-    assert messages[-1][1] == "All round: stand still"
+    assert any(text.startswith("Turn slowly on the spot: 5") for _, text in messages)
+    assert messages[-1][1] == "All sides are scanned: stand still"
     character = window.editor.project.characters["me"]
     low, high = character.mesh.bounds
     assert low[1] == pytest.approx(0.0, abs=1e-3) and high[1] == pytest.approx(1.73, abs=0.06)

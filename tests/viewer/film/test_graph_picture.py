@@ -45,7 +45,7 @@ def test_the_bridge_is_red_where_it_is(balls, tmp_path, capsys):
     picture = tmp_path / "graph of balls.png"
     arguments = ["graph", str(tmp_path / "balls.obj"), "-o", str(picture), "--nodes", "40", "--height", "0"]
     assert run([*arguments, "--size", str(SIZE)]) == 0
-    assert "1 bridges and 2 cut vertices" in capsys.readouterr().out
+    assert "1 bridges, 2 cut vertices" in capsys.readouterr().out
     pixels = np.asarray(Image.open(picture).convert("RGB"))
     height = SIZE * 5 // 4
     assert pixels.shape[1] == 3 * SIZE

@@ -55,7 +55,7 @@ def test_an_mp4_film_is_written(block, tmp_path):
 def test_wrong_numbers_of_values_and_other_suffixes_are_refused(block, tmp_path):
     with pytest.raises(ValueError, match="3 projects for 2 times"):
         write_project_film(tmp_path / "a.webp", [block] * 3, [0.0, 0.1])
-    with pytest.raises(InputError, match=r"\.gif films"):
+    with pytest.raises(InputError, match=r"\.gif cannot be written"):
         write_project_film(tmp_path / "a.gif", block, [0.0])
-    with pytest.raises(InputError, match="empty"):
+    with pytest.raises(InputError, match="nothing to film"):
         write_project_film(tmp_path / "a.webp", Project(), [0.0])

@@ -59,7 +59,7 @@ def test_an_audience_sees_the_performance_alone_and_no_frozen_picture(tmp_path: 
     assert report["done"], report
     assert report["widgets"] == [] and report["area"] == [[0.0, 0.0], True], "no menu, no panel, no timeline"
     assert report["live"] == ["", True]
-    assert report["words"] == "The connection to the stage is lost. It comes back by itself."
+    assert report["words"] == "The connection to the stage is lost. The program reconnects by itself."
     assert report["replays"] == [True, True] and report["moves"] > 0.05, "what was performed last goes on"
     assert report["back"] == ["", True], "the edge is followed again"
     assert report["windowed"] == [False, True] and report["again"] == [True, False], (

@@ -34,7 +34,7 @@ def test_the_choice_goes_round_those_in_view() -> None:
         possession.next_performer(present)
         seen.append(possession.body)
     assert seen == [3, 7, None, 3, None, 5]
-    assert possession.describe_choice(int) == "P steps in: the whole body of performer 5"
+    assert possession.describe_choice(int) == "Press P to step in with the whole body of performer 5"
 
 
 def test_smoothing_is_requested_for_the_chosen_performer_and_ends_at_off() -> None:
@@ -42,7 +42,7 @@ def test_smoothing_is_requested_for_the_chosen_performer_and_ends_at_off() -> No
     assert possession.change_smoothing(1, [3, 7]) == {3: 2.0, 7: 2.0}
     possession.next_performer([3, 7])
     assert [possession.change_smoothing(-1, [3, 7])[3] for _ in range(4)] == [1.0, 0.5, 0.0, 0.0]
-    assert "smoothed by 0" in possession.describe_choice(int)
+    assert "smoothing 0" in possession.describe_choice(int)
     possession.locked = True
     assert possession.describe_choice(int).endswith("locked")
 

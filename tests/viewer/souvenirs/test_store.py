@@ -127,7 +127,7 @@ def test_remains_of_a_killed_program_are_deleted(tmp_path):
 
 def test_a_full_disk_is_refused(tmp_path):
     store = SouvenirStore(tmp_path, KEEP_S, MAX_BYTES, 1 << 60)
-    with pytest.raises(ResourceError, match="too full for souvenirs"):
+    with pytest.raises(ResourceError, match="too little free space for souvenirs"):
         store.reserve("photo")
 
 

@@ -97,7 +97,7 @@ def test_hand_scaling_is_kept_undone_and_set_again(house: House) -> None:
     house.until(lambda: sizes.find_size("chair") > 1.6)
     assert editor.project is first, "nothing is kept before it stays"
     house.until(lambda: sizes.scaled_character is None)  # until the hands have been still for a while
-    assert "It stays." in sizes.text
+    assert "This size is kept." in sizes.text
     size = sizes.find_size("chair")
     house.until(lambda: editor.project.handling)
     assert editor.project.handling["chair"].size == pytest.approx(size)

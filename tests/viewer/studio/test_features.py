@@ -47,14 +47,14 @@ def test_a_feature_of_another_package_appears_in_the_window(installed, tmp_path)
 def test_a_feature_adds_its_state_once(installed, tmp_path) -> None:
     workspace = Workspace.new(Editor(), tmp_path)
     assert workspace.actions.do("gauge.show") and workspace.state(Gauge).is_shown
-    with pytest.raises(InputError, match="state Gauge: it exists already"):
+    with pytest.raises(InputError, match="state Gauge: this state exists already"):
         workspace.add_state(Gauge())
 
 
 def test_a_state_without_its_feature_is_reported(tmp_path) -> None:
     workspace = Workspace.new(Editor(), tmp_path)
     assert "gauge.show" not in workspace.actions
-    with pytest.raises(InputError, match="state Gauge: no feature has added it"):
+    with pytest.raises(InputError, match="state Gauge: no feature has added this state"):
         workspace.state(Gauge)
 
 

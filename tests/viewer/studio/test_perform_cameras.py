@@ -39,7 +39,7 @@ def test_preview_shows_the_cameras_image() -> None:
     assert search.tested_camera == made_up
     until(lambda: (search.poll(), search.tested_camera is None)[1])
     assert search.picture is not None and search.picture.ndim == 3 and search.picture.std() > 5
-    assert search.test_result == (made_up, "near is bright, far is dark") and search.number == 1
+    assert search.test_result == (made_up, "Bright is near, dark is far.") and search.number == 1
     search.take_test_image(Camera("None", "replay", {"path": "nothing.mcap"}))
     until(lambda: (search.poll(), search.tested_camera is None)[1])
     assert (

@@ -72,7 +72,9 @@ def test_press_without_a_performer_ends_with_a_reason(sitting, monkeypatch) -> N
     session.connect()
     session.perform.possession_requests.press()
     session.until(lambda: not session.perform.possession_requests.is_waiting)
-    assert session.toasts == [("Possess has timed out", "No one is in view: step in front of the camera")]
+    assert session.toasts == [
+        ("“Possess” has waited too long", "No one is in view: step in front of the camera")
+    ]
 
 
 def test_refusal_by_the_edge_is_shown_with_advice(sitting) -> None:
@@ -95,7 +97,7 @@ def test_a_chosen_character_that_is_not_on_the_stage_is_put_there_first(sitting)
     session.editor.select_only("chair")
     session.until(lambda: session.perform.performers)
     session.perform.possession_requests.press()
-    assert session.perform.possession_requests.words == "chair is being made ready for the stage"
+    assert session.perform.possession_requests.words == "chair is being prepared for the stage"
     session.until(lambda: session.held == {"chair"}, "the chair, and not the bench that stood there")
 
 
@@ -129,7 +131,10 @@ def test_a_waiting_press_outlasts_a_silent_edge(sitting, monkeypatch, is_local) 
     with monkeypatch.context() as silent:
         silent.setattr(PerformSession, "connected", property(lambda _: False))
         session.run_frames(5)
-        assert requests.words == "The stage is silent. Check that its camera's program runs"
+        assert (
+            requests.words
+            == "The stage sends nothing. Check that its camera program (enliven edge) is running"
+        )
     session.present = [person()]
     session.until(lambda: session.held == {"chair"})
     assert session.toasts == refused
@@ -141,7 +146,9 @@ def test_a_new_press_on_a_silent_stage_is_refused(sitting, monkeypatch) -> None:
     monkeypatch.setattr(PerformSession, "connected", property(lambda _: False))
     session.perform.possession_requests.press()
     assert not session.perform.possession_requests.is_waiting
-    assert session.toasts == [("The stage is silent", "Check that its camera's program runs")]
+    assert session.toasts == [
+        ("The stage sends nothing", "Check that its camera program (enliven edge) is running")
+    ]
 
 
 def test_a_press_while_a_scan_is_made_is_for_the_character_that_it_becomes(sitting) -> None:
@@ -152,11 +159,11 @@ def test_a_press_while_a_scan_is_made_is_for_the_character_that_it_becomes(sitti
     session.house.outlet.send(ScanMessage(1, "scanning"), 0)
     session.until(lambda: session.perform.possession_requests._scan_message.phase == "scanning")
     session.perform.possession_requests.press()
-    assert session.toasts == [("The camera scans", "Finish the scan first, or cancel it")]
+    assert session.toasts == [("The camera is scanning", "Finish or cancel the scan first")]
     session.house.outlet.send(ScanMessage(1, "finishing"), 0)
     session.until(lambda: session.perform.possession_requests._scan_message.phase == "finishing")
     session.perform.possession_requests.press()
-    assert session.perform.possession_requests.words == "The scan becomes a character"
+    assert session.perform.possession_requests.words == "The scan is being turned into a character"
     session.run_frames(5)
     assert not session.held
     session.house.outlet.send(ScanMessage(1, "done", character="scan"), 0)
@@ -183,7 +190,7 @@ def test_empty_and_missing_stage_are_reported(sitting) -> None:
     session.connect()
     session.until(lambda: session.perform.connected)
     session.perform.possession_requests.press()
-    assert session.toasts == [("The stage has no character", "Choose one, and put it there")]
+    assert session.toasts == [("The stage has no character", "Choose a character, and put it on the stage")]
     session.perform.disconnect()
     session.perform.possession_requests.press()
     assert not session.perform.possession_requests.is_waiting

@@ -58,7 +58,7 @@ def until(session: PerformSession, done: Callable[[], object]) -> None:
 @pytest.mark.slow
 def test_two_edges_are_recorded_and_one_continues_alone(two) -> None:
     session, edges = two
-    with pytest.raises(InputError, match="already followed"):
+    with pytest.raises(InputError, match="already follows"):
         session.add_secondary(edges[1][1])
     (guest,) = session.secondary_edges
     until(session, lambda: session.performers and guest.performers and len(session.holders) == 2)

@@ -23,5 +23,5 @@ def test_widgets_stay_in_place_as_cameras_are_found_and_previewed(tmp_path: Path
     assert report["no stage"]["seen"] == ["camera 0", "camera 1", "camera 2", "look 0"], (
         "all lists were shown"
     )
-    assert report["looked"] == ["near is bright, far is dark", True], "a look has a place of its own"
+    assert report["looked"] == ["Bright is near, dark is far.", True], "a look has a place of its own"
     assert report["the edge's own list"][1] == "", "the edge's own program filled the list"

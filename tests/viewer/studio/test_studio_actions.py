@@ -76,7 +76,7 @@ def test_actions_at_random_are_undone_bit_for_bit(stage: Workspace) -> None:
         if name == "edit.delete" and len(editor.project.characters) < 3:
             name = "edit.duplicate"
         done += stage.actions.do(name)
-        assert not any("internal error of enliven" in toast.text for toast in editor.toasts.shown), name
+        assert not any("enliven has an internal error" in toast.text for toast in editor.toasts.shown), name
         if chance.random() < 0.1:
             stage.actions.do(chance.choice(["edit.undo", "edit.redo"]))
     assert done > AT_RANDOM // 2 and editor.history.current_step > AT_RANDOM // 8

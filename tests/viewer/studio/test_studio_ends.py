@@ -68,7 +68,7 @@ def test_the_ends_are_shown_where_they_are_found_before_any_is_named(tool):
     places = KNOWN.mesh.vertices[tool.marks]
     assert (np.linalg.norm(places - KNOWN.joints[list(ENDS)], axis=1) < FINGERS).all()
     words = [mark.text for mark in tool.overlay().marks if hasattr(mark, "text")]
-    assert words == list(END_NAMES) and "drag" in tool.hint
+    assert words == list(END_NAMES) and "Drag" in tool.hint
     assert not len(tool.editor.project.character("man").ends), "they are a suggestion"
 
 

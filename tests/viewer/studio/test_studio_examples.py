@@ -190,7 +190,7 @@ def test_a_mesh_is_stood_up_before_it_has_points() -> None:
         np.testing.assert_allclose(
             shape - shape.mean(0), star().vertices - star().vertices.mean(0), atol=1e-9
         )
-    with pytest.raises(InputError, match="points already"):
+    with pytest.raises(InputError, match="already has control points"):
         turn_quarter(project_with("head"), "star", "x")
 
 

@@ -67,7 +67,7 @@ def test_a_mesh_in_millimetres_gets_its_size_in_metres_with_a_note(workspace: Wo
     workspace.open(tmp_path / "star.ply")
     tall = np.ptp(star().vertices[:, 1])
     assert np.ptp(workspace.puppets.puppet.mesh.vertices[:, 1]) == pytest.approx(tall)
-    assert "read as millimetres" in said(workspace)
+    assert "read in millimetres" in said(workspace)
 
 
 def test_unreadable_mesh_changes_nothing(workspace: Workspace, tmp_path) -> None:

@@ -172,6 +172,6 @@ def test_a_bookmark_brings_the_view_back_and_is_in_the_file(workspace, tmp_path)
 @pytest.mark.slow
 def test_numbers_are_typed_in_the_window(tmp_path) -> None:
     report = in_a_window(SESSION, str(tmp_path))
-    assert report["done"] and report["complaints"] == ["that is not a number"], report
+    assert report["done"] and report["complaints"] == ["the text is not a number"], report
     assert report["place"] == pytest.approx(1.5, abs=1e-4) and report["tall"] == pytest.approx(0.5, abs=1e-4)
     assert report["steps"] == ["place post", "size of post"], "what is no number changes nothing"

@@ -267,7 +267,7 @@ def test_large_mesh_is_prepared_in_the_background(tmp_path, monkeypatch) -> None
         if workspace.puppets.stage.surfaces.is_prepared(workspace.puppets.puppet):
             break
         sleep(0.01)
-    assert "can be dragged now" in workspace.editor.toasts.shown[-1].text
+    assert "You can drag" in workspace.editor.toasts.shown[-1].text
     workspace.puppets.drag(0, mesh.vertices[0] + [0.0, 0.2, 0.0])
     assert np.allclose(workspace.puppets.stage_puppets[0].surface[0], mesh.vertices[0] + [0.0, 0.2, 0.0])
 

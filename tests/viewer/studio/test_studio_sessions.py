@@ -102,7 +102,7 @@ def test_undo_after_whatever_an_artist_does_gives_back_the_document(make_scene, 
     workspace = make_scene()
     first = workspace.editor.project
     play(todo, HeadlessStage(workspace))
-    assert not any("internal error of enliven" in toast.text for toast in workspace.editor.toasts.shown)
+    assert not any("enliven has an internal error" in toast.text for toast in workspace.editor.toasts.shown)
     for _ in workspace.editor.history.names:
         workspace.editor.undo()
     assert are_identical(workspace.editor.project, first)

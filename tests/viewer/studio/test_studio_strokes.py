@@ -58,7 +58,9 @@ def test_strokes_of_every_tool_at_random_are_undone_bit_for_bit(tmp_path) -> Non
         before = editor.history.current_step
         play(list(strokes(editor, chance)), stage)
         done += editor.history.current_step != before
-        faults = [toast.text for toast in editor.toasts.shown if "internal error of enliven" in toast.text]
+        faults = [
+            toast.text for toast in editor.toasts.shown if "enliven has an internal error" in toast.text
+        ]
         assert not faults, (number, workspace.input.tool.name, faults)
     assert done > STROKES // 6, "many of them did something"
     play([Key("escape"), Key("escape")], stage)

@@ -63,7 +63,7 @@ def test_a_character_is_described_by_what_one_can_do_with_it(tmp_path) -> None:
     workspace = acting_stage(tmp_path)
     project = workspace.editor.project
     assert describe_parts(project.character("limb")) == "2 bones"
-    assert describe_parts(project.character("post")).startswith(("bends anywhere", "1 bone"))
+    assert describe_parts(project.character("post")).startswith(("no bones: bends anywhere", "1 bone"))
 
 
 def test_latency_is_worded_and_shown_only_if_noticeable() -> None:
@@ -77,9 +77,9 @@ def test_number_of_examples_is_rated_without_percents() -> None:
 
     fields = dict.fromkeys(TakeCoverage.__dataclass_fields__, None)
     coverage = TakeCoverage(**{**fields, "take": "sway", "needed": 1, "remaining_distance": 1.38})
-    assert coverage_words(coverage, 0) == "about 1 would be enough for sway"
-    assert coverage_words(coverage, 2) == "one more would be enough for sway, at the dashed moment"
-    assert coverage_words(replace(coverage, needed=3), 2).startswith("3 more would be enough")
+    assert coverage_words(coverage, 0) == "key poses that sway needs: about 1"
+    assert coverage_words(coverage, 2) == "sway needs one more, at the dashed moment"
+    assert coverage_words(replace(coverage, needed=3), 2).startswith("sway needs 3 more")
     assert coverage_words(replace(coverage, needed=0), 4).startswith("enough for sway")
     for needed in range(4):
         assert "%" not in coverage_words(replace(coverage, needed=needed), 2)
@@ -113,9 +113,10 @@ def test_motion_quality_is_worded_with_the_place() -> None:
         ),
     )
     assert bad == [
-        "Limb directions differ from the performer's: see left arm",
+        "Limb directions differ from the performer's: left arm",
         "The surface stretches too much, at knee",
-        "it sinks into the floor or floats above it, feet slide, it goes through itself: arm, belly",
+        "the shape sinks into the floor or floats above it, feet slide, the surface passes through itself: "
+        "arm, belly",
     ]
     assert not any(re.search(r"\d", line) for line in (*good, *bad))
 
@@ -123,7 +124,7 @@ def test_motion_quality_is_worded_with_the_place() -> None:
 def test_phrase_list_describes_every_command() -> None:
     for word in WORDS:
         assert describe_command(word) not in WORDS, f"{word} is shown as it stands in the settings"
-    assert describe_command("possess left arm") == "steps in: left arm"
+    assert describe_command("possess left arm") == "possesses the character: left arm"
     assert describe_command("hop") == "hop", "a word of a newer edge is shown unchanged"
 
 

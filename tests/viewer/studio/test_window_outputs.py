@@ -247,7 +247,7 @@ def test_a_window_without_outputs_sends_nothing(workspace):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["view", "--film", "f.mp4", "--out", "vmc:127.0.0.1"], "a film is not sent live"),
+        (["view", "--film", "f.mp4", "--out", "vmc:127.0.0.1"], "this option needs a window"),
     ],
 )
 def test_a_film_has_no_live_outputs(words, message, capsys):

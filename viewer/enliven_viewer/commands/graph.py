@@ -20,18 +20,20 @@ _IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp")
 
 
 def graph(
-    mesh: Annotated[str, typer.Argument(help='A mesh file, or "chair".')],
+    mesh: Annotated[str, typer.Argument(help='A mesh file, or "chair" for the sample chair.')],
     output: Annotated[Path, typer.Option("--output", "-o", help="Output image: png, jpg or webp.")],
-    nodes: Annotated[int, typer.Option(min=1, max=65535, help="Number of nodes.")] = 128,
+    nodes: Annotated[int, typer.Option(min=1, max=65535, help="Number of graph nodes.")] = 128,
     radius: Annotated[
-        float | None, typer.Option(help="Distance between nodes in metres; replaces --nodes.")
+        float | None, typer.Option(help="Distance between graph nodes in metres. Replaces --nodes.")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Random seed for the choice of nodes.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Random seed for the positions of the nodes.")] = 0,
     up: Annotated[Literal["x", "y", "z"], typer.Option(help="Axis of the mesh that points up.")] = "y",
     height: Annotated[
-        float, typer.Option(help="Scale the mesh to this height in metres; 0 keeps its size.")
+        float, typer.Option(help="Scale the mesh to this height in metres. 0 keeps the size of the file.")
     ] = 1.75,
-    size: Annotated[int, typer.Option(min=160, max=4096, help="Width of each of the three views.")] = 640,
+    size: Annotated[
+        int, typer.Option(min=160, max=4096, help="Width in pixels of each of the three views.")
+    ] = 640,
 ) -> None:
     """Draw the deformation graph of a mesh, seen from three sides.
 
@@ -40,12 +42,14 @@ def graph(
       enliven graph chair -o chair.png --nodes 256
       enliven graph SCAN.ply -o scan.png --up z --radius 0.1
 
-    Marks the cut vertices and bridges of the graph, because KinEtre's rigidity energy E_rig acts there.
+    The image marks the cut vertices and bridges of the graph. KinEtre's rigidity energy E_rig acts there.
     """
     if output.suffix.lower() not in _IMAGE_SUFFIXES:
         endings = ", ".join(ending[1:] for ending in _IMAGE_SUFFIXES)
         raise InputError(
-            f"cannot write {output.suffix or 'no'} pictures", where=str(output), remedy=f"Known: {endings}."
+            f"images with the extension {output.suffix or '(none)'} cannot be written",
+            where=str(output),
+            remedy=f"Use one of these file extensions: {endings}.",
         )
     require_folder(output)
     # Heavy modules are imported only here, so that `--help` appears quickly.
@@ -72,6 +76,6 @@ def graph(
         (size, size * 5 // 4),
     )
     print_line(
-        f"enliven: {counts.nodes} nodes, {counts.edges} edges, {counts.bridges} bridges and "
-        f"{counts.cut_vertices} cut vertices are in {output}"
+        f"enliven: wrote {output}: {counts.nodes} nodes, {counts.edges} edges, {counts.bridges} bridges, "
+        f"{counts.cut_vertices} cut vertices"
     )

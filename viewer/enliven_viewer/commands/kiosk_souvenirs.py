@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 def kiosk_souvenirs(
     profile: Annotated[Path, typer.Argument(help="The kiosk's profile, a TOML file.")],
 ) -> None:
-    """Serves the souvenirs of a kiosk to the phones of its visitors.
+    """Serve the souvenirs of a kiosk to the phones of its visitors.
 
     \b
       enliven kiosk-souvenirs FOYER.toml
 
     `enliven kiosk` starts this server if the profile makes souvenirs. The server sends a souvenir only to a
-    phone that knows its secret address, and deletes it after souvenir.keep minutes. With souvenir.certificate
-    it uses TLS.
+    phone that opens the secret address of the souvenir. It deletes a souvenir after souvenir.keep minutes. If
+    souvenir.certificate is set, the server uses TLS.
     """
     from enliven.kiosk.profile import load_profile
     from enliven_viewer.language import find_language, set_language

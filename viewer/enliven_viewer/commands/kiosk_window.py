@@ -14,14 +14,17 @@ from enliven_viewer.doctor import has_display
 
 def kiosk_window(
     profile: Annotated[Path, typer.Argument(help="The kiosk's profile, a TOML file.")],
-    seconds: Annotated[float | None, typer.Option(min=0.0, help="Stop after this number of seconds.")] = None,
+    seconds: Annotated[
+        float | None, typer.Option(min=0.0, help="Close the window after this number of seconds.")
+    ] = None,
 ) -> None:
-    """Opens the window of a kiosk for visitors. Its edge must already run.
+    """Open the window of a kiosk for visitors. The edge of the kiosk must already run.
 
     \b
       enliven kiosk-window FOYER.toml
 
-    `enliven kiosk` starts this window and the edges, and restarts them if they fail. Ctrl+Alt+Q closes it.
+    `enliven kiosk` starts this window and the edges, and restarts them if they fail. Ctrl+Alt+Q closes the
+    window.
     """
     from enliven.kiosk.profile import load_profile
 
@@ -30,7 +33,8 @@ def kiosk_window(
         raise ResourceError(
             "no screen was found",
             where="kiosk",
-            remedy="Start it in a graphical session, or on a console with cage: cage -- enliven kiosk ...",
+            remedy="Start the kiosk in a graphical session, or on a console with cage: "
+            "cage -- enliven kiosk ...",
         )
     from enliven_viewer.kiosk.window import run_kiosk_window
 

@@ -49,21 +49,23 @@ def put(
     character: Annotated[
         str,
         typer.Argument(
-            help="A mesh file, 'chair', 'lamp', a project or session, or FILE#NAME in such a file."
+            help="A mesh file, 'chair', 'lamp', a project or a session. FILE#NAME selects one character."
         ),
     ],
     edge: Edge = "127.0.0.1",
-    name: Annotated[str, typer.Option(help="Name on the stage. Default: the name of the file.")] = "",
+    name: Annotated[
+        str, typer.Option(help="Name of the character on the stage. Default: the name of the file.")
+    ] = "",
     drive: Annotated[
         Literal["graph", "skeleton"],
-        typer.Option(help="Method of deformation: a deformation graph, or the skeleton of a glTF file."),
+        typer.Option(help="Deform the mesh with a deformation graph, or with the skeleton of a glTF file."),
     ] = "graph",
     up: Annotated[
         Literal["x", "y", "z"] | None,
         typer.Option(help="Axis of the mesh that points up. Default: detected automatically."),
     ] = None,
 ) -> None:
-    """Put a character on the stage. It replaces a character of the same name, and that one's performers keep
+    """Put a character on the stage. A character with the same name is replaced, and its performers keep
     control.
 
     \b
@@ -77,7 +79,7 @@ def put(
         client.stage.put(project, default_name, name=name, fit=scales_to_person, then=answers.append)
         _poll_until(client, lambda: answers, _PREPARATION_TIMEOUT_S)
         _require_done(answers, character)
-    state_text = "is replaced" if is_replacing else "stands"
+    state_text = "was replaced" if is_replacing else "is now"
     print_line(f"enliven: {name or default_name} {state_text} on the stage of {edge}")
 
 
@@ -92,7 +94,7 @@ def remove(
         client.stage.remove(character, answers.append)
         _poll_until(client, lambda: answers, _ANSWER_TIMEOUT_S)
         _require_done(answers, character)
-    print_line(f"enliven: {character} is gone from the stage of {edge}")
+    print_line(f"enliven: {character} was removed from the stage of {edge}")
 
 
 @stage.command("list")
@@ -116,7 +118,7 @@ def _describe_holders(cues: ReceivedCues | None) -> str:
     if cues is None or cues.state != "possessed":
         return ""
     owners = {int(owner) for owner in cues.owners[: cues.held]} or {cues.body}
-    return f", held by {', '.join(map(str, sorted(owners)))}"
+    return f", controlled by performers {', '.join(map(str, sorted(owners)))}"
 
 
 def _read(spec: str, drive: str, up: Axis | None) -> tuple[Project, str, bool]:
@@ -162,9 +164,11 @@ def _read_project_character(path: Path, character_id: str) -> tuple[Project, str
     project = read_project(path)
     if not character_id and len(project.characters) != 1:
         names = ", ".join(f"{path.name}#{id}" for id in project.characters)
-        problem = f"it has {len(project.characters)} characters"
+        problem = f"the project has {len(project.characters)} characters, so one must be named"
         raise InputError(
-            problem, where=str(path), remedy=f"Name one: {names}." if names else "Make one first."
+            problem,
+            where=str(path),
+            remedy=f"Pass one of: {names}." if names else "Add a character in enliven studio.",
         )
     return project, character_id or next(iter(project.characters)), False
 
@@ -178,7 +182,7 @@ def _connect(edge: str) -> Iterator[EdgeClient]:
     with contextlib.closing(client):
         _poll_until(client, lambda: client.edges[0].has_all_characters, _ANSWER_TIMEOUT_S)
         if client.status is None:
-            remedy = "Start one with 'enliven edge', or give its address with --edge."
+            remedy = "Start one with 'enliven edge', or pass its address with --edge."
             raise ResourceError("no edge answers", where=edge, remedy=remedy)
         yield client
 

@@ -17,7 +17,8 @@ def studio(
     files: Annotated[
         list[Path] | None,
         typer.Argument(
-            help="Models (glb), meshes (obj, ply, stl, off), takes (bvh, mcap), a project (enliven)."
+            help="Files to open: models (glb), meshes (obj, ply, stl, off), takes (bvh, mcap), "
+            "a project (enliven)."
         ),
     ] = None,
     seconds: Annotated[
@@ -25,17 +26,17 @@ def studio(
     ] = None,
     space: Annotated[
         Path | None,
-        typer.Option(help="Show several edges in one space: a file from enliven calibrate."),
+        typer.Option(help="Space file of enliven calibrate, which places several edges in one space."),
     ] = None,
     out: Annotated[
         list[str] | None,
         typer.Option(
             help="Send the shown motion live to another program: vmc:HOST[:PORT], vrchat:, rokoko: or osc:. "
-            "Or let it connect here: foxglove:127.0.0.1. Repeat the option for several."
+            "Or let Foxglove connect to this computer: foxglove:127.0.0.1. Repeat the option for several."
         ),
     ] = None,
     settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
-    fullscreen: Annotated[bool, typer.Option("--fullscreen", help="Fill the screen (F11).")] = False,
+    fullscreen: Annotated[bool, typer.Option("--fullscreen", help="Start in full screen (F11).")] = False,
 ) -> None:
     """Sketch, cut and merge shapes, animate them, and control them with your body, in a window.
 
@@ -47,13 +48,13 @@ def studio(
       enliven studio DANCE.enliven --out vmc:127.0.0.1  stream it into Unreal, VSeeFace or Blender
       enliven                            the same as enliven studio
 
-    Press F1 in the window for the keys.
+    Press F1 in the window for the keyboard shortcuts.
     """
     if not has_display():
         raise ResourceError(
             "no display was found for the window",
             where="enliven studio",
-            remedy="Start it on a computer with a screen, or under xvfb-run.",
+            remedy="Start enliven studio on a computer with a screen, or with xvfb-run.",
         )
     # Heavy modules are imported only here, so that `--help` appears quickly.
     from enliven.outputs.opening import open_outputs

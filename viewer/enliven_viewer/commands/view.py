@@ -27,42 +27,53 @@ DEFAULT_ADDRESS = "127.0.0.1"
 
 
 def view(
-    take: Annotated[Path | None, typer.Argument(help="Play this take instead of following an edge.")] = None,
+    take: Annotated[
+        Path | None, typer.Argument(help="Play this take instead of the live stream of an edge.")
+    ] = None,
     edge: Annotated[
         list[str] | None,
         typer.Option(
-            help=f"Address of an edge: HOST or HOST:PORT. Repeat it for more. Default {DEFAULT_ADDRESS}."
+            help=f"Address of an edge: HOST or HOST:PORT. Repeat it for several. Default {DEFAULT_ADDRESS}."
         ),
     ] = None,
-    port: Annotated[int | None, typer.Option(min=1, max=65535, help="Port of the edge's poses.")] = None,
+    port: Annotated[int | None, typer.Option(min=1, max=65535, help="The edge's port for poses.")] = None,
     control_port: Annotated[
         int | None,
-        typer.Option(min=1, max=65535, help="Port of the edge's commands. Default: the next port."),
+        typer.Option(
+            min=1,
+            max=65535,
+            help="The edge's port for commands. Default: the port after the pose port.",
+        ),
     ] = None,
     film: Annotated[Path | None, typer.Option(help="Write this MP4 instead of opening a window.")] = None,
     sheet: Annotated[
-        Path | None, typer.Option(help="Write this contact sheet (PNG); needs no window.")
+        Path | None, typer.Option(help="Write this contact sheet (PNG) instead of opening a window.")
     ] = None,
     size: Annotated[str | None, typer.Option(help="Size of the window or film, such as 1920x1080.")] = None,
     seconds: Annotated[float | None, typer.Option(min=0.0, help="Stop after this number of seconds.")] = None,
     wait: Annotated[
         float | None,
-        typer.Option(min=0.0, help="Seconds to wait for an edge in a film. Default: from the settings."),
+        typer.Option(
+            min=0.0,
+            help="Seconds to wait for an edge before a film fails. Default: film.patience in the settings.",
+        ),
     ] = None,
     hud: Annotated[bool, typer.Option(help="Show text over the picture.")] = True,
     fullscreen: Annotated[
         bool,
-        typer.Option("--fullscreen", help="Fill the screen, without menus, for an audience; F11 shows them."),
+        typer.Option(
+            "--fullscreen", help="Fill the screen for an audience, without menus. F11 shows the menus."
+        ),
     ] = False,
     space: Annotated[
         Path | None,
-        typer.Option(help="Show several edges in one space: a file from enliven calibrate."),
+        typer.Option(help="Space file of enliven calibrate, which places several edges in one space."),
     ] = None,
     out: Annotated[
         list[str] | None,
         typer.Option(
             help="Send the shown motion live to another program: vmc:HOST[:PORT], vrchat:, rokoko: or osc:. "
-            "Or let it connect here: foxglove:127.0.0.1. Repeat the option for several."
+            "Or let Foxglove connect to this computer: foxglove:127.0.0.1. Repeat the option for several."
         ),
     ] = None,
     settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
@@ -81,7 +92,7 @@ def view(
       enliven view --film out.mp4 --sheet out.png  no display needed; ends with the edge's stream
       enliven view TAKE.mcap --film out.mp4 --size 1920x1080 --no-hud
 
-    This opens the window of `enliven studio` in its Play workspace. Press H for the keys.
+    This opens the window of `enliven studio` in its Play workspace. Press H for the keyboard shortcuts.
     """
     chosen_settings = with_size(
         load_settings(ViewerSettings, settings) if settings else ViewerSettings(), size
@@ -92,18 +103,24 @@ def view(
     _require_take(take)
     filming = film is not None or sheet is not None
     if space is not None and filming:
-        remedy = "Open a window without --film and --sheet."
-        raise InputError("a film shows one edge, so it has no space", where="--space", remedy=remedy)
+        remedy = "Leave out --film and --sheet to open a window."
+        raise InputError(
+            "a film shows only one edge, so it cannot use a space file", where="--space", remedy=remedy
+        )
     if out and filming:
-        remedy = "Open a window without --film and --sheet, or export the take to a file: enliven export."
-        raise InputError("a film is not sent live", where="--out", remedy=remedy)
+        remedy = (
+            "Leave out --film and --sheet to open a window, or export the take to a file: enliven export."
+        )
+        raise InputError(
+            "this option needs a window, but --film and --sheet open none", where="--out", remedy=remedy
+        )
     if space is None and chosen_settings.space and settings is not None:
         space = settings.parent / chosen_settings.space
     if not filming and not has_display():
         raise ResourceError(
             "no display was found for the window",
             where="enliven view",
-            remedy="Render without one: enliven view --film out.mp4 --sheet out.png",
+            remedy="Render a film without a window: enliven view --film out.mp4 --sheet out.png",
         )
     addresses = _parse_addresses(edge or [DEFAULT_ADDRESS], port, control_port)
     is_address_open = not (edge or port or control_port or take or filming or fullscreen)
@@ -144,14 +161,16 @@ def list_network_edges(local: str) -> bool:
         line, remedy = describe_edge(edge)
         print_line(f"{edge.announcement.name}: {line}{f'. {remedy}' if remedy else ''}")
     if edges:
-        print_line("enliven: no edge runs on this machine. Choose one in the window, or give --edge ADDRESS.")
+        print_line(
+            "enliven: no edge runs on this machine. Choose an edge in the window, or pass --edge ADDRESS."
+        )
     return bool(edges)
 
 
 _OTHER_COMMANDS = {
-    ".glb": "Play it in enliven studio {0}, or make a film of it: enliven export {0} -o film.mp4",
-    ".enliven": "Open it: enliven studio {0}",
-    ".mp4": "Any player of films shows it",
+    ".glb": "Open the file: enliven studio {0}. Or render a film: enliven export {0} -o film.mp4",
+    ".enliven": "Open the file: enliven studio {0}",
+    ".mp4": "Play the file in a video player",
 }
 _OTHER_COMMANDS |= dict.fromkeys((".gltf", ".vrm", ".bvh"), _OTHER_COMMANDS[".glb"])
 """Advice for files that are not takes, by file extension."""
@@ -161,7 +180,7 @@ def _require_take(take: Path | None) -> None:
     """Raises an InputError with advice if the file type shows that another command must open the file."""
     if take is not None and take.suffix.lower() in _OTHER_COMMANDS and take.exists():
         remedy = _OTHER_COMMANDS[take.suffix.lower()].format(take) + "."
-        raise InputError("this is not a take", where=str(take), remedy=remedy)
+        raise InputError("the file is not a take", where=str(take), remedy=remedy)
 
 
 def _make_film(
@@ -187,7 +206,7 @@ def _make_film(
             feed, document, film, sheet, settings, seconds=seconds, title=_make_title(take), caption=hud
         )
     written_files = " and ".join(str(path) for path in (film, sheet) if path)
-    print_line(f"enliven: {report.pictures} pictures, {report.seconds:.1f} s, are in {written_files}")
+    print_line(f"enliven: wrote {written_files}: {report.pictures} pictures, {report.seconds:.1f} s")
 
 
 def _open_window(
@@ -254,7 +273,7 @@ def _parse_addresses(edges: list[str], port: int | None, control_port: int | Non
     if len(edges) > 1 and (port or control_port):
         problem, remedy = (
             "several edges cannot share one port",
-            "Give each edge its own port: --edge HOST:PORT.",
+            "Pass the port of each edge: --edge HOST:PORT.",
         )
         raise InputError(problem, where="--port", remedy=remedy)
     endpoint = parse_endpoint(edges[0])

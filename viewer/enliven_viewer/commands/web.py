@@ -24,20 +24,25 @@ def web(
         str, typer.Argument(help="Address of the edge: HOST, HOST:PORT or HOST:PORT:CONTROL_PORT.")
     ] = "127.0.0.1",
     host: Annotated[
-        str, typer.Option(help="Network address to listen on; 0.0.0.0 for phones in the network.")
+        str, typer.Option(help="Network address to listen on. 0.0.0.0 lets phones in the network connect.")
     ] = "127.0.0.1",
     port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Port of the page; 0 for a free port.")
+        int, typer.Option(min=0, max=65535, help="Port of the web page. 0 uses any free port.")
     ] = DEFAULT_PORT,
     certificate: Annotated[
-        Path | None, typer.Option(help="TLS certificate (PEM). Needed to serve other machines.")
+        Path | None,
+        typer.Option(
+            help="TLS certificate (PEM file). Required for other machines, unless --insecure is set."
+        ),
     ] = None,
     certificate_key: Annotated[
-        Path | None, typer.Option(help="Private key of the certificate (PEM).")
+        Path | None, typer.Option(help="Private key of the certificate (PEM file).")
     ] = None,
     insecure: Annotated[
         bool,
-        typer.Option("--insecure", help="Let everyone on the network watch, without encryption."),
+        typer.Option(
+            "--insecure", help="Let everyone on the network watch without encryption or a password."
+        ),
     ] = False,
 ) -> None:
     """Show the live characters of an edge on a web page, for browsers on laptops and phones.
@@ -47,7 +52,7 @@ def web(
       enliven web 192.168.1.20                     an edge on the network
       enliven web --host 0.0.0.0 --insecure        phones in the network may watch: scan the printed code
 
-    Pages only watch: they cannot control the edge. Ctrl-C ends the command.
+    The page only shows the edge and cannot control it. Ctrl-C ends the command.
     """
     # Heavy modules are imported only here, so that `--help` is quick.
     from enliven.wire import parse_endpoint
@@ -59,7 +64,7 @@ def web(
     address = str(parse_endpoint(edge))
     access = load_access(host, insecure, certificate, certificate_key)
     server = WebServer(address, access, port)
-    print_line(f"enliven: the edge at {edge} is shown at {server.link}")
+    print_line(f"enliven: the edge at {edge} can be watched at {server.link}")
     if not access.is_local:
         _print_code(server.link)
     with terminate_as_interrupt():
@@ -71,7 +76,7 @@ def _require_libraries() -> None:
     missing_libraries = [name for name in _LIBRARIES if importlib.util.find_spec(name) is None]
     if missing_libraries:
         raise ResourceError(
-            f"not installed: {', '.join(missing_libraries)}",
+            f"these packages are not installed: {', '.join(missing_libraries)}",
             where="enliven web",
             remedy='Install the extra: pip install "enliven-viewer[web]" '
             '(from a checkout: pip install "./viewer[web]").',

@@ -208,12 +208,12 @@ def _wait_for_first_moment(feed: FilmSource, document: Document, patience: float
             time.sleep(_IDLE_SLEEP_S)
     if document.edge.connected or len(document.timeline):
         raise ResourceError(
-            "the edge sent no pose", where=document.edge.address, remedy="Check the messages of the edge."
+            "the edge sent no pose", where=document.edge.address, remedy="Check the output of enliven edge."
         )
     raise ResourceError(
         f"no edge appeared within {patience:g} s",
         where=document.edge.address,
-        remedy="Start one with 'enliven edge', or give its address with --edge.",
+        remedy="Start one with 'enliven edge', or pass its address with --edge.",
     )
 
 

@@ -80,8 +80,8 @@ def write_project_film(
     """
     path = Path(path)
     if path.suffix not in (".webp", ".mp4"):
-        problem = f"cannot write {path.suffix or 'no'} films"
-        raise InputError(problem, where=str(path), remedy="Known: webp, mp4.")
+        problem = f"films with the extension {path.suffix or '(none)'} cannot be written"
+        raise InputError(problem, where=str(path), remedy="Use the file extension .webp or .mp4.")
     source = ProjectScenes(reveal)
     scenes = [
         source.scene(version, time, people, loose_props)
@@ -95,7 +95,7 @@ def write_project_film(
     ]
     points = [_framed_points(scene) for scene in scenes]
     if not sum(map(len, points)):
-        raise InputError("it is empty", where="project", remedy="Add a character or performers.")
+        raise InputError("there is nothing to film", where="project", remedy="Add a character or performers.")
     settings = RenderSettings(look=look, shadow_size=_SHADOW_SIZE)
     renderer, camera = Renderer(create_offscreen_context(), size, settings), OrbitCamera(_FIELD_OF_VIEW)
     aspect = size[0] / size[1]

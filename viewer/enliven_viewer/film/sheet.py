@@ -105,7 +105,7 @@ def write_sheet(path: Path, tiles: list[Tile], columns: int, title: str, subtitl
         x, y = _GAP + index % columns * (width + _GAP), _TITLE_HEIGHT + index // columns * (height + _GAP)
         sheet.paste(Image.fromarray(tile.picture), (x, y))
         _draw_time(draw, x + 8, y + height - 30, format_time(tile.seconds))
-    write_picture(path, sheet, "Choose another place with --sheet.", compress_level=_PNG_COMPRESSION)
+    write_picture(path, sheet, "Choose another path with --sheet.", compress_level=_PNG_COMPRESSION)
 
 
 def _draw_time(draw: ImageDraw.ImageDraw, x: float, y: float, text: str) -> None:

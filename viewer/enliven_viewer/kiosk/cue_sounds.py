@@ -90,4 +90,4 @@ class CueSounds:
             self._stream.start()
         except Exception as error:  # PortAudio raises errors that are not OSErrors.
             self._stream = None
-            log.warning("no sounds: %s", error)
+            log.warning("the kiosk plays no sounds, because the audio output cannot be opened: %s", error)

@@ -116,5 +116,7 @@ class OperatorReport:
         if problem != self._problem:
             self._problem, self._problem_since = problem, now
         if self._problem != self._logged and now - self._problem_since >= _PROBLEM_DELAY_S:
-            log.warning("%s", problem) if problem else log.info("the problem is over: %s", self._logged)
+            log.warning("%s", problem) if problem else log.info(
+                "the problem has been resolved: %s", self._logged
+            )
             self._logged = problem

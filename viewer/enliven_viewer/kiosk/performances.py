@@ -290,14 +290,14 @@ class PerformanceCycle:
             return lambda: self._start_take(path)
         if BODIES_TOPIC not in recording.info.topics:
             raise InputError(
-                "it contains neither bodies nor a performance",
+                "the recording contains neither bodies nor a performance",
                 where=str(path),
-                remedy="Record one: enliven edge --record FILE.mcap",
+                remedy="Record a visit: enliven edge --record FILE.mcap",
             )
         frames = [frame for frame in recording.frames() if isinstance(frame, BodyFrame)]
         if len(frames) < 2:
             raise InputError(
-                "it contains fewer than two frames of bodies",
+                "the recording contains fewer than two frames with bodies",
                 where=str(path),
                 remedy="Record a longer visit.",
             )

@@ -225,7 +225,7 @@ class SouvenirMaker:
         """Shows the code of a souvenir."""
         start = find_souvenir_address(self._settings)
         if not start:
-            self._report("this computer has no address in a network, so phones cannot fetch souvenirs")
+            self._report("this computer has no network address, so phones cannot download souvenirs")
             return
         self.problem = ""
         self._background.submit(self._store.delete_expired)
@@ -268,7 +268,7 @@ def _write_film(path: Path, pictures: queue.Queue[tuple[UInt8, int] | None]) -> 
                 for _ in range(repetitions):
                     film.add(pixels)
         except queue.Empty:
-            log.warning("a film ended without its last pictures")
+            log.warning("a souvenir film lacks its last pictures, because rendering stopped")
         is_usable = film.count >= MIN_FILM_S * FILM_RATE
     if not is_usable:
         path.unlink(missing_ok=True)

@@ -256,7 +256,7 @@ class ShowEdge(FollowedEdge):
         if not edge.connected:
             return f"the edge at {edge.address} does not answer"
         if not self.is_delivering:
-            return f"the camera of the edge {self.name} delivers nothing"
+            return f"the camera of the edge {self.name} sends no data"
         return edge.health[0].what if edge.health and edge.health[0].severity > 1 else ""
 
     @property
@@ -283,4 +283,4 @@ class ShowEdge(FollowedEdge):
 
 def _log_refusal(order: Possess | Release, answer: object) -> None:
     if not isinstance(answer, Done):
-        log.warning("the edge refused %s: %s", order, getattr(answer, "reason", answer))
+        log.warning("the edge refused the command %s: %s", order, getattr(answer, "reason", answer))

@@ -240,7 +240,7 @@ def _begin_glfw() -> None:
         raise ResourceError(
             f"no screen was found ({_errors[-1] if _errors else 'no reason given'})",
             where="kiosk",
-            remedy="Start it in a graphical session, or on a console with cage.",
+            remedy="Start the kiosk in a graphical session, or on a console with cage.",
         )
 
 
@@ -254,9 +254,9 @@ def _find_place(profile: KioskProfile) -> _WindowPlacement:
     if screen.number >= len(monitors):
         names = ", ".join(decode_error(glfw.get_monitor_name(monitor)) for monitor in monitors) or "none"
         raise ResourceError(
-            f"monitor {screen.number} does not exist; connected: {names}",
+            f"monitor {screen.number} does not exist. Connected monitors: {names}",
             where="kiosk",
-            remedy="Connect it, or change number under [screen]. The first monitor is 0.",
+            remedy="Connect the monitor, or change screen.number in the profile. The first monitor is 0.",
         )
     monitor = monitors[screen.number]
     mode, (x, y) = glfw.get_video_mode(monitor), glfw.get_monitor_pos(monitor)
@@ -281,7 +281,7 @@ def _open_window(profile: KioskProfile, place: _WindowPlacement) -> Any:
         raise ResourceError(
             f"the window cannot be opened ({_errors[-1] if _errors else 'no reason given'})",
             where="kiosk",
-            remedy="Install the driver of the graphics card: it must offer OpenGL 3.3.",
+            remedy="Install a graphics driver that supports OpenGL 3.3.",
         )
     if not place.full:
         with contextlib.suppress(glfw.GLFWError):

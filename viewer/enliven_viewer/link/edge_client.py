@@ -81,7 +81,7 @@ class EdgeClient:
         edge_endpoints = list(dict.fromkeys(edge_endpoints))
         if not edge_endpoints:
             raise InputError(
-                "no edge address was given", where="link", remedy="Give an address, such as 127.0.0.1:5580."
+                "no edge address was given", where="link", remedy="Pass an address such as 127.0.0.1:5580."
             )
         self._notices: deque[Notice] = deque(maxlen=200)
         self._heard: dict[tuple[str, int], tuple[float, float]] = {}
@@ -181,7 +181,7 @@ class EdgeClient:
                 edge.send_command(edge_order, on_reply)
                 return
         character_names = ", ".join(self.characters) or "none"
-        refusal = Refused(f"unknown character {character!r}; known: {character_names}"[:400])
+        refusal = Refused(f"no edge has the character {character!r}; available: {character_names}"[:400])
         self._notices.append(Notice("warning", refusal.reason))
         if on_reply is not None:
             on_reply(refusal)
@@ -205,7 +205,7 @@ class EdgeClient:
         for edge in self.edges:
             clash = edge.status is not None and self._has_rival(edge.status.edge, edge.status.instance)
             if clash and not edge.clash:
-                text = f"two edges are named {edge.name!r}: give one another name with --name"
+                text = f"two edges are named {edge.name!r}: start one of them with another --name"
                 self._notices.append(Notice("error", text))
             edge.clash = clash
 

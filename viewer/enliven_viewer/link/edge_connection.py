@@ -309,19 +309,19 @@ class EdgeConnection:
         if self._other_version is not None:
             return "version mismatch", (
                 f"the edge at {self.endpoint} uses version {self._other_version} of the network protocol, "
-                "and this viewer another: install the same release of enliven on both"
+                "but this viewer uses another version: install the same release of enliven on both"
             )
         if self._access_problem:
             return "no access", self._access_problem
         if self.status is None:
             return "waiting", f"waiting for an edge at {self.endpoint}"
         if self.clash:
-            return "name clash", f"two edges are named {self.name!r}: give one another name with --name"
+            return "name clash", f"two edges are named {self.name!r}: start one of them with another --name"
         if self.status.phase == "ended":
-            return "ended", f"{self.name}: the stream has ended"
+            return "ended", f"{self.name}: the camera or recording has ended"
         silent = now - self.last_heard
         if silent > SILENCE_TIMEOUT_S or self._after_silence:
-            return "stale", f"{self.name} has been silent for {silent:.0f} s"
+            return "stale", f"{self.name} has sent nothing for {silent:.0f} s"
         if poses.on_rate:
             return "on rate", f"{self.name}: {self.status.phase}"
         return "connected", f"{self.name}: {self.status.phase}"
@@ -588,7 +588,7 @@ class EdgeConnection:
             self._has_reported_full = True
             max_megabytes = _MAX_CHARACTER_BYTES // 1024**2
             problem = f"the characters of {self.name} have more than {max_megabytes} MB"
-            text = f"{problem}; some are not shown. Remove some of them"
+            text = f"{problem}, so some are not shown. Remove some characters from the stage"
             self._notify(Notice("warning", text))
 
 

@@ -162,7 +162,7 @@ class EdgeFeed:
         if not message and not connected and health.state != "waiting":
             message = health.text
         if not message and self._lacks_characters(connected, now):
-            message = f"no characters from port {endpoint.control_port}: see --control-port"
+            message = f"no characters arrive from port {endpoint.control_port}: check --control-port"
         return EdgeState(
             connected=connected,
             address=endpoint.stream_address,

@@ -42,7 +42,7 @@ class EdgeSearch:
                 self._browser = None if self.problem else EdgeBrowser()
             except EnlivenError as error:
                 self.problem = str(error)
-                log.debug("no search for edges: %s", error)
+                log.debug("edges on the network cannot be searched: %s", error)
         self._keep_glances()
         for glance in self._glances.values():
             glance.poll()

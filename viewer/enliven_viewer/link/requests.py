@@ -139,14 +139,14 @@ class Requests:
         """
         if len(parts) != 1:
             self._count_unasked(sum(map(len, parts)))
-            raise MalformedMessageError("reply", f"{len(parts)} parts instead of one")
+            raise MalformedMessageError("reply", f"the reply has {len(parts)} message parts instead of one")
         number = reply_number(parts[0])
         if number not in self._pending:
             if number in self._late:
                 self._late.remove(number)
                 return
             self._count_unasked(len(parts[0]))
-            raise MalformedMessageError("reply", "it does not answer any request")
+            raise MalformedMessageError("reply", "the reply does not belong to any request")
         reply: Reply = unpack_control(parts[0], REPLY)
         self._pending.pop(number).on_reply(reply.body)
 

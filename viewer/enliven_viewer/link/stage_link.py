@@ -177,7 +177,10 @@ class StageLink:
             return
         size, digest = len(sending.data), hashlib.sha256(sending.data).digest()
         if size > MAX_UPLOAD_BYTES:
-            text = f"{sending.name} packs to {size} bytes, an edge takes {MAX_UPLOAD_BYTES}: simplify it"
+            text = (
+                f"{sending.name} has {size} bytes, but an edge accepts at most {MAX_UPLOAD_BYTES}: "
+                "simplify its mesh"
+            )
             self._end_upload(sending, Refused(text))
             return
         revision = max(self._edge.revision(sending.name), self._last.get(sending.name, 0)) + 1

@@ -51,9 +51,9 @@ class TakeFeed:
         present_topics = [name for name in topic_names if name in recording.info.topics]
         if not {"character", "pose"} <= set(present_topics):
             raise InputError(
-                "it contains no performance (characters and poses)",
+                "the recording contains no performance (characters and poses)",
                 where=str(path),
-                remedy="Drive a mesh with it: enliven run --recording FILE.",
+                remedy="Perform a mesh with this recording: enliven run --recording FILE.",
             )
         self.name = path.name
         self.unreadable = 0

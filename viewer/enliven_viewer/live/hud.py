@@ -223,7 +223,7 @@ def _list_state_lines(state: HudState) -> list[str]:
         delay_ms = edge.sensor_to_pose_ms + (edge.pose_to_screen_ms or 0.0)
         lines += [delay_text] if (delay_text := describe_delay(delay_ms)) else []
     if 0.5 < state.fps < _MIN_SMOOTH_FPS:
-        lines.append(tr("the picture is not smooth: a smaller window is drawn faster"))
+        lines.append(tr("the picture is not smooth: make the window smaller"))
     if edge is not None and edge.connected and state.possession:
         lines.append(state.possession)
     if state.score:

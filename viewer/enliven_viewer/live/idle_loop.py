@@ -23,7 +23,7 @@ nothing. "ended": its recording has ended. "waiting": it has not started yet.
 """
 LOSS_TEXTS: dict[LossReason, str] = {
     "": "",
-    "away": later("The connection to the stage is lost. It comes back by itself."),
+    "away": later("The connection to the stage is lost. The program reconnects by itself."),
     "silent": later("The camera of the stage sends no pictures."),
     "ended": later("The performance is over."),
     "waiting": later("The stage is not connected yet."),

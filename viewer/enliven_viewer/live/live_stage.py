@@ -171,7 +171,7 @@ class LiveStage:
         if self.take:
             return ""
         if is_end_on(self.scene, view):
-            return tr("Some bones point at you: V shows more of them")
+            return tr("Some bones point at the camera: press V to turn the view")
         return self.possession.describe_choice(self.numbers.number_of)
 
     @property

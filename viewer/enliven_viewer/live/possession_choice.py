@@ -71,10 +71,10 @@ class PossessionChoice:
             tr("the next person") if self.body is None else tr("performer {0}", number_of(self.body))
         )
         text = tr(
-            "P steps in: the {0} of {1}",
+            "Press P to step in with the {0} of {1}",
             tr("whole body") if self.parts == "all" else tr(self.parts),
             performer_text,
         )
         if self.body in self._smoothing:
-            text += tr(" · smoothed by {0:g}", SMOOTHING_AMOUNTS[self._smoothing[self.body]])
+            text += tr(" · smoothing {0:g}", SMOOTHING_AMOUNTS[self._smoothing[self.body]])
         return tr("{0} · locked", text) if self.locked else text

@@ -59,7 +59,8 @@ class SharedSpace:
         for name, count in Counter([primary, *(guest.name for guest in heard_guests)]).items():
             if count > 1:
                 self._report(
-                    tr("{0} edges are named {1}", count, name), tr("Give one another name with --name.")
+                    tr("{0} edges are named {1}", count, name),
+                    tr("Start one of these edges with another name: --name NAME."),
                 )
         for guest in heard_guests:
             guest.feed.transform = self.transform_between(primary, guest.name)
@@ -74,8 +75,11 @@ class SharedSpace:
             if name not in self.space.sensors:
                 names = ", ".join(self.space.sensors)
                 self._report(
-                    tr("The space does not contain the edge {0}", name),
-                    tr("It contains {0}. Start the edge with one of these as --name.", names),
+                    tr("The space file does not contain the edge {0}", name),
+                    tr(
+                        "The space file contains {0}. Start the edge with one of these names: --name NAME.",
+                        names,
+                    ),
                 )
                 return None
         places = self.space.sensors

@@ -126,7 +126,11 @@ class _SolvedSurface:
         except _SOLVER_ERRORS as error:
             if not self._told:
                 self._told = True
-                log.warning("%s moves as one piece: %s", self.character.id, error)
+                log.warning(
+                    "%s is shown as a rigid mesh, because its surface cannot be solved: %s",
+                    self.character.id,
+                    error,
+                )
             return None
 
     def _is_due(self, places: Float) -> bool:
@@ -156,7 +160,7 @@ class _SolvedSurface:
             vertices = surface.solve_from_rest(places) if self._local is None else surface.solve(places)
         except _SOLVER_ERRORS as error:
             vertices = surface.pose
-            log.debug("%s keeps its last shape: %s", self.character.id, error)
+            log.debug("%s keeps its last surface in this frame: %s", self.character.id, error)
         if self._local is not None:
             self._seconds = time.perf_counter() - started_at
         return vertices.astype(np.float32)

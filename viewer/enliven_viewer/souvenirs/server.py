@@ -129,7 +129,7 @@ class SouvenirApplication:
         try:
             write_service(ServiceRecord(SERVICE, os.getpid(), self._started_s, time.time(), status))
         except (EnlivenError, OSError) as error:
-            log.warning("the program's own record cannot be written: %s", error)
+            log.warning("the status file of the souvenir server cannot be written: %s", error)
 
 
 def serve_souvenirs(
@@ -149,8 +149,8 @@ def serve_souvenirs(
     """
     settings = profile.souvenir
     if not settings.kind:
-        remedy = 'Set souvenir.kind = "photo" or "film" (docs/kiosk.md).'
-        raise InputError("this kiosk makes no souvenirs", where=where, remedy=remedy)
+        remedy = 'Set souvenir.kind to "photo" or "film" in the profile (docs/kiosk.md).'
+        raise InputError("this kiosk does not make souvenirs", where=where, remedy=remedy)
     check_souvenir_address(settings, where)
     certificate = None
     if settings.certificate:

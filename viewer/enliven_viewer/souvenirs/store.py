@@ -90,7 +90,7 @@ class SouvenirStore:
             ) from None
         if free < self._min_free_bytes:
             raise ResourceError(
-                f"the disk is too full for souvenirs ({free / 1e9:.1f} GB are free)",
+                f"the disk has too little free space for souvenirs ({free / 1e9:.1f} GB)",
                 where=str(self._folder),
                 remedy="Delete files, or lower care.keep_free in the profile.",
             )

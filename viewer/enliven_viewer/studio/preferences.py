@@ -102,7 +102,7 @@ class Preferences:
         try:
             write_file(self.path, msgspec.json.format(msgspec.json.encode(kept), indent=2))
         except ResourceError as error:
-            log.warning("preferences are not kept: %s", error)
+            log.warning("preferences cannot be saved: %s", error)
 
     def resize(self, steps: int) -> None:
         """Makes text and layout larger by some steps, or smaller if negative."""
@@ -156,7 +156,7 @@ class Preferences:
                 return _StoredPreferences()
             kept = msgspec.json.decode(data, type=_StoredPreferences)
         except (InputError, OSError, *DECODE_ERRORS) as error:
-            log.warning("preferences cannot be read, so the file is renamed: %s", error)
+            log.warning("preferences cannot be read, so their file is renamed: %s", error)
             self._put_aside()
             return _StoredPreferences()
         self._stored = stored
@@ -169,11 +169,11 @@ class Preferences:
             InputError: if the version is not a whole number.
         """
         if not isinstance(version, int) or isinstance(version, bool):
-            raise InputError(tr("the version is not a whole number"), where=str(self.path))
+            raise InputError(tr("the field version is not a whole number"), where=str(self.path))
         try:
             refuse_later_version(version, _VERSION, str(self.path))
         except InputError as error:
-            log.warning("preferences are not used, and their file is kept: %s", error)
+            log.warning("the preferences file is ignored and left unchanged: %s", error)
             self.refusal = error
 
     def _put_aside(self) -> None:
@@ -181,7 +181,9 @@ class Preferences:
         try:
             self.path.replace(self.path.with_suffix(_DAMAGED_SUFFIX))
         except OSError as error:
-            problem = tr("the preferences cannot be read ({0})", error.strerror or tr("the system refused"))
+            problem = tr(
+                "the preferences cannot be read ({0})", error.strerror or tr("the system refused access")
+            )
             self.refusal = ResourceError(
-                problem, where=str(self.path), remedy=tr("Check that you may read the file.")
+                problem, where=str(self.path), remedy=tr("Check that you have permission to read the file.")
             )

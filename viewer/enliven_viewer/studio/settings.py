@@ -20,7 +20,11 @@ class StudioSettings:
     width: int = setting(1360, "Width of the window.", unit="pixels", low=640, high=16384)
     height: int = setting(820, "Height of the window.", unit="pixels", low=480, high=16384)
     reach: float = setting(
-        11.0, "Maximum distance of a click from a joint or bone to select it.", unit="pixels", low=1, high=80
+        11.0,
+        "Maximum distance between a click and the joint or bone that the click selects.",
+        unit="pixels",
+        low=1,
+        high=80,
     )
     frame_step: float = setting(1 / 30, "Time step of the arrow keys.", unit="seconds", low=0.001, high=1)
     shortest: float = parameter(
@@ -32,7 +36,7 @@ class StudioSettings:
     )
     autosave: float = setting(
         20.0,
-        "Time between two recovery files. Raise it if saving a large project interrupts work.",
+        "Time between two recovery files. Increase this time if saving a large project interrupts your work.",
         unit="seconds",
         low=1,
         high=3600,

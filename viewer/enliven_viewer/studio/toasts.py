@@ -178,8 +178,10 @@ class Toasts:
     def show_any_error(self, error: BaseException, remedy: str = "") -> EnlivenError:
         """Shows any error. Internal errors are shown too, because they must not close the window."""
         if not isinstance(error, EnlivenError):
-            log.error("internal error of enliven", exc_info=error)
-            message = tr("an internal error of enliven{0}; the log has the details", error_location(error))
+            log.error("internal error in enliven", exc_info=error)
+            message = tr(
+                "enliven has an internal error{0}; the log contains the details", error_location(error)
+            )
             error = EnlivenError(message, remedy=remedy)
         self.show_error(error)
         return error

@@ -17,7 +17,7 @@ from enliven.web_server.listening import format_address
 
 _TOKEN_FILE = "web-token"
 _HOW_TO_OPEN = (
-    "Give --certificate and --certificate-key (TLS), or --insecure if everyone on the network may watch."
+    "Pass --certificate and --certificate-key (TLS), or --insecure if everyone on the network may watch."
 )
 
 
@@ -78,14 +78,14 @@ def load_access(
         raise InputError(
             "TLS needs a certificate and its key",
             where="enliven web",
-            remedy="Give both --certificate and --certificate-key.",
+            remedy="Pass both --certificate and --certificate-key.",
         )
     if certificate is not None and key is not None:
         load_certificate(certificate, key, time.time())
         return WebAccess(host, "" if is_loopback(host) else read_token(user_data_folder()), certificate, key)
     if not is_loopback(host) and not insecure:
         raise InputError(
-            "other machines could watch, and everyone on the network could read along",
+            "this address is open to other machines, but the connection is not encrypted",
             where=f"--host {host}",
             remedy=_HOW_TO_OPEN,
         )

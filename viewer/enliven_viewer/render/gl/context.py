@@ -14,7 +14,7 @@ GL_VERSION = 330
 platform.
 """
 INSTALL_HINTS = {
-    "linux": "Install it: apt install libegl1 libgl1 libgl1-mesa-dri",
+    "linux": "Install OpenGL: apt install libegl1 libgl1 libgl1-mesa-dri",
     "win32": "Install the driver of the graphics card.",
 }
 
@@ -45,10 +45,10 @@ def get_window_context() -> moderngl.Context:
 
 
 def _make_missing_error(error: Exception) -> ResourceError:
-    reason = str(error).strip() or "the driver gives no reason"
+    reason = str(error).strip() or "the driver reports no reason"
     platform = "linux" if sys.platform.startswith("linux") else sys.platform
     return ResourceError(
         f"OpenGL 3.3 is not available ({reason})",
         where="OpenGL",
-        remedy=INSTALL_HINTS.get(platform, "The graphics driver must offer OpenGL 3.3 core."),
+        remedy=INSTALL_HINTS.get(platform, "Install a graphics driver that supports OpenGL 3.3 core."),
     )

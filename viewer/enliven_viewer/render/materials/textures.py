@@ -153,11 +153,13 @@ def _decode_pixels(source: Texture, max_side: int) -> UInt8:
     try:
         with open_picture(np.asarray(source.image, np.uint8).tobytes()) as picture:
             if picture.width * picture.height > _MAX_IMAGE_PIXELS:
-                raise InputError(f"it has {picture.width} x {picture.height} pixels")
+                raise InputError(
+                    f"the texture has {picture.width} x {picture.height} pixels, which is too large"
+                )
             picture.draft("RGB", (max_side, max_side))
             rgba_picture = picture.convert("RGBA")
             rgba_picture.thumbnail((max_side, max_side), Image.Resampling.BOX)
             return np.asarray(rgba_picture, np.uint8)
     except Exception as error:  # Third-party decoders may raise any exception for untrusted bytes.
-        log.warning("a texture cannot be read (%s): it is drawn white", plain_reason(error))
+        log.warning("a texture cannot be read, so it is drawn white: %s", plain_reason(error))
         return _WHITE_PIXEL

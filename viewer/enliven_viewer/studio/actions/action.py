@@ -47,12 +47,12 @@ class Action:
 
     @property
     def entry(self) -> str:
-        """Returns its label in its menu, such as "legs" for "With: legs" in the submenu "With"."""
+        """Returns its label in its menu, without the submenu: "legs" for "Body parts: legs"."""
         return self.label.removeprefix(f"{self.group}: ") if self.group else self.label
 
     @property
     def place(self) -> str:
-        """Returns its menu path, such as "Perform/With/legs"."""
+        """Returns its menu path, such as "Perform/Body parts/legs"."""
         return "/".join(part for part in (self.menu, self.group, self.entry) if part)
 
     def conflicts_with(self, other: Action) -> bool:

@@ -47,7 +47,7 @@ class ActionTable:
             InputError: if an id already exists, a shortcut is taken, or the action ``after`` does not exist.
         """
         if after and after not in self:
-            remedy = tr("Give the id of an existing action.")
+            remedy = tr("Pass the id of an existing action.")
             raise InputError(
                 tr("the action {0} is unknown", after), where=f"action {actions[0].id}", remedy=remedy
             )
@@ -55,8 +55,14 @@ class ActionTable:
             rivals = [other for other in self if other.conflicts_with(action)]
             taken = [(key, other) for key in action.keys for other in rivals if key in other.keys]
             if action.id in self._actions or taken:
-                problem = f"{taken[0][0]} is {taken[0][1].id}'s" if taken else "it exists already"
-                raise InputError(problem, where=f"action {action.id}", remedy="Give it another id or key.")
+                problem = (
+                    f"the shortcut {taken[0][0]} is already used by {taken[0][1].id}"
+                    if taken
+                    else "this action id exists already"
+                )
+                raise InputError(
+                    problem, where=f"action {action.id}", remedy="Choose another id or shortcut."
+                )
             self._actions[action.id] = action
         if after:
             added = {action.id: action for action in actions}
@@ -94,7 +100,7 @@ class ActionTable:
         except Exception as error:  # An internal error must not close the user's window.
             if not isinstance(error, EnlivenError) and os.environ.get("ENLIVEN_DEBUG"):
                 raise
-            self._toasts.show_any_error(error, tr("Save your work, and report it."))
+            self._toasts.show_any_error(error, tr("Save your work, and report this error."))
         return True
 
     def press(self, key: str, *, workspace_only: bool = False) -> bool:

@@ -99,7 +99,7 @@ class App:
         """
         name = type(state).__name__
         if type(state) in self._states:
-            problem, remedy = tr("it exists already"), tr("Register the feature once.")
+            problem, remedy = tr("this state exists already"), tr("Register the feature only once.")
             raise InputError(problem, where=f"state {name}", remedy=remedy)
         self._states[type(state)] = state
         return state
@@ -112,8 +112,10 @@ class App:
         """
         state = self._states.get(kind)
         if not isinstance(state, kind):
-            remedy = tr("Register its feature first, see studio/features/registry.py.")
-            raise InputError(tr("no feature has added it"), where=f"state {kind.__name__}", remedy=remedy)
+            remedy = tr("Register the feature of this state first: see studio/features/registry.py.")
+            raise InputError(
+                tr("no feature has added this state"), where=f"state {kind.__name__}", remedy=remedy
+            )
         return state
 
     def add_tool(self, kind: type[ToolKind], after: str = "") -> ToolKind:

@@ -88,7 +88,7 @@ class _Reader:
         while self.remaining_tokens and self.remaining_tokens[-1] in "*/":
             times, by = self.remaining_tokens.pop() == "*", self._read_value()
             if not times and by == 0.0:
-                raise self.make_error(tr("it divides by zero"))
+                raise self.make_error(tr("the formula divides by zero"))
             value = value * by if times else value / by
         return value
 
@@ -109,13 +109,13 @@ class _Reader:
         ):
             unit = self.remaining_tokens.pop()
             if unit.lower() not in self._units:
-                raise self.make_error(tr("{0} is not a unit here", unit))
+                raise self.make_error(tr("{0} is not a unit of this field", unit))
             value *= self._units[unit.lower()]
         return value
 
     def make_error(self, problem: str = "") -> InputError:
         unit_names = ", ".join(self._units)
         return InputError(
-            problem or tr("that is not a number"),
-            remedy=tr("Write one such as 1.2 + 0.3; units: {0}.", unit_names),
+            problem or tr("the text is not a number"),
+            remedy=tr("Type a number or a formula such as 1.2 + 0.3. Units: {0}.", unit_names),
         )

@@ -27,18 +27,23 @@ def draw_transform_fields(app: App) -> None:
     place, height = figures.place, figures.height
     if place is None or height is None:
         return
-    _draw_label(tr("Place"), tr("Position of its centre; height of its lowest point above the floor"))
+    _draw_label(
+        tr("Place"),
+        tr("Position of the chosen shapes: x and z of their centre, and the height y of their lowest point"),
+    )
     for axis, name in enumerate(_AXES):
         imgui.same_line(_LABEL_WIDTH + 12 + axis * (_FIELD_WIDTH + 4))
         coordinate = float(place[axis])
         draw_number_field(
             app, f"place {name}", coordinate, LENGTH, lambda to, axis=axis: figures.move_to(axis, to)
         )
-    _draw_label(tr("Turn"), tr("Turn it about an axis of the stage; y points up"))
+    _draw_label(tr("Turn"), tr("Turns the chosen shapes about an axis of the stage. The y axis points up"))
     for axis, name in enumerate(_AXES):
         imgui.same_line(_LABEL_WIDTH + 12 + axis * (_FIELD_WIDTH + 4))
         draw_number_field(app, f"turn {name}", 0.0, ANGLE, lambda by, axis=axis: figures.turn(axis, by))
-    _draw_label(tr("Tall"), tr("Its height now; you can also type a percentage: 150 %"))
+    _draw_label(
+        tr("Height"), tr("Height of the chosen shapes. You can also type a percentage, such as 150 %")
+    )
     imgui.same_line(_LABEL_WIDTH + 12)
     more = {"percent": height / 100.0}
     draw_number_field(app, "tall", height, LENGTH, figures.set_height, **more)
@@ -57,7 +62,7 @@ def _draw_start_time(app: App) -> None:
         editor.edit("change offset", lambda project: change_layers(project, name, numbers, offset=seconds))
 
     imgui.same_line()
-    _draw_label(tr("Begins"), tr("When the chosen motion begins on the timeline"))
+    _draw_label(tr("Begins"), tr("Time on the timeline at which the chosen motion begins"))
     imgui.same_line()
     draw_number_field(app, "begins", character.playing[number].offset, TIME, change)
 

@@ -73,7 +73,7 @@ class BackgroundTask:
             progress: progress to display, if the work can be cancelled.
         """
         if self._running_work is not None:
-            self._toasts.show_message(self._busy, tr("Wait until it is done."))
+            self._toasts.show_message(self._busy, tr("Wait until that work is done."))
             return
         self._pool = self._pool or ThreadPoolExecutor(1, "background task")
         self._running_work = (self._pool.submit(work), then)

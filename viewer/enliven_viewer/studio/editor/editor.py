@@ -178,7 +178,9 @@ class Editor:
         except Exception as error:
             if not isinstance(error, EnlivenError) and os.environ.get("ENLIVEN_DEBUG"):
                 raise
-            self.toasts.show_any_error(error, tr("Nothing was changed. Save your work, and report it."))
+            self.toasts.show_any_error(
+                error, tr("Nothing was changed. Save your work, and report this error.")
+            )
         return None
 
     def undo(self) -> None:

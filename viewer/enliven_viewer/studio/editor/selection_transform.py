@@ -95,11 +95,11 @@ class SelectionTransform:
             return
         if not (height > _MIN_SCALABLE_HEIGHT_M and _MIN_SCALABLE_HEIGHT_M <= metres <= _MAX_HEIGHT_M):
             problem = (
-                tr("it is flat")
+                tr("the shape is flat")
                 if height <= _MIN_SCALABLE_HEIGHT_M
                 else tr("{0:g} m is not a possible height", metres)
             )
-            raise InputError(problem, remedy=tr("Give a height such as 1.7 m or 150 %."))
+            raise InputError(problem, remedy=tr("Type a height such as 1.7 m or 150 %."))
         self.scale(metres / height)
 
     def scale(self, factor: float) -> None:

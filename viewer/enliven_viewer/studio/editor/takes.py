@@ -20,7 +20,7 @@ def delete_take_row(editor: Editor, name: str) -> None:
     elif editor.edit(
         later("delete {0}", take_name), lambda project: drop_take(project, alternatives, take_name)
     ):
-        editor.toasts.show_message(tr("{0} is deleted", take_name), tr("Ctrl+Z brings it back."))
+        editor.toasts.show_message(tr("{0} is deleted", take_name), tr("Press Ctrl+Z to undo this."))
 
 
 def list_unused_takes(editor: Editor) -> list[str]:
@@ -40,4 +40,4 @@ def delete_takes(editor: Editor, *names: str) -> None:
 
     subject = names[0] if len(names) == 1 else later("{0} takes", len(names))
     if editor.edit(later("delete {0}", subject), change):
-        editor.toasts.show_message(tr("Deleted {0}", subject), tr("Ctrl+Z brings it back."))
+        editor.toasts.show_message(tr("Deleted {0}", subject), tr("Press Ctrl+Z to undo this."))

@@ -123,7 +123,7 @@ def _draw_browser_head(workspace: Workspace, browser: FileBrowser) -> None:
     imgui.set_next_item_width(-_CANCEL_WIDTH)
     is_entered, browser.new_folder_name = imgui.input_text_with_hint(
         "##new folder",
-        tr("Name of the new folder, then Enter"),
+        tr("Type the name of the new folder, then press Enter"),
         browser.new_folder_name,
         imgui.InputTextFlags_.enter_returns_true,
     )
@@ -180,7 +180,7 @@ def _draw_recovery(workspace: Workspace) -> None:
             return
         imgui.text_wrapped(
             tr(
-                "The studio ended without saving. Its last work, of {0}, is still there.",
+                "The studio ended without saving. Your work from {0} can be recovered.",
                 _format_change_time(recovery_files[0]),
             )
         )
@@ -189,7 +189,7 @@ def _draw_recovery(workspace: Workspace) -> None:
             workspace.asking = ""
             workspace.run_and_report(lambda: workspace.store.recover(recovery_files[0]))
         imgui.same_line()
-        if draw_button(workspace, "Throw away"):
+        if draw_button(workspace, "Discard"):
             workspace.asking = ""
             workspace.store.discard(recovery_files)
         imgui.same_line()

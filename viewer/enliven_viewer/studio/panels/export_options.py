@@ -48,7 +48,7 @@ def draw_export_options(workspace: Workspace, *, film: bool) -> None:
         imgui.combo("##rate", rate_index, [tr("{0} a second", rate) for rate in FRAME_RATES])[1]
     ]
     workspace.remember("export rate")
-    draw_tooltip("Pictures or poses per second")
+    draw_tooltip("Frames per second")
     if film:
         _draw_film_options(workspace)
     else:
@@ -84,7 +84,7 @@ def _draw_range(workspace: Workspace) -> None:
         options.first, options.last = editor.marked_range
     imgui.end_disabled()
     workspace.remember("export marked")
-    draw_tooltip("Only the part between the in and out points (Alt+I, Alt+O)")
+    draw_tooltip("Exports only the part between the in and out points (Alt+I, Alt+O)")
 
 
 def _draw_film_options(workspace: Workspace) -> None:
@@ -119,8 +119,8 @@ def _draw_format_options(workspace: Workspace) -> None:
         )[1]
         workspace.remember("export morphs")
         draw_tooltip(
-            "On: exact, as morph targets, in a larger file. Off: the surface follows "
-            "bones, which every program can play"
+            "On: exact surfaces as morph targets, in a larger file. Off: the surfaces follow bones, "
+            "which every program can play"
         )
         imgui.same_line(0.0, 18.0)
     supported = list_supported_options(workspace.export_suffix)
@@ -148,7 +148,7 @@ def _draw_placement_options(workspace: Workspace, supported: frozenset[str]) -> 
     options.scale = scale if 1 / MAX_SCALE <= scale <= MAX_SCALE else SCALE.default
     imgui.end_disabled()
     workspace.remember("export scale")
-    draw_tooltip("Scale factor for all lengths")
+    draw_tooltip("Multiplies all lengths by this factor")
     imgui.same_line(0.0, 18.0)
     imgui.begin_disabled(UP.name not in supported)
     imgui.text_unformatted(tr("Vertical axis"))
@@ -158,10 +158,10 @@ def _draw_placement_options(workspace: Workspace, supported: frozenset[str]) -> 
     options.up = UP.choices[index]
     imgui.end_disabled()
     workspace.remember("export up")
-    draw_tooltip("Vertical axis of the file; some formats fix it")
+    draw_tooltip("Vertical axis of the file. Some formats allow only one axis")
     imgui.same_line(0.0, 18.0)
     imgui.begin_disabled(IN_PLACE.name not in supported)
     options.in_place = imgui.checkbox(labelled(tr("In place"), "In place"), options.in_place)[1]
     imgui.end_disabled()
     workspace.remember("export in place")
-    draw_tooltip("Without the horizontal motion of each character's root")
+    draw_tooltip("Removes the horizontal motion of each character's root")

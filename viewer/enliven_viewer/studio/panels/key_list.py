@@ -64,7 +64,7 @@ def make_parts(actions: ActionTable) -> list[Part]:
     for menu, listed in actions.menus.items():
         for action in listed:
             title = (
-                tr("{0}: keys in {1}", tr(menu), ", ".join(map(tr, action.workspaces)))
+                tr("{0}: shortcuts in {1}", tr(menu), ", ".join(map(tr, action.workspaces)))
                 if action.workspaces
                 else tr(menu)
             )

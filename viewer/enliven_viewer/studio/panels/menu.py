@@ -17,9 +17,9 @@ from enliven_viewer.theme import ACCENT, BAD, INK
 
 _TAB_TIPS = {
     "Perform": "Step into characters and record what you do",
-    "Animate": "Give motion to characters, and shift, mix and repair it",
+    "Animate": "Animate characters: map, shift, mix and correct motion",
     "Model": "Sketch, cut and merge characters, with more room for the picture",
-    "Play": "Only the picture",
+    "Play": "Shows only the picture",
 }
 _TAB_WIDTH = 84.0
 """Width of a tab in pixels. It fits the longest name with margins."""

@@ -42,7 +42,7 @@ def draw_palette(workspace: Workspace) -> None:
             if _draw_row(workspace, action, number == finding.highlighted, bool(moved)):
                 finding.highlighted, picked = number, action
         if not finding.matches:
-            imgui.text_disabled(tr("Nothing has this name."))
+            imgui.text_disabled(tr("No name contains this text."))
         imgui.end_child()
         if entered or picked is not None:
             _run_highlighted(workspace)

@@ -125,7 +125,7 @@ def _draw_row(workspace: Workspace, action: Action) -> None:
 
 def _make_reassign_label(action: Action) -> str:
     """Returns the label of the button that reassigns a shortcut to an action."""
-    return tr("Use it for \u201c{0}\u201d", tr(action.label))
+    return tr("Use the key for “{0}”", tr(action.label))
 
 
 def _handle_capture(workspace: Workspace) -> None:
@@ -139,7 +139,7 @@ def _handle_capture(workspace: Workspace) -> None:
                 wanted.press(actions, find_held_modifiers() + name)
     other = actions.find_conflict(wanted.action, wanted.key) if wanted.key else None
     if other is None:
-        draw_note("Click a shortcut to change it. The active tool keeps the keys that its hint names.")
+        draw_note("Click a shortcut to change it. Keys in the hint of the active tool belong to the tool.")
         imgui.dummy(ImVec2(0, imgui.get_frame_height() - 8))
         return
     with push_colours(WAIT, imgui.Col_.text):
@@ -150,5 +150,5 @@ def _handle_capture(workspace: Workspace) -> None:
         wanted.assign_key(actions)
     workspace.remember("take the key")
     imgui.same_line()
-    if imgui.button(f"{tr('Leave it')}###leave"):
+    if imgui.button(f"{tr('Keep it')}###leave"):
         wanted.begin("")

@@ -21,9 +21,7 @@ def draw_unsaved(workspace: Workspace) -> None:
         if workspace.store.records:
             _draw_recording(workspace)
         name = workspace.store.name
-        imgui.text_wrapped(
-            tr("{0} has changes that are not saved. They are lost unless you save them.", name)
-        )
+        imgui.text_wrapped(tr("{0} has unsaved changes. The changes are lost unless you save them.", name))
         imgui.dummy(ImVec2(0, 6))
         if draw_choice(workspace, "Save", "Cancel"):
             workspace.continue_waiting_command(discard=False)
@@ -37,7 +35,12 @@ def _draw_recording(workspace: Workspace) -> None:
     seconds = format_time(workspace.perform.recording.seconds)
     with push_colours(BAD, imgui.Col_.text):
         imgui.text_unformatted(tr("A recording is running: {0}", seconds))
-    imgui.text_wrapped(tr("Save ends and keeps the recording. Discard deletes it. Cancel continues it."))
+    imgui.text_wrapped(
+        tr(
+            "Save ends and keeps the recording. Discard deletes the recording. Cancel continues the "
+            "recording."
+        )
+    )
     imgui.dummy(ImVec2(0, 6))
 
 
@@ -62,8 +65,8 @@ def draw_changed_file(workspace: Workspace) -> None:
             return
         imgui.text_wrapped(
             tr(
-                "{0} was saved by another window or program since you opened it here. "
-                "Saving over it would undo that work.",
+                "{0} was saved by another window or program since you opened it here. If you overwrite "
+                "the file, that work is lost.",
                 name,
             )
         )
@@ -76,7 +79,7 @@ def draw_changed_file(workspace: Workspace) -> None:
         if draw_button(workspace, "Compare"):
             workspace.compare()
         imgui.same_line()
-        if draw_button(workspace, "Save over it"):
+        if draw_button(workspace, "Overwrite"):
             workspace.run_and_report(lambda: workspace.save(over=True))
         imgui.same_line()
         if draw_button(workspace, "Cancel") or imgui.is_key_pressed(imgui.Key.escape):
@@ -87,7 +90,7 @@ def _draw_differences(workspace: Workspace, differences: tuple[Difference, ...])
     """Draws the differences by kind, and a button that adds the items that only the file contains."""
     imgui.begin_child("##differences", ImVec2(0, _LIST_HEIGHT), imgui.ChildFlags_.frame_style)
     if not differences:
-        draw_note("Both are the same.")
+        draw_note("Both versions are the same.")
     for side, heading in _SIDE_TITLES.items():
         items = [difference.item for difference in differences if difference.side == side]
         if items:

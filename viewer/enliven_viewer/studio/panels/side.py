@@ -77,7 +77,7 @@ def _draw_selection(workspace: Workspace, character: RigBase) -> None:
 def describe_parts(character: RigBase) -> str:
     """Returns a text with the number of a character's bones or parts, and a note if it lacks a surface."""
     bones = int((character.parents >= 0).sum())
-    parts = [tr_n("{0} bone", "{0} bones", bones) if bones else tr("bends anywhere")]
+    parts = [tr_n("{0} bone", "{0} bones", bones) if bones else tr("no bones: bends anywhere")]
     if character.mesh is None or not len(character.mesh.vertices):
         parts.append(tr("no surface"))
     return ", ".join(parts)
@@ -100,7 +100,7 @@ def _draw_clips(workspace: Workspace, shape: RiggedCharacter) -> None:
             workspace.remember(f"play {name or 'none'}")
         imgui.end_combo()
     workspace.remember("clip")
-    draw_tooltip("The model's clip to play instead of its other motion. Keys still apply")
+    draw_tooltip("Clip of the model that plays instead of the shape's other motion. Keys still apply")
 
 
 def _play_clip(workspace: Workspace, name: str, clip: str | None) -> None:

@@ -118,8 +118,8 @@ def _draw_empty_view(area: Area) -> None:
     """Draws instructions in the middle of an empty view."""
     draw_list = imgui.get_background_draw_list()
     lines = (
-        tr("Nothing is here yet"),
-        tr("Press S and draw a shape, or drop a file here (Ctrl+O opens one)."),
+        tr("The project is empty"),
+        tr("Press S and draw a shape, or drop a file here. Ctrl+O opens a file."),
     )
     for k, (text, colour) in enumerate(zip(lines, (INK, QUIET), strict=True)):
         width = imgui.calc_text_size(text).x

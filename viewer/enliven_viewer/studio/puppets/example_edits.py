@@ -33,7 +33,7 @@ def with_guessed_joints(project: Project, puppet_id: str, take: str) -> Project:
     puppet = project.puppet(puppet_id)
     if take not in project.takes:
         raise InputError(
-            tr("no take is shown"), where="joints", remedy=tr("Choose one in the performer's view.")
+            tr("no take is shown"), where="joints", remedy=tr("Choose a take in the performer's view.")
         )
     for pair in suggested_pairs(project, puppet_id, take):
         number = puppet.index(pair.point)
@@ -76,8 +76,10 @@ def turn_quarter(project: Project, puppet_id: str, axis: str) -> Project:
     """
     puppet = project.puppet(puppet_id)
     if puppet.points:
-        remedy = tr("Turn it with Ctrl+Left and Ctrl+Right, or remove its points first.")
-        raise InputError(tr("it has control points already"), where=f"puppet {puppet_id!r}", remedy=remedy)
+        remedy = tr("Turn the puppet with Ctrl+Left and Ctrl+Right, or remove its control points first.")
+        raise InputError(
+            tr("the puppet already has control points"), where=f"puppet {puppet_id!r}", remedy=remedy
+        )
     x, y, z = puppet.mesh.vertices.T
     turned = np.stack([x, z, -y] if axis == "x" else [-z, y, x], axis=1)
     height = float(np.ptp(turned[:, 1]))
@@ -144,10 +146,10 @@ def describe_constraint(held: HardConstraint, step: float) -> str:
     """Returns a short description of a hard constraint."""
     time_text = f"{held.frame * step:.2f} s"
     if isinstance(held, Position):
-        return tr("{0} goes through a place at {1}", held.point, time_text)
+        return tr("{0} is fixed at a place at {1}", held.point, time_text)
     if isinstance(held, Velocity):
-        return tr("{0} is still at {1}", held.point, time_text)
-    return tr("{0} is level with {1} at {2}", held.point, held.other, time_text)
+        return tr("{0} does not move at {1}", held.point, time_text)
+    return tr("{0} is as high as {1} at {2}", held.point, held.other, time_text)
 
 
 def with_constraint(project: Project, puppet_id: str, layer: int, held: HardConstraint) -> Project:

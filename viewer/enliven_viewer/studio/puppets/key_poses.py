@@ -136,7 +136,7 @@ class KeyPoses(PuppetSelection):
         """Adds a key pose as one edit, and starts editing it."""
         if not puppet.points:
             self.editor.toasts.show_message(
-                tr("It has no control points yet"), tr("Click the mesh where you want to hold it.")
+                tr("The puppet has no control points yet"), tr("Click the mesh where you want to drag it.")
             )
             return False
         standing = self.stage.find(puppet.id)

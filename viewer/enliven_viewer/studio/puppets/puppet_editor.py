@@ -154,7 +154,7 @@ class PuppetEditor(KeyPoses):
                     used,
                     name,
                 ),
-                tr("Ctrl+Z brings it back."),
+                tr("Press Ctrl+Z to undo this."),
             )
         return True
 
@@ -182,7 +182,7 @@ class PuppetEditor(KeyPoses):
         if moment is None:
             self.editor.toasts.show_message(
                 tr("No take is shown, so this pose belongs to no moment"),
-                tr("Choose a take in the performer's view, go to a moment of it, and drag again."),
+                tr("Choose a take in the performer's view, go to a moment of the take, and drag again."),
             )
             return False
         pose_number = self.pose_at(*moment)

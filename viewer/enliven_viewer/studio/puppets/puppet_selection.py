@@ -95,5 +95,5 @@ class PuppetSelection:
 
     def _selected_puppet(self) -> ExampleCharacter | None:
         if self.puppet is None:
-            self.editor.toasts.show_message(tr("No puppet is chosen"), tr("Click one first."))
+            self.editor.toasts.show_message(tr("No puppet is chosen"), tr("Click a puppet first."))
         return self.puppet

@@ -84,5 +84,5 @@ def describe_intersection(puppet: ExampleCharacter, faces: Int) -> str:
     first, *others = np.argsort(counts, kind="stable")[::-1]
     name = puppet.points[first].name
     if others and counts[others[0]] > 0.15 * counts[first]:
-        return tr("{0} goes through {1}", name, puppet.points[others[0]].name)
+        return tr("{0} passes through {1}", name, puppet.points[others[0]].name)
     return tr("the surface passes through itself near {0}", name)

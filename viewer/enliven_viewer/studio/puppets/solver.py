@@ -52,7 +52,7 @@ class SurfaceSolver:
         self._preparation: Future[PuppetSurface] | None = self._begin(puppet)
         if self._vertex_count > MIN_ANNOUNCED_VERTICES:
             toasts.show_message(
-                tr("{0} is a very fine mesh: it takes a moment until it can be dragged", puppet.id),
+                tr("{0} is a very fine mesh: you can drag it in a moment", puppet.id),
                 tr("You can continue to work in the meantime."),
             )
 
@@ -160,7 +160,7 @@ class SurfaceSolver:
     def _use_prepared(self, surface: PuppetSurface) -> None:
         first, self._surface, self._places = self._surface is None, surface, None
         if first and self._vertex_count > MIN_ANNOUNCED_VERTICES:
-            self._toasts.show_message(tr("{0} can be dragged now", self._name), *surface.notes[:1])
+            self._toasts.show_message(tr("You can drag {0} now", self._name), *surface.notes[:1])
 
     def _change_points(self, held: HeldPoints) -> None:
         """Changes the control points. This happens in the background if it takes long."""

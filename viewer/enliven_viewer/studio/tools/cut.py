@@ -30,13 +30,13 @@ class CutTool(StrokeTool):
         if self._crossed_bones:
             count = len(self._crossed_bones)
             return tr_n(
-                "Let go to cut {0} bone; Esc drops the stroke.",
-                "Let go to cut {0} bones; Esc drops the stroke.",
+                "Release to cut {0} bone. Esc cancels the stroke.",
+                "Release to cut {0} bones. Esc cancels the stroke.",
                 count,
             )
         if self._stroke:
             return "Draw across a bone."
-        return "Draw a stroke across a limb. Both parts keep their pose now, and their motion."
+        return "Draw a stroke across a limb to cut it. Both parts keep their current pose and their motion."
 
     def press(self, pointer: Pointer) -> bool:
         self._crossed_bones, self.hovered = [], None
@@ -61,7 +61,7 @@ class CutTool(StrokeTool):
         )
         if not names:
             self.editor.toasts.show_message(
-                tr("The stroke crosses no bone"), tr("Draw it across a limb, from side to side.")
+                tr("The stroke crosses no bone"), tr("Draw the stroke across a limb, from side to side.")
             )
             return
         time, surface, notes, parts = (
@@ -88,7 +88,7 @@ class CutTool(StrokeTool):
             self.editor.select_only(parts[-1])
             message = tr("Cut off: {0}", ", ".join(parts)) + "".join(f". {note}" for note in notes[:1])
             self.editor.toasts.show_message(
-                message, tr("All parts keep their pose now, and their motion. Drag one with G.")
+                message, tr("All parts keep their current pose and their motion. Press G to drag a part.")
             )
 
     def _list_boneless_characters(self, stroke: list[Point]) -> list[str]:

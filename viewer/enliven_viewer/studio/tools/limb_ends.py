@@ -51,11 +51,14 @@ class LimbEndsTool(Tool):
             return "Click a possessed character to mark its head, hands and feet."
         if self._held_mark is not None:
             return tr(
-                "Let go where the performer's {0} should be; Esc drops it.", _END_WORDS[self._held_mark[0]]
+                "Release where the performer's {0} should be. Esc cancels.", _END_WORDS[self._held_mark[0]]
             )
         if len(shape.ends):
-            return "These marks pair its limbs with yours. Drag one to move it; Delete finds them again."
-        return "Where head, hands and feet were found: drag a mark where it is wrong."
+            return (
+                "These marks pair the character's limbs with yours. Drag a mark to move it. Delete "
+                "detects all marks again."
+            )
+        return "The marks show the detected head, hands and feet. Drag a mark if its place is wrong."
 
     @property
     def marks(self) -> Int:

@@ -50,13 +50,19 @@ class MoveTool(Tool):
     @property
     def hint(self) -> str:
         if self._merge_host is not None:
-            return "Let go to merge here; the motions of both are kept."
+            return "Release to merge here. Both shapes keep their motion."
         if self._held_character is not None and self._held_character.rooted:
-            return "Bring the red root onto a node of another shape to merge, or let go anywhere."
+            return (
+                "Release anywhere to move the shape. Release its red root on a node of another shape to "
+                "merge the two."
+            )
         if self._held_character is not None:
-            return "Let go anywhere; with Shift over another, or where they touch, to make one of the two."
+            return (
+                "Release anywhere to move the shape. Release with Shift over another shape, or where "
+                "both touch, to merge the two."
+            )
         if self.editor.selection.character is not None and not self._is_selection_rooted:
-            return "Drag it to move it; let go with Shift over another to make one of the two."
+            return "Drag the shape to move it. Release with Shift over another shape to merge the two."
         return "Drag a shape to move it. Drop its red root on another shape's node to merge the two."
 
     @property
@@ -122,7 +128,7 @@ class MoveTool(Tool):
         if editor.edit(later("merge {0}", name), change):
             editor.select_only(other.character)
             editor.toasts.show_message(
-                tr("{0} is now part of {1}", name, other.character), tr("Ctrl+Z takes them apart.")
+                tr("{0} is now part of {1}", name, other.character), tr("Ctrl+Z separates the two again.")
             )
             for note in notes[-2:]:  # The last note reports whether the two surfaces touch.
                 editor.toasts.show_message(note)
@@ -166,20 +172,20 @@ class MoveTool(Tool):
         """Shows a message with the reason why a drop with Shift did not merge."""
         if held.has_several:
             problem, remedy = (
-                tr("Several were moved, and none merged"),
-                tr("Choose one, and let go of it with Shift."),
+                tr("Several shapes were moved, so none was merged"),
+                tr("Choose one shape, and release it with Shift."),
             )
         elif not [
             character for character in self.editor.pickable_characters if character.id != held.character
         ]:
             problem, remedy = (
                 tr("You need a second shape to merge"),
-                tr("Draw or open one; locked shapes cannot be merged."),
+                tr("Sketch or open a second shape. Locked shapes cannot be merged."),
             )
         else:
             problem, remedy = (
                 tr("No shape is near {0}", held.character),
-                tr("Let go over another, or where they touch."),
+                tr("Release over another shape, or where both shapes touch."),
             )
         self.editor.toasts.show_message(problem, remedy)
 

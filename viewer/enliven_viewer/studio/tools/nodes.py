@@ -18,7 +18,7 @@ class InsertTool(Tool):
 
     @property
     def hint(self) -> str:
-        return "Click a bone to put a node there. The total turn along the chain stays the same."
+        return "Click a bone to add a node to it. The total rotation along the chain stays the same."
 
     def handle_at(self, pointer: Pointer) -> Hit | None:
         editor = self.editor
@@ -57,7 +57,9 @@ class RemoveTool(Tool):
 
     @property
     def hint(self) -> str:
-        return "Click a joint to take it out. The bones on both sides become one and keep both motions."
+        return (
+            "Click a joint to remove it. The bones on both sides become one bone, which keeps both motions."
+        )
 
     def handle_at(self, pointer: Pointer) -> Hit | None:
         editor = self.editor

@@ -37,13 +37,16 @@ class PoseTool(Tool):
     @property
     def hint(self) -> str:
         if self._held_handle is not None:
-            return "Let go to keep the pose; Esc cancels."
+            return "Release to keep the pose. Esc cancels."
         if self.editor.puppets.puppet is not None:
-            return "Drag a puppet sideways to turn it where it stands. K poses it."
+            return "Drag a puppet sideways to turn it on the spot. Press K to pose the puppet."
         if self.editor.is_auto_key:
-            return "Drag a joint, a dot or the whole: it gets a key at the playhead. Shift+K ends that."
+            return (
+                "Drag a joint, a dot or a whole shape to set a key at the playhead. Shift+K ends this mode."
+            )
         return (
-            "Drag a joint to turn its bone, the root to turn the whole; with Shift about the vertical axis."
+            "Drag a joint to turn its bone. Drag the root to turn the whole shape, with Shift about the "
+            "vertical axis."
         )
 
     def press(self, pointer: Pointer) -> bool:

@@ -35,11 +35,14 @@ class SelectTool(Tool):
     def hint(self) -> str:
         chosen = self.editor.selection
         if chosen.has_several:
-            return tr("{0} shapes are chosen. Drag one with G, and all of them move.", len(chosen.characters))
+            return tr(
+                "{0} shapes are chosen. Press G and drag one of them to move all of them.",
+                len(chosen.characters),
+            )
         if chosen.chain:
             return "A chain is chosen. Ctrl+Shift+C copies its motion, Ctrl+Shift+V pastes motion onto it."
         if self.editor.puppets.puppet is not None:
-            return "A puppet is chosen. K puts control points on it and poses it."
+            return "A puppet is chosen. Press K to add control points and to pose the puppet."
         if chosen.handle is not None:
             return "Shift-click another joint to choose the chain between them. Delete removes the node."
         return "Click a joint or a shape to choose it; Ctrl adds more. Drag empty space to turn the view."

@@ -29,7 +29,7 @@ class SketchTool(StrokeTool):
     @property
     def hint(self) -> str:
         if self._closed:
-            return "Let go: the stroke is closed."
+            return "Release: the stroke is closed."
         if self._stroke:
             return "Draw around the part, back to where you began."
         return "Draw the outline of a part: a limb, a body, a tentacle. It becomes a shape with bones."
@@ -55,7 +55,8 @@ class SketchTool(StrokeTool):
             bones = len(self.editor.project.characters[names[-1]].handles) - 1
             message = tr_n("A part with {0} bone", "A part with {0} bones", bones)
             self.editor.toasts.show_message(
-                message, tr("G moves it, M gives it motion, and you can rename it at the right.")
+                message,
+                tr("Press G to move the part, or M to give it motion. You can rename the part at the right."),
             )
 
     def overlay(self) -> Overlay:

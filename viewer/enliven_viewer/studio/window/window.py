@@ -159,7 +159,7 @@ class StudioWindow:
             self.workspace.store.autosave_now()
             if self.pictures:
                 raise
-            remedy = "Use --film out.mp4 to render without a window, or start where there is a display."
+            remedy = "Use --film out.mp4 to render without a window, or start on a computer with a display."
             raise ResourceError(str(error).rstrip("."), where="window", remedy=remedy) from None
         except BaseException:
             self.workspace.perform.recording.stop()

@@ -80,17 +80,19 @@ def _make_actions(
         "Start page",
         (),
         lambda: ask("start"),
-        about="Shown while the project is empty.",
+        about="Shows the start page with samples and recent files.",
     )
     for name, label in SAMPLES.items():
         do = lambda name=name: ask(f"sample {name}")  # noqa: E731
-        yield Action(f"sample.{name}", "Help", label, (), do, about="A sample.", apart=name == "cactus")
-    yield Action("help.keys", "Help", "Keys", ("f1", "h"), lambda: ask("help"))
+        yield Action(
+            f"sample.{name}", "Help", label, (), do, about="Opens a sample character.", apart=name == "cactus"
+        )
+    yield Action("help.keys", "Help", "Keyboard shortcuts", ("f1", "h"), lambda: ask("help"))
 
 
 def _make_file_actions(ask: OpenDialog, preferences: Preferences) -> Iterator[Action]:
     def lacks_recent() -> str:
-        return "" if preferences.recent else "No file was opened yet. Open one with Ctrl+O."
+        return "" if preferences.recent else "No file was opened yet. Press Ctrl+O to open a file."
 
     yield Action("file.new", "File", "New", ("ctrl+n",), lambda: ask("new"))
     yield Action(
@@ -99,7 +101,7 @@ def _make_file_actions(ask: OpenDialog, preferences: Preferences) -> Iterator[Ac
         "Open...",
         ("ctrl+o",),
         lambda: ask("open"),
-        about="A project, a model, a mesh, or a take.",
+        about="Opens a project, a model, a mesh or a take.",
     )
     again = "Reopen the last file"
     yield Action("file.again", "File", again, ("ctrl+shift+o",), lambda: ask("again"), lacks_recent)
@@ -116,7 +118,7 @@ def _make_export_actions(commands: Commands, ask: OpenDialog) -> Iterator[Action
         return ""
 
     def lacks_puppet() -> str:
-        return "" if commands.editor.puppets.puppet else "No puppet is chosen. Click one first."
+        return "" if commands.editor.puppets.puppet else "No puppet is chosen. Click a puppet first."
 
     yield Action(
         "file.export",
@@ -145,7 +147,7 @@ def _make_export_actions(commands: Commands, ask: OpenDialog) -> Iterator[Action
         ("ctrl+shift+e",),
         lambda: ask("session"),
         lacks_puppet,
-        about="Its control points and key poses, in a file that can be read and edited.",
+        about="Saves the puppet's control points and key poses in a text file that you can edit.",
     )
     yield Action(
         "file.preferences", "File", "Preferences...", ("ctrl+comma",), lambda: ask("preferences"), apart=True
@@ -163,7 +165,7 @@ def _make_edit_actions(commands: Commands, user_input: ViewportInput, ask: OpenD
         "History",
         ("ctrl+h",),
         lambda: ask("history"),
-        about="Everything that was done; click a step to go there.",
+        about="Lists all edits. Click an edit to return to that state.",
     )
     yield Action("edit.copy", "Edit", "Copy", ("ctrl+c",), c.copy, c.lacks_character, apart=True)
     yield Action("edit.cut_out", "Edit", "Cut out", ("ctrl+x",), c.cut_out, c.lacks_character)
@@ -188,8 +190,8 @@ def _make_snap_action(editor: Editor) -> Action:
         editor.snapping.is_on = not editor.snapping.is_on
 
     about = (
-        "Moves snap to a grid of 10 cm and to the floor, rotations to steps of 15 degrees. "
-        "Hold Ctrl to invert this."
+        "Moves snap to a grid of 10 cm and to the floor, rotations to steps of 15 degrees. Hold Ctrl "
+        "while you drag to switch snapping off or on."
     )
     on = lambda: editor.snapping.is_on  # noqa: E731
     return Action("edit.snap", "Edit", "Snap", ("shift+n",), toggle, is_on=on, about=about, apart=True)
@@ -217,11 +219,11 @@ def _make_motion_actions(c: Commands) -> Iterator[Action]:
     yield Action(
         "motion.spread",
         "Motion",
-        "To equal limbs",
+        "Copy to equal limbs",
         ("ctrl+shift+d",),
         c.copy_to_equal_limbs,
         c.lacks_limb,
-        about="Copies the motion of the chosen limb to all equal limbs.",
+        about="Copies the motion of the chosen limb to all limbs with the same form.",
     )
     yield Action(
         "motion.clear",
@@ -240,7 +242,7 @@ def _make_motion_actions(c: Commands) -> Iterator[Action]:
             (f"ctrl+alt+{'right' if seconds > 0 else 'left'}",),
             lambda seconds=seconds: c.shift(seconds),
             c.lacks_playing,
-            about="Shifts all motion of the selection by a tenth of a second.",
+            about="Shifts all motion of the chosen shapes by a tenth of a second.",
             apart=seconds > 0,
         )
     yield Action("motion.mute", "Motion", "Mute", ("shift+u",), c.toggle_mute, c.lacks_playing, c.is_muted)
@@ -251,7 +253,7 @@ def _make_motion_actions(c: Commands) -> Iterator[Action]:
         ("p",),
         c.pin_foot,
         c.lacks_foot,
-        about="A pinned foot stays where it stands while it touches the floor.",
+        about="A pinned foot does not slide while it touches the floor.",
     )
 
 
@@ -263,12 +265,18 @@ def _make_key_actions(c: Commands) -> Iterator[Action]:
         ("shift+k",),
         c.keys.toggle,
         is_on=lambda: c.editor.is_auto_key,
-        about="Posing (R) or moving (G) sets a key at the playhead: for a joint, a dot, or the whole.",
+        about="Posing (R) or moving (G) a joint, a node or a whole shape also sets a key at the playhead.",
         apart=True,
     )
     about = "Sets a key with the current pose at the playhead. You can drag the key in the curves."
     yield Action(
-        "motion.key", "Motion", "A key at the playhead", ("ctrl+j",), c.keys.set, c.keys.lacks, about=about
+        "motion.key",
+        "Motion",
+        "Set a key at the playhead",
+        ("ctrl+j",),
+        c.keys.set,
+        c.keys.lacks,
+        about=about,
     )
     away = "Remove the key at the playhead"
     yield Action("motion.unkey", "Motion", away, ("ctrl+shift+j",), c.keys.remove, c.keys.lacks_key)
@@ -287,7 +295,7 @@ def _make_shape_actions(c: Commands) -> Iterator[Action]:
         ("ctrl+m",),
         c.mirror,
         c.lacks_character,
-        about="Swaps left and right, as seen from the camera.",
+        about="Mirrors the chosen shapes: swaps left and right, as seen from the camera.",
     )
     yield Action(
         "shape.larger",
@@ -296,7 +304,7 @@ def _make_shape_actions(c: Commands) -> Iterator[Action]:
         ("ctrl+equal",),
         lambda: c.scale(1.1),
         c.lacks_character,
-        about="By a tenth.",
+        about="Changes the size of the chosen shapes by a tenth.",
     )
     yield Action(
         "shape.smaller",
@@ -305,7 +313,7 @@ def _make_shape_actions(c: Commands) -> Iterator[Action]:
         ("ctrl+minus",),
         lambda: c.scale(1 / 1.1),
         c.lacks_character,
-        about="By a tenth.",
+        about="Changes the size of the chosen shapes by a tenth.",
     )
     for name, label, degrees, key in turns:
         yield Action(
@@ -315,12 +323,12 @@ def _make_shape_actions(c: Commands) -> Iterator[Action]:
             (f"ctrl+{key}",),
             lambda degrees=degrees: c.turn(degrees),
             c.lacks_character,
-            about=f"By {abs(degrees):.0f} degrees, as seen from the camera.",
+            about=f"Turns the chosen shapes by {abs(degrees):.0f} degrees, as seen from the camera.",
         )
     yield Action(
         "shape.solve",
         "Shape",
-        "Possess it again",
+        "Apply the performance again",
         ("ctrl+shift+p",),
         c.motion.solve_again,
         c.motion.lacks_possessed,

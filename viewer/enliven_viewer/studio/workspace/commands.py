@@ -127,12 +127,12 @@ class Commands:
         shape, joint, group = limb
         if group is None:
             self.editor.toasts.show_message(
-                tr("No limb is equal to this one"), tr("Copy its motion chain by chain instead.")
+                tr("No other limb has the same form"), tr("Copy the motion chain by chain instead.")
             )
         elif self.editor.edit("same on equal limbs", lambda p: spread_motion(p, shape.id, group, joint)):
             self.editor.toasts.show_message(
-                tr("{0} limbs move alike", len(group.limbs)),
-                tr("Move their clips on the timeline to delay them."),
+                tr("{0} limbs now have the same motion", len(group.limbs)),
+                tr("Move the clips of the limbs on the timeline to delay their motion."),
             )
 
     def pin_foot(self) -> None:
@@ -146,7 +146,7 @@ class Commands:
         if any(pin.joint == name for pin in shape.pins):
             self.editor.edit(later("unpin {0}", name), lambda project: unpin(project, shape.id, [joint]))
         elif self.editor.edit(later("pin {0}", name), lambda project: pin_feet(project, shape.id, [joint])):
-            self.editor.toasts.show_message(tr("{0} is pinned", name), tr("P unpins it."))
+            self.editor.toasts.show_message(tr("{0} is pinned", name), tr("Press P to unpin the foot."))
 
     def show_best_view(self) -> None:
         """Turns the camera to the direction that shows most of the selected shape's bones."""
@@ -225,7 +225,9 @@ class Commands:
         they are available.
         """
         moves = any(character.playing for character in self.editor.selected_characters)
-        return self.lacks_character() or ("" if moves else "It has no motion. Map a take onto it first.")
+        return self.lacks_character() or (
+            "" if moves else "The chosen shape has no motion. Map a take onto the shape first."
+        )
 
     def lacks_shape(self) -> str:
         """Returns the reason why a command on a shape with bones is unavailable, or an empty text if it is
@@ -234,16 +236,20 @@ class Commands:
         return (
             ""
             if self.editor.find_selected(RiggedCharacter)
-            else "No shape with bones is chosen. Click one first."
+            else "No shape with bones is chosen. Click such a shape first."
         )
 
     def lacks_copied(self) -> str:
         """Returns the reason why pasting a character is unavailable, or an empty text if it is available."""
-        return "" if self._copied else "Nothing was copied. Choose something and press Ctrl+C first."
+        return "" if self._copied else "Nothing was copied. Choose a shape and press Ctrl+C first."
 
     def lacks_limb(self) -> str:
         """Returns the reason why a command on a limb is unavailable, or an empty text if it is available."""
-        return "" if self._find_limb() else "No limb is chosen. Click a node of the limb that moves."
+        return (
+            ""
+            if self._find_limb()
+            else "No limb is chosen. Click a node of the limb with the motion to copy."
+        )
 
     def lacks_foot(self) -> str:
         """Returns the reason why pinning a foot is unavailable, or an empty text if it is available."""

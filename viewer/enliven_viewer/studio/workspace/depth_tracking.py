@@ -63,7 +63,7 @@ class DepthTracking:
             InputError: if another recording is still being tracked.
         """
         if self.busy:
-            remedy = tr("Wait until it is done, or stop it.")
+            remedy = tr("Wait until the tracking is done, or stop it.")
             raise InputError(tr("{0} is still being tracked", self.name), where=str(path), remedy=remedy)
         self._folder = TemporaryFolder("tracking")
         output = Path(self._folder.name) / path.name
@@ -94,8 +94,10 @@ class DepthTracking:
         self._process, self._folder, self.name = None, None, ""
         with folder:
             if child.returncode:
-                problem = self._output_lines[-1] if self._output_lines else tr("it did not start")
-                remedy = tr("Try it in a terminal: enliven track {0} -o bodies.mcap", name)
+                problem = self._output_lines[-1] if self._output_lines else tr("the tracker did not start")
+                remedy = tr(
+                    "Run this in a terminal to see the reason: enliven track {0} -o bodies.mcap", name
+                )
                 self._editor.toasts.show_error(InputError(problem, where=name, remedy=remedy))
                 return
             output = Path(folder.name) / name
@@ -103,7 +105,7 @@ class DepthTracking:
                 read_recorded_clips(output, whole=True)
                 add_file(self._editor, output)
             except EnlivenError as error:
-                remedy = tr("See what the tracker sees: enliven inspect {0} -o film.mp4", name)
+                remedy = tr("Check what the camera saw: enliven inspect {0} -o film.mp4", name)
                 self._editor.toasts.show_error(InputError(error.what, where=name, remedy=remedy))
 
     def cancel(self) -> None:

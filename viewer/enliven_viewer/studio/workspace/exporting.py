@@ -70,7 +70,7 @@ class ExportOptions:
         """
         included = [character for character in characters if character.id not in self.left_out]
         if not included:
-            raise InputError(tr("no character is chosen"), where="export", remedy=tr("Tick one."))
+            raise InputError(tr("no character is chosen"), where="export", remedy=tr("Tick a character."))
         return included
 
     def check_range(self, length: float) -> tuple[float, float | None]:

@@ -134,14 +134,14 @@ class FileBrowser:
         name = (self.new_folder_name or "").strip()
         if not name or name in (".", "..") or any(letter in name for letter in '/\\:*?"<>|\0'):
             raise InputError(
-                tr("no folder can have that name"), where="file", remedy=tr("Use letters and digits.")
+                tr("a folder cannot have this name"), where="file", remedy=tr("Use letters and digits.")
             )
         new_folder = self.folder / name
         try:
             new_folder.mkdir()
         except FileExistsError:
             raise InputError(
-                tr("{0} exists already", name), where="file", remedy=tr("Give another name.")
+                tr("{0} exists already", name), where="file", remedy=tr("Type another name.")
             ) from None
         except OSError as error:
             problem = tr("the folder cannot be created ({0})", error.strerror)
@@ -162,13 +162,15 @@ class FileBrowser:
         """
         name = self.name.strip()
         if not name:
-            raise InputError(tr("no file is chosen"), where="file", remedy=tr("Click one, or type a name."))
+            raise InputError(
+                tr("no file is chosen"), where="file", remedy=tr("Click a file, or type a name.")
+            )
         try:
             return self._find_path(name)
         # The name is too long, or it begins with "~" and an unknown user.
         except (OSError, RuntimeError, ValueError):
             raise InputError(
-                tr("no file can have that name"), where="file", remedy=tr("Give a shorter name.")
+                tr("a file cannot have this name"), where="file", remedy=tr("Type a shorter name.")
             ) from None
 
     def _find_path(self, name: str) -> Path:
@@ -179,13 +181,15 @@ class FileBrowser:
         if self.saving and path.suffix.lower() not in self.endings:
             path = path.with_name(path.name + self.endings[0])
         if not self.saving and not path.is_file():
-            raise InputError(tr("there is no such file"), where=str(path), remedy=tr("Choose another."))
+            raise InputError(
+                tr("the file does not exist"), where=str(path), remedy=tr("Choose another file.")
+            )
         if self.saving and path.exists() and path not in (self.project_path, self._warned):
             self._warned = path
             raise InputError(
                 tr("{0} exists already", path.name),
                 where="file",
-                remedy=tr("Press Save again to replace it."),
+                remedy=tr("Press Save again to replace the file."),
             )
         return path
 

@@ -72,7 +72,7 @@ def read_addable_file(
         if ending in file_type.suffixes:
             return file_type.add, file_type.read(path)
     known_endings = ", ".join(list_suffixes(types))
-    problem = tr("{0} is an unknown file type", ending) if ending else tr("its name has no file extension")
+    problem = tr("{0} is an unknown file type", ending) if ending else tr("the file name has no extension")
     raise InputError(problem, where=str(path), remedy=tr("Known: {0}.", known_endings))
 
 
@@ -104,8 +104,8 @@ def list_exportable(project: Project) -> list[RigBase]:
     lacking = [get_rig_edits(character).find_missing_data(project, character) for character in solid]
     movable = [character for character, lacks in zip(solid, lacking, strict=True) if not lacks]
     if not movable:
-        remedy = " ".join(lacking[0]) if lacking else tr("Sketch one, or open a model.")
-        raise InputError(tr("no shape has a surface and motion"), where="export", remedy=remedy)
+        remedy = " ".join(lacking[0]) if lacking else tr("Sketch a shape, or open a model.")
+        raise InputError(tr("no shape has both a surface and motion"), where="export", remedy=remedy)
     return movable
 
 
@@ -168,8 +168,8 @@ def _make_clip_note(project: Project, shape_id: str) -> str:
     shape = project.shape(shape_id)
     clips, played = own_clips(project, shape), played_clip(project, shape)
     if played is None:
-        return tr("{0} takes came with it.", len(clips)) if clips else ""
-    more = tr(" {0} clips came with it: choose one at the right.", len(clips)) if len(clips) > 1 else ""
+        return tr("The file also contained {0} takes.", len(clips)) if clips else ""
+    more = tr(" The model has {0} clips: choose a clip at the right.", len(clips)) if len(clips) > 1 else ""
     return tr("Space plays {0}.{1}", played, more)
 
 
@@ -201,7 +201,7 @@ def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) 
 
     if editor.edit(later("open {0}", path.name), add):
         editor.select_only(added_ids[-1])
-        _show_notes(editor, path, notes, tr("It is a puppet: put control points on it with K."))
+        _show_notes(editor, path, notes, tr("The mesh is now a puppet: press K to put control points on it."))
         editor.frame_path()
 
 
@@ -239,9 +239,9 @@ def _add_take(editor: Editor, path: Path, read: tuple[Clip, tuple[str, ...]]) ->
     if editor.edit(later("open {0}", path.name), add):
         puppet = editor.puppets.puppet
         remedy = (
-            tr("Choose it in the performer's view for {0}.", puppet.id)
+            tr("Choose the take in the performer's view, so that {0} follows it.", puppet.id)
             if puppet
-            else tr("Map it onto a shape with M.")
+            else tr("Press M to map the take onto a shape.")
         )
         _show_notes(editor, path, notes, remedy)
 
@@ -256,10 +256,12 @@ def _add_performance(editor: Editor, path: Path, read: _RecordedTake) -> None:
         return project
 
     if editor.edit(later("open {0}", path.name), add):
-        remedy = tr("Possessed characters can be cut and merged.")
+        remedy = tr("You can cut and merge possessed characters.")
         if editor.puppets.puppet is not None:
-            remedy = tr("Choose a take in the performer's view for {0}.", editor.puppets.puppet.id)
-        editor.toasts.show_message(tr("{0} brought {1}", path.name, ", ".join(added)), remedy)
+            remedy = tr(
+                "Choose a take in the performer's view, so that {0} follows it.", editor.puppets.puppet.id
+            )
+        editor.toasts.show_message(tr("{0} added {1}", path.name, ", ".join(added)), remedy)
         fresh = [name for name in editor.project.characters if name not in before]
         if fresh and editor.puppets.puppet is None:
             editor.choose_all(*fresh)

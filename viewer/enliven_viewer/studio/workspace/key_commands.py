@@ -35,7 +35,7 @@ class KeyCommands:
 
     def lacks(self) -> str:
         """Returns the reason why no key can be set, or an empty text if a key can be set."""
-        return "" if self._find_subject()[0] else "Nothing is chosen. Click a shape, or a node of it, first."
+        return "" if self._find_subject()[0] else "Nothing is chosen. Click a shape or a node first."
 
     def lacks_key(self) -> str:
         """Returns the reason why no key can be removed, or an empty text if a key can be removed."""

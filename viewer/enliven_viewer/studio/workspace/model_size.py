@@ -66,10 +66,15 @@ def choose_size(points: AnyArray | Sequence[Sequence[float]]) -> ModelSize:
         return ModelSize(tall)
     for unit_name, metres in _UNITS:
         if _PLAUSIBLE_LENGTHS_M[0] <= longest * metres <= _PLAUSIBLE_LENGTHS_M[1]:
-            note = tr("it was {0:.3g} m tall: read as {1}, {2:.2g} m", tall, tr(unit_name), tall * metres)
+            note = tr(
+                "the model was {0:.3g} m tall, so it was read in {1}: {2:.2g} m",
+                tall,
+                tr(unit_name),
+                tall * metres,
+            )
             return ModelSize(tall * metres, note)
     height = min(_PERSON_HEIGHT_M, _MAX_FALLBACK_LENGTH_M * tall / longest)
-    return ModelSize(height, tr("it was {0:.3g} m tall, and was scaled to {1:.2g} m", tall, height))
+    return ModelSize(height, tr("the model was {0:.3g} m tall, so it was scaled to {1:.2g} m", tall, height))
 
 
 _MISMATCH_RATIO = 2.0
@@ -108,9 +113,9 @@ class SizeMatching:
         """
         heights = self.heights()
         if heights is None:
-            return "No other shape to compare with. Choose one that stands next to others."
+            return "The project has no other shape to compare with. Choose a shape next to other shapes."
         same = abs(heights[0] / heights[1] - 1.0) < _HEIGHT_TOLERANCE
-        return "It is already as tall as the others. Choose another shape." if same else ""
+        return "The shape is already as tall as the others. Choose another shape." if same else ""
 
     def fit(self) -> None:
         """Scales the selected character to the median height of the others, in place."""
@@ -138,17 +143,19 @@ class SizeMatching:
         heights = self.heights()
         if heights is None or 1.0 / _MISMATCH_RATIO < heights[0] / heights[1] < _MISMATCH_RATIO:
             return
-        message = tr("It is {0:.3g} m tall, the others {1:.3g} m", heights[0], heights[1])
-        self.editor.toasts.show_message(message, tr("Alt+F makes it as tall as the others."))
+        message = tr("The new shape is {0:.3g} m tall, the others {1:.3g} m", heights[0], heights[1])
+        self.editor.toasts.show_message(
+            message, tr("Press Alt+F to make the new shape as tall as the others.")
+        )
 
 
 def make_fitting_actions(fitting: SizeMatching) -> Iterator[Action]:
     """Yields the action that scales the selected character to the others' height."""
-    about = "Scales it to the height of the other shapes."
+    about = "Scales the chosen shape to the height of the other shapes."
     yield Action(
         "shape.fit",
         "Shape",
-        "Fit to the others' size",
+        "Fit to the others' height",
         ("alt+f",),
         fitting.fit,
         fitting.find_missing,

@@ -35,7 +35,7 @@ class MotionClipboard:
         chain, mesh = find_selected_chain(self.editor), self._find_performed_mesh()
         if mesh is not None:
             self._copied, self._performed = None, mesh.id
-            message = tr("Copied how {0} was performed", mesh.id)
+            message = tr("Copied the performance of {0}", mesh.id)
             self.editor.toasts.show_message(message, tr("Choose another character and press Ctrl+Shift+V."))
         elif chain is not None:
             self._copied, self._performed = chain, None
@@ -65,15 +65,15 @@ class MotionClipboard:
         def work() -> _SolvedMesh:
             return solve_again(project, name, notes=notes), name, notes
 
-        self._begin(tr("Possessing {0} again", name), work, later("solve again {0}", name), shape)
+        self._begin(tr("Applying the performance to {0}", name), work, later("solve again {0}", name), shape)
 
     def lacks_copy(self) -> str:
         """Returns the reason why copying motion is unavailable, or an empty text if it is available."""
         if self._find_performed_mesh() is not None or find_selected_chain(self.editor):
             return ""
         return (
-            "Nothing that moves is chosen. Click a mesh that was performed; or a chain: click its begin, "
-            "then Shift-click its end."
+            "Nothing that moves is chosen. Click a performed mesh, or click the first joint of a chain "
+            "and Shift-click its last joint."
         )
 
     def lacks_paste(self) -> str:
@@ -82,11 +82,11 @@ class MotionClipboard:
             return (
                 ""
                 if self.editor.find_selected()
-                else "No character is chosen. Click the one that should perform."
+                else "No character is chosen. Click the character that should get the performance."
             )
         if self._copied is None:
-            return "No motion was copied. Choose what moves and press Ctrl+Shift+C first."
-        advice = "No chain is chosen. Click the joint where it begins, then Shift-click its end."
+            return "No motion was copied. Choose a moving shape or chain, and press Ctrl+Shift+C first."
+        advice = "No chain is chosen. Click the first joint of a chain, then Shift-click its last joint."
         return "" if find_selected_chain(self.editor) else advice
 
     def lacks_possessed(self) -> str:
@@ -94,7 +94,7 @@ class MotionClipboard:
         available.
         """
         chosen = self.editor.find_selected(GraphCharacter)
-        return "" if chosen else "No possessed character is chosen. Click one first."
+        return "" if chosen else "No possessed character is chosen. Click such a character first."
 
     def _find_performed_mesh(self) -> GraphCharacter | None:
         """Returns the selected mesh if performers have moved it."""
@@ -109,7 +109,7 @@ class MotionClipboard:
             return
         name, notes = target.id, list[str]()
         if performed is None:
-            remedy = tr("Copy the motion of another one.")
+            remedy = tr("Copy the motion of another character.")
             self.editor.toasts.show_error(
                 InputError(tr("{0} no longer exists", source), where=name, remedy=remedy)
             )
@@ -126,7 +126,7 @@ class MotionClipboard:
             )
 
         self._begin(
-            tr("The performers of {0} step into {1}", source, name),
+            tr("The performers of {0} now also control {1}", source, name),
             work,
             later("give {0} to {1}", source, name),
             target,
@@ -148,7 +148,9 @@ class MotionClipboard:
             if project.characters.get(guarded.id) is not guarded:
                 remedy = tr("Repeat the command.")
                 raise InputError(
-                    tr("it was changed while its motion was computed"), where=guarded.where, remedy=remedy
+                    tr("the character was changed while its motion was computed"),
+                    where=guarded.where,
+                    remedy=remedy,
                 )
             needed = shape.needed()
             bodies = [solved_project.bodies[body] for body in needed.get("bodies", ())]
@@ -157,7 +159,7 @@ class MotionClipboard:
 
         if self.editor.edit(edit_name, change):
             self.editor.select_only(name)
-            advice = " ".join(notes) or tr("Ctrl+Z takes it back.")
+            advice = " ".join(notes) or tr("Press Ctrl+Z to undo this.")
             self.editor.toasts.show_message(tr("{0} moves as its performers do", name), advice)
 
 

@@ -157,7 +157,7 @@ class ProjectStore:
         refuse_later_project(target)
         if not over:
             self._refuse_changed(target, data)
-        write_file(target, data, tr("Save it in another folder."))
+        write_file(target, data, tr("Save the project in another folder."))
         self.settle()  # Wait for the recovery file to be written before it is removed.
         # The saved file contains only the first part of the recording, so the project stays unsaved until the
         # next save.
@@ -193,7 +193,7 @@ class ProjectStore:
             raise FileChangedError(
                 tr("{0} was saved by another window or program since it was opened here", target.name),
                 where=str(target),
-                remedy=tr("Save under another name, or compare the two."),
+                remedy=tr("Save under another name, or compare the two versions."),
             )
 
     def autosave(self, now: float | None = None) -> None:
@@ -243,7 +243,7 @@ class ProjectStore:
         except (OSError, EnlivenError) as error:
             reason = error.what if isinstance(error, EnlivenError) else str(error.strerror)
             self.editor.toasts.show_message(
-                tr("The recovery file cannot be written ({0})", reason), tr("Save your work with Ctrl+S.")
+                tr("The recovery file cannot be written ({0})", reason), tr("Press Ctrl+S to save your work.")
             )
 
     def list_recoverable(self) -> list[Path]:
@@ -273,7 +273,7 @@ class ProjectStore:
         self.new()
         self.editor.edit("recover", lambda _: project)
         self.editor.frame_all()
-        self.editor.toasts.show_message(tr("Recovered"), tr("Save it with Ctrl+S."))
+        self.editor.toasts.show_message(tr("Recovered"), tr("Press Ctrl+S to save the project."))
         # From now on, this window owns the recovery file.
         self.folder.mkdir(parents=True, exist_ok=True)
         path.replace(self._find_recovery_path())
@@ -308,7 +308,7 @@ def _add_unfinished_recording(project: Project, change: Callable[[Project], Proj
     except EnlivenError:  # The recording contains no motion yet.
         return replace(project)
     except Exception as error:  # An error in the recording must not prevent saving the rest of the project.
-        log.error("the running recording cannot be saved yet", exc_info=error)
+        log.error("the running recording cannot be saved, so the project is saved without it", exc_info=error)
         return replace(project)
 
 

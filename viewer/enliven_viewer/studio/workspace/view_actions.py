@@ -34,7 +34,7 @@ def make_view_actions(editor: Editor) -> Iterator[Action]:
             (key,),
             lambda name=name: restore_view(editor, name),
             lambda name=name, key=key: _lacks_view(editor, name, key),
-            about="Returns to the stored view.",
+            about="Returns to the view that is stored in this bookmark.",
             apart=number == 1,
             group="Bookmarks",
         )
@@ -46,7 +46,7 @@ def make_view_actions(editor: Editor) -> Iterator[Action]:
             f"Store as bookmark {number}",
             (f"ctrl+f{number + _FUNCTION_KEY_OFFSET}",),
             lambda name=name: store_view(editor, name),
-            about="It is saved with the project.",
+            about="The bookmark is saved with the project.",
             apart=number == 1,
             group="Bookmarks",
         )
@@ -61,7 +61,8 @@ def store_view(editor: Editor, name: str) -> None:
         lambda p: replace(p, views={**p.views, name: mark}),
     ):
         editor.toasts.show_message(
-            tr("Stored as bookmark {0}", name.rpartition(" ")[2]), tr("It is saved with the project.")
+            tr("Stored as bookmark {0}", name.rpartition(" ")[2]),
+            tr("The bookmark is saved with the project."),
         )
 
 
@@ -73,7 +74,7 @@ def restore_view(editor: Editor, name: str) -> None:
 
 
 def _lacks_view(editor: Editor, name: str, key: str) -> str:
-    advice = tr("Nothing is stored there. Ctrl+{0} stores the current view.", key.upper())
+    advice = tr("This bookmark is empty. Press Ctrl+{0} to store the current view.", key.upper())
     return "" if name in editor.project.views else advice
 
 
@@ -81,7 +82,7 @@ def make_reading_actions(preferences: Preferences) -> Iterator[Action]:
     """Yields the actions for text size, theme and animation."""
 
     def at_end(size: float, size_name: str) -> str:
-        return tr("The text is as {0} as it gets.", size_name) if preferences.text_size == size else ""
+        return tr("The text already has the {0} size.", size_name) if preferences.text_size == size else ""
 
     yield Action(
         "view.larger_text",
@@ -89,7 +90,7 @@ def make_reading_actions(preferences: Preferences) -> Iterator[Action]:
         "Larger text",
         ("ctrl+shift+equal",),
         lambda: preferences.resize(1),
-        lambda: at_end(TEXT_SIZES[-1], tr("large")),
+        lambda: at_end(TEXT_SIZES[-1], tr("largest")),
         about="Changes the size of text and of all panels.",
         apart=True,
     )
@@ -99,7 +100,7 @@ def make_reading_actions(preferences: Preferences) -> Iterator[Action]:
         "Smaller text",
         ("ctrl+shift+minus",),
         lambda: preferences.resize(-1),
-        lambda: at_end(TEXT_SIZES[0], tr("small")),
+        lambda: at_end(TEXT_SIZES[0], tr("smallest")),
         about="Changes the size of text and of all panels.",
     )
     yield Action(
@@ -109,7 +110,7 @@ def make_reading_actions(preferences: Preferences) -> Iterator[Action]:
         (),
         lambda: preferences.set_colours("dark" if is_light() else "light"),
         is_on=is_light,
-        about="Dark letters on light panels, and a bright stage.",
+        about="Dark text on light panels, and a bright stage.",
     )
     yield Action(
         "view.less_motion",
@@ -118,7 +119,7 @@ def make_reading_actions(preferences: Preferences) -> Iterator[Action]:
         (),
         preferences.set_less_motion,
         is_on=lambda: preferences.less_motion,
-        about="The view turns immediately, without animation.",
+        about="The view jumps to its new direction at once, without animation.",
     )
     yield Action(
         "view.performer",
@@ -164,7 +165,7 @@ def make_camera_actions(c: Commands) -> Iterator[Action]:
         ("shift+t",),
         editor.camera_moves.toggle_turntable,
         is_on=lambda: editor.camera_moves.turntable,
-        about="The view goes around slowly.",
+        about="The view slowly circles the shapes.",
     )
     yield Action(
         "view.look",
@@ -172,7 +173,7 @@ def make_camera_actions(c: Commands) -> Iterator[Action]:
         "Next look",
         ("shift+l",),
         editor.switch_look,
-        about="Another light, backdrop and floor: studio, night, white, dawn, garden.",
+        about="Switches to the next preset of light, backdrop and floor: studio, night, white, dawn, garden.",
     )
     sides = (
         ("front", "1", 0.0, 0.0),

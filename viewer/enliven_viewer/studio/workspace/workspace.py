@@ -210,7 +210,8 @@ class Workspace(App):
         elif dialogue == "session":
             save_session(self.editor.project, self.editor.selection.character or "", path)
             self.editor.toasts.show_message(
-                tr("Saved {0}", path.name), tr("`enliven examples fit` plays it without a window.")
+                tr("Saved {0}", path.name),
+                tr("Run `enliven examples fit` to compute its motion without a window."),
             )
         else:
             self.save(path)

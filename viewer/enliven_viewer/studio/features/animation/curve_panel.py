@@ -33,9 +33,9 @@ _GROUP_LABELS = {
     "speed": later("Speed"),
 }
 """Labels of the groups of channels."""
-_EASE_LABELS = {"smooth": later("Smooth"), "linear": later("Straight"), "step": later("At once")}
+_EASE_LABELS = {"smooth": later("Smooth"), "linear": later("Linear"), "step": later("Step")}
 """Labels of the interpolation modes."""
-_EMPTY_TEXT = later("Choose a shape, or a node, a control point or a clip of it: its curves are shown here.")
+_EMPTY_TEXT = later("Choose a shape, a node, a control point or a clip to see its curves here.")
 _MENU_ID = "key menu"
 _DIAMOND_RADIUS = 5.5
 """Distance in pixels from the centre of a key to its corners."""
@@ -127,11 +127,12 @@ def _draw_plot(curves: CurveInput, group: CurveGroup, scale: Scale, origin: ImVe
     x = origin.x + axis.x(curves.editor.time)
     draw_list.add_line(ImVec2(x, origin.y), ImVec2(x, origin.y + size.y), pack_colour(ACCENT), 1.5)
     if group.name in LAYER_KEY_ATTRIBUTES and not group.dots:
-        advice = tr("Double-click: adds a key, so that it changes over time.")
+        advice = tr("Double-click: add a key, so that the value changes over time.")
         draw_list.add_text(ImVec2(left + 60, origin.y + size.y - 22), pack_colour(QUIET), advice)
     if group.name in KEY_ATTRIBUTES and not group.dots:
         advice = tr(
-            "Double-click: add a key. Or switch on Keys while posing (Shift+K), then pose (R) or move (G) it."
+            "Double-click: add a key. Or switch on “Keys while posing” (Shift+K), then pose (R) or move "
+            "(G) the shape."
         )
         draw_list.add_text(ImVec2(left + 60, origin.y + size.y - 22), pack_colour(QUIET), advice)
     draw_list.pop_clip_rect()
@@ -214,7 +215,10 @@ def _make_hover_text(dot: CurveDot, group: CurveGroup) -> str:
     value_text = tr(
         "{0}   {1}   at {2:.2f} s", group.channels[dot.axis], _format_value(dot.value, group.unit), dot.time
     )
-    advice = tr("Drag: change its value or time. Right button: change its interpolation, or remove it.")
+    advice = tr(
+        "Drag: change the value or time of the key. Right button: change its interpolation, or remove "
+        "the key."
+    )
     return f"{value_text}\n{advice}"
 
 

@@ -38,7 +38,10 @@ def _make_ghost_action(ghosts: Ghosts) -> Action:
         ("shift+g",),
         ghosts.toggle,
         is_on=lambda: ghosts.is_shown,
-        about="Past (blue) and future (orange) poses of the chosen shape, and paths of its hands and feet.",
+        about=(
+            "Shows past (blue) and future (orange) poses of the chosen shape, and the paths of its hands "
+            "and feet."
+        ),
         apart=True,
     )
 
@@ -51,6 +54,5 @@ def _make_curve_action(curves: CurveInput) -> Action:
         ("shift+c",),
         curves.toggle,
         is_on=lambda: curves.is_shown,
-        about="Shows rotation, position, keys, weight and speed of the selection over "
-        "time, above the timeline.",
+        about="Shows curves of rotation, position, keys, weight and speed over time, above the timeline.",
     )

@@ -111,7 +111,7 @@ def describe_clamping(project: Project, subject: CurveSubject, group: str, time:
     if group == "weight":
         return tr("A weight must be between 0 and 1")
     return tr(
-        "The speed must be between {0:g} and {1:g}: a clip cannot stop or play backwards here",
+        "The speed must be between {0:g} and {1:g}: a curve of speed cannot stop a clip or play it backwards",
         MIN_SPEED,
         MAX_SPEED,
     )
@@ -123,7 +123,9 @@ def _move_pose(project: Project, subject: CurveSubject, dot: CurveDot, time: flo
     """
     puppet, layer = project.puppet(subject.character), find_layer(project, subject)
     if layer is None or subject.handle is None:
-        raise InputError(tr("no control point is chosen"), where=puppet.where, remedy=tr("Click one first."))
+        raise InputError(
+            tr("no control point is chosen"), where=puppet.where, remedy=tr("Click a control point first.")
+        )
     places = puppet.poses[dot.number].places.copy()
     places[subject.handle, dot.axis] = value
     changes: dict[str, object] = {"places": places}

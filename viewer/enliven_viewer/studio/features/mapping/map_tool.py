@@ -81,13 +81,13 @@ class MapTool(Tool):
     @property
     def hint(self) -> str:
         if self.source.clip is None:
-            return "Choose a take in the view of sources."
+            return "Choose a take in the Source view."
         if self.source.is_choosing or not self.source.chain:
-            return "In the source: click the joint where the chain begins, then the one where it ends."
+            return "In the Source view, click the first joint of a chain, then the last joint."
         if self._chain_start is not None:
-            return "Click the joint of your shape where the chain ends."
-        tail = "  Y flips what was mapped last." if self._last_chain else ""
-        return "Click the joint of your shape that stays, then the one that moves." + tail
+            return "Click the last joint of the chain on your shape."
+        tail = tr("  Y flips the last mapping.") if self._last_chain else ""
+        return tr("On your shape, click the first joint of a chain, then the last joint.") + tail
 
     def press(self, pointer: Pointer) -> bool:
         hit = self.handle_at(pointer)
@@ -161,7 +161,7 @@ class MapTool(Tool):
         itself = is_own_take(clip, shape)
         plan = replace(create_automatic_plan(clip, shape), **vars(self.whole_body))
         if not (itself or plan.chains):
-            remedy = tr("Map it chain by chain, or pose the take and find matches.")
+            remedy = tr("Map the take chain by chain, or press Matches at another moment of the take.")
             error = InputError(
                 tr("no limb of the take fits a limb of the shape"), where=clip.id, remedy=remedy
             )
@@ -198,13 +198,18 @@ class MapTool(Tool):
                 self._last_chain, self.last_mapping = None, (shape.id, clip.id, retargeted.plan, quality)
                 count = len(retargeted.limited)
                 limited_text = (
-                    " " + tr_n("{0} joint kept within limits.", "{0} joints kept within limits.", count)
+                    " "
+                    + tr_n(
+                        "{0} joint was kept within its limits.",
+                        "{0} joints were kept within their limits.",
+                        count,
+                    )
                     if count
                     else ""
                 )
                 editor.toasts.show_message(
-                    tr("{0} moves all of {1}", clip.id, shape.id),
-                    tr("Space plays it, Ctrl+Z takes it back.") + limited_text,
+                    tr("{0} now moves the whole shape {1}", clip.id, shape.id),
+                    tr("Space plays the motion, Ctrl+Z undoes the mapping.") + limited_text,
                 )
 
         editor.background.begin(tr("Fitting {0} to {1}", clip.id, shape.id), work, then)
@@ -254,7 +259,7 @@ class MapTool(Tool):
             message = tr_n(
                 "{1} moves {0} bone of {2}", "{1} moves {0} bones of {2}", bones, mapping.take, mapping.shape
             )
-            self.editor.toasts.show_message(message, tr("Space plays it, Y flips it over."))
+            self.editor.toasts.show_message(message, tr("Space plays the motion, Y flips the motion."))
 
 
 def _remove_clip(project: Project, shape_id: str) -> Project:

@@ -54,12 +54,12 @@ def draw_source(app: App, tool: MapTool, area: Area, texture: int | None) -> Non
         if imgui.button(labelled(tr("Matches"), "Matches")):
             tool.rank()
         app.remember("find matches")
-        draw_tooltip("Find the parts of the chosen shape that look most like the take now")
+        draw_tooltip("Finds the limbs of the chosen shape that are most similar to the take's current pose")
         imgui.same_line()
         if imgui.button(labelled(tr("Whole body"), "Whole body"), ImVec2(-34, 0)):
             tool.map_whole()
         app.remember("whole body")
-        draw_tooltip("Map every limb of the take onto a limb of the chosen shape at once")
+        draw_tooltip("Maps all limbs of the take to limbs of the chosen shape in one step")
         _draw_options(app, tool)
         if tool.last_mapping is not None:
             with use_small_text():
@@ -68,23 +68,27 @@ def draw_source(app: App, tool: MapTool, area: Area, texture: int | None) -> Non
 
 
 _WHOLE_BODY_OPTIONS = (
-    ("floor", later("On the floor"), later("Keep the lowest point of a standing shape on the floor")),
+    ("floor", later("On the floor"), later("Keeps the lowest point of a standing shape on the floor")),
     (
         "steps",
         later("Steps"),
-        later("Let legs of other proportions step where the performer's feet step"),
+        later(
+            "The shape's feet step where the performer's feet step, even if its legs have other proportions"
+        ),
     ),
-    ("travel", later("Travels"), later("Let it travel with the performer")),
-    ("pin", later("Feet hold"), later("Keep feet in place while they are on the floor")),
+    ("travel", later("Travels"), later("The shape moves through the scene with the performer")),
+    ("pin", later("Hold feet"), later("Feet do not slide while they are on the floor")),
     (
         "stretch",
-        later("Bones stretch"),
-        later("Stretch its bones like those of the take, scaled to its own size"),
+        later("Stretch bones"),
+        later("The shape's bones stretch as much as the take's bones, relative to the shape's size"),
     ),
     (
         "limits",
         later("Joint limits"),
-        later("Keep joints of a model that is not a person near the range of its own clips"),
+        later(
+            "For a model that is not a person: joints stay near the range of motion in the model's own clips"
+        ),
     ),
 )
 """Options of whole-body retargeting: the setting, its label, and its effect."""
@@ -96,7 +100,7 @@ def _draw_options(app: App, tool: MapTool) -> None:
     if imgui.button("\uf013##how", ImVec2(-1, 0)):
         imgui.open_popup("whole body how")
     app.remember("whole how")
-    draw_tooltip("How a whole body is mapped: floor, steps, travel")
+    draw_tooltip("Options of “Whole body”: floor, steps, travel")
     if not imgui.begin_popup("whole body how"):
         return
     for name, label, about in _WHOLE_BODY_OPTIONS:
@@ -112,7 +116,9 @@ def _draw_options(app: App, tool: MapTool) -> None:
         tool.gentle,
     )
     app.remember("whole gentle")
-    draw_tooltip("Reduces the motion equally on both sides until the surface stretches only a little")
+    draw_tooltip(
+        "Reduces the motion of left and right limbs equally, until the surface stretches only a little"
+    )
     imgui.end_popup()
 
 
@@ -122,7 +128,7 @@ def _list_quality_lines(plan: Plan, quality: MotionQuality) -> list[str]:
     if not quality.worst_limbs:
         pose_line = tr("Limb directions match the performer's")
     else:
-        pose_line = tr("Limb directions differ from the performer's: see {0}", worst)
+        pose_line = tr("Limb directions differ from the performer's: {0}", worst)
     lines = [pose_line] if quality.limbs else []
     if quality.stretch > MAX_STRETCH:
         lines.append(tr("The surface stretches too much, at {0}", ", ".join(quality.joints[:2])))
@@ -130,11 +136,11 @@ def _list_quality_lines(plan: Plan, quality: MotionQuality) -> list[str]:
         lines.append(tr("The surface stretches little"))
     floor = []
     if quality.sunk is not None and max(quality.sunk, quality.afloat or 0.0) > MAX_FLOOR_DISTANCE:
-        floor.append(tr("it sinks into the floor or floats above it"))
+        floor.append(tr("the shape sinks into the floor or floats above it"))
     if quality.slide is not None and quality.slide > MAX_SLIDE_CM_S:
         floor.append(tr("feet slide"))
     if quality.through > MAX_INTERSECTION:
-        floor.append(tr("it goes through itself: {0}", ", ".join(quality.parts[:2])))
+        floor.append(tr("the surface passes through itself: {0}", ", ".join(quality.parts[:2])))
     less = {limb_name(c): c.weight for c in plan.chains if c.weight < 1.0 and "whole" not in c.role}
     told_less = ", ".join(f"{limb} {weight:.0%}" for limb, weight in less.items())
     return [
@@ -203,7 +209,7 @@ def draw_matches(app: App, tool: MapTool, viewport: Area) -> None:
     imgui.set_next_window_pos(ImVec2(viewport.x + 14, viewport.y + 56))
     imgui.set_next_window_size(ImVec2(width, _THUMBNAIL_SIZE.y + 46))
     imgui.begin("matches", None, FIXED_WINDOW_FLAGS | imgui.WindowFlags_.no_scrollbar)
-    draw_note("Matches, the best first. Click one to accept it.")
+    draw_note("Matches, the best first. Click a match to accept it.")
     tool.highlighted = tool.offered[0]
     taken: MotionMatch | None = None
     for number, offer in enumerate(tool.offered):

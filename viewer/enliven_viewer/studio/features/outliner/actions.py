@@ -37,10 +37,10 @@ def make_outliner_actions(outliner: Outliner) -> Iterator[Action]:
 
     def lacks_place(direction: int) -> str:
         if lacks() or editor.selection.has_several:
-            return lacks() or "Several shapes are chosen. Choose one to move it in the list."
+            return lacks() or "Several shapes are chosen. Choose one shape to move it in the list."
         place = outliner.find_place(editor.selection.character or "") + direction
         inside = 0 <= place < len(editor.project.characters)
-        return "" if inside else "It is at the end of the list."
+        return "" if inside else "The shape is already at this end of the list."
 
     yield Action("shape.rename", "Shape", "Rename", ("f2",), outliner.begin_rename, lacks, apart=True)
     yield Action(
@@ -51,7 +51,7 @@ def make_outliner_actions(outliner: Outliner) -> Iterator[Action]:
         lambda: outliner.set_hidden(*chosen(), is_hidden=not all_hidden()),
         lacks,
         all_hidden,
-        "Hides it in this window only; exports and the stage do not change.",
+        "Hides the chosen shapes in this window only. Exports and the stage do not change.",
     )
     yield Action(
         "shape.hide_others",
@@ -92,7 +92,7 @@ def make_outliner_actions(outliner: Outliner) -> Iterator[Action]:
         yield Action(
             f"shape.{name}",
             "Shape",
-            f"{name.title()} in the list",
+            f"Move {name} in the list",
             (f"alt+{name}",),
             lambda direction=direction: step(direction),
             lambda direction=direction: lacks_place(direction),

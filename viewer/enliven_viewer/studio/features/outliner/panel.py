@@ -69,9 +69,11 @@ def draw_outliner(app: App, outliner: Outliner, area: Area) -> None:
                 imgui.set_scroll_here_y(0.5)
         if not app.editor.project.characters and not outliner.typed:
             with use_small_text(), push_colours(QUIET, imgui.Col_.text):
-                imgui.text_wrapped(tr("Nothing yet. Sketch a part (S), or open a model or a mesh (Ctrl+O)."))
+                imgui.text_wrapped(
+                    tr("The project is empty. Sketch a part (S), or open a model or a mesh (Ctrl+O).")
+                )
         if outliner.typed and not outliner.rows:
-            imgui.text_disabled(tr("Nothing has this name."))
+            imgui.text_disabled(tr("No name contains this text."))
         imgui.pop_style_var()
         imgui.end_child()
         if divided:
@@ -134,7 +136,7 @@ def _draw_row(app: App, outliner: Outliner, row: Row) -> None:
         imgui.same_line(left + width - _SWITCH_WIDTH)
         if _draw_switch(app, f"delete {row.id}", _TRASH_ICON, False):
             delete_take_row(app.editor, row.id)
-        draw_tooltip("Delete this take, which is unused or one of several takes of a lane")
+        draw_tooltip("Deletes this take. It is unused, or its lane has other takes")
     elif switches:
         imgui.same_line(left + width - _SWITCH_WIDTH)
         perform = app.state(PerformSession)
@@ -142,7 +144,7 @@ def _draw_row(app: App, outliner: Outliner, row: Row) -> None:
             app, "live", CLOSED_EYE_ICON if perform.live_hidden else EYE_ICON, perform.live_hidden
         ):
             perform.live_hidden = not perform.live_hidden
-        draw_tooltip("Show the live stage while you animate and model")
+        draw_tooltip("Shows the live stage while you animate and model")
     imgui.pop_id()
 
 
@@ -225,11 +227,17 @@ def _draw_switches(app: App, outliner: Outliner, row: Row, right: float) -> None
     imgui.same_line(right - 2 * _SWITCH_WIDTH)
     if _draw_switch(app, f"eye {row.id}", CLOSED_EYE_ICON if now.hidden else EYE_ICON, now.hidden):
         outliner.set_hidden(*names, is_hidden=not now.hidden)
-    draw_tooltip("Show it again" if now.hidden else "Hide it here; exports and the stage do not change")
+    draw_tooltip(
+        "Shows the item again"
+        if now.hidden
+        else "Hides the item in this window only. Exports and the stage do not change"
+    )
     imgui.same_line(right - _SWITCH_WIDTH)
     if _draw_switch(app, f"lock {row.id}", _LOCKED_ICON if now.locked else _UNLOCKED_ICON, now.locked):
         outliner.set_locked(*names, is_locked=not now.locked)
-    draw_tooltip("Unlock it" if now.locked else "Lock it: it cannot be picked or edited")
+    draw_tooltip(
+        "Unlocks the item" if now.locked else "Locks the item, so that it cannot be picked or edited"
+    )
 
 
 def _draw_switch(app: App, name: str, icon: str, on: bool) -> bool:

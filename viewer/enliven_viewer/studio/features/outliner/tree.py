@@ -96,7 +96,7 @@ def _make_all_rows(project: Project, live: tuple[str, ...]) -> Iterator[Row]:
         note = f"{project.takes[name].duration:.1f} s" + (tr(" · in use") if name in used else "")
         yield Row(TAKE, name, name, note, depth=1)
     if folded:
-        yield Row(GROUP, "onlookers", later("Held no character"), str(len(folded)), depth=1, folds=True)
+        yield Row(GROUP, "onlookers", later("Without a character"), str(len(folded)), depth=1, folds=True)
         for name in folded:
             yield Row(TAKE, name, name, f"{project.takes[name].duration:.1f} s", depth=2)
     if live:

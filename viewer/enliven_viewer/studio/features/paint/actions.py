@@ -13,9 +13,9 @@ _MENU = "Brush"
 """The submenu of the brush in the Shape menu."""
 _BRUSH_KEYS = {"softer": "shift+w", "stiffer": "shift+q", "erase": "shift+e"}
 _BRUSH_DESCRIPTIONS = {
-    "softer": "Strokes make the mesh softer: it swings further than the performer moves.",
-    "stiffer": "Strokes make the mesh stiffer: it keeps its shape.",
-    "erase": "Strokes remove the paint from the mesh.",
+    "softer": "Brush strokes make the mesh softer. Soft areas swing further than the performer moves.",
+    "stiffer": "Brush strokes make the mesh stiffer. Stiff areas keep their form.",
+    "erase": "Brush strokes remove the paint from the mesh.",
 }
 
 
@@ -55,7 +55,7 @@ def make_painting_actions(user_input: ViewportInput, tool: PaintTool) -> Iterato
         both_sides,
         is_on=lambda: tool.both_sides,
         group=_MENU,
-        about="Paints both sides at once, if the left and right of the mesh are mirror images.",
+        about="Paints the left and the right side at once, if the mesh is symmetric.",
     )
     clear = Action(
         "paint.clear",

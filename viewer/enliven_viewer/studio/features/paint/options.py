@@ -15,7 +15,7 @@ from enliven_viewer.studio.features.paint.paint_tool import BRUSHES, MAX_RADIUS_
 
 _BUTTON_WIDTH = 252.0
 """Width in pixels of the button that clears the paint: the panel's width."""
-_SWING_TITLE = later("of soft spots")
+_SWING_TITLE = later("of soft areas")
 """Name of the slider's value in the undo history."""
 
 
@@ -32,7 +32,7 @@ def draw_brush_options(app: App, tool: PaintTool) -> None:
     imgui.set_next_item_width(-1)
     tool.radius = imgui.slider_float("##brush", tool.radius, MIN_RADIUS_PX, MAX_RADIUS_PX, tr("size %.0f"))[1]
     app.remember("brush size")
-    draw_tooltip("The keys [ and ]")
+    draw_tooltip("Size of the brush. The keys [ and ] change it")
     if imgui.checkbox(labelled(tr("Both sides"), "Both sides"), tool.both_sides)[0]:
         app.actions.do("paint.both_sides")
     app.remember("both sides")
@@ -42,8 +42,8 @@ def draw_brush_options(app: App, tool: PaintTool) -> None:
         _draw_swing(app, character.id)
     draw_action_button(app, "paint.clear", _BUTTON_WIDTH)
     draw_note(
-        "It takes effect once a performer possesses the mesh. Soft areas swing "
-        "further than the performer moves."
+        "The paint takes effect once a performer possesses the mesh. Soft areas swing further than the "
+        "performer moves."
     )
 
 
@@ -61,5 +61,6 @@ def _draw_swing(app: App, name: str) -> None:
 
     draw_slider(app, f"swing {_SWING_TITLE}", far, 0.0, MAX_EXAGGERATION, tr("swing %.1f"), change)
     draw_tooltip(
-        "How much further soft areas swing than the motion. 0: not at all. 1: like a mass on a spring"
+        "How much further soft areas swing than the performer moves. 0: not at all. 1: like a mass on a "
+        "spring"
     )

@@ -79,7 +79,9 @@ class PaintTool(Tool):
         if character is None or character.mesh is None:
             return "Click a mesh to paint where it is stiff and where it is soft."
         if character.kind == "bones":
-            return "Bones move it, so paint has no effect until it becomes a possessed character."
+            return (
+                "Bones move this shape, so paint has no effect until the shape becomes a possessed character."
+            )
         if self.both_sides and self.mirror(character.mesh) is None:
             return "The mesh is not symmetric, so only one side is painted."
         brush_hints = {
@@ -111,7 +113,7 @@ class PaintTool(Tool):
         """Returns the reason why no paint can be cleared, with advice, or an empty text if there is paint."""
         character = self.editor.find_selected()
         if character is None or character.mesh is None or character.mesh.stiffness is None:
-            return "Nothing is painted on it. Paint with the brush of the tool Stiff or soft"
+            return "The mesh has no paint. Paint with the tool “Stiff or soft”"
         return ""
 
     def hover(self, pointer: Pointer) -> None:

@@ -20,7 +20,7 @@ _FIRST_LABELS = {
     "Record an alternative take": "Record beside what was recorded last",
     "Possess together with others": "Possess beside others",
     "Scale with both hands, or end scaling": "Scale with both hands, or let it stay",
-    "Reset its size": "Its own size again",
+    "Reset the character's size": "Its own size again",
     "Lock to the current performers": "Only who is here now performs",
     "Next match": "Next match with the pose",
     "Open or close the microphone": "Open the microphone, or close it",
@@ -29,6 +29,14 @@ _FIRST_LABELS = {
     "Back to live": "Back to what is live",
     "One pose back": "A pose back",
     "One pose forward": "A pose on",
+    "Hold with more body parts": "Hold with these parts as well",
+    "Less smoothing": "Less smoothed",
+    "More smoothing": "More smoothed",
+    "Previous match": "Match before",
+    "Turn the view to the bones": "See more of the bones",
+    "Record the last take again": "Record again from where it began",
+    "Physics: No objects": "Physics: Nothing loose",
+    **{f"Body parts: {part}": f"With: {part}" for part in PART_CHOICES},
 }
 """The first label of each action with a new label. Stored shortcuts name actions by their first labels."""
 
@@ -69,7 +77,7 @@ class PerformAction:
         return (NO_STAGE if self.live and session.live is None else "") or self.why_not(session)
 
 
-NO_STAGE = later("No stage is connected. Connect to one, or start one, in the Perform workspace")
+NO_STAGE = later("No stage is connected. Connect to a stage, or start a stage, in the Perform workspace")
 """The message of actions that need a stage."""
 
 
@@ -152,7 +160,7 @@ PERFORM_ACTIONS = (
         apart=True,
     ),
     PerformAction(
-        "Record again from where it began",
+        "Record the last take again",
         "",
         lambda session: session.recording.record_again(),
         why_not=PerformSession.lacks_edge,
@@ -179,7 +187,7 @@ PERFORM_ACTIONS = (
     ),
     PerformAction("Possess alone", "p", _make_possess_function("alone"), _LIVE_WORKSPACES, apart=True),
     PerformAction("Possess together with others", "j", _make_possess_function("join"), _LIVE_WORKSPACES),
-    PerformAction("Hold with these parts as well", "e", _make_possess_function("extend"), _LIVE_WORKSPACES),
+    PerformAction("Hold with more body parts", "e", _make_possess_function("extend"), _LIVE_WORKSPACES),
     PerformAction("Release", "r", _require_live_stage(LiveStage.release), _LIVE_WORKSPACES),
     PerformAction(
         "Scale with both hands, or end scaling",
@@ -189,7 +197,7 @@ PERFORM_ACTIONS = (
         why_not=PerformSession.lacks_edge,
     ),
     PerformAction(
-        "Reset its size",
+        "Reset the character's size",
         "z",
         lambda session: session.live and session.sizes.reset(session.target, session.live.feed.ask),
         _LIVE_WORKSPACES,
@@ -197,11 +205,11 @@ PERFORM_ACTIONS = (
     ),
     *(
         PerformAction(
-            f"With: {part}",
+            f"Body parts: {part}",
             str(n + 1),
             _require_live_stage(lambda live, n=n: live.choose_parts(n)),
             _LIVE_WORKSPACES,
-            group="With",
+            group="Body parts",
             apart=n == 0,
         )
         for n, part in enumerate(PART_CHOICES)
@@ -210,8 +218,8 @@ PERFORM_ACTIONS = (
         "Performers",
         _LIVE_WORKSPACES,
         ("Next performer", "b", LiveStage.choose_performer),
-        ("Less smoothed", "comma", lambda live: live.change_smoothing(-1)),
-        ("More smoothed", "period", lambda live: live.change_smoothing(1)),
+        ("Less smoothing", "comma", lambda live: live.change_smoothing(-1)),
+        ("More smoothing", "period", lambda live: live.change_smoothing(1)),
         ("Lock to the current performers", "k", LiveStage.toggle_lock),
         ("Learn the room again", "", LiveStage.learn_room),
     ),
@@ -219,7 +227,7 @@ PERFORM_ACTIONS = (
         "Matches",
         _LIVE_WORKSPACES,
         ("Next match", "n", lambda live: live.show_other_match(1)),
-        ("Match before", "m", lambda live: live.show_other_match(-1)),
+        ("Previous match", "m", lambda live: live.show_other_match(-1)),
     ),
     PerformAction(
         "Open or close the microphone",
@@ -227,7 +235,10 @@ PERFORM_ACTIONS = (
         lambda session: session.voice.toggle(session.client),
         why_not=PerformSession.lacks_voice,
         is_on=lambda session: session.voice.is_on,
-        about="Spoken commands: the Perform panel shows what was heard, and lists the phrases.",
+        about=(
+            "Turns spoken commands on or off. The Perform panel shows the recognised words and lists the "
+            "commands."
+        ),
     ),
     *(
         PerformAction(
@@ -241,14 +252,14 @@ PERFORM_ACTIONS = (
         for number, label in enumerate(LOOSE_LABELS)
     ),
     PerformAction(
-        "See more of the bones",
+        "Turn the view to the bones",
         "v",
         lambda p: p.live and p.live.show_bones(p.editor.camera),
         _LIVE_WORKSPACES,
-        group="See",
+        group="Show",
     ),
     *_make_group(
-        "See",
+        "Show",
         _LIVE_WORKSPACES,
         ("Deformation graphs", "g", lambda live: live.toggle_overlays("graph")),
         ("Performers' skeletons", "s", lambda live: live.toggle_overlays("body", "reveal", "cues")),
@@ -259,15 +270,15 @@ PERFORM_ACTIONS = (
         lambda session: session.close_up.toggle(),
         _LIVE_WORKSPACES,
         is_on=lambda session: session.close_up.is_on,
-        about="While a pose chooses a limb, the view moves to the limb and also shows "
-        "it from the side. Then it moves back.",
-        group="See",
+        about=(
+            "While a performer's pose chooses a limb, the view zooms in on that limb and also shows it "
+            "from the side. Afterwards the view moves back."
+        ),
+        group="Show",
     ),
+    *_make_group("Playback", _LIVE_WORKSPACES, ("Back to live", "l", lambda live: live.playhead.go_live())),
     *_make_group(
-        "Playing back", _LIVE_WORKSPACES, ("Back to live", "l", lambda live: live.playhead.go_live())
-    ),
-    *_make_group(
-        "Playing back",
+        "Playback",
         ("Play",),
         ("Pause the stage", "space", lambda live: live.playhead.toggle_pause()),
         ("One pose back", "left", lambda live: live.playhead.step(-1)),

@@ -25,7 +25,7 @@ _TEST_DURATION_S = "0.6"
 _MAX_ANSWER_BYTES = 1 << 20
 """Maximum number of bytes read from the program's output: enough for a thousand cameras."""
 _MISSING_EDGE = later(
-    "The camera program is not installed here, so only cameras of other computers can be used."
+    "The camera program is not installed here, so this window can only use cameras on other computers."
 )
 
 
@@ -154,24 +154,26 @@ class CameraSearch:
             log.debug("cameras: %r", text[-400:])
             self.cameras = ()
             self.problem = (
-                tr("The cameras could not be listed. Type in a terminal: enliven doctor") if failed else ""
+                tr("The cameras could not be listed. Run this in a terminal: enliven doctor")
+                if failed
+                else ""
             )
 
     def _handle_test(self, camera: Camera, output: str, path: Path, failed: bool) -> None:
         """Stores the image of a test, or the error."""
         lines = [line.strip() for line in output.splitlines() if line.strip()]
         if failed or not path.is_file():
-            why = (lines or [tr("it sent no picture")])[-1].removeprefix("enliven: ")
+            why = (lines or [tr("the camera sent no picture")])[-1].removeprefix("enliven: ")
             self.test_result, self.picture = (camera, why), None
             return
         try:
             with Image.open(path) as image:
                 self.picture = np.asarray(image.convert("RGB"), np.uint8)
         except (OSError, ValueError):
-            self.test_result, self.picture = (camera, tr("its picture could not be read")), None
+            self.test_result, self.picture = (camera, tr("the camera's picture could not be read")), None
             return
         self.number += 1
-        self.test_result = (camera, tr("near is bright, far is dark"))
+        self.test_result = (camera, tr("Bright is near, dark is far."))
 
 
 def _read_and_close(file: IO[str]) -> str:

@@ -72,16 +72,16 @@ def draw_cameras(app: App, area: Area) -> None:
             looks |= _draw_camera(app, search, camera, number, available_width)
         if not search.cameras and not search.problem:
             draw_note(
-                "Looking ..."
+                "Searching ..."
                 if search.is_searching
-                else "No camera is plugged in. Plug one in, and look again."
+                else "No camera is plugged in. Plug in a camera, and press Search again."
             )
     app.remember("cameras")
     imgui.begin_disabled(search.is_searching)
     if imgui.button(
-        labelled(tr("Looking for cameras ..."), "search")
+        labelled(tr("Searching for cameras ..."), "search")
         if search.is_searching
-        else labelled(tr("Look again"), "search"),
+        else labelled(tr("Search again"), "search"),
         ImVec2(-1, 0),
     ):
         search.begin()
@@ -111,7 +111,9 @@ def _draw_camera(app: App, search: CameraSearch, camera: Camera, number: int, av
         app.run_and_report(lambda: app.state(PerformSession).connect_local(*camera.words))
     imgui.end_disabled()
     app.remember(f"camera {number}")
-    draw_tooltip(tr("Perform in front of it: {0}", camera.title) if camera.can_start else camera.title)
+    draw_tooltip(
+        tr("Starts a stage with this camera: {0}", camera.title) if camera.can_start else camera.title
+    )
     if test_button_width:
         imgui.same_line()
         imgui.begin_disabled(search.tested_camera is not None)
@@ -122,7 +124,7 @@ def _draw_camera(app: App, search: CameraSearch, camera: Camera, number: int, av
             looks = True
         imgui.end_disabled()
         app.remember(f"look {number}")
-        draw_tooltip("Show a test picture")
+        draw_tooltip("Shows a test picture of this camera")
     if camera.trouble:
         with push_colours(WAIT, imgui.Col_.text):
             imgui.push_text_wrap_pos(0.0)
@@ -160,7 +162,7 @@ def _draw_test_image(app: App, search: CameraSearch, area: Area) -> None:
         imgui.get_window_draw_list().add_image(imgui.ImTextureRef(texture.glo), low, far)
     imgui.begin_child("##words", ImVec2(max_size.x, _CAPTION_HEIGHT))
     if search.tested_camera is not None:
-        draw_note("Looking ...")
+        draw_note("Waiting for the picture ...")
     elif search.test_result is not None:
         draw_note(search.test_result[1])
     imgui.end_child()
@@ -217,23 +219,23 @@ def draw_edge_list(app: App) -> None:
         for number, edge in enumerate(search.edges):
             _draw_edge(app, search, edge, number, available_width)
         if search.problem:
-            draw_note("Cameras on the network are not searched. Type the address below.")
+            draw_note("Cameras on the network cannot be searched. Type the address below.")
             draw_tooltip(search.problem)
         elif not search.edges:
-            draw_note("Looking for cameras on the network ...")
+            draw_note("Searching for cameras on the network ...")
     app.remember("found edges")
 
 
 def describe_edge_state(edge: DiscoveredEdge) -> str:
     """Returns the state of an edge in the window's language."""
     if edge.announcement.problem:
-        return tr("another release of enliven")
+        return tr("runs another version of enliven")
     if not edge.host:
         return tr("does not answer")
     if not edge.is_paired:
-        return tr("not paired: enliven pair {0} CODE", str(edge.endpoint))
+        return tr("not paired; run: enliven pair {0} CODE", str(edge.endpoint))
     if edge.announcement.relay_of:
-        return tr("a relay, only to watch")
+        return tr("a relay: you can only watch")
     return tr_n("{0} character on its stage", "{0} characters on its stage", edge.announcement.characters)
 
 

@@ -96,19 +96,19 @@ class CharacterSizes:
             and max(abs(self.find_size(name) - 1.0), abs(self.wanted_size(name) - 1.0)) > _SIZE_TOLERANCE
         ):
             return ""
-        return "It already has its original size. Scale it with both hands first"
+        return "The character already has its original size. Scale it with both hands first"
 
     def _update_text(self, before: dict[str, SizeMessage]) -> None:
         """Updates the displayed text."""
         now = time.monotonic()
         if self.scaled_character is not None:
             size = f"{self.scaled_character}: {self.find_size(self.scaled_character):.0%}"
-            self.text = size, tr("Hands apart: larger. Together: smaller. Hold still, and it stays.")
+            self.text = size, tr("Hands apart: larger. Hands together: smaller. Hold still to keep the size.")
             self._text_until = now + _TEXT_S
         elif self.text is not None:
             ended = next((name for name, message in before.items() if message.body >= 0), None)
             if ended is not None:
-                self.text = f"{ended}: {self.find_size(ended):.0%}", tr("It stays.")
+                self.text = f"{ended}: {self.find_size(ended):.0%}", tr("This size is kept.")
                 self._editor.frame_all(reset=False)
             if now > self._text_until:
                 self.text = None

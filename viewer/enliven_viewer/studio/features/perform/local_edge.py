@@ -70,7 +70,10 @@ class LocalEdge:
 
     def __init__(self, *arguments: str) -> None:
         if find_spec("enliven_edge") is None:
-            remedy = tr("Install it: pip install enliven-edge, or connect to an edge on the network.")
+            remedy = tr(
+                "Install the camera program: pip install enliven-edge. Or connect to a camera on another "
+                "computer."
+            )
             raise ResourceError(tr("the camera program is not installed here"), where="stage", remedy=remedy)
         pose, control = free_ports()[:2]
         self.endpoint = Endpoint("127.0.0.1", pose, control)
@@ -87,7 +90,7 @@ class LocalEdge:
             return None
         self._log.seek(0)
         lines = [line.strip() for line in self._log.read().splitlines() if line.strip()]
-        return lines[-1] if lines else tr("it ended")
+        return lines[-1] if lines else tr("the camera program has ended")
 
     def close(self) -> None:
         """Ends the process."""

@@ -84,7 +84,11 @@ def _draw_main_buttons(app: App, perform: PerformSession) -> None:
         if imgui.button(labelled(tr("Cancel") if waits else tr("Possess"), "Possess"), size):
             app.actions.do("perform.possess_alone")
     app.remember("possess")
-    draw_tooltip(perform.possession_requests.words if waits else tr("Step in as its only performer  (P)"))
+    draw_tooltip(
+        perform.possession_requests.words
+        if waits
+        else tr("Possess the chosen character as its only performer  (P)")
+    )
     imgui.same_line()
     _draw_record_button(app, perform.recording, size)
     if perform.client is not None:
@@ -109,7 +113,7 @@ def _draw_record_button(app: App, recording: StageRecording, size: ImVec2) -> No
     if pressed and (recording.phase_when_pressed == "idle") == (recording.phase == "idle"):
         recording.toggle()
     app.remember("record")
-    draw_tooltip("Your movements become motion on the timeline while the rest plays  (Ctrl+R)")
+    draw_tooltip("Records your movements on the timeline while everything else plays  (Ctrl+R)")
 
 
 def describe_stage(perform: PerformSession) -> tuple[str, Colour]:
@@ -124,7 +128,8 @@ def describe_stage(perform: PerformSession) -> tuple[str, Colour]:
         if live.is_local and not len(live.document.timeline):
             return live.preparation_text, WAIT
         silence_text = tr(
-            "The stage at {0} is silent. The studio keeps looking for it.", _shorten_address(edge.address)
+            "The stage at {0} sends nothing. The studio keeps trying to reconnect.",
+            _shorten_address(edge.address),
         )
         search_text = tr("Looking for a stage at {0}", _shorten_address(edge.address))
         return (silence_text, BAD) if len(live.document.timeline) else (search_text, WAIT)
@@ -158,11 +163,13 @@ def _draw_stage_options(app: App, perform: PerformSession, area: Area) -> None:
     imgui.pop_text_wrap_pos()
     draw_cameras(app, area)
     perform.voice.wanted_state = imgui.checkbox(
-        labelled(tr("Voice: open the microphone, too"), "Voice: open the microphone, too"),
+        labelled(tr("Voice: also open the microphone"), "Voice: also open the microphone"),
         perform.voice.wanted_state,
     )[1]
     app.remember("voice wanted")
-    draw_tooltip("Spoken commands; your voice stays on this computer. The panel then lists the phrases")
+    draw_tooltip(
+        "You can then speak commands; the sound stays on this computer. The panel lists the commands"
+    )
     draw_heading("A camera on another computer")
     draw_edge_list(app)
     draw_note("Address of the computer with the camera. Or let a recorded person perform here.")
@@ -183,19 +190,21 @@ def _draw_stage_options(app: App, perform: PerformSession, area: Area) -> None:
     if imgui.button(labelled(tr("A recorded person"), "A recorded person"), _FULL_WIDTH):
         app.run_and_report(lambda: perform.connect_local("--loop"))
     app.remember("recorded person")
-    draw_tooltip("Plays the recording that comes with enliven again and again, like a person at the camera")
-    if imgui.button(labelled(tr("A recording of yours..."), "A recording of yours..."), _FULL_WIDTH):
+    draw_tooltip(
+        "Plays the recording that comes with enliven in a loop, as if a person stood in front of the camera"
+    )
+    if imgui.button(labelled(tr("Your own recording..."), "Your own recording..."), _FULL_WIDTH):
         app.ask("perform")
     app.remember("recording of yours")
-    draw_tooltip("A camera recording or motion capture (.bvh) that plays again and again")
+    draw_tooltip("Plays your camera recording or motion capture (.bvh) in a loop")
     if imgui.button(labelled(tr("A webcam"), "A webcam"), _FULL_WIDTH):
         app.run_and_report(lambda: perform.connect_local("--sensor", "webcam"))
     app.remember("webcam")
-    draw_tooltip("A normal camera instead of a depth camera; experimental (MediaPipe finds the bodies)")
+    draw_tooltip("Uses a normal camera instead of a depth camera. Experimental: MediaPipe finds the bodies")
     if imgui.button(labelled(tr("A simulated person"), "A simulated person"), _FULL_WIDTH):
         app.run_and_report(lambda: perform.connect_local("--sensor", "synthetic"))
     app.remember("made-up person")
-    draw_tooltip("A simulated figure that waves and walks, for testing")
+    draw_tooltip("Simulates a figure that waves and walks, for testing")
 
 
 def _draw_stage_state(app: App, perform: PerformSession, live: LiveStage, area: Area) -> None:
@@ -211,7 +220,7 @@ def _draw_stage_state(app: App, perform: PerformSession, live: LiveStage, area: 
         if imgui.small_button(labelled(tr("Leave"), "Leave")):
             perform.disconnect()
     app.remember("leave")
-    draw_tooltip("Leave the stage; recordings are kept")
+    draw_tooltip("Disconnects from the stage. Recordings are kept")
     imgui.set_cursor_pos(below)
     roomy = area.height > _MIN_TALL_PANEL_HEIGHT
     imgui.begin_child(
@@ -247,17 +256,17 @@ def _draw_other_cameras(app: App, perform: PerformSession) -> None:
     for number, guest in enumerate(list(perform.secondary_edges)):
         state = tr("connected") if guest.connected else tr("silent")
         imgui.text_unformatted(f"{guest.name}: {state}")
-        if imgui.small_button(labelled(tr("Lead"), f"lead {number}")):
+        if imgui.small_button(labelled(tr("Make main"), f"lead {number}")):
             perform.make_primary(guest)
         app.remember(f"lead {number}")
-        draw_tooltip("Send new characters and commands to this stage from now on")
+        draw_tooltip("Sends new characters and commands to this stage from now on")
         imgui.same_line()
         if imgui.small_button(labelled(tr("Leave"), f"leave {number}")):
             perform.remove_secondary(guest)
         app.remember(f"part {number}")
     imgui.set_next_item_width(-1)
     entered, perform.address = imgui.input_text_with_hint(
-        "##beside", tr("another camera's address"), perform.address, imgui.InputTextFlags_.enter_returns_true
+        "##beside", tr("address of another camera"), perform.address, imgui.InputTextFlags_.enter_returns_true
     )
     app.remember("beside address")
     if entered and perform.address and app.run_and_report(lambda: perform.add_secondary(perform.address)):
@@ -270,20 +279,22 @@ def _draw_recording_options(app: App, recording: StageRecording) -> None:
     last = recording.last_recording
     imgui.begin_disabled(recording.phase != "idle" or not last)
     if imgui.button(
-        labelled(tr("Record again, and keep {0}", last or tr("the last one")), "again beside"), _FULL_WIDTH
+        labelled(tr("Record again, and keep {0}", last or tr("the last take")), "again beside"), _FULL_WIDTH
     ):
         recording.record_again(keeps_last=True)
     app.remember("again beside")
     imgui.end_disabled()
-    draw_tooltip("Both are kept: choose in the lane on the timeline which of them plays")
+    draw_tooltip("Keeps both takes. Choose in their lane on the timeline which take plays")
     recording.count_in = imgui.checkbox(
         labelled(tr("Count in: three, two, one"), "Count in: three, two, one"), recording.count_in
     )[1]
     app.remember("count in")
     recording.replaces = imgui.checkbox(
-        labelled(tr("Replace the motion there"), "Replace the motion there"), recording.replaces
+        labelled(tr("Replace the old motion"), "Replace the old motion"), recording.replaces
     )[1]
-    draw_tooltip("On: your motion replaces the old motion of the parts that you move. Off: it is added")
+    draw_tooltip(
+        "On: your motion replaces the old motion of the parts that you move. Off: your motion is added"
+    )
     app.remember("replaces")
     _draw_end_conditions(app, recording)
 
@@ -292,10 +303,10 @@ def _draw_end_conditions(app: App, recording: StageRecording) -> None:
     """Draws the conditions that end a recording: stillness, or the end of the marked span."""
     held, still = recording.hold_still, bool(recording.hold_still)
     changed, still = imgui.checkbox(
-        labelled(tr("Stop when all hold still"), "Stop when all hold still"), still
+        labelled(tr("Stop when everyone holds still"), "Stop when everyone holds still"), still
     )
     app.remember("hold still")
-    draw_tooltip("The end, in which all hold still, is cut off")
+    draw_tooltip("Ends the recording when all performers hold still, and cuts off the still part")
     if changed:
         recording.hold_still = _DEFAULT_STILLNESS_S if still else 0.0
     if still:
@@ -305,7 +316,7 @@ def _draw_end_conditions(app: App, recording: StageRecording) -> None:
         )[1]
         app.remember("still for")
     if recording.span is None:
-        draw_note("I and O mark where recordings begin and end.")
+        draw_note("Press I and O to mark where recordings begin and end.")
         return
     first, last = recording.span
     imgui.text_unformatted(tr("From {0} to {1}", format_time(first), format_time(last)))
@@ -316,7 +327,7 @@ def _draw_end_conditions(app: App, recording: StageRecording) -> None:
     recording.loops = imgui.checkbox(labelled(tr("Record in a loop"), "Record in a loop"), recording.loops)[1]
     app.remember("loops")
     draw_tooltip(
-        "Records the marked time repeatedly until you stop. All takes are kept, and the last one plays"
+        "Records the marked time again and again until you stop. All takes are kept, and the last take plays"
     )
 
 
@@ -334,21 +345,21 @@ def _draw_characters(app: App, perform: PerformSession) -> None:
             if name not in editor.project.characters:
                 _draw_character(app, perform, name, available_width)
         if not project_names and not perform.stage_ids:
-            draw_note("None yet. Open a model or draw a shape, and put it there.")
+            draw_note("No characters yet. Open a model or sketch a shape, and put it on the stage.")
     app.remember("characters")
     _scroll_to_list(app)
     chosen = editor.selection.character
     state = perform.sender.states.get(chosen or "", "")
     can_put = chosen in project_names and chosen not in perform.stage_ids and not state.startswith("being")
     imgui.begin_disabled(not can_put)
-    label = tr("Put {0} on the stage", chosen) if can_put else tr("Put the chosen one on the stage")
+    label = tr("Put {0} on the stage", chosen) if can_put else tr("Put the character on the stage")
     if imgui.button(
         labelled(shorten_text(label, imgui.get_content_region_avail().x - 16), "put"), _FULL_WIDTH
     ):
         perform.put_on_stage()
     imgui.end_disabled()
     app.remember("put")
-    draw_tooltip("A person can step into it then. It follows every edit  (Ctrl+Enter)")
+    draw_tooltip("A performer can then possess the character. It follows every edit  (Ctrl+Enter)")
 
 
 def _scroll_to_list(app: App) -> None:
@@ -373,7 +384,9 @@ def _draw_character(app: App, perform: PerformSession, name: str, available_widt
     is_in_project, flags = name in app.editor.project.characters, imgui.SelectableFlags_.allow_overlap
     state = perform.sender.states.get(name, "")
     if standing:
-        state_text = tr("held") if any(holder.character == name for holder in perform.holders) else tr("free")
+        state_text = (
+            tr("in use") if any(holder.character == name for holder in perform.holders) else tr("free")
+        )
     else:
         state_text = tr(state) if state else tr("not on the stage")
     chosen = perform.target == name if standing else app.editor.selection.character == name
@@ -411,30 +424,30 @@ def _draw_performers(app: App, perform: PerformSession, live: LiveStage) -> None
         "##parts", PART_CHOICES.index(choice.parts), list(map(_label_part, PART_CHOICES))
     )
     app.remember("parts")
-    draw_tooltip("The body parts that step in; the stage shows what they would move  (1 to 9)")
+    draw_tooltip("Body parts that will control the character. The stage shows what they would move  (1 to 9)")
     if changed:
         live.choose_parts(number)
     third = ImVec2((imgui.get_content_region_avail().x - 2 * imgui.get_style().item_spacing.x) / 3, 0)
     if imgui.button(labelled(tr("Join"), "Join"), third):
         perform.possession_requests.press("join")
     app.remember("join")
-    draw_tooltip("Step in together with its current performers  (J)")
+    draw_tooltip("Possess the character together with its current performers  (J)")
     imgui.same_line()
     if imgui.button(labelled(tr("Hold more"), "Hold more"), third):
         perform.possession_requests.press("extend")
     app.remember("extend")
-    draw_tooltip("Hold with these parts, too  (E)")
+    draw_tooltip("Also controls the character with these body parts  (E)")
     imgui.same_line()
     if imgui.button(labelled(tr("Release"), "Release"), third):
         live.release()
     app.remember("release")
-    draw_tooltip("Let go  (R)")
+    draw_tooltip("Releases the character  (R)")
     if imgui.checkbox(
         labelled(tr("Lock to the current performers"), "Lock to the current performers"), choice.locked
     )[0]:
         live.toggle_lock()
     app.remember("lock")
-    draw_tooltip("Newcomers cannot step in  (K)")
+    draw_tooltip("Other people cannot become performers  (K)")
 
 
 def _label_part(name: str) -> str:

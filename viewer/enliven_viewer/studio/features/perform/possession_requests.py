@@ -110,7 +110,9 @@ class PossessionRequests:
             return
         live = self._stage.live
         if live is not None and live.take:
-            self._cancel_with_reason(tr("This is a recording. Connect to a stage to step in"))
+            self._cancel_with_reason(
+                tr("A recording is playing, so no character can be possessed. Connect to a stage first")
+            )
         elif live is not None and self._stage.client is None:
             live.possess(mode)
         elif live is not None:
@@ -137,7 +139,7 @@ class PossessionRequests:
         press.is_accepted = True
         self.words = self._describe_missing(press)
         if self.words and time.monotonic() > press.until:
-            self._cancel_with_reason(tr("Possess has timed out") + ". " + self.words)
+            self._cancel_with_reason(tr("“Possess” has waited too long") + ". " + self.words)
         elif not self.words:
             self._send_request(press)
 
@@ -158,19 +160,21 @@ class PossessionRequests:
         if state.startswith("refused"):
             return tr("{0} cannot be put on the stage. {1}", name, state.removeprefix("refused: "))
         if phase in ("scanning", "paused"):
-            return tr("The camera scans. Finish the scan first, or cancel it")
+            return tr("The camera is scanning. Finish or cancel the scan first")
         if press.of_scan and phase in ("off", "failed"):
-            return tr("The scan did not become a character. Scan again, or choose another one")
+            return tr(
+                "The scan could not be turned into a character. Scan again, or choose another character"
+            )
         project_character = stage.editor.project.characters.get(name)
         if project_character is not None and name not in stage.stage_ids:
             return (
                 ""
                 if project_character.mesh is not None
-                else tr("It has no surface, so it cannot be performed")
+                else tr("The chosen shape has no surface, so it cannot be possessed")
             )
         is_known = stage.client is not None and stage.client.edges[0].has_all_characters
         is_coming = bool(stage.sender.states) or press.of_scan or phase == "finishing" or not is_known
-        nothing = tr("The stage has no character. Choose one, and put it there")
+        nothing = tr("The stage has no character. Choose a character, and put it on the stage")
         return "" if stage.stage_ids or is_coming else nothing
 
     def _describe_missing(self, press: _PendingPress) -> str:
@@ -184,7 +188,7 @@ class PossessionRequests:
             return live.preparation_text
         if self._scan_message.phase == "finishing":
             press.of_scan = True
-            return tr("The scan becomes a character")
+            return tr("The scan is being turned into a character")
         if press.of_scan:
             press.character = self._scan_message.character
         if waiting := self._describe_missing_character(press):
@@ -211,7 +215,11 @@ class PossessionRequests:
             return ""
         if name in project_characters and name not in stage.sender.states and stage.client is not None:
             stage.sender.send(stage.client.stage, stage.editor.project, name)
-        return tr("{0} is being made ready for the stage", name) if name else tr("A character is on its way")
+        return (
+            tr("{0} is being prepared for the stage", name)
+            if name
+            else tr("A character is being prepared for the stage")
+        )
 
     def _describe_busy_stage(self, press: _PendingPress) -> str:
         """Returns a text if the edge has not answered for a while, otherwise an empty text."""
@@ -236,7 +244,9 @@ class PossessionRequests:
         if isinstance(answer, Refused) and answer.reason.endswith(NO_ANSWER_TEXT):
             press.asked = False
             if time.monotonic() > press.until:
-                self._cancel_with_reason(tr("The stage does not answer. Check that its program runs"))
+                self._cancel_with_reason(
+                    tr("The stage does not answer. Check that its camera program (enliven edge) is running")
+                )
             return
         self.forget()
         if isinstance(answer, Refused) and answer.reason != SUPERSEDED:

@@ -218,7 +218,7 @@ class StageRecording:
             shown_names = [name for name in added if name in editor.project.characters] or added
             editor.toasts.show_message(
                 tr("Recorded {0}", ", ".join(shown_names)),
-                tr("Ctrl+Z takes it back; record again to add to it."),
+                tr("Ctrl+Z undoes the recording. Record again to add more motion."),
             )
             editor.scrub(start)
             editor.playing, self._new_take = True, shown_names[-1]
@@ -319,6 +319,9 @@ def _insert_recording(
         after, new = add_performance(after, recording, begin, replaces=replaces, beside=alternatives)
         names += new
     if not names:
-        problem, remedy = tr("nothing moved"), tr("Step in front of the sensor, or take hold of a character.")
+        problem, remedy = (
+            tr("nothing moved during the recording"),
+            tr("Step in front of the camera, or possess a character."),
+        )
         raise InputError(problem, where="recording", remedy=remedy)
     return after, names

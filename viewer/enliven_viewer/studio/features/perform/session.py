@@ -136,8 +136,8 @@ class PerformSession:
             *(parse_endpoint(guest.address) for guest in self.secondary_edges),
         ]
         if parse_endpoint(wanted) in endpoints:
-            remedy = tr("Give the address of another camera's computer.")
-            raise InputError(tr("that stage is already followed"), where=wanted, remedy=remedy)
+            remedy = tr("Type the address of another computer with a camera.")
+            raise InputError(tr("this window already follows that stage"), where=wanted, remedy=remedy)
         # Use the smallest free number, so that no two edges have the same number.
         taken = {guest.number for guest in self.secondary_edges}
         number = next(n for n in range(1, len(taken) + 2) if n not in taken)
@@ -270,7 +270,7 @@ class PerformSession:
             return ()
         people = (tr("Performer {0}", self.live.numbers.number_of(body)) for body in self.performers)
         other_lines = (line for guest in self.secondary_edges for line in guest.present)
-        return (*people, *self.stage_ids, *other_lines) or (tr("No one is there yet"),)
+        return (*people, *self.stage_ids, *other_lines) or (tr("The stage is empty"),)
 
     @property
     def stage_ids(self) -> tuple[str, ...]:
@@ -375,8 +375,8 @@ class PerformSession:
         if self.connected:
             return ""
         if self.live is not None and self.live.is_local and not len(self.live.document.timeline):
-            return tr("{0}. Wait until a person is seen", self.live.preparation_text)
-        return "The stage is silent. Check that its camera's program runs"
+            return tr("{0}. Wait until the camera sees a person", self.live.preparation_text)
+        return "The stage sends nothing. Check that its camera program (enliven edge) is running"
 
     def lacks_voice(self) -> str:
         """Returns the reason why the microphone cannot be switched, with advice, or an empty
@@ -403,8 +403,13 @@ class PerformSession:
         """
         character = self.editor.find_selected()
         if character is None:
-            return self.lacks_edge() or "Nothing is chosen. Click the character that you want to perform"
-        no_surface_text = "It has no surface, so it cannot be performed" if character.mesh is None else ""
+            return (
+                self.lacks_edge()
+                or "Nothing is chosen. Click the character that you want to put on the stage"
+            )
+        no_surface_text = (
+            "The chosen shape has no surface, so it cannot be possessed" if character.mesh is None else ""
+        )
         return self.lacks_edge() or no_surface_text
 
     def lacks_to_take_off(self) -> str:
@@ -412,7 +417,9 @@ class PerformSession:
         text if it can.
         """
         is_on_stage = self.editor.selection.character in self.stage_ids
-        return self.lacks_edge() or ("" if is_on_stage else "It is not on the stage. Choose one that is")
+        return self.lacks_edge() or (
+            "" if is_on_stage else "The chosen character is not on the stage. Choose a character on the stage"
+        )
 
     def put_on_stage(self) -> None:
         """Puts the selected character on the stage, where it follows every edit."""
@@ -423,9 +430,9 @@ class PerformSession:
         """Puts a character on the stage, or on the next connected stage if there is none now."""
         self._awaiting_stage = (*(other for other in self._awaiting_stage if other != name), name)
         if not self.connected:
-            message = tr("{0} will be put on the stage once one is connected", name)
+            message = tr("{0} will be put on the stage once a stage is connected", name)
             self.editor.toasts.show_message(
-                message, tr("Connect to a camera at the right, or to a recorded person.")
+                message, tr("Connect to a camera or to a recorded person in the panel at the right.")
             )
 
     @property

@@ -83,7 +83,7 @@ class StageSender:
         if isinstance(answer, Done):
             self.states[name] = "on the stage"
             if not again:
-                self._show_message(tr("{0} stands on the stage", name), self._make_placement_note(name))
+                self._show_message(tr("{0} is on the stage", name), self._make_placement_note(name))
         elif isinstance(answer, Refused):
             self.states[name] = later("refused: {0}", answer.reason)
             self._show_message(tr("{0} cannot be put on the stage", name), answer.reason)
@@ -93,10 +93,11 @@ class StageSender:
         if texture_bytes(self._sent[name]) > MAX_TEXTURE_BYTES:
             most = MAX_TEXTURE_BYTES >> 20
             return tr(
-                "Its textures are not sent, because they have more than {0} MB. Make their images smaller.",
+                "The character's textures have more than {0} MB, so they are not sent. Make the texture "
+                "images smaller.",
                 most,
             )
-        return tr("It follows every edit.")
+        return tr("The character on the stage follows every edit.")
 
     def _handle_removal(self, name: str, answer: Answer) -> None:
         if isinstance(answer, Refused):

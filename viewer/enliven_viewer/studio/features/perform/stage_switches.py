@@ -69,7 +69,9 @@ UTTERANCE_DISPLAY_S = 5.0
 """Seconds for which an utterance is shown: long enough to read, and usually shorter than the time to the next
 utterance.
 """
-_NO_VOICE = later("This stage's program is older and has no switch for the microphone. Update it")
+_NO_VOICE = later(
+    "The stage runs an older version, without a switch for the microphone. Update enliven on its computer"
+)
 _STATE_TEXTS = {
     "off": later("The microphone is off"),
     "starting": later("The microphone is being opened"),
@@ -171,18 +173,24 @@ class StageVoice:
     def _handle_answer(self, answer: Answer) -> None:
         if isinstance(answer, Refused):
             self.wanted_state = False
-            self._editor.toasts.show_message(tr("The microphone was not switched"), answer.reason)
+            self._editor.toasts.show_message(
+                tr("The microphone could not be switched on or off"), answer.reason
+            )
 
 
 LooseWorld = Literal["none", "boxes", "dodgeball"]
 LOOSE_WORLDS: tuple[LooseWorld, ...] = get_args(LooseWorld)
-LOOSE_LABELS = (later("Nothing loose"), later("Towers of boxes"), later("Dodgeball"))
+LOOSE_LABELS = (later("No objects"), later("Towers of boxes"), later("Dodgeball"))
 """Displayed name of each of :data:`LOOSE_WORLDS`."""
-_NO_PHYSICS = later("This stage's program is older: start it with --physics boxes.")
+_NO_PHYSICS = later(
+    "The stage runs an older version of enliven. Start its camera program with --physics boxes."
+)
 _STATE_HINTS = {
-    "off": later("Boxes and balls that a character can knock over."),
-    "preparing": later("The objects are being made ready."),
-    "on": later("They appear once a performer stands still. Step in, and knock them over."),
+    "off": later("Adds boxes or balls that a character can knock over."),
+    "preparing": later("The objects are being prepared."),
+    "on": later(
+        "The objects appear once a performer stands still. Possess a character, and knock them over."
+    ),
 }
 
 

@@ -25,20 +25,20 @@ _PHYSICS_HEIGHT = 50.0
 """Height in pixels of the physics state: three lines of small text."""
 _COMMAND_LABELS = Texts(
     {
-        "possess": "steps in",
-        "join": "steps in next to others",
-        "extend": "holds with more parts",
-        "release": "lets go",
+        "possess": "possesses the character",
+        "join": "possesses the character together with others",
+        "extend": "adds body parts",
+        "release": "releases the character",
         "next": "next match",
-        "previous": "match before",
-        "follow": "follows the pose again",
-        "lock": "only people here now perform",
-        "unlock": "everybody performs again",
-        "scale": "scales with both hands",
-        "parts": "chooses the parts",
-        "record": "records",
+        "previous": "previous match",
+        "follow": "lets the performer's pose choose the match again",
+        "lock": "locks to the current performers",
+        "unlock": "lets other people perform again",
+        "scale": "scales the character with both hands",
+        "parts": "chooses the body parts",
+        "record": "starts a recording",
         "stop": "ends the recording",
-        "again": "records again",
+        "again": "records the last take again",
     }
 )
 """Displayed descriptions of the edge's commands."""
@@ -79,7 +79,7 @@ def draw_voice(app: App, perform: PerformSession) -> None:
     if imgui.button("?##phrases", ImVec2(_HELP_SIZE, _HELP_SIZE)):
         imgui.open_popup(_POPUP_ID)
     app.remember("voice phrases")
-    draw_tooltip("Commands you can say")
+    draw_tooltip("Lists the spoken commands")
     if imgui.begin_popup(_POPUP_ID):
         for phrase, action in voice.phrases:
             imgui.text_unformatted(phrase)
@@ -106,7 +106,7 @@ def draw_physics(app: App, perform: PerformSession) -> None:
     changed, number = imgui.combo("##physics", physics.number, [tr(label) for label in LOOSE_LABELS])
     imgui.end_disabled()
     app.remember("physics")
-    draw_tooltip("Loose objects on the stage, which characters knock over")
+    draw_tooltip("Loose objects on the stage that characters can knock over")
     if changed:
         physics.ask(perform.client, number)
     imgui.begin_child("##physics state", ImVec2(0, _PHYSICS_HEIGHT))

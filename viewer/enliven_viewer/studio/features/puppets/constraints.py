@@ -38,7 +38,7 @@ def draw_constraint_buttons(app: App, puppet: ExampleCharacter) -> None:
     number = find_layer_number(puppet, editor.selection.layer)
     if chosen is None or number is None:
         return
-    draw_note("fix it at the playhead")
+    draw_note("fix the point at the playhead")
     take = editor.project.takes[puppet.layers[number].take]
     frame = round(puppet.layers[number].played(editor.time, take.duration)[0] / take.step)
     name = puppet.points[chosen].name
@@ -48,12 +48,12 @@ def draw_constraint_buttons(app: App, puppet: ExampleCharacter) -> None:
         x, y, z = editor.puppets.current_places(puppet)[chosen].tolist()
         new_constraint = Position(name, frame, (x, y, z))
     app.remember("hold here")
-    draw_tooltip(tr("{0} goes through this place at this frame", name))
+    draw_tooltip(tr("Fixes {0} at its current place in this frame", name))
     imgui.same_line()
     if imgui.button(labelled(tr("Still"), "Still"), third):
         new_constraint = Velocity(name, max(frame, 1), (0.0, 0.0, 0.0))
     app.remember("hold still")
-    draw_tooltip(tr("{0} does not move at this frame", name))
+    draw_tooltip(tr("Stops {0} in this frame", name))
     imgui.same_line()
     imgui.set_next_item_width(third.x)
     if imgui.begin_combo("##level", tr("Level")):
@@ -62,10 +62,10 @@ def draw_constraint_buttons(app: App, puppet: ExampleCharacter) -> None:
                 new_constraint = Coupling(name, other, frame)
         imgui.end_combo()
     app.remember("hold level")
-    draw_tooltip(tr("{0} is as high as another control point at this frame", name))
+    draw_tooltip(tr("Gives {0} the height of another control point in this frame", name))
     if new_constraint is not None:
         editor.edit(
-            later("hold {0}", name),
+            later("fix {0}", name),
             lambda project: with_constraint(project, puppet.id, number, new_constraint),
         )
 
@@ -84,5 +84,7 @@ def _draw_constraint_row(
             editor.scrub(puppet.layers[number].time_of(held.frame * take.step, take.duration))
         imgui.same_line(width - 12)
         if imgui.small_button(f"{_REMOVE_ICON}##held {row}"):
-            editor.edit("let go", lambda project: without_constraint(project, puppet.id, number, held))
+            editor.edit(
+                "remove constraint", lambda project: without_constraint(project, puppet.id, number, held)
+            )
         app.remember(f"let go {row}")

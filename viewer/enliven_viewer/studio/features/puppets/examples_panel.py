@@ -67,7 +67,7 @@ def _draw_head(app: App, puppet: ExampleCharacter) -> None:
         app.editor.puppets.accept()
         app.editor.select_only(None)
     app.remember("all shapes")
-    draw_tooltip("Back to everything that is on the stage")
+    draw_tooltip("Closes this panel, and shows the list of all shapes")
     imgui.same_line()
     draw_character_name(app, puppet)
 
@@ -86,18 +86,24 @@ def _find_next_step(app: App, puppet: ExampleCharacter) -> tuple[str, str, Calla
     """Returns the next step for a puppet: label, description and command."""
     editor, take = app.editor, app.state(PerformerView).take
     if editor.puppets.number is not None:
-        return tr("Done"), tr("Keep the pose, and let the puppet play  (Enter)"), editor.puppets.accept
+        return (
+            tr("Done"),
+            tr("Keeps the key pose, and plays the puppet's motion  (Enter)"),
+            editor.puppets.accept,
+        )
     if not puppet.points:
-        points_hint = tr("Control points at the ends of the limbs; or click the surface yourself")
+        points_hint = tr(
+            "Puts control points at the ends of the limbs. Or click the surface to put your own points"
+        )
         return tr("Suggest points"), points_hint, lambda: suggest_points(app, puppet)
     if take is None:
-        take_hint = tr("The motion of a performer that the puppet should follow")
+        take_hint = tr("Opens a take: a performer's motion that the puppet follows")
         return tr("Open a take..."), take_hint, partial(app.actions.do, "file.open")
     if any(not point.joint for point in puppet.points):
         guess = lambda project: with_guessed_joints(project, puppet.id, take)  # noqa: E731
-        joints_hint = tr("Pair every point with the joint of the performer at a similar place")
+        joints_hint = tr("Pairs every control point with the performer's joint at a similar place")
         return tr("Guess joints"), joints_hint, lambda: editor.edit("guess joints", guess)
-    pose_hint = tr("Pose the puppet for this moment of the performer: drag its points")
+    pose_hint = tr("Begins a key pose for this moment of the take. Drag the puppet's control points")
     begin = partial(app.state(KeyPoseNavigator).begin, take, app.state(PerformerView).playhead(take))
     return tr("Pose it here"), pose_hint, begin
 
@@ -107,13 +113,15 @@ def draw_status(app: App, puppet: ExampleCharacter) -> None:
     project, solving = app.editor.project, app.editor.motion_solver
     lacking, problem = get_rig_edits(puppet).find_missing_data(project, puppet), solving.problem(puppet.id)
     if lacking:
-        _draw_box(app, ACCENT, tr("Before it moves"), _merge_pairing_sentences(lacking))
+        _draw_box(app, ACCENT, tr("Needed before the puppet moves"), _merge_pairing_sentences(lacking))
     elif problem is not None:
-        _draw_box(app, BAD, tr("It cannot move like this"), (problem.what, problem.remedy))
+        _draw_box(app, BAD, tr("The puppet cannot move"), (problem.what, problem.remedy))
     else:
         count = len(puppet.poses)
         doubled = tr(" and their mirror images") if puppet.symmetry is not None else ""
-        _draw_box(app, GOOD, tr("It moves"), (tr("by {0} examples{1}.", count, doubled),))
+        _draw_box(
+            app, GOOD, tr("The puppet moves"), (tr("The motion blends {0} key poses{1}.", count, doubled),)
+        )
 
 
 def _merge_pairing_sentences(lacking: tuple[str, ...]) -> tuple[str, ...]:

@@ -51,7 +51,7 @@ def _draw_bar(app: App, area: Area) -> None:
                 view.show(name)
             app.remember(f"pick {name}")
         if not takes:
-            draw_note("No takes yet. Open one with Ctrl+O.")
+            draw_note("No takes yet. Press Ctrl+O to open a take.")
         imgui.end_combo()
     app.remember("takes")
     if unused:
@@ -59,7 +59,7 @@ def _draw_bar(app: App, area: Area) -> None:
         if imgui.button(labelled(tr("Play it"), "Play it"), ImVec2(78, 0)):
             view.play()
         app.remember("play take")
-        draw_tooltip("The puppet plays this take too, as a layer of its own")
+        draw_tooltip("Adds this take as a layer, so that the puppet also plays it")
     imgui.same_line()
     if view.linked:
         imgui.push_style_color(imgui.Col_.text, pack_colour(ACCENT))
@@ -69,7 +69,7 @@ def _draw_bar(app: App, area: Area) -> None:
     if linked:
         imgui.pop_style_color()
     app.remember("linked")
-    draw_tooltip("Both views turn together")
+    draw_tooltip("Turns both views together")
 
 
 def _draw_picture(app: App, origin: ImVec2, area: Area, texture: int | None) -> None:
@@ -106,7 +106,7 @@ def _draw_texts(app: App, origin: ImVec2, area: Area) -> None:
         for mark in make_axes_marks(view.lens, (46, area.height - 42)):
             draw_mark(draw_list, area, mark)
     if moment is None:
-        lines = (tr("No take yet."), tr("Open one (Ctrl+O), or choose one above."))
+        lines = (tr("No take yet."), tr("Open a take (Ctrl+O), or choose a take above."))
         for row, line in enumerate(lines):
             width = imgui.calc_text_size(line).x
             position = ImVec2(origin.x + (area.width - width) / 2, origin.y + area.height / 2 - 20 + 22 * row)

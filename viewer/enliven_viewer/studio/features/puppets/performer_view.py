@@ -204,7 +204,7 @@ class PerformerView:
                     editor.select_only(puppet.id, k)
                     return
             editor.toasts.show_message(
-                tr("No control point is chosen"), tr("Click one on the puppet, then the joint.")
+                tr("No control point is chosen"), tr("Click a control point on the puppet, then the joint.")
             )
             return
         name, chosen = puppet.id, puppet.points[number]

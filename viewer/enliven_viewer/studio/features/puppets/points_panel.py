@@ -32,7 +32,7 @@ _FOOT_ICON, _LOCKED_ICON, _SOFT_ICON = "\uf063", "\uf023", "\uf09c"
 """Icons of Font Awesome 4: a foot, a hard point, a soft point."""
 _SUGGESTION_COUNT = 6
 """Number of control points that are suggested at once, not counting mirror images."""
-_AXIS_LABELS = (later("left to right"), later("above to below"), later("front to back"))
+_AXIS_LABELS = (later("left to right"), later("top to bottom"), later("front to back"))
 
 
 def draw_points(app: App, puppet: ExampleCharacter) -> None:
@@ -40,7 +40,9 @@ def draw_points(app: App, puppet: ExampleCharacter) -> None:
     draw_heading(tr("Control points   {0}", len(puppet.points) or ""))
     if not puppet.points:
         _draw_orientation_buttons(app, puppet)
-        draw_note("Click the surface where you would hold it: hands, feet, head. Or let some be suggested.")
+        draw_note(
+            "Click the surface where you want to drag the puppet: hands, feet, head. Or press Suggest points."
+        )
     for number, point in enumerate(puppet.points):
         _draw_row(app, puppet, number, point)
         if app.editor.puppets.point == number:
@@ -53,8 +55,12 @@ def _draw_orientation_buttons(app: App, puppet: ExampleCharacter) -> None:
     """Draws the buttons that turn a mesh that lies on its back or faces sideways."""
     half = ImVec2((imgui.get_content_region_avail().x - 8) / 2, 0)
     for label, axis, tip in (
-        (later("Stand it up"), "x", tr("For a mesh that lies on its back")),
-        (later("Quarter turn"), "y", tr("Repeat until it faces you in View > From the front (1)")),
+        (later("Stand it up"), "x", tr("Turns a mesh that lies on its back, so that it stands")),
+        (
+            later("Quarter turn"),
+            "y",
+            tr("Turns the mesh by 90 degrees. Repeat until it faces you in View > From the front (1)"),
+        ),
     ):
         if imgui.button(labelled(tr(label), label), half):
             _turn_mesh(app, puppet.id, axis)
@@ -111,16 +117,22 @@ def _draw_point_fields(app: App, puppet: ExampleCharacter, point: ControlPoint) 
     imgui.indent(22)
     draw_name_field(app, "point name", name, lambda to: change(later("rename a control point"), name=to))
     _draw_joint_list(app, puppet, point)
-    draw_switch(app, "foot", point.foot, edit("foot", bool), "The puppet can stand on it and walk with it")
+    draw_switch(
+        app,
+        "foot",
+        point.foot,
+        edit("foot", bool),
+        "This control point is a foot: the puppet can stand and walk on it",
+    )
     imgui.same_line()
-    tip = tr("The surface is pulled towards it, but need not reach it")
+    tip = tr("Pulls the surface towards this control point, but not necessarily all the way")
     draw_switch(app, "soft", point.weight is not None, edit("weight", lambda on: 1.0 if on else None), tip)
     imgui.same_line()
     if imgui.button(labelled(tr("Remove"), "Remove")):
         editor.puppets.remove_point()
     app.remember("remove point")
     if point.weight is not None:
-        draw_slider(app, "weight", point.weight, 0.01, 100.0, tr("pulls by %.2f"), edit("weight", float))
+        draw_slider(app, "weight", point.weight, 0.01, 100.0, tr("pull %.2f"), edit("weight", float))
     draw_constraint_buttons(app, puppet)
     imgui.unindent(22)
 
@@ -129,7 +141,7 @@ def _draw_joint_list(app: App, puppet: ExampleCharacter, point: ControlPoint) ->
     """Draws the list of joints that the point may follow, most likely first."""
     editor, take = app.editor, app.state(PerformerView).take
     imgui.set_next_item_width(-1)
-    if imgui.begin_combo("##joint", point.joint or tr("click a joint of the performer, or choose")):
+    if imgui.begin_combo("##joint", point.joint or tr("click or choose a joint")):
         clip = editor.project.takes.get(take or "")
         names = clip.skeleton.names if clip is not None else ()
         if clip is not None:
@@ -150,7 +162,7 @@ def _draw_buttons(app: App, puppet: ExampleCharacter) -> None:
     if imgui.button(labelled(tr("Suggest points"), "Suggest points"), half):
         suggest_points(app, puppet)
     app.remember("suggest points")
-    draw_tooltip("Control points at the ends of the limbs, and at their mirror images")
+    draw_tooltip("Puts control points at the ends of the limbs, and at their mirror images")
     imgui.same_line()
     take = app.state(PerformerView).take
     open_ones = [point.name for point in puppet.points if not point.joint]
@@ -161,7 +173,10 @@ def _draw_buttons(app: App, puppet: ExampleCharacter) -> None:
     imgui.end_disabled()
     if imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_disabled):
         imgui.set_tooltip(
-            tr("Pair every point without a joint with a joint at a similar place that moves in this take")
+            tr(
+                "Pairs every control point without a joint with a joint at a similar place that moves in "
+                "this take"
+            )
         )
 
 
@@ -179,7 +194,7 @@ def _draw_symmetry(app: App, puppet: ExampleCharacter) -> None:
     editor = app.editor
     toggled, on = imgui.checkbox(labelled(tr("symmetric"), "symmetric"), puppet.symmetry is not None)
     app.remember("symmetric")
-    draw_tooltip("Every key pose also counts mirrored: a pose of one side is an example for both")
+    draw_tooltip("Uses the mirror image of each key pose as well, so you need to pose only one side")
     if toggled:
         set_mirrored(app, puppet, on)
         return
@@ -193,7 +208,7 @@ def _draw_symmetry(app: App, puppet: ExampleCharacter) -> None:
         labelled(tr("edit both sides at once"), "edit both sides at once"), editor.puppets.symmetric
     )
     app.remember("both sides")
-    draw_tooltip("Control points are put and dragged together with their mirror image")
+    draw_tooltip("Puts and drags each control point together with its mirror image")
     if toggled:
         editor.puppets.set_symmetric(on)
 

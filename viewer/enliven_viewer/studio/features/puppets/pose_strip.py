@@ -108,8 +108,8 @@ def _draw_head(app: App, puppet: ExampleCharacter, coverage: TakeCoverage | None
         if imgui.is_item_hovered():
             imgui.set_tooltip(
                 tr(
-                    "Shows whether every moment of the take is like one of the key poses.\n"
-                    "A dashed picture is a moment that is like none of them."
+                    "Shows whether each moment of the take is similar to a key pose.\n"
+                    "A dashed picture is a moment that still needs a key pose."
                 )
             )
     number = puppets.number
@@ -123,23 +123,23 @@ def _draw_head(app: App, puppet: ExampleCharacter, coverage: TakeCoverage | None
 
 def _make_status_text(coverage: TakeCoverage, count: int) -> str:
     if count == 0:
-        return tr("about {0} would be enough for {1}", coverage.needed, coverage.take)
+        return tr("key poses that {1} needs: about {0}", coverage.needed, coverage.take)
     if coverage.needed == 0:
-        return tr("enough for {0}: every moment is like one of them", coverage.take)
+        return tr("enough for {0}: each moment is similar to a key pose", coverage.take)
     if coverage.needed == 1:
-        return tr("one more would be enough for {0}, at the dashed moment", coverage.take)
-    return tr("{0} more would be enough for {1}, at the dashed moments", coverage.needed, coverage.take)
+        return tr("{0} needs one more, at the dashed moment", coverage.take)
+    return tr("{1} needs {0} more, at the dashed moments", coverage.needed, coverage.take)
 
 
 def _draw_pose_buttons(app: App, puppet: ExampleCharacter, number: int) -> None:
     """Draws the buttons for the edited key pose."""
     tooltips = {
-        "Done": tr("Keep it, and let the puppet play (Enter)"),
-        "Cancel": tr("Go back to the old pose"),
-        "Duplicate": tr("Copies the pose to half a second later"),
-        "Mirror": tr("Copies its mirror image to half a second later"),
-        "Here": tr("Move it to the playhead"),
-        "Remove": tr("Remove this example"),
+        "Done": tr("Keeps the key pose, and plays the puppet's motion (Enter)"),
+        "Cancel": tr("Restores the old key pose"),
+        "Duplicate": tr("Copies the key pose to a moment half a second later"),
+        "Mirror": tr("Copies the mirror image of the key pose to a moment half a second later"),
+        "Here": tr("Moves the key pose to the playhead"),
+        "Remove": tr("Removes this key pose"),
     }
     for place, label in enumerate(tooltips):
         if place:
@@ -213,7 +213,7 @@ def _draw_add_button(app: App, puppet: ExampleCharacter) -> None:
     if pressed and moment is not None:
         app.state(KeyPoseNavigator).begin(*moment)
     if imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_disabled):
-        imgui.set_tooltip(tr("Make a key pose for this moment"))
+        imgui.set_tooltip(tr("Makes a key pose for this moment"))
 
 
 def _draw_tile(app: App, puppet: ExampleCharacter, number: int, place: int, thumbnails: Thumbnails) -> None:
@@ -288,7 +288,7 @@ def _draw_suggestions(app: App, puppet: ExampleCharacter, coverage: TakeCoverage
             imgui.text_unformatted(tr("suggested  {0}", format_time(seconds)))
         imgui.end_group()
         if hovered:
-            imgui.set_tooltip(tr("Pose the puppet for this moment: no example is like it"))
+            imgui.set_tooltip(tr("Makes a key pose for this moment. No key pose is similar to it yet"))
     if not wanted:
         imgui.same_line()
         draw_note("")

@@ -43,7 +43,8 @@ class PuppetCommands:
             return False
         self.editor.select_only(puppet_name)
         self.editor.toasts.show_message(
-            tr("{0} stays; its puppet stands next to it", name), tr("K puts control points on it.")
+            tr("A puppet of {0} was added next to it", name),
+            tr("Press K to put control points on the puppet."),
         )
         return True
 
@@ -89,28 +90,33 @@ class PuppetCommands:
 
             def change(project: Project) -> Project:
                 if project.characters.get(puppet.id) is not puppet:
-                    problem = tr("it was changed while it was baked")
-                    raise InputError(problem, where=puppet.where, remedy=tr("Bake it again."))
+                    problem = tr("the puppet was changed during the baking")
+                    raise InputError(problem, where=puppet.where, remedy=tr("Bake the puppet again."))
                 streams = [baked_project.streams[stream] for stream in shape.needed()["streams"]]
                 return project.without(puppet.id).with_streams(*streams).with_characters(shape)
 
             if self.editor.edit(later("bake {0}", puppet.id), change):
                 self.editor.select_only(name)
                 self.editor.toasts.show_message(
-                    tr("{0} is a possessed character now", name), tr("It is {0}. Ctrl+Z goes back.", error)
+                    tr("{0} is a possessed character now", name),
+                    tr("The baked surface is {0}. Ctrl+Z brings the puppet back.", error),
                 )
 
         return put
 
     def lacks_mesh(self) -> str:
         """Returns the reason why no puppet can be made, or an empty text if one can be made."""
-        return "" if self._find_solid_character() else "No shape with a surface is chosen. Click one first."
+        return (
+            ""
+            if self._find_solid_character()
+            else "No shape with a surface is chosen. Click such a shape first."
+        )
 
     def lacks_examples(self) -> str:
         """Returns the reason why no puppet can be baked, or an empty text if one can be baked."""
         puppet = self.editor.puppets.puppet
         if puppet is None:
-            return "No puppet is chosen. Click one first."
+            return "No puppet is chosen. Click a puppet first."
         return " ".join(get_rig_edits(puppet).find_missing_data(self.editor.project, puppet))
 
     def _find_solid_character(self) -> RigBase | None:
@@ -136,7 +142,7 @@ def place_on_floor(mesh: Mesh) -> tuple[Mesh, Float]:
     """
     if not len(mesh.faces):
         raise InputError(
-            tr("it has no surface"), where=f"mesh {mesh.name!r}", remedy=tr("Open a mesh with faces.")
+            tr("the mesh has no surface"), where=f"mesh {mesh.name!r}", remedy=tr("Open a mesh with faces.")
         )
     place = find_base_centre(mesh.vertices)
     return replace(mesh, vertices=mesh.vertices - place), place
@@ -147,11 +153,11 @@ def make_puppet_actions(commands: PuppetCommands) -> Iterator[Action]:
     make = Action(
         "shape.puppet",
         "Shape",
-        "Make a puppet of it",
+        "Make a puppet",
         ("ctrl+p",),
         commands.make_puppet,
         commands.lacks_mesh,
-        about="Makes a copy that is animated by control points and key poses.",
+        about="Copies the chosen shape as a puppet, which you animate with control points and key poses.",
     )
     bake = Action(
         "shape.bake",
@@ -160,7 +166,7 @@ def make_puppet_actions(commands: PuppetCommands) -> Iterator[Action]:
         (),
         commands.bake_puppet,
         commands.lacks_examples,
-        about="Turns it into a possessed character, which can be cut and merged.",
+        about="Turns the puppet into a possessed character, which you can cut and merge.",
     )
     yield from (require_single_shape(action, commands.editor) for action in (make, bake))
 
@@ -175,7 +181,7 @@ def make_pose_display_actions(commands: PuppetCommands) -> Iterator[Action]:
         ("o",),
         commands.toggle_silhouette,
         is_on=lambda: puppets.silhouette,
-        about="Shown while a key pose is edited.",
+        about="Shows the outline of the previous key pose while you edit a key pose.",
     )
     yield Action(
         "view.crossing",

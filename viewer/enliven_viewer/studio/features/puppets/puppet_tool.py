@@ -59,17 +59,23 @@ class PuppetTool(Tool):
     def hint(self) -> str:
         puppets, puppet = self.puppets, self.puppets.puppet
         if self._drag is not None:
-            return "Let go to keep it; Shift goes in steps, Esc drops it."
+            return "Release to keep the change. Shift moves in steps, Esc cancels."
         if puppet is None:
-            return "Click a puppet. Ctrl+P makes one of the chosen shape, Ctrl+O opens a mesh to make one of."
+            return "Click a puppet. Ctrl+P makes one from the chosen shape, Ctrl+O opens a mesh as one."
         if puppets.is_posing:
             name = tr("key pose {0}", puppets.number + 1) if puppets.number is not None else ""
             return tr(
-                "Drag control points for {0}. Enter keeps it; R resets a point, Delete removes it.", name
+                "Drag control points for {0}. Enter keeps the pose. R resets a point, Delete removes a "
+                "point.",
+                name,
             )
         if not puppet.points:
-            return "Click the mesh where you want to hold it: the ends of its limbs, its feet, its head."
-        return "Drag a control point to make a key pose of this moment; click the mesh for another one."
+            return (
+                "Click the mesh to put control points where you want to drag it: ends of limbs, feet, head."
+            )
+        return (
+            "Drag a control point to make a key pose for this moment. Click the mesh to add a control point."
+        )
 
     @property
     def warning(self) -> str:

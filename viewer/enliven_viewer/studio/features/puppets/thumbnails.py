@@ -84,7 +84,7 @@ class Thumbnails:
                 continue
             del self._solving[key]
             if future.exception() is not None:
-                log.warning("a key pose cannot be drawn", exc_info=future.exception())
+                log.warning("the thumbnail of a key pose cannot be drawn", exc_info=future.exception())
                 continue
             self._textures[key] = puppet.mesh, self._draw_thumbnail(puppet, future.result())
             while len(self._textures) > _MAX_CACHED_THUMBNAILS:

@@ -16,7 +16,7 @@ def make_scan_actions(scan: ScanSession) -> Iterator[Action]:
         "Scan...",
         ("ctrl+shift+n",),
         scan.open,
-        about="Carry the camera round an object to make it a character.",
+        about="Scans a real object as a character: carry the camera round the object.",
     )
     yield Action("scan.start", "Scan", "Start a scan", (), scan.start, scan.lacks_stage)
     yield Action(
@@ -36,16 +36,19 @@ def make_scan_actions(scan: ScanSession) -> Iterator[Action]:
         (),
         scan.undo,
         scan.lacks_undo,
-        about="Use this after a hand came into view, or the camera moved too fast.",
+        about=(
+            "Removes the last seconds of the scan, for example after a hand came into view or the camera "
+            "moved too fast."
+        ),
     )
     yield Action(
         "scan.done",
         "Scan",
-        "Done: make it a character",
+        "Done: make the character",
         (),
         scan.finish,
         scan.lacks_scan,
-        about="The object is cut out, put on the stage, and can be possessed.",
+        about="Ends the scan, and puts the object on the stage as a character that you can possess.",
     )
     yield Action("scan.cancel", "Scan", "Cancel the scan", (), scan.cancel, scan.lacks_scan)
     yield Action(
@@ -55,6 +58,6 @@ def make_scan_actions(scan: ScanSession) -> Iterator[Action]:
         (),
         scan.continue_scan,
         scan.lacks_again,
-        about="Continues the scan to fill gaps.",
+        about="Continues the last scan to fill gaps.",
         apart=True,
     )

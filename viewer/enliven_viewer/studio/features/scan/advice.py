@@ -26,10 +26,10 @@ _MIN_HEIGHT_DIFFERENCE_M = 0.25
 """Minimum height difference in metres that the instruction mentions."""
 
 _TRACKING_ADVICE = {
-    "lost": (later("Lost: go back to where you were"), "bad"),
-    "found": (later("Lost: hold still, it looks right"), "wait"),
-    "unsure": (later("Show it something with corners: this surface is too plain"), "wait"),
-    "empty": (later("Go nearer: the camera sees nothing"), "wait"),
+    "lost": (later("Lost: go back to where you were before"), "bad"),
+    "found": (later("Almost found again: hold still"), "wait"),
+    "unsure": (later("This surface is too plain: point the camera at something with corners"), "wait"),
+    "empty": (later("The camera sees nothing: go nearer"), "wait"),
 }
 """The instruction and mood for each tracking state of the newest image."""
 
@@ -54,7 +54,7 @@ def choose_advice(message: ScanMessage) -> Advice:
     if message.phase == "paused":
         return Advice(tr("Paused"), "wait")
     if message.phase == "finishing":
-        return Advice(tr("It becomes a character: some seconds"), "wait")
+        return Advice(tr("Making the character: a few seconds"), "wait")
     if message.phase == "failed":
         return Advice(message.note or tr("The scan cannot become a character"), "bad")
     if message.phase != "scanning":
@@ -72,26 +72,28 @@ def choose_advice(message: ScanMessage) -> Advice:
         return Advice(tr("Point the camera at the object"), "wait")
     if message.thing == "found":
         return Advice(
-            tr("Found again in {0:.1f} s: go round it", max(message.seconds, 0.1)), "good", arrow=True
+            tr("Found again in {0:.1f} s: go round the object", max(message.seconds, 0.1)), "good", arrow=True
         )
     if message.thing == "turning":
         return Advice(
-            tr("The camera follows it: go on turning") if message.view else tr("All round: press Done")
+            tr("The camera follows the object: keep turning")
+            if message.view
+            else tr("All sides are scanned: press Done")
         )
     if not message.view:
-        return Advice(tr("All round: press Done"), "good")
+        return Advice(tr("All sides are scanned: press Done"), "good")
     return Advice(_describe_direction(message), "good", arrow=True)
 
 
 def _choose_person_advice(status: ScanMessage) -> Advice:
     """Returns the instruction for a person who turns in front of the camera."""
     if status.tracking in ("", "empty"):
-        return Advice(tr("Stand one to three metres in front of the camera, whole in view"), "wait")
+        return Advice(tr("Stand 1 to 3 m in front of the camera, with your whole body in view"), "wait")
     if status.tracking != "scanning":
-        return Advice(tr("Turn back a little, then on, more slowly"), "wait")
+        return Advice(tr("Turn back a little, then continue more slowly"), "wait")
     if status.missing <= 0:
-        return Advice(tr("All round: stand still"))
-    return Advice(tr("Turn on the spot, slowly: {0:.0f} of 100", 100 * (1 - status.missing)))
+        return Advice(tr("All sides are scanned: stand still"))
+    return Advice(tr("Turn slowly on the spot: {0:.0f} % is scanned", 100 * (1 - status.missing)))
 
 
 def _moved_object_advice(status: ScanMessage) -> str:
@@ -99,10 +101,10 @@ def _moved_object_advice(status: ScanMessage) -> str:
     if status.thing == "carried":
         return tr("Object lifted or lost: put it down, and go round it")
     if status.thing == "lost":
-        return tr("Object not found: turn it back a little, and more slowly")
+        return tr("Object not found: turn it back a little, then turn it more slowly")
     if status.thing == "settling":
         return tr("Looking for the object, {0:.0f} s: walk round it slowly", status.seconds)
-    return tr("Not found yet: walk on, and show a side that was seen before")
+    return tr("Not found yet: walk on, and show a side that was scanned before")
 
 
 def _describe_direction(status: ScanMessage) -> str:
@@ -113,7 +115,11 @@ def _describe_direction(status: ScanMessage) -> str:
     up = float(eye[1] - camera[1])
     higher = up > _MIN_HEIGHT_DIFFERENCE_M
     height_advice = (
-        tr("Hold it higher") if higher else tr("Hold it lower") if up < -_MIN_HEIGHT_DIFFERENCE_M else ""
+        tr("Hold the camera higher")
+        if higher
+        else tr("Hold the camera lower")
+        if up < -_MIN_HEIGHT_DIFFERENCE_M
+        else ""
     )
     if abs(round_it) > _OTHER_SIDE_ANGLE:
         return tr("Walk round to the other side")
@@ -122,8 +128,12 @@ def _describe_direction(status: ScanMessage) -> str:
         side = tr("Walk on to the right") if round_it > 0 else tr("Walk on to the left")
         if not height_advice:
             return side
-        return tr("{0}, and hold it higher", side) if higher else tr("{0}, and hold it lower", side)
-    return height_advice or tr("Good: go on slowly")
+        return (
+            tr("{0}, and hold the camera higher", side)
+            if higher
+            else tr("{0}, and hold the camera lower", side)
+        )
+    return height_advice or tr("Good: continue slowly")
 
 
 def _find_turn_angle(first: Float, second: Float) -> float:

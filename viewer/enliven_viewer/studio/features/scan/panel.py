@@ -22,25 +22,31 @@ _SIZE_LABELS: dict[ScanSize, str] = {
 }
 _MODE_LABELS: dict[ScanMode, tuple[str, str]] = {
     ScanMode.AROUND: (
-        later("The camera goes round it"),
-        later("Once, a metre and a half away; the object stays in its place"),
+        later("Walk round with the camera"),
+        later("Walk round the object once, 1.5 m away. The object stays in its place"),
     ),
     ScanMode.MOVED: (
-        later("Twice: upright, then laid down"),
-        later("Go round it once, lay it on its back or side, take your hands off, and go round again"),
+        later("Walk round twice: upright, lying"),
+        later(
+            "Go round the object once. Lay it on its back or side, take your hands off, and go round again"
+        ),
     ),
     ScanMode.TURNED: (
         later("The object turns, the room is in view"),
-        later("Let it stand for a second, then turn it slowly on a turntable"),
+        later("Let the object stand for a second, then turn it slowly on a turntable"),
     ),
     ScanMode.NEAR: (
         later("The camera stands still, you turn the object"),
-        later("On a turntable or in the hands; the wall more than 1.5 m from the camera"),
+        later(
+            "Turn the object on a turntable or in your hands. The wall must be more than 1.5 m from the "
+            "camera"
+        ),
     ),
     ScanMode.PERSON: (
-        later("A person turns round"),
+        later("A person turns on the spot"),
         later(
-            "One to three metres away, whole in view, arms off the sides; once round in five seconds or more"
+            "Stand 1 to 3 m away with your whole body in view and your arms off your sides. Turn once in "
+            "5 s or more"
         ),
     ),
 }
@@ -96,7 +102,7 @@ def draw_open_button(app: App) -> None:
     if imgui.button(labelled("\uf030  " + tr("Scan an object..."), "Scan an object..."), _FULL_WIDTH):
         app.actions.do("scan.open")
     app.remember("scan")
-    draw_tooltip("Carry the camera round an object to make it a character")
+    draw_tooltip("Scans a real object as a character: carry the camera round the object")
 
 
 def _draw_start_options(app: App, scan: ScanSession) -> None:
@@ -117,7 +123,7 @@ def _draw_start_options(app: App, scan: ScanSession) -> None:
             imgui.pop_text_wrap_pos()
         draw_note(lacking.partition(". ")[2])
     else:
-        draw_note("Carry the camera round an object once, 1.5 m away, and it becomes a character.")
+        draw_note("Carry the camera once round an object, 1.5 m away. The object becomes a character.")
     imgui.end_child()
     draw_heading("What is it?")
     imgui.set_next_item_width(-1)
@@ -135,7 +141,7 @@ def _draw_start_options(app: App, scan: ScanSession) -> None:
             scan.mode = mode
         app.remember(f"scan {mode}")
         draw_tooltip(tip)
-    draw_heading("Its name")
+    draw_heading("Name of the character")
     imgui.set_next_item_width(-1)
     scan.name = imgui.input_text_with_hint("##scan name", "scan", scan.name)[1]
     app.remember("scan name")
@@ -149,7 +155,7 @@ def _draw_continue_button(app: App, scan: ScanSession) -> None:
         app.actions.do("scan.again")
     imgui.end_disabled()
     app.remember("scan again")
-    draw_tooltip("Go on scanning to fill gaps: lay it on its side, or look from below")
+    draw_tooltip("Continues the scan to fill gaps. Lay the object on its side, or scan it from below")
 
 
 def _draw_running_scan(app: App, scan: ScanSession, height: float) -> None:
@@ -160,10 +166,10 @@ def _draw_running_scan(app: App, scan: ScanSession, height: float) -> None:
     _draw_progress(status)
     imgui.end_child()
     app.remember("scan progress")
-    draw_heading("Go on")
+    draw_heading("Controls")
     making = status.phase == "finishing"
     imgui.begin_disabled(making)
-    label = tr("\uf04c  Pause") if status.phase == "scanning" else tr("\uf04b  Go on")
+    label = tr("\uf04c  Pause") if status.phase == "scanning" else tr("\uf04b  Continue")
     half = ImVec2((imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2, 0)
     if imgui.button(f"{label}###pause", half):
         app.actions.do("scan.pause")
@@ -191,14 +197,14 @@ def _draw_end(app: App, scan: ScanSession) -> None:
     imgui.begin_disabled(making)
     with push_colours((*GOOD[:3], 0.4), imgui.Col_.button):
         if imgui.button(
-            labelled(tr("It becomes a character..."), "done")
+            labelled(tr("Making the character..."), "done")
             if making
             else labelled("\uf00c  " + tr("Done"), "done"),
             _TALL_BUTTON_SIZE,
         ):
             app.actions.do("scan.done")
     app.remember("scan done")
-    draw_tooltip("The object is cut out, put on the stage, and can be possessed")
+    draw_tooltip("Ends the scan, and puts the object on the stage as a character that you can possess")
     if imgui.button(labelled(tr("Cancel"), "Cancel"), _FULL_WIDTH):
         app.actions.do("scan.cancel")
     app.remember("scan cancel")
@@ -208,15 +214,15 @@ def _draw_end(app: App, scan: ScanSession) -> None:
 def _draw_progress(status: ScanMessage) -> None:
     """Draws the progress of a scan in a box of fixed height, so that changing text moves no button."""
     imgui.push_text_wrap_pos(0.0)
-    places = tr(", in {0} places", status.places) if status.places > 1 else ""
-    imgui.text_unformatted(tr("{0:.1f} m round it, {1} pictures{2}", status.way, status.fused, places))
+    places = tr(", object at {0} places", status.places) if status.places > 1 else ""
+    imgui.text_unformatted(tr("Camera path: {0:.1f} m, {1} pictures{2}", status.way, status.fused, places))
     imgui.pop_text_wrap_pos()
     fraction = 1.0 - min(max(status.missing, 0.0), 1.0)
     with push_colours((*GOOD[:3], 0.9), imgui.Col_.plot_histogram):
         imgui.progress_bar(fraction, ImVec2(-1, 10), "")
-    draw_tooltip(tr("{0:.0f} of 100 parts of the surface in the middle were seen", 100 * fraction))
+    draw_tooltip(tr("{0:.0f} % of the surface in the middle is scanned", 100 * fraction))
     arrow = "" if status.thing == "person" else tr(" The arrow points to the largest gap.")
-    draw_note(tr("Yellow lines: not seen enough yet.{0}", arrow))
+    draw_note(tr("Yellow lines: parts that are not scanned enough yet.{0}", arrow))
     if status.note:
         draw_note(status.note)
     if status.remedy:
@@ -225,14 +231,15 @@ def _draw_progress(status: ScanMessage) -> None:
 
 def _draw_kept_part(app: App, scan: ScanSession) -> None:
     """Draws the radio buttons that select which part of the scan becomes the character."""
-    draw_heading("What is kept")
+    draw_heading("What to keep")
     for kept, label in _KEPT_PART_LABELS.items():
         if imgui.radio_button(f"{tr(label)}###keep {kept}", scan.kept_part == kept):
             scan.choose_kept_part(kept)
         app.remember(f"scan keep {kept}")
     if scan.kept_part == "box":
         draw_note(
-            "Drag the dots to move the sides of the box. The floor is left out unless the box goes below it."
+            "Drag the dots to move the sides of the box. The floor is not kept unless the box reaches "
+            "below it."
         )
         if imgui.button(labelled(tr("Fit to the object"), "Fit to the object"), _FULL_WIDTH):
             scan.fit_box()

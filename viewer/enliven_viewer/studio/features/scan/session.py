@@ -110,9 +110,9 @@ class ScanSession:
 
     def lacks_scan(self) -> str:
         """Returns the reason why the scan accepts no requests, or an empty text if it accepts them."""
-        none = "" if self.active else "Nothing is scanned. Start a scan first"
+        none = "" if self.active else "No scan is running. Start a scan first"
         making = (
-            "The character is being made. Wait until it stands on the stage"
+            "The character is being made. Wait until the character is on the stage"
             if self.message.phase == "finishing"
             else ""
         )
@@ -120,12 +120,14 @@ class ScanSession:
 
     def lacks_undo(self) -> str:
         """Returns the reason why nothing can be undone, or an empty text if undo is available."""
-        return self.lacks_scan() or ("" if self.message.undoable > 0 else "There is nothing to undo. Scan on")
+        return self.lacks_scan() or (
+            "" if self.message.undoable > 0 else "There is nothing to undo. Continue the scan"
+        )
 
     def lacks_again(self) -> str:
         """Returns the reason why no scan can be continued, or an empty text if one can be continued."""
         there = self.message.phase == "done"
-        return self.lacks_stage() or ("" if there else "No scan is done. Finish one, then add to it")
+        return self.lacks_stage() or ("" if there else "No scan is finished. Finish a scan, then add to it")
 
     def open(self) -> None:
         """Shows the panel, in the workspace that contains the stage."""
@@ -290,8 +292,8 @@ class ScanSession:
         self.editor.frame_all()
         self.is_shown = False
         self.editor.toasts.show_message(
-            tr("{0} stands on the stage", name),
-            tr("Step in: press Possess, or P. Ctrl+Z takes the scan back."),
+            tr("{0} is on the stage", name),
+            tr("Press Possess, or P, to step in. Ctrl+Z undoes the scan."),
         )
         if self.message.note:
             self.editor.toasts.show_message(self.message.note, self.message.remedy)

@@ -10,7 +10,9 @@ from enliven_viewer.language import later
 from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.features.sound.player import SoundPlayer
 
-_NO_SOUND = later("No sound is open. Open one (.wav, .mp3, .ogg, .flac), or drop it onto the window.")
+_NO_SOUND = later(
+    "No sound is open. Open a sound file (.wav, .mp3, .ogg, .flac), or drop the file onto the window."
+)
 _MENU = "Sound"
 
 
@@ -44,5 +46,5 @@ def make_sound_actions(player: SoundPlayer) -> Iterator[Action]:
         apart=True,
         group=_MENU,
     )
-    yield Action("sound.begin", "Clip", "The sound begins here", ("alt+b",), begin, lacks, group=_MENU)
+    yield Action("sound.begin", "Clip", "Begin the sound here", ("alt+b",), begin, lacks, group=_MENU)
     yield Action("sound.remove", "Clip", "Remove the sound", (), remove, lacks, group=_MENU)

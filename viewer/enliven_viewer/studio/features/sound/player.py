@@ -97,7 +97,7 @@ class SoundPlayer:
             self._failed = True
             lacks = f"({str(error).splitlines()[0][:80]})" if str(error) else ""
             remedy = tr(
-                'Install it with pip install "./viewer[sound]" and libportaudio2, or plug in a device.'
+                'Install sound: pip install "./viewer[sound]", and libportaudio2. Or plug in a sound device.'
             )
             self.editor.toasts.show_message(tr("The sound cannot be played here {0}", lacks), remedy)
             return None

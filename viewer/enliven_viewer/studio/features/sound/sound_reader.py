@@ -35,22 +35,26 @@ def read_sound(path: Path) -> Sound:
         with av.open(where) as file:
             if not file.streams.audio:
                 raise InputError(
-                    tr("it has no sound"), where=where, remedy=tr("Give a .wav, .mp3, .ogg or .flac.")
+                    tr("the file has no sound"),
+                    where=where,
+                    remedy=tr("Open a .wav, .mp3, .ogg or .flac file."),
                 )
             for part in _read_samples(file, av.AudioResampler("s16", "mono", SOUND_RATE)):
                 parts.append(part)
                 count += len(part)
                 if count > _MAX_DURATION_S * SOUND_RATE:
-                    problem = tr("it is longer than {0:.0f} minutes", _MAX_DURATION_S / 60)
+                    problem = tr("the sound is longer than {0:.0f} minutes", _MAX_DURATION_S / 60)
                     raise InputError(
-                        problem, where=where, remedy=tr("Keep only the part that you perform to.")
+                        problem, where=where, remedy=tr("Shorten the sound to the part that you need.")
                     )
     except (av.FFmpegError, OSError):
         if not count:
-            problem = tr("it cannot be read as sound")
-            raise InputError(problem, where=where, remedy=tr("Save it as .wav.")) from None
+            problem = tr("the file cannot be read as sound")
+            raise InputError(problem, where=where, remedy=tr("Save the sound as .wav.")) from None
     if not count:
-        raise InputError(tr("it contains no sound"), where=where, remedy=tr("Save it again as .wav."))
+        raise InputError(
+            tr("the file contains no sound"), where=where, remedy=tr("Save the sound again as .wav.")
+        )
     return Sound(path.stem, np.concatenate(parts))
 
 
@@ -59,7 +63,7 @@ def add_sound(editor: Editor, path: Path, read: Sound) -> None:
     sound = replace(read, begin=editor.time)
     if editor.edit(later("open {0}", path.name), lambda project: replace(project, sounds={sound.id: sound})):
         editor.toasts.show_message(
-            tr("{0} begins here", path.name), tr("It plays during playback and recording.")
+            tr("{0} begins here", path.name), tr("The sound plays during playback and recording.")
         )
 
 

@@ -79,7 +79,7 @@ class ClipCommands:
     def find_missing(self, edit_id: str) -> str:
         """Returns the reason why an edit is unavailable, with advice, or an empty text if it is available."""
         if not self._find_lanes():
-            return "No clip is under the playhead. Put the playhead over one."
+            return "No clip is under the playhead. Move the playhead over a clip."
         try:
             self._make_edit(edit_id)(self.editor.project)
         except InputError as error:
@@ -143,12 +143,17 @@ def make_clip_actions(c: ClipCommands) -> Iterator[Action]:
             ("shift+s",),
             "Splits the clip into two. The motion does not change.",
         ),
-        ("blend", "Blend with the next", ("shift+b",), "The clip blends into the next one."),
+        (
+            "blend",
+            "Blend into the next clip",
+            ("shift+b",),
+            "Blends the clip into the next clip on its lane.",
+        ),
         (
             "reverse",
             "Play backwards",
             ("shift+r",),
-            "The clip plays backwards. Its position does not change.",
+            "The clip plays backwards. Its place on the timeline does not change.",
         ),
         ("mirror", "Swap left and right", ("shift+x",), "Plays the take's mirror image."),
         ("remove", "Remove", ("shift+delete",), "The take stays in the project."),
@@ -156,11 +161,11 @@ def make_clip_actions(c: ClipCommands) -> Iterator[Action]:
     for name, label, keys, about in deeds:
         functions = (lambda name=name: c.run_edit(name), lambda name=name: c.find_missing(name))
         yield Action(f"clip.{name}", "Clip", label, keys, *functions, about=about)
-    about = "Drag it along the ruler; double-click it to name it."
+    about = "Drag the marker along the ruler. Double-click the marker to name it."
     yield Action(
         "clip.mark",
         "Clip",
-        "A marker at the playhead",
+        "Add a marker at the playhead",
         ("shift+m",),
         c.add_marker_at_playhead,
         about=about,

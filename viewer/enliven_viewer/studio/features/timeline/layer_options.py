@@ -28,12 +28,15 @@ _NUMBER_RANGES = {
 _MIN_SPEED = 0.02
 """Minimum speed of the slider. At speed 0 nothing plays."""
 _SWITCH_TIPS = {
-    "loop": later("Begin again at the end"),
-    "muted": later("It does not play"),
-    "hold": later("Holds the first and last frame before and after the clips; if off, nothing plays there"),
-    "mirrored": later("Play the take's mirror image: left for right"),
-    "travel": later("Walk through the scene like the performer, on its feet"),
-    "level_feet": later("While the weight moves from one foot to the other, both keep the same height"),
+    "loop": later("Starts again when the motion ends"),
+    "muted": later("This motion does not play"),
+    "hold": later(
+        "Holds the first frame before the clips and the last frame after the clips. If off, nothing "
+        "plays there"
+    ),
+    "mirrored": later("Plays the take's mirror image: left and right are swapped"),
+    "travel": later("The puppet walks through the scene as the performer does"),
+    "level_feet": later("Both feet keep the same height while the weight moves from one foot to the other"),
 }
 """Tooltips of the switches. The rig determines which switches a layer has."""
 _LABELS = {
@@ -51,10 +54,10 @@ _LABELS = {
 }
 """Labels of the numbers and switches."""
 _FOOT_LOCK_LABELS = {
-    "auto": later("Auto: held where they stand"),
+    "auto": later("Auto: feet stay where they stand"),
     "always": later("Always: no foot slides"),
     "never": later("Never: as performed"),
-    "ground": later("Grounding: none below the floor"),
+    "ground": later("Grounding: no foot below the floor"),
 }
 """Labels of the foot lock modes."""
 _SECOND_SWITCH_X = 126.0
@@ -135,9 +138,9 @@ def _draw_chain_options(app: App, shape: RiggedCharacter, layer: Layer, number: 
     def travel(project: Project, on: float) -> Project:
         return set_travel(project, shape.id, layer.id if on else None)
 
-    tip = tr("Bend the chain so that its end goes where the take's end goes")
+    tip = tr("Bends the chain so that its end follows the end of the take's chain")
     draw_switch(app, "lead the end", layer.mode == "end", lead, tip)
-    tip = tr("The shape goes where the take's root goes. P keeps chosen feet where they stand.")
+    tip = tr("The shape follows the root of the take through the scene. Press P to pin a chosen foot.")
     draw_switch(app, "root travels", shape.travel == layer.id, travel, tip)
 
 
@@ -149,14 +152,18 @@ def _draw_foot_lock(app: App, character: RigBase, number: int, feet: str) -> Non
     changed, wanted = imgui.combo("##feet", FEET.index(feet), [tr(_FOOT_LOCK_LABELS[mode]) for mode in FEET])
     app.remember("feet")
     if jointed:
-        draw_tooltip("Every choice but Auto also finds the feet that are not pinned yet (P)")
+        draw_tooltip("All modes except Auto also find feet that you have not pinned (P)")
     else:
-        draw_tooltip("Feet are the parts that touch the floor at rest, or those you named (E)")
+        draw_tooltip(
+            "Feet are the parts that touch the floor in the rest pose, or the feet that you marked (E)"
+        )
     is_requested = False
     if not jointed and feet != "never":
-        is_requested = imgui.button(labelled(tr("Find the feet again"), "Find the feet again"), ImVec2(-1, 0))
+        is_requested = imgui.button(
+            labelled(tr("Detect the feet again"), "Detect the feet again"), ImVec2(-1, 0)
+        )
         app.remember("feet again")
-        draw_tooltip("The feet were found for an earlier motion; find them again after you edit its clips")
+        draw_tooltip("Detects the feet in the current motion. Do this again after you edit the clips")
     if is_requested or (changed and FEET[wanted] != feet):
         numbers, foot_lock = find_lane_layers(app.editor.project, name, number), FEET[wanted]
         app.editor.edit(

@@ -41,10 +41,10 @@ _PAN_PER_NOTCH = 40.0
 """Pixels that the timeline pans per notch of the wheel with Shift."""
 _PAINTER = LanePainter()
 _NO_MOTION = later(
-    "No motion yet. Take the Map tool (M), choose a chain of a take, then a chain of your shape."
+    "No motion yet. Choose the tool Map motion (M), then a chain of a take, then a chain of your shape."
 )
-_NO_RECORDING = later("No motion yet. Press Record: what is performed appears here.")
-_NO_TAKE = later("The puppet plays no take yet. Choose one in the performer's view.")
+_NO_RECORDING = later("No motion yet. Press Record: the recorded motion appears here.")
+_NO_TAKE = later("The puppet plays no take yet. Choose a take in the performer's view.")
 
 
 def draw_timeline(app: App, timeline: TimelineInput, area: Area) -> None:
@@ -113,7 +113,7 @@ def _draw_transport(app: App, timeline: TimelineInput) -> None:
         editor.loop = not editor.loop
     if looping:
         imgui.pop_style_color()
-    draw_tooltip("Begin again at the end, or at the out point")
+    draw_tooltip("Loop: playback starts again at the end, or at the out point")
     _draw_loop_points(app)
     imgui.same_line(0.0, 18.0)
     imgui.align_text_to_frame_padding()
@@ -123,7 +123,7 @@ def _draw_transport(app: App, timeline: TimelineInput) -> None:
     changed, speed = imgui.drag_float("##speed", editor.speed, 0.01, 0.1, 4.0, "%.2f x")
     if changed:
         editor.speed = speed
-    draw_tooltip("Drag: playback speed in this window; the project does not change")
+    draw_tooltip("Drag to change the playback speed in this window. The project does not change")
     for draw_section in app.transport_sections:
         draw_section()
     _draw_buttons(app, timeline)
@@ -149,12 +149,12 @@ def _draw_buttons(app: App, timeline: TimelineInput) -> None:
     if imgui.button(_SPLIT_ICON + "##split", ImVec2(34, 0)):
         app.actions.do("clip.split")
     app.remember("split")
-    draw_tooltip("Split the clip under the playhead  (Shift+S)")
+    draw_tooltip("Splits the clip under the playhead  (Shift+S)")
     imgui.same_line()
     if imgui.button(_FLAG_ICON + "##marker", ImVec2(34, 0)):
         app.actions.do("clip.mark")
     app.remember("add marker")
-    draw_tooltip("A marker at the playhead  (Shift+M); double-click one to name it")
+    draw_tooltip("Adds a marker at the playhead  (Shift+M). Double-click a marker to name it")
     imgui.same_line()
     with push_colours(ACCENT if timeline.snapping else QUIET, imgui.Col_.text):
         if imgui.button(_MAGNET_ICON + "##snap", ImVec2(34, 0)):
@@ -165,7 +165,7 @@ def _draw_buttons(app: App, timeline: TimelineInput) -> None:
     if imgui.button(_ALL_ICON + "##all", ImVec2(34, 0)):
         app.time_axis.show_all()
     app.remember("show all")
-    draw_tooltip("Show the whole project; Ctrl+wheel zooms, Shift+wheel scrolls")
+    draw_tooltip("Shows the whole project. Ctrl+wheel zooms, Shift+wheel scrolls")
 
 
 def _handle_pointer(timeline: TimelineInput, origin: ImVec2, size: ImVec2) -> None:

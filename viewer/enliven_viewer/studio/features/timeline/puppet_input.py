@@ -57,7 +57,7 @@ class PuppetRows:
             assert coverage is not None
             self.begin_pose(layer.take, coverage.times[handle.item])
         elif handle.kind == "found" and layer.switches is not None:
-            self._edit(later("find contacts again"), handle, switches=None)
+            self._edit(later("detect contacts again"), handle, switches=None)
         elif handle.kind == "held":
             frame = list_constraints(self.editor.project, handle.character, handle.number)[handle.item].frame
             take = self.editor.project.takes[layer.take]
@@ -91,7 +91,9 @@ class PuppetRows:
         constraints = list_constraints(self.editor.project, puppet.id, handle.number)
         if handle.item < len(constraints):
             constraint = constraints[handle.item]
-            self.editor.edit("let go", lambda p: without_constraint(p, puppet.id, handle.number, constraint))
+            self.editor.edit(
+                "remove constraint", lambda p: without_constraint(p, puppet.id, handle.number, constraint)
+            )
         return True
 
     def make_drag_edit(self, handle: LaneHandle, seconds: float, switches: tuple[Switch, ...]) -> Edit:

@@ -143,15 +143,17 @@ def draw_details_tooltip(timeline: TimelineInput, layout: TimelineLayout, origin
     handle = layout.handle_at(pointer.x - origin.x, pointer.y - origin.y)
     tooltip = {
         "pose": tr("Click: edit this key pose. Drag: move it to another time."),
-        "suggested": tr("No example is like this moment. Click: pose the puppet for it."),
-        "switch": tr("Drag: change when the puppet leaves or touches the floor. Delete removes this switch."),
-        "band": tr("Double-click: add a switch here. Green: on the floor, blue: in flight."),
+        "suggested": tr("No key pose is similar to this moment. Click: pose the puppet for this moment."),
+        "switch": tr("Drag: change when the puppet leaves or touches the floor. Delete: remove this switch."),
+        "band": tr(
+            "Double-click: add a switch between floor and flight. Green: on the floor, blue: in flight."
+        ),
         "found": tr("Foot contacts and flight phases. Click to detect them again after editing."),
     }.get(handle.kind, "")
     if handle.kind == "held":
         constraint = list_constraints(project, handle.character, handle.number)[handle.item]
         take = project.takes[project.characters[handle.character].playing[handle.number].take]
-        tooltip = tr("{0}. Delete removes it.", describe_constraint(constraint, take.step))
+        tooltip = tr("{0}. Delete: remove this constraint.", describe_constraint(constraint, take.step))
     if tooltip:
         imgui.set_tooltip(tooltip)
 

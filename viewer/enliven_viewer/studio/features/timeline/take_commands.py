@@ -11,7 +11,7 @@ from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.editor.takes import delete_takes, list_unused_takes
 
 _NO_ALTERNATIVES = later(
-    "No lane with several takes is chosen. Record another one (Ctrl+Shift+R), and choose its lane."
+    "No lane with several takes is chosen. Record an alternative take (Ctrl+Shift+R), and choose its lane."
 )
 
 
@@ -79,7 +79,9 @@ class TakeCommands:
         if self.editor.edit(
             later("delete {0}", deleted_take), lambda project: drop_take(project, alternatives, deleted_take)
         ):
-            self.editor.toasts.show_message(tr("{0} is deleted", deleted_take), tr("Ctrl+Z brings it back."))
+            self.editor.toasts.show_message(
+                tr("{0} is deleted", deleted_take), tr("Press Ctrl+Z to undo this.")
+            )
             self._select_take_lane(alternatives, self.audible_take)
 
     def _select_take_lane(self, alternatives: str, recorded: str) -> None:
@@ -100,7 +102,11 @@ def make_take_actions(takes: TakeCommands) -> Iterator[Action]:
     """Yields the actions that switch between the alternative takes of a lane, and delete takes."""
 
     def lacks_unused() -> str:
-        return "" if list_unused_takes(takes.editor) else "Every take is in use. Remove its clips first."
+        return (
+            ""
+            if list_unused_takes(takes.editor)
+            else "All takes are in use. Remove the clips of a take first."
+        )
 
     yield Action(
         "takes.next",
@@ -122,7 +128,7 @@ def make_take_actions(takes: TakeCommands) -> Iterator[Action]:
         (),
         takes.keep,
         takes.lacks,
-        about="All other takes of this lane are deleted.",
+        about="Deletes all other takes of this lane.",
     )
     yield Action("takes.drop", "Clip", "Delete this take", ("alt+delete",), takes.drop, takes.lacks)
     yield Action(

@@ -141,7 +141,9 @@ class TimelineInput:
             self.clip = handle.item
             frame = self.editor.settings.frame_step if self.snapping else 0.0
             if locked:
-                self.editor.toasts.show_message(tr("This lane is locked"), tr("Click its lock first."))
+                self.editor.toasts.show_message(
+                    tr("This lane is locked"), tr("Click the lock of the lane first.")
+                )
             else:
                 self._drag = ClipDrag.from_handle(layout, handle, self.editor.time, frame, alt=alt, ctrl=ctrl)
         elif handle.kind != "label":

@@ -21,7 +21,7 @@ def make_transport_actions(editor: Editor) -> Iterator[Action]:
         editor.marked_range = None
 
     def lacks_range() -> str:
-        return "" if editor.marked_range else "No in or out point is set. Alt+I and Alt+O set them."
+        return "" if editor.marked_range else "No in or out point is set. Press Alt+I and Alt+O to set them."
 
     yield Action("view.play", "View", "Play or stop", ("space",), play, is_on=lambda: editor.playing)
     yield Action("view.frame_back", "View", "One frame back", ("left",), lambda: step(-1))
@@ -32,7 +32,7 @@ def make_transport_actions(editor: Editor) -> Iterator[Action]:
     yield Action(
         "view.in_point",
         "View",
-        "In point here",
+        "Set the in point here",
         ("alt+i",),
         lambda: editor.set_loop_point(0),
         about=about,
@@ -40,7 +40,12 @@ def make_transport_actions(editor: Editor) -> Iterator[Action]:
     )
     about = "The loop returns to the in point here, and recordings end here."
     yield Action(
-        "view.out_point", "View", "Out point here", ("alt+o",), lambda: editor.set_loop_point(1), about=about
+        "view.out_point",
+        "View",
+        "Set the out point here",
+        ("alt+o",),
+        lambda: editor.set_loop_point(1),
+        about=about,
     )
     yield Action(
         "view.whole_loop",
@@ -49,5 +54,5 @@ def make_transport_actions(editor: Editor) -> Iterator[Action]:
         ("alt+l",),
         clear_range,
         lacks_range,
-        about="Removes the in and out points.",
+        about="Removes the in and out points, so that the whole project loops.",
     )

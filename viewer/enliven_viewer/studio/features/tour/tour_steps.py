@@ -178,7 +178,7 @@ TOUR_STEPS = (
         (
             _ANIMATE_PART,
             TourPart(
-                later("Click “Armchair”: it comes onto the stage."),
+                later("Click “Armchair”: the chair comes onto the stage."),
                 _target_widget("do Armchair"),
                 lambda t, before: len(t.chairs) > before.chairs or (bool(t.chairs) and not t.dances),
                 _run_action("sample.chair"),
@@ -191,7 +191,7 @@ TOUR_STEPS = (
         (
             _PERFORM_PART,
             TourPart(
-                later("Click “A recorded person”, or a camera of yours above it."),
+                later("Click “A recorded person”, or your own camera above that button."),
                 _target_perform_widget("recorded person", "leave"),
                 lambda t, before: t.has_stage,
                 _call_dancer,
@@ -210,7 +210,7 @@ TOUR_STEPS = (
         (
             _PERFORM_PART,
             TourPart(
-                later("Click “Possess”: the dancer slips into the chair."),
+                later("Click “Possess”: now the dancer moves the chair."),
                 _target_perform_widget("possess"),
                 lambda t, before: t.is_held,
                 _possess_chair,
@@ -230,7 +230,7 @@ TOUR_STEPS = (
                 _run_action("perform.record_or_end_the_recording"),
             ),
             TourPart(
-                later("Look: the chair does what the dancer does."),
+                later("Look: the chair moves as the dancer moves."),
                 lambda t: find_chair_in_image(t.workspace.editor, t.extent),
                 lambda t, before: t.recorded_s > _DANCE_S or t.dances,
             ),
@@ -266,7 +266,7 @@ TOUR_STEPS = (
         _look_at_chair,
     ),
     TourStep(
-        later("Put it somewhere else"),
+        later("Put the leg somewhere else"),
         "\uf047",
         (
             _ANIMATE_PART,
@@ -314,5 +314,5 @@ TOUR_STEPS = (
 )
 """The steps, in order. Each takes about a quarter of a minute."""
 
-ENDING = (later("You did it"), later("Your chair is kept. Open it again, and it dances."))
+ENDING = (later("You did it"), later("Your chair is saved. Open the file again, and the chair dances."))
 """Title and sentence shown once all steps are done."""
