@@ -9,7 +9,7 @@ from enliven.deformation.constraints.floor_contact import FloorSettings
 from enliven.deformation.constraints.observed import ObservedSettings
 from enliven.deformation.constraints.self_contact import SelfContactSettings
 from enliven.deformation.embedded.solver import EmbeddedSettings
-from enliven.possession.attachment import AttachmentSettings
+from enliven.possession.attachment.bone_attachment import AttachmentSettings
 from enliven.settings import group, parameter, setting
 
 

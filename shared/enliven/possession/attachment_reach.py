@@ -13,9 +13,9 @@ from enliven.deformation.graph.graph import DeformationGraph
 from enliven.errors import InputError
 from enliven.person import Body, parse_parts
 from enliven.possession.actor_settings import ActorSettings
-from enliven.possession.attachment import ReachGrowth, attach
-from enliven.possession.performer_attachment import TransformedAttachment
-from enliven.possession.rest_transform import RestTransform
+from enliven.possession.attachment.bone_attachment import ReachGrowth, attach
+from enliven.possession.attachment.performer_attachment import TransformedAttachment
+from enliven.possession.attachment.rest_transform import RestTransform
 
 _MIN_ATTACHED_FRACTION = 0.9
 """Minimum fraction of the bones that must attach if the joints are already inside the mesh."""

@@ -16,11 +16,11 @@ from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.person import Body, J, Joint
 from enliven.possession.actor_settings import ActorSettings
+from enliven.possession.attachment.limb_retargeting import LimbRetargeting
+from enliven.possession.attachment.rest_transform import PlacementTransform, RestTransform
 from enliven.possession.likeness.finding import find_body_in_mesh, find_person_in_mesh
 from enliven.possession.likeness.skeleton import BodyInMesh
-from enliven.possession.limb_retargeting import LimbRetargeting
 from enliven.possession.placement import AS_MODELLED, Placement, placement_under_hips, shift_left
-from enliven.possession.rest_transform import PlacementTransform, RestTransform
 
 _MAX_ORIGIN_DISTANCE_M = 0.2
 """Maximum distance (metres) of a mesh's floor area from its origin if a performer stands at the origin. It is

@@ -15,8 +15,8 @@ from enliven.person import Body, Joint
 from enliven.possession.actor_settings import ActorSettings
 from enliven.possession.likeness.finding import find_person_in_mesh
 from enliven.possession.likeness.skeleton import BodyInMesh
+from enliven.possession.likeness.standing_person import fit_standing_person, standing_figure
 from enliven.possession.placement import rotation_about_y
-from enliven.possession.standing_placement import fit_standing_person, standing_figure
 from enliven.similarity import fit_similarity
 
 log = logging.getLogger(__name__)

@@ -40,9 +40,9 @@ from enliven.meshes import Mesh
 from enliven.modeling.possessed.even_steps import even_times, interpolate_linearly, stream_at_even_steps
 from enliven.modeling.possessed.solving import mark_as_solved
 from enliven.modeling.puppet.baking import graph_from_baked_surface
+from enliven.motion_clips.body_takes import RecordedHolds, body_take_from_file, recorded_holds
 from enliven.recording import Recording
 from enliven.rotation import conjugate, from_matrix, rotate, to_matrix
-from enliven.takes.body_takes import RecordedHolds, body_take_from_file, recorded_holds
 from enliven.wire import (
     HOLDS,
     CharacterMessage,

@@ -6,9 +6,9 @@ import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven.formats.motion.capture import Capture
+from enliven.motion_clips.capture_roles import JointRoles
 from enliven.person import Limb
 from enliven.rotation import nearest_rotation, rotate, swing, unit
-from enliven.takes.capture_roles import JointRoles
 
 _UP, _DOWN, _FORWARD = np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 

@@ -1,19 +1,14 @@
 """Tests of bone rotations from joint positions: the kernel against plain NumPy, and special cases."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motion_strategies import EYE, angle, random_skeleton, random_turn, seeds
 from tolerances import are_alike
 
 from enliven.document.skeleton import Skeleton
+from enliven.motion_clips.joint_positions import fill_unseen, rest_from_positions, rotations_from_positions
 from enliven.rotation import from_matrix, from_rotation_vector, multiply, rotate, swing
-from enliven.takes.positions import fill_unseen, rest_from_positions, rotations_from_positions
-
-sys.path.insert(0, str(Path(__file__).parent))
-from motion_strategies import EYE, angle, random_skeleton, random_turn, seeds
 
 laws = settings(deadline=None, max_examples=40)
 

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from enliven.document import BodyTake
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
+from enliven.motion_clips.body_takes import body_take_from_file, body_take_from_frames
 from enliven.person import Body
 from enliven.recording import Recorder
-from enliven.takes.body_takes import body_take_from_file, body_take_from_frames
 
 people_in_view = st.lists(st.sets(st.integers(0, 4), max_size=3), min_size=1, max_size=8)
 

@@ -10,13 +10,13 @@ from sample_meshes.chair import make_chair
 
 from enliven.meshes.mesh import Mesh
 from enliven.person.joints import PARENTS, Joint
-from enliven.possession.placement import rotation_about_y
-from enliven.possession.standing_placement import (
+from enliven.possession.likeness.standing_person import (
     _ProximityGrid,
     fit_figures,
     fit_standing_person,
     standing_figure,
 )
+from enliven.possession.placement import rotation_about_y
 
 FRONT = np.array([0.0, 0.0, 1.0])
 

@@ -1,31 +1,26 @@
 """Tests of clips of files and of tracked people: forward kinematics reproduces the input joints."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motion_strategies import EYE, angle, random_clip, random_skeleton, random_turn, seeds
 from tolerances import are_alike
 
 from enliven.document.clip import Clip
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.formats.motion.capture import Capture, forward_kinematics
-from enliven.person.body import Body
-from enliven.person.joints import PARENTS, Joint
-from enliven.rotation import from_rotation_vector, multiply, rotate, slerp, to_matrix
-from enliven.takes.capture_clip import (
+from enliven.motion_clips.capture_clip import (
     _evenly_sampled_clip,
     clip_of_bodies,
     clip_of_capture,
     trim_clip,
 )
-from enliven.takes.positions import rotations_from_positions
-
-sys.path.insert(0, str(Path(__file__).parent))
-from motion_strategies import EYE, angle, random_clip, random_skeleton, random_turn, seeds
+from enliven.motion_clips.joint_positions import rotations_from_positions
+from enliven.person.body import Body
+from enliven.person.joints import PARENTS, Joint
+from enliven.rotation import from_rotation_vector, multiply, rotate, slerp, to_matrix
 
 laws = settings(deadline=None, max_examples=25)
 

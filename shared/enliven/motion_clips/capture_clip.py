@@ -19,9 +19,7 @@ from enliven.arrays import AnyArray, Float, Int
 from enliven.document import Clip, Skeleton
 from enliven.errors import InputError
 from enliven.formats.motion.capture import Capture
-from enliven.person import BODY_NAMES, PARENTS, Body
-from enliven.rotation import conjugate, from_matrix, multiply, remove_sign_jumps, rotate, slerp
-from enliven.takes.capture_rest import (
+from enliven.motion_clips.capture_rest import (
     find_moving_root,
     is_zero_pose_standing,
     link_translations,
@@ -30,8 +28,10 @@ from enliven.takes.capture_rest import (
     rigid_pose,
     zero_pose,
 )
-from enliven.takes.capture_upright import metres_per_unit_from_legs, turn_upright
-from enliven.takes.positions import fill_unseen, rest_from_positions, rotations_from_positions
+from enliven.motion_clips.capture_upright import metres_per_unit_from_legs, turn_upright
+from enliven.motion_clips.joint_positions import fill_unseen, rest_from_positions, rotations_from_positions
+from enliven.person import BODY_NAMES, PARENTS, Body
+from enliven.rotation import conjugate, from_matrix, multiply, remove_sign_jumps, rotate, slerp
 
 
 def clip_of_capture(

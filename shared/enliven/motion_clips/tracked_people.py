@@ -21,11 +21,11 @@ from enliven.document import Clip
 from enliven.errors import EnlivenError, InputError
 from enliven.files import DAMAGE
 from enliven.frames import BodyFrame, Frame
+from enliven.motion_clips.capture_clip import clip_of_bodies
+from enliven.motion_clips.reidentification import merge_performers
 from enliven.person import Body
 from enliven.recording import DEPTH_TOPIC, Recording
 from enliven.settings import parameter
-from enliven.takes.capture_clip import clip_of_bodies
-from enliven.takes.performers import merge_performers
 from enliven.wire import BODIES, BodiesMessage, message_to_bodies
 
 _STEP_S = 1.0 / 30.0

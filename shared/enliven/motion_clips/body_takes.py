@@ -18,9 +18,9 @@ from enliven.document import BodyTake, Character, HoldChange, Pose, Possession
 from enliven.errors import EnlivenError, InputError
 from enliven.files import DAMAGE
 from enliven.frames import BodyFrame, Frame
+from enliven.motion_clips.tracked_people import read_body_frames
 from enliven.person import Joint
 from enliven.recording import Recording
-from enliven.takes.recorded import read_body_frames
 from enliven.wire import HOLDS, HoldMessage
 
 

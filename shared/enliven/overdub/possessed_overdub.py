@@ -25,10 +25,10 @@ from enliven.document import (
 )
 from enliven.modeling.possessed.even_steps import even_times, interpolate_linearly
 from enliven.modeling.possessed.pose import compose_with_base
+from enliven.motion_clips.body_takes import RecordedHolds
+from enliven.overdub.punch_in import PunchIn
+from enliven.overdub.shared_motion import find_shared_motion
 from enliven.similarity import Similarity, fit_similarity
-from enliven.takes.body_takes import RecordedHolds
-from enliven.takes.punch_in import PunchIn
-from enliven.takes.shared_motion import find_shared_motion
 
 _SAME_NODE_M = 2e-3
 """Maximum distance, metres, between two equal nodes. It allows for the quantization of transmitted poses."""

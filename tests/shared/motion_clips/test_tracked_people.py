@@ -10,11 +10,11 @@ import pytest
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import BodyFrame, DepthFrame
+from enliven.motion_clips.capture_clip import BODY_NAMES
+from enliven.motion_clips.tracked_people import TakeSettings, clips_of_frames, read_recorded_clips
 from enliven.person.body import Body
 from enliven.recording import Recorder
 from enliven.rotation import from_rotation_vector, rotate
-from enliven.takes.capture_clip import BODY_NAMES
-from enliven.takes.recorded import TakeSettings, clips_of_frames, read_recorded_clips
 from enliven.wire import bodies_to_message
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from person_bvh import UP, format_bvh, generate_motion
 
+from enliven.motion_clips.take_files import read_take
 from enliven.rotation import rotate
-from enliven.takes.files import read_take
 
 
 def joints_of(clip) -> dict[str, np.ndarray]:

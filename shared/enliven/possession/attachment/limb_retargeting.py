@@ -7,10 +7,10 @@ import numpy as np
 from enliven import rotation
 from enliven.arrays import Float, Float32
 from enliven.person import PARENTS, Body, J, Joint
-from enliven.possession.bone_cylinders import bone_rotations, fill_joints
+from enliven.possession.attachment.bone_cylinders import bone_rotations, fill_joints
 from enliven.possession.likeness.skeleton import BodyInMesh
+from enliven.possession.likeness.standing_person import standing_figure
 from enliven.possession.placement import body_yaw, rotation_about_y, wrap_angle
-from enliven.possession.standing_placement import standing_figure
 from enliven.rotation import unit
 
 _HIP_JOINT = Joint.HIP_CENTER

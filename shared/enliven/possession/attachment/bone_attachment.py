@@ -18,8 +18,8 @@ from enliven.deformation.graph.graph import DeformationGraph
 from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.person import PARENTS, J, Joint, parse_parts
-from enliven.possession.bone_cylinders import bone_rotations, bone_samples, fill_joints
-from enliven.possession.nearest_nodes import nearest_facing, to_rest_space
+from enliven.possession.attachment.bone_cylinders import bone_rotations, bone_samples, fill_joints
+from enliven.possession.attachment.nearest_nodes import nearest_facing, to_rest_space
 from enliven.settings import parameter, setting
 
 _PARENT_JOINTS = np.array(PARENTS)

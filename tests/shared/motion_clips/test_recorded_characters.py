@@ -14,9 +14,9 @@ from enliven.modeling.edits import paste_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices
 from enliven.modeling.possessed.surgery import cut_graph
+from enliven.motion_clips.recorded_characters import read_possessed
 from enliven.recording import Recorder
 from enliven.rotation import from_rotation_vector, rotate, to_matrix
-from enliven.takes.possessed import read_possessed
 from enliven.wire.convert import pose_to_message
 from enliven.wire.convert_characters import character_to_message
 from enliven.wire.posecode import PoseCodec

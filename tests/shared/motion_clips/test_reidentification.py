@@ -12,8 +12,8 @@ from swaying import swaying
 
 from enliven.document.project import Project
 from enliven.frames import BodyFrame
-from enliven.takes.performed import PerformedMotion, add_performance
-from enliven.takes.performers import merge_performers
+from enliven.motion_clips.reidentification import merge_performers
+from enliven.overdub.performance import PerformedMotion, add_performance
 from enliven.wire import HoldMessage
 
 STEP = 33_333_333

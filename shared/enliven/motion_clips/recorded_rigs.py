@@ -15,8 +15,8 @@ from enliven.arrays import Float
 from enliven.document import Character, Clip, Pose, RiggedCharacter, Skeleton, still_shape
 from enliven.errors import InputError
 from enliven.meshes import Mesh
+from enliven.motion_clips.recorded_characters import even_times, interpolate_linearly
 from enliven.rotation import from_matrix, remove_sign_jumps
-from enliven.takes.possessed import even_times, interpolate_linearly
 
 
 def shape_and_clip_from_poses(

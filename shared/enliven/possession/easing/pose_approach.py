@@ -14,9 +14,13 @@ from enliven.deformation.embedded.solver import EmbeddedSolver
 from enliven.deformation.graph.graph import DeformationGraph
 from enliven.person import Body
 from enliven.possession.actor_settings import ActorSettings
+from enliven.possession.attachment.limb_retargeting import LimbRetargeting
+from enliven.possession.attachment.performer_attachment import (
+    PerformerAttachment,
+    depth_below_floor,
+    join_constraints,
+)
 from enliven.possession.attachment_reach import attach_within_reach
-from enliven.possession.limb_retargeting import LimbRetargeting
-from enliven.possession.performer_attachment import PerformerAttachment, depth_below_floor, join_constraints
 
 State = tuple[Float, Float]
 """(N, 3, 3) linear parts and (N, 3) positions in the rest space."""

@@ -12,9 +12,9 @@ from performed_arm import ARM, BEGIN, BONES, FRAMES, STEP, create_performance, c
 from enliven.document.project import Project, are_identical
 from enliven.frames import BodyFrame
 from enliven.motion.layers.evaluate import evaluate_pose, pose_from
+from enliven.overdub.performance import add_performance
+from enliven.overdub.rigged_overdub import LiveLayer
 from enliven.person.body import Body
-from enliven.takes.live_layer import LiveLayer
-from enliven.takes.performed import add_performance
 from enliven.wire import HoldMessage
 
 BENDS = st.dictionaries(st.integers(1, BONES - 1), st.floats(0.2, 1.0), min_size=1, max_size=BONES - 1)

@@ -16,8 +16,8 @@ from enliven.files import decode_text, open_file
 from enliven.formats.motion.bvh import read_bvh
 from enliven.formats.motion.capture import UNITS, Capture, guess_unit
 from enliven.formats.motion.expmap import read_expmap
+from enliven.motion_clips.capture_roles import JointRoles, find_roles
 from enliven.rotation import unit
-from enliven.takes.capture_roles import JointRoles, find_roles
 
 _Y_FROM = {
     "+Y": np.eye(3),

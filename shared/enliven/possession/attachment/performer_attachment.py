@@ -10,8 +10,8 @@ import numpy as np
 
 from enliven.arrays import Float, Int32
 from enliven.person import Body
-from enliven.possession.attachment import Attachment
-from enliven.possession.rest_transform import RestTransform
+from enliven.possession.attachment.bone_attachment import Attachment
+from enliven.possession.attachment.rest_transform import RestTransform
 
 _STRENGTH_TIME_CONSTANT_S = 0.12
 """Time constant in seconds of the low-pass filter on the strength of an attachment. Without the filter,
