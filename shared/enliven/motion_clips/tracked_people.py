@@ -22,7 +22,7 @@ from enliven.errors import EnlivenError, InputError
 from enliven.files import DAMAGE
 from enliven.frames import BodyFrame, Frame
 from enliven.motion_clips.capture_clip import clip_of_bodies
-from enliven.motion_clips.reidentification import merge_performers
+from enliven.motion_clips.merged_performers import merge_performers
 from enliven.person import Body
 from enliven.recording import DEPTH_TOPIC, Recording
 from enliven.settings import parameter

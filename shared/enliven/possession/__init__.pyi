@@ -1,10 +1,6 @@
 from .actor import Actor as Actor, Mode as Mode
-from .actor_settings import ActorSettings as ActorSettings
-from .attachment.bone_attachment import (
-    Attachment as Attachment,
-    AttachmentSettings as AttachmentSettings,
-    attach as attach,
-)
+from .actor_settings import ActorSettings as ActorSettings, AttachmentSettings as AttachmentSettings
+from .attachment.bone_attachment import Attachment as Attachment, attach as attach
 from .easing.pose_blend import PoseBlend as PoseBlend
 from .embedded_actor import EmbeddedActor as EmbeddedActor
 from .highlights import Cues as Cues, State as State, make_cues as make_cues

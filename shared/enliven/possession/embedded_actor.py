@@ -20,10 +20,11 @@ from enliven.possession.attachment.limb_retargeting import LimbRetargeting
 from enliven.possession.attachment.performer_attachment import (
     PerformerAttachment,
     TransformedAttachment,
+    attach_within_reach,
     depth_below_floor,
     join_constraints,
+    out_of_reach_error,
 )
-from enliven.possession.attachment_reach import attach_within_reach, out_of_reach_error
 from enliven.possession.easing.follow_through import FollowThrough, node_stiffness
 from enliven.possession.easing.pose_approach import PoseApproach
 from enliven.possession.easing.pose_blend import PoseBlend

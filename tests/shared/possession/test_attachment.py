@@ -13,7 +13,8 @@ from enliven.deformation.graph.graph import DeformationGraph
 from enliven.errors import InputError
 from enliven.person.joints import BONES, PARENTS, J, Joint
 from enliven.person.parts import PARTS
-from enliven.possession.attachment.bone_attachment import AttachmentSettings, ReachGrowth, attach
+from enliven.possession.actor_settings import AttachmentSettings
+from enliven.possession.attachment.bone_attachment import ReachGrowth, attach
 from enliven.possession.attachment.bone_cylinders import bone_rotations, bone_samples
 from enliven.possession.attachment.nearest_nodes import nearest_facing
 

@@ -18,9 +18,9 @@ from enliven.deformation.graph.graph import DeformationGraph
 from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.person import PARENTS, J, Joint, parse_parts
+from enliven.possession.actor_settings import AttachmentSettings
 from enliven.possession.attachment.bone_cylinders import bone_rotations, bone_samples, fill_joints
 from enliven.possession.attachment.nearest_nodes import nearest_facing, to_rest_space
-from enliven.settings import parameter, setting
 
 _PARENT_JOINTS = np.array(PARENTS)
 _LIMB_OF_BONE = np.array([0, 0, 0, 0, *[1] * 4, *[2] * 4, *[3] * 4, *[4] * 4])
@@ -29,30 +29,6 @@ _ARM_NUMBERS = (1, 2)
 """The numbers of the arms in ``_LIMB_OF_BONE``."""
 _PELVIS_CHILDREN = (int(Joint.SPINE), int(Joint.HIP_LEFT), int(Joint.HIP_RIGHT))
 """Child joints of the bones that begin at the pelvis."""
-
-
-@dataclass(frozen=True)
-class AttachmentSettings:
-    """How a body attaches to a mesh."""
-
-    radius: float = parameter(
-        0.04, "Radius of the cylinder of sample points around each bone.", unit="m", low=0.0, high=0.5
-    )
-    along: int = parameter(4, "Number of samples along each bone.", low=1, high=64)
-    around: int = parameter(4, "Number of samples around each bone.", low=1, high=64)
-    reach: float = setting(
-        0.10, "Maximum distance from a sample to the node to which it attaches.", unit="m", low=0.0, high=2.0
-    )
-    normal_angle: float = parameter(
-        math.pi / 2,
-        "Maximum angle between the normals of a sample and its node.",
-        unit="rad",
-        low=0.0,
-        high=math.pi,
-    )
-    joints: bool = parameter(
-        True, "Also attaches samples at the joints, in addition to those along the bones."
-    )
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,11 @@ from enliven.possession.actor_settings import ActorSettings
 from enliven.possession.attachment.limb_retargeting import LimbRetargeting
 from enliven.possession.attachment.performer_attachment import (
     PerformerAttachment,
+    attach_within_reach,
     depth_below_floor,
     join_constraints,
 )
-from enliven.possession.attachment_reach import attach_within_reach
-
-State = tuple[Float, Float]
-"""(N, 3, 3) linear parts and (N, 3) positions in the rest space."""
+from enliven.possession.easing.pose_blend import State
 
 
 class PoseApproach:

@@ -14,7 +14,7 @@ _MAX_SLOPE = 1.5 * np.pi / 2
 / 2)."""
 
 State = tuple[Float, Float]
-"""(N, 3, 3) linear parts and (N, 3) positions, world frame."""
+"""(N, 3, 3) linear parts and (N, 3) positions of nodes."""
 
 
 @dataclass(frozen=True)

@@ -35,9 +35,11 @@ _MAX_PLACES = 700
 than high."""
 _MAX_CELLS = 300_000
 """Maximum number of grid cells. Cells are larger in a mesh that is much wider than high."""
-_PERSON_HEIGHT_M = 1.75
-"""Height of the reference person, metres. All lengths in this module are scaled by the mesh's height divided
-by this height."""
+PERSON_HEIGHT_M = 1.75
+"""Height of the reference person, metres: the height of an average person. All lengths in this module are
+scaled by the mesh's height divided by this height."""
+TRUNK_JOINTS = [Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT]
+"""Joints with their mean at the middle of a person's trunk."""
 _STANDING_JOINTS = {
     "HIP_CENTER": (0.0, 0.97, 0.0), "SPINE": (0.0, 1.13, -0.01), "SHOULDER_CENTER": (0.0, 1.42, -0.01),
     "HEAD": (0.0, 1.61, 0.02), "HIP_LEFT": (0.09, 0.91, 0.0), "KNEE_LEFT": (0.10, 0.49, 0.02),
@@ -76,7 +78,7 @@ _POINTS_PER_LEAF = 32
 time with SciPy's default."""
 
 
-def standing_figure(height: float = _PERSON_HEIGHT_M) -> Float:
+def standing_figure(height: float = PERSON_HEIGHT_M) -> Float:
     """Returns the joints (20, 3), metres, of a person who stands at the origin, faces +Z and has hanging
     arms.
     """
@@ -84,7 +86,7 @@ def standing_figure(height: float = _PERSON_HEIGHT_M) -> Float:
     for joint in Joint:
         x, y, z = _STANDING_JOINTS[joint.name.replace("RIGHT", "LEFT")]
         joints[joint] = (-x if "RIGHT" in joint.name else x, y, z)
-    return np.asarray(joints * (height / _PERSON_HEIGHT_M))
+    return np.asarray(joints * (height / PERSON_HEIGHT_M))
 
 
 def fit_standing_person(mesh: Mesh) -> tuple[Mesh, float]:
@@ -114,7 +116,7 @@ def fit_figures(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, flo
     Returns:
         The rotation about +Y (radians), the move (3,) (metres), and the score from 0 to 1.
     """
-    unit = (float(np.ptp(mesh.vertices[:, 1])) or 1.0) / _PERSON_HEIGHT_M
+    unit = (float(np.ptp(mesh.vertices[:, 1])) or 1.0) / PERSON_HEIGHT_M
     samples = sample_uniform_points(mesh, 8000, np.random.default_rng(0))
     points = samples.positions
     # Precompute the proximity grids of the surface and of the figures' bones.

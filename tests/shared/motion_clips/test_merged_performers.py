@@ -12,7 +12,7 @@ from swaying import swaying
 
 from enliven.document.project import Project
 from enliven.frames import BodyFrame
-from enliven.motion_clips.reidentification import merge_performers
+from enliven.motion_clips.merged_performers import merge_performers
 from enliven.overdub.performance import PerformedMotion, add_performance
 from enliven.wire import HoldMessage
 
