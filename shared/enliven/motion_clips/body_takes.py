@@ -11,13 +11,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import msgspec
 import numpy as np
 
 from enliven.document import BodyTake, Character, HoldChange, Pose, Possession
-from enliven.errors import EnlivenError, InputError
-from enliven.files import DAMAGE
+from enliven.errors import InputError
 from enliven.frames import BodyFrame, Frame
+from enliven.motion_clips.edge_messages import read_messages
 from enliven.motion_clips.tracked_people import read_body_frames
 from enliven.person import Joint
 from enliven.recording import Recording
@@ -93,12 +92,7 @@ def recorded_holds(recording: Recording, id: str) -> RecordedHolds | None:
     """
     if HOLDS.name not in recording.info.topics:
         return None
-    events = []
-    for _, data in recording.messages(HOLDS.name):
-        try:
-            events.append(msgspec.msgpack.decode(data, type=HoldMessage))
-        except (msgspec.MsgspecError, EnlivenError, *DAMAGE):
-            continue
+    events = list(read_messages(recording, HOLDS.name, HoldMessage))
     return holds_from_frames(read_body_frames(recording), events, id)
 
 

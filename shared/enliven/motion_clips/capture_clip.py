@@ -1,37 +1,28 @@
-"""Builds clips from motion captures and tracked people, and resamples and trims clips.
+"""Converts motion captures to clips in metres: rest pose, moving root, bone lengths and unit.
 
     clip_of_capture(capture, id, *, rest="auto", unit=None) -> Clip
-    clip_of_bodies(bodies, seconds, id, *, rest=0, step=1/30, names=None) -> Clip  # enliven.person.body.Body
-    trim_clip(clip, start, stop) -> Clip
 
 Clips are in metres, +Y up. Their quaternions have consistent signs from frame to frame.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
-
 import numpy as np
 
-from enliven.arrays import AnyArray, Float, Int
+from enliven.arrays import Float
 from enliven.document import Clip, Skeleton
 from enliven.errors import InputError
-from enliven.formats.motion.capture import Capture
-from enliven.motion_clips.capture_rest import (
-    find_moving_root,
-    is_zero_pose_standing,
-    link_translations,
-    median_links,
-    metres_per_unit,
-    rigid_pose,
-    zero_pose,
-)
+from enliven.formats.motion.capture import UNITS, Capture, guess_unit
 from enliven.motion_clips.capture_upright import metres_per_unit_from_legs, turn_upright
-from enliven.motion_clips.joint_positions import fill_unseen, rest_from_positions, rotations_from_positions
-from enliven.person import BODY_NAMES, PARENTS, Body
-from enliven.rotation import conjugate, from_matrix, multiply, remove_sign_jumps, rotate, slerp
+from enliven.rotation import conjugate, from_matrix, multiply, remove_sign_jumps, rotate
+
+_MIN_STANDING_HEIGHT_FRACTION = 0.9
+"""Minimum height of a standing zero pose, as a fraction of the body's height in the frames."""
+_MIN_ROOT_MOTION_FRACTION = 0.002
+"""Minimum motion of the moving root relative to its parent, as a fraction of the extent. Smaller motions are
+rounding errors."""
+_HIP_TO_ANKLE = 0.9
+"""Typical leg length as a fraction of the root's height above the lowest joint, for guessing the unit."""
 
 
 def clip_of_capture(
@@ -86,104 +77,101 @@ def clip_of_capture(
     return Clip(id, skeleton, remove_sign_jumps(world), root, capture.seconds, offsets=shifts)
 
 
-def clip_of_bodies(
-    bodies: Sequence[Body],
-    seconds: AnyArray,
-    id: str,
-    *,
-    rest: int | Body = 0,
-    step: float = 1.0 / 30.0,
-    names: Sequence[str] | None = None,
-) -> Clip:
-    """Converts a tracked person's motion to a clip of 20 joints.
-
-    If a body has measured orientations, they define the rotations of the bones since rest. Otherwise, the
-    rotation of a bone is the swing with the least twist relative to the parent bone. In both cases, every
-    bone points from its parent joint to its joint. A joint of confidence 0 is interpolated from the frames
-    before and after.
-
-    Args:
-        bodies: (F,) the tracked bodies of the person over time.
-        seconds: (F,) times of the bodies, ascending. Intervals may be irregular.
-        rest: index of the rest pose among the bodies, or a body in the rest pose.
-        step: seconds between the frames of the clip.
-        names: (20,) names of the joints. None means :data:`BODY_NAMES`.
-
-    Raises:
-        InputError: if the list of bodies is empty, or the times do not match or do not ascend.
+def find_moving_root(capture: Capture, id: str) -> tuple[tuple[str, ...], list[int], Float, Float]:
+    """Returns the capture's names, parents, positions and rotations, starting at the joint that acts as the
+    moving root.
     """
-    times: Float = np.asarray(seconds, np.float64)
-    where = f"clip {id!r}"
-    if not bodies or times.shape != (len(bodies),) or (np.diff(times) <= 0).any():
-        advice = "Give one time for each body, each after the one before."
-        raise InputError(f"{len(bodies)} bodies at {times.shape} times", where=where, remedy=advice)
-    joints = np.stack([body.joints for body in bodies])
-    is_seen = np.stack([body.confidence > 0 for body in bodies])
-    joints = fill_unseen(np.array(PARENTS), joints, is_seen)
-    rest_body = bodies[rest] if isinstance(rest, int) else rest
-    rest_joints = joints[rest] if isinstance(rest, int) else rest.joints
-    positions = rest_from_positions(np.array(PARENTS), rest_joints, joints)
-    skeleton = Skeleton(tuple(names or BODY_NAMES), np.array(PARENTS, np.int32), positions)
-    turns = rotations_from_positions(skeleton, joints, _measured_rotations(bodies, rest_body))
-    return _evenly_sampled_clip(id, skeleton, times - times[0], turns, joints[:, 0], step)
+    if sum(parent < 0 for parent in capture.parents) != 1 or capture.parents[0] != -1:
+        raise InputError(
+            "it has more than one root", where=f"clip {id!r}", remedy="Keep one of its skeletons."
+        )
+    names, parents = capture.names, list(capture.parents)
+    positions, rotations = capture.positions, capture.rotations
+    extent = float(np.median(np.ptp(positions, axis=1).max(1)))
+    while parents.count(0) == 1 and len(names) > 2:
+        local = np.einsum("fji,fj->fi", rotations[:, 0], positions[:, 1] - positions[:, 0])
+        if np.ptp(local, axis=0).max() < _MIN_ROOT_MOTION_FRACTION * extent:
+            break
+        names, parents = names[1:], [max(parent - 1, -1) for parent in parents[1:]]
+        positions, rotations = positions[:, 1:], rotations[:, 1:]
+    return names, parents, positions, rotations
 
 
-def resample_clip(clip: Clip, step: float) -> Clip:
-    """Resamples a clip to frames ``step`` seconds apart. The last frame is at or before the clip's end."""
-    times: Float = np.arange(len(clip.turns), dtype=np.float64) * clip.step
-    tracks: dict[str, Any] = {name: _interpolate_track(track, times, step) for name, track in clip.tracks}
-    if clip.mirrors is not None:
-        tracks["mirrors"] = np.where(_interpolate_track(clip.mirrors, times, step) < 0.0, -1.0, 1.0)
-    return replace(_evenly_sampled_clip(clip.id, clip.skeleton, times, clip.turns, clip.root, step), **tracks)
+def median_links(parents: list[int], positions: Float, rotations: Float) -> Float:
+    """Returns the median position (N, 3) over all frames of each joint in its parent's frame. The root's
+    position is zero.
+    """
+    return np.asarray(np.median(_local_links(parents, positions, rotations), axis=0))
 
 
-def trim_clip(clip: Clip, start: float, stop: float) -> Clip:
-    """Trims a clip to the frames from ``start`` to ``stop`` seconds. At least one frame is kept."""
-    first = min(max(round(start / clip.step), 0), len(clip.turns) - 1)
-    last = max(round(stop / clip.step) + 1, first + 1)
-    trimmed = clip.mapped(lambda track: track[first:last])
-    if clip.fine is None:
-        return trimmed
-    return replace(
-        trimmed, fine=clip.fine.between(first * clip.step, (len(trimmed.turns) + first - 1) * clip.step)
+def link_translations(parents: list[int], offsets: Float, positions: Float, rotations: Float) -> Float:
+    """Returns the translation (F, N, 3) of each joint in its parent's frame, relative to its rest offset in
+    ``offsets`` (N, 3).
+
+    It is zero for a joint that moves only by rounding errors.
+    """
+    translations = _local_links(parents, positions, rotations) - offsets
+    extent = float(np.median(np.ptp(positions, axis=1).max(1)))
+    translations[:, np.abs(translations).max((0, 2)) < _MIN_ROOT_MOTION_FRACTION * extent] = 0.0
+    return translations
+
+
+def _local_links(parents: list[int], positions: Float, rotations: Float) -> Float:
+    """Returns the position (F, N, 3) of each joint in its parent's frame. The root's position is zero."""
+    parent_joints = np.maximum(parents, 0)
+    offsets = positions - positions[:, parent_joints]
+    return np.asarray(np.einsum("fnji,fnj->fni", rotations[:, parent_joints], offsets))
+
+
+def rigid_pose(parents: list[int], offsets: Float, positions: Float, rotations: Float) -> Float:
+    """Returns the joint positions (N, 3) of one frame, computed with constant bone lengths."""
+    pose = positions.copy()
+    for j, parent in enumerate(parents[1:], 1):
+        pose[j] = pose[parent] + rotations[parent] @ offsets[j]
+    return pose
+
+
+def zero_pose(parents: list[int], offsets: Float, positions: Float) -> Float:
+    """Returns the joint positions (N, 3) with all rotations zero, standing on the floor at the start of the
+    motion."""
+    count = len(parents)
+    pose = rigid_pose(parents, offsets, np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1)))
+    floor = np.percentile(positions[:, :, 1].min(1), 10)
+    shift = np.array([positions[0, 0, 0], floor - pose[:, 1].min(), positions[0, 0, 2]])
+    return np.asarray(pose + shift)
+
+
+def is_zero_pose_standing(parents: list[int], offsets: Float, positions: Float) -> bool:
+    """Returns True if the zero pose is about as tall as the body in the frames, and its root is at about the
+    same height."""
+    zero = zero_pose(parents, offsets, positions)
+    lowest = positions[:, :, 1].min(1)
+    frame_height, root_height = (
+        np.median(positions[:, :, 1].max(1) - lowest),
+        np.median(positions[:, 0, 1] - lowest),
+    )
+    legs = zero[0, 1] - zero[:, 1].min()
+    return bool(
+        np.ptp(zero[:, 1]) > _MIN_STANDING_HEIGHT_FRACTION * frame_height
+        and _MIN_STANDING_HEIGHT_FRACTION * root_height
+        < legs
+        < root_height / _MIN_STANDING_HEIGHT_FRACTION**2
     )
 
 
-def _evenly_sampled_clip(
-    id: str, skeleton: Skeleton, times: Float, turns: Float, root: Float, step: float
-) -> Clip:
-    """Builds a clip with frames ``step`` seconds apart by interpolating rotations and root at ``times`` (F,),
-    which begin at 0.
-    """
-    before, after, fraction = _frame_fractions(times, step)
-    even_turns = slerp(turns[before], turns[after], fraction[:, None])
-    return Clip(id, skeleton, remove_sign_jumps(even_turns), _interpolate_track(root, times, step), step)
-
-
-def _interpolate_track(track: Float, times: Float, step: float) -> Float:
-    """Resamples a track (F, ...) with ``times`` (F,) to G frames ``step`` seconds apart. Returns (G, ...)."""
-    before, after, fraction = _frame_fractions(times, step)
-    fraction = fraction.reshape(-1, *(1,) * (track.ndim - 1))
-    return np.asarray(track[before] + fraction * (track[after] - track[before]))
-
-
-def _frame_fractions(times: Float, step: float) -> tuple[Int, Int, Float]:
-    """Returns, for G times that are ``step`` seconds apart, the frames before and after them (G,), and the
-    interpolation factors (G,).
-    """
-    count = int(np.floor(times[-1] / step + 1e-6)) + 1
-    sample_times = np.minimum(np.arange(count) * step, times[-1])
-    before = np.clip(np.searchsorted(times, sample_times, side="right") - 1, 0, max(len(times) - 2, 0))
-    after = np.minimum(before + 1, len(times) - 1)
-    width = np.where(after > before, times[after] - times[before], 1.0)
-    return before, after, (sample_times - times[before]) / width
-
-
-def _measured_rotations(bodies: Sequence[Body], still: Body) -> Float | None:
-    """Computes rotations since rest (F, 20, 4) from the bodies' measured orientations. Returns None if a body
-    has none.
-    """
-    if still.orientations is None or any(body.orientations is None for body in bodies):
-        return None
-    world = np.stack([np.asarray(body.orientations) for body in bodies])
-    return multiply(world, conjugate(still.orientations))
+def metres_per_unit(unit: str | float | None, at_rest: Float, where: str) -> float:
+    """Returns the length in metres of the file's unit."""
+    if unit is None:
+        legs = at_rest[0, 1] - at_rest[:, 1].min()
+        return UNITS[guess_unit(float(legs) * _HIP_TO_ANKLE)]
+    if isinstance(unit, str):
+        if unit not in UNITS:
+            raise InputError(
+                f"the unit {unit!r} does not exist", where=where, remedy=f"Known: {', '.join(UNITS)}."
+            )
+        return UNITS[unit]
+    if not 0.0 < unit < 1e6:
+        raise InputError(
+            f"a unit of {unit} m is not valid", where=where, remedy="Give the length of one unit in metres."
+        )
+    return float(unit)

@@ -1,5 +1,6 @@
-"""Computes bone rotations from joint positions, with the least twist.
+"""Computes clips and bone rotations from joint positions, with the least twist.
 
+    clip_of_bodies(bodies, seconds, id, *, rest=0, step=1/30, names=None) -> Clip  # enliven.person.body.Body
     rotations_from_positions(skeleton, positions (F, N, 3), known=None) -> (F, N, 4)
     rest_from_positions(parents, at_rest, positions) -> (N, 3)    # the rest pose with median bone lengths
     fill_unseen(parents, positions, seen) -> (F, N, 3)            # unseen joints, interpolated in time
@@ -10,18 +11,64 @@ Every bone points from its parent joint to its joint. Its twist relative to the 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from enliven.arrays import AnyArray, Bool, Float
-from enliven.document import Skeleton
+from enliven.document import Clip, Skeleton
+from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.motion.kinematics.quaternions import load, mul, store, turn
 from enliven.motion.kinematics.vectors import cross, dot, length, rotation_about, row, subtract, swing_to
-from enliven.rotation import nearest_quaternion
+from enliven.motion_clips.clip_sampling import evenly_sampled_clip
+from enliven.person import BODY_NAMES, PARENTS, Body
+from enliven.rotation import conjugate, multiply, nearest_quaternion
 
 _MIN_DIRECTION_LENGTH_M = 1e-6
 """Minimum length, metres, of a bone with a defined direction."""
+
+
+def clip_of_bodies(
+    bodies: Sequence[Body],
+    seconds: AnyArray,
+    id: str,
+    *,
+    rest: int | Body = 0,
+    step: float = 1.0 / 30.0,
+    names: Sequence[str] | None = None,
+) -> Clip:
+    """Converts a tracked person's motion to a clip of 20 joints.
+
+    If a body has measured orientations, they define the rotations of the bones since rest. Otherwise, the
+    rotation of a bone is the swing with the least twist relative to the parent bone. In both cases, every
+    bone points from its parent joint to its joint. A joint of confidence 0 is interpolated from the frames
+    before and after.
+
+    Args:
+        bodies: (F,) the tracked bodies of the person over time.
+        seconds: (F,) times of the bodies, ascending. Intervals may be irregular.
+        rest: index of the rest pose among the bodies, or a body in the rest pose.
+        step: seconds between the frames of the clip.
+        names: (20,) names of the joints. None means :data:`BODY_NAMES`.
+
+    Raises:
+        InputError: if the list of bodies is empty, or the times do not match or do not ascend.
+    """
+    times: Float = np.asarray(seconds, np.float64)
+    where = f"clip {id!r}"
+    if not bodies or times.shape != (len(bodies),) or (np.diff(times) <= 0).any():
+        advice = "Give one time for each body, each after the one before."
+        raise InputError(f"{len(bodies)} bodies at {times.shape} times", where=where, remedy=advice)
+    joints = np.stack([body.joints for body in bodies])
+    is_seen = np.stack([body.confidence > 0 for body in bodies])
+    joints = fill_unseen(np.array(PARENTS), joints, is_seen)
+    rest_body = bodies[rest] if isinstance(rest, int) else rest
+    rest_joints = joints[rest] if isinstance(rest, int) else rest.joints
+    positions = rest_from_positions(np.array(PARENTS), rest_joints, joints)
+    skeleton = Skeleton(tuple(names or BODY_NAMES), np.array(PARENTS, np.int32), positions)
+    turns = rotations_from_positions(skeleton, joints, _measured_rotations(bodies, rest_body))
+    return evenly_sampled_clip(id, skeleton, times - times[0], turns, joints[:, 0], step)
 
 
 def rotations_from_positions(skeleton: Skeleton, positions: Float, known: Float | None = None) -> Float:
@@ -75,6 +122,16 @@ def fill_unseen(parents: AnyArray, positions: Float, seen: Bool) -> Float:
                 link[~is_seen, axis] = np.interp(frames[~is_seen], frames[is_seen], raw[is_seen, axis])
         completed[:, j] = base + link
     return completed
+
+
+def _measured_rotations(bodies: Sequence[Body], still: Body) -> Float | None:
+    """Computes rotations since rest (F, 20, 4) from the bodies' measured orientations. Returns None if a body
+    has none.
+    """
+    if still.orientations is None or any(body.orientations is None for body in bodies):
+        return None
+    world = np.stack([np.asarray(body.orientations) for body in bodies])
+    return multiply(world, conjugate(still.orientations))
 
 
 def _unit_direction(v: Float) -> Float:

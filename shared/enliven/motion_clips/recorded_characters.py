@@ -1,18 +1,22 @@
-"""Reads possessed meshes, with the motion of their nodes, from a recorded take for editing.
+"""Reads characters with their motion from a recorded take for editing.
 
     project = read_possessed("take.mcap")          # a graph shape and a stream for each possessed mesh
+    shape, clip, begin = shape_and_clip_from_poses(character, poses)     # a rigged character
 
 The file, which ``enliven run`` records, contains the transmitted characters and poses. The poses of a puppet
 contain only its control points. So its surface is solved again and baked to nodes
 (:mod:`enliven.examples.baking.bake`), with a note about the error.
+
+Transmitted rigged characters contain transforms with pivots, but no joints. So the joints are reconstructed:
+a bone begins at its pivot, and bones with the same pivot begin at the same joint.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import msgspec
 import numpy as np
 
 from enliven.arrays import Float
@@ -20,6 +24,7 @@ from enliven.document import (
     ArapSettings,
     BodyTake,
     Character,
+    Clip,
     ControlPoint,
     ExampleCharacter,
     GraphCharacter,
@@ -28,21 +33,29 @@ from enliven.document import (
     PoseStream,
     Possession,
     Project,
+    RiggedCharacter,
+    Skeleton,
     graph_shape_from_poses,
+    still_shape,
     unused,
 )
-from enliven.errors import EnlivenError, InputError
+from enliven.errors import InputError
 from enliven.examples.baking.bake import bake_surface
 from enliven.examples.baking.frames import SurfaceFrames
 from enliven.examples.baking.settings import MAX_CACHED_FRAMES_MB, BakeSettings
-from enliven.files import DAMAGE
 from enliven.meshes import Mesh
-from enliven.modeling.possessed.even_steps import even_times, interpolate_linearly, stream_at_even_steps
+from enliven.modeling.possessed.even_steps import (
+    even_times,
+    interpolate_linearly,
+    resample_evenly,
+    stream_at_even_steps,
+)
 from enliven.modeling.possessed.solving import mark_as_solved
 from enliven.modeling.puppet.baking import graph_from_baked_surface
 from enliven.motion_clips.body_takes import RecordedHolds, body_take_from_file, recorded_holds
+from enliven.motion_clips.edge_messages import read_messages
 from enliven.recording import Recording
-from enliven.rotation import conjugate, from_matrix, rotate, to_matrix
+from enliven.rotation import conjugate, from_matrix, remove_sign_jumps, rotate, to_matrix
 from enliven.wire import (
     HOLDS,
     CharacterMessage,
@@ -120,26 +133,23 @@ _Key = tuple[str, int]
 def read_characters_and_poses(recording: Recording) -> tuple[dict[_Key, Character], dict[_Key, list[Pose]]]:
     """Reads characters and poses by id and revision. Unreadable messages are skipped."""
     characters: dict[_Key, Character] = {}
-    codecs: dict[_Key, PoseCodec] = {}
     poses: dict[_Key, list[Pose]] = {}
-    for _, data in recording.messages("character") if "character" in recording.info.topics else ():
-        try:
-            message = msgspec.msgpack.decode(data, type=CharacterMessage)
-            if (message.id, message.revision) in characters:
-                continue  # The recording repeats its messages, so skip those that were read before.
-            character = message_to_character(message)
-        except (msgspec.MsgspecError, EnlivenError, *DAMAGE):
-            continue
-        key = (character.id, message.revision)
-        characters[key], codecs[key] = character, PoseCodec(character)
-    for _, data in recording.messages("pose") if "pose" in recording.info.topics else ():
-        try:
-            pose_message = msgspec.msgpack.decode(data, type=PoseMessage)
-            key = (pose_message.character, pose_message.revision)
-            if key in codecs:
-                poses.setdefault(key, []).append(message_to_pose(pose_message, codecs[key]))
-        except (msgspec.MsgspecError, EnlivenError, *DAMAGE):
-            continue
+
+    def keyed_character(message: CharacterMessage) -> tuple[_Key, Character]:
+        key = (message.id, message.revision)
+        # The recording repeats its messages. Convert each character only once.
+        return key, characters[key] if key in characters else message_to_character(message)
+
+    for key, character in read_messages(recording, "character", CharacterMessage, keyed_character):
+        characters[key] = character
+    codecs = {key: PoseCodec(character) for key, character in characters.items()}
+
+    def keyed_pose(message: PoseMessage) -> tuple[_Key, Pose]:
+        key = (message.character, message.revision)
+        return key, message_to_pose(message, codecs[key])  # Poses of unknown characters are skipped.
+
+    for key, pose in read_messages(recording, "pose", PoseMessage, keyed_pose):
+        poses.setdefault(key, []).append(pose)
     return characters, {
         key: sorted(own_poses, key=lambda pose: pose.time_ns) for key, own_poses in poses.items()
     }
@@ -219,3 +229,65 @@ def _puppet_from_character(character: Character) -> ExampleCharacter:
     vertices = character.vertices.astype(np.float64)
     mesh = Mesh(vertices, character.faces, character.id, character.colours)
     return ExampleCharacter(character.id, mesh, points, surface=character.surface or ArapSettings())
+
+
+def shape_and_clip_from_poses(
+    character: Character, poses: Sequence[Pose], begin: int = 0
+) -> tuple[RiggedCharacter, Clip, float]:
+    """Converts a rigged character to a shape and a clip with evenly spaced frames. Also returns the time in
+    seconds at which the clip begins.
+
+    Args:
+        poses: at least two poses, in the order of time.
+        begin: time of the sensor's clock at 0 seconds, nanoseconds.
+
+    Raises:
+        InputError: if a bone has no parent, or there are too few poses, or they are too far apart.
+    """
+    linear, positions, grid = resample_evenly(character, poses, begin)
+    skeleton = skeleton_from_bones(character)
+    mesh = Mesh(np.asarray(character.vertices, np.float64), character.faces, character.id, character.colours)
+    turns, root = from_matrix(linear), positions[:, 0]
+    clip = Clip(character.id, skeleton, remove_sign_jumps(turns), root, float(grid[1] - grid[0]))
+    return still_shape(character.id, skeleton, mesh, character.skin), clip, float(grid[0])
+
+
+def skeleton_from_bones(character: Character) -> Skeleton:
+    """Reconstructs the skeleton of a character with bones. Joint j is the end of bone j, which transform j
+    moves.
+
+    Raises:
+        InputError: if a bone has no parent.
+    """
+    pivots: Float = np.asarray(character.pivots, np.float64)
+    count = len(pivots)
+    parents, positions = np.full(count, -1), np.full((count, 3), np.nan)
+    positions[0] = pivots[0]
+    for bone, child in character.edges:
+        if 0 < bone < child and parents[child] < 0:
+            parents[child], positions[bone] = bone, pivots[child]
+    for bone in range(1, count):
+        if parents[bone] < 0:
+            begins = np.flatnonzero((positions[:bone] == pivots[bone]).all(1))
+            if not len(begins):
+                problem = f"its bone {bone} has no parent"
+                raise InputError(problem, where=f"character {character.id!r}", remedy="Record it again.")
+            parents[bone] = begins[0]
+    for bone in np.flatnonzero(np.isnan(positions[:, 0])):
+        positions[bone] = _limb_end(character, int(bone), pivots[bone], positions[parents[parents[bone]]])
+    names = character.names or ("root", *(f"bone {bone}" for bone in range(1, count)))
+    return Skeleton(names, parents.astype(np.int32), positions)
+
+
+def _limb_end(character: Character, bone: int, begin: Float, previous_joint: Float) -> Float:
+    """Returns the end (3,) of a limb's last bone. Its distance from the bone's start is twice that of the
+    centre of the bone's vertices. Without vertices, the bone continues the previous bone in a straight line,
+    with half of its length.
+    """
+    strongest = character.skin.indices[np.arange(len(character.vertices)), character.skin.weights.argmax(1)]
+    bone_vertices = character.vertices[strongest == bone]
+    return np.asarray(
+        2 * bone_vertices.mean(0, np.float64) - begin
+        if len(bone_vertices)
+        else 1.5 * begin - 0.5 * previous_joint
+    )

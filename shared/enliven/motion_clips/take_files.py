@@ -16,8 +16,9 @@ from enliven.formats.gltf.read import read_gltf
 from enliven.formats.motion.added_pose import added_frame_notes, count_added_frames
 from enliven.formats.project.file import read_project
 from enliven.meshes import GLTF_SUFFIXES
-from enliven.motion_clips.capture_clip import clip_of_capture, trim_clip
+from enliven.motion_clips.capture_clip import clip_of_capture
 from enliven.motion_clips.capture_upright import read_capture
+from enliven.motion_clips.clip_sampling import trim_clip
 from enliven.motion_clips.tracked_people import read_recorded_clips
 
 _MODEL_SUFFIXES = ", ".join(GLTF_SUFFIXES)

@@ -14,14 +14,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import msgspec
 import numpy as np
 
 from enliven.document import Clip
-from enliven.errors import EnlivenError, InputError
-from enliven.files import DAMAGE
+from enliven.errors import InputError
 from enliven.frames import BodyFrame, Frame
-from enliven.motion_clips.capture_clip import clip_of_bodies
+from enliven.motion_clips.edge_messages import read_messages
+from enliven.motion_clips.joint_positions import clip_of_bodies
 from enliven.motion_clips.merged_performers import merge_performers
 from enliven.person import Body
 from enliven.recording import DEPTH_TOPIC, Recording
@@ -88,12 +87,12 @@ def read_body_frames(recording: Recording) -> Iterator[Frame]:
     if BODIES.name not in recording.info.topics:
         yield from recording.frames()
         return
-    for _, data in recording.messages(BODIES.name):
-        try:
-            message = msgspec.msgpack.decode(data, type=BodiesMessage)
-            yield BodyFrame(message_to_bodies(message), message.time_ns, "")
-        except (msgspec.MsgspecError, EnlivenError, *DAMAGE):
-            continue
+    yield from read_messages(
+        recording,
+        BODIES.name,
+        BodiesMessage,
+        lambda message: BodyFrame(message_to_bodies(message), message.time_ns, ""),
+    )
 
 
 def clips_of_frames(frames: Iterable[Frame], name: str, settings: TakeSettings) -> list[Clip]:

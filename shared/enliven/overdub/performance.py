@@ -35,8 +35,7 @@ from enliven.modeling.possessed.even_steps import even_times, interpolate_linear
 from enliven.motion.layers.retarget import bind_chain, set_travel
 from enliven.motion_clips.body_takes import holds_from_frames
 from enliven.motion_clips.merged_performers import MergedPerformers, merge_performers
-from enliven.motion_clips.recorded_characters import add_character_motion
-from enliven.motion_clips.recorded_rigs import shape_and_clip_from_poses
+from enliven.motion_clips.recorded_characters import add_character_motion, shape_and_clip_from_poses
 from enliven.motion_clips.tracked_people import TakeSettings, clips_of_frames
 from enliven.overdub.possessed_overdub import add_overdub_layer, has_motion
 from enliven.overdub.punch_in import PunchIn, punch_bones

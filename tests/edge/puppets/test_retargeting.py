@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.examples.performer import extract_performer_clip
-from enliven.motion_clips.capture_clip import BODY_NAMES, clip_of_bodies
+from enliven.motion_clips.joint_positions import clip_of_bodies
+from enliven.person import BODY_NAMES
 from enliven.person.body import Body
 from enliven.person.joints import MIRROR, PARENTS, Joint
 from enliven.possession.placement import rotation_about_y

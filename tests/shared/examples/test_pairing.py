@@ -22,7 +22,7 @@ from enliven.examples.pairing import (
     measure_joint_motion,
     mirror_joint,
 )
-from enliven.motion_clips.capture_clip import clip_of_bodies
+from enliven.motion_clips.joint_positions import clip_of_bodies
 from enliven.person.body import Body
 from enliven.rotation import from_rotation_vector
 from enliven.skeletons.facing import rotate_about_y

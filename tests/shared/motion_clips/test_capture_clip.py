@@ -11,13 +11,9 @@ from enliven.document.clip import Clip
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.formats.motion.capture import Capture, forward_kinematics
-from enliven.motion_clips.capture_clip import (
-    _evenly_sampled_clip,
-    clip_of_bodies,
-    clip_of_capture,
-    trim_clip,
-)
-from enliven.motion_clips.joint_positions import rotations_from_positions
+from enliven.motion_clips.capture_clip import clip_of_capture
+from enliven.motion_clips.clip_sampling import evenly_sampled_clip, trim_clip
+from enliven.motion_clips.joint_positions import clip_of_bodies, rotations_from_positions
 from enliven.person.body import Body
 from enliven.person.joints import PARENTS, Joint
 from enliven.rotation import from_rotation_vector, multiply, rotate, slerp, to_matrix
@@ -212,7 +208,7 @@ def test_resampling_keeps_the_frames_and_puts_slerps_between(seed, part):
     rng = np.random.default_rng(seed)
     clip = random_clip(rng, random_skeleton(rng, 5))
     times = np.arange(len(clip.turns)) * clip.step
-    finer = _evenly_sampled_clip("take", clip.skeleton, times, clip.turns, clip.root, clip.step * part)
+    finer = evenly_sampled_clip("take", clip.skeleton, times, clip.turns, clip.root, clip.step * part)
     every = round(1 / part)
     assert len(finer.turns) == 8 * every + 1 and finer.duration == pytest.approx(clip.duration)
     assert angle(finer.turns[::every], clip.turns) < 1e-6

@@ -10,8 +10,8 @@ import pytest
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import BodyFrame, DepthFrame
-from enliven.motion_clips.capture_clip import BODY_NAMES
 from enliven.motion_clips.tracked_people import TakeSettings, clips_of_frames, read_recorded_clips
+from enliven.person import BODY_NAMES
 from enliven.person.body import Body
 from enliven.recording import Recorder
 from enliven.rotation import from_rotation_vector, rotate

@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.document import Character, Pose, RiggedCharacter, Skeleton, SkinWeights
 from enliven.errors import InputError, ResourceError
-from enliven.motion_clips.recorded_rigs import skeleton_from_bones
+from enliven.motion_clips.recorded_characters import skeleton_from_bones
 from enliven.outputs.live_frame import CharacterInfo, CharacterInfos, LiveEvent, LiveFrame, PerformerSlots
 from enliven.outputs.opening import OutputSet
 from enliven.supervision.closeable import Closeable
