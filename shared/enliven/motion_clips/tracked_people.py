@@ -47,6 +47,11 @@ class TakeSettings:
     )
 
 
+UNSPLIT_TAKE_SETTINGS = TakeSettings(gap=math.inf)
+"""Settings that give each performer a single take, even if the tracker lost the performer for a
+while."""
+
+
 def read_recorded_clips(
     path: Path | str, *, settings: TakeSettings | None = None, whole: bool = False
 ) -> list[Clip]:

@@ -1,9 +1,9 @@
-"""Overdub: adds a live or recorded performance to a possessed mesh that already has motion. The new motion
-becomes a layer in the rest space of the mesh.
+"""Overdub of a possessed mesh: adds a live or recorded performance to a mesh that already has motion.
 
-The nodes and the placement of the mesh on the stage differ from the nodes and the placement of the project's
-mesh. The rigid motion that most nodes on the stage share is removed, so that parts that no performer moved
-are static. The remaining motion is transferred to the nodes of the project's mesh.
+The new motion becomes a layer in the rest space of the mesh. The nodes and the placement of the mesh on the
+stage differ from the nodes and the placement of the project's mesh. The rigid motion that most nodes on the
+stage share is removed, so that parts that no performer moved are static. The remaining motion is transferred
+to the nodes of the project's mesh.
 """
 
 from __future__ import annotations
@@ -23,15 +23,22 @@ from enliven.document import (
     Project,
     unused,
 )
-from enliven.modeling.possessed.even_steps import even_times, interpolate_linearly
+from enliven.kernels import njit
+from enliven.modeling.possessed.even_steps import resample_evenly
 from enliven.modeling.possessed.pose import compose_with_base
-from enliven.motion_clips.body_takes import RecordedHolds
+from enliven.overdub.performance import PerformedCharacter
 from enliven.overdub.punch_in import PunchIn
-from enliven.overdub.shared_motion import find_shared_motion
+from enliven.rotation import nearest_quaternion, rotation_matrix
 from enliven.similarity import Similarity, fit_similarity
 
 _SAME_NODE_M = 2e-3
 """Maximum distance, metres, between two equal nodes. It allows for the quantization of transmitted poses."""
+_REWEIGHTING_ITERATIONS = 12
+"""Number of iterations of reweighted least squares. For a mesh of a chair's size, the last iterations change
+the result by less than a millimetre."""
+_MIN_WEIGHTED_DISTANCE_M = 2e-3
+"""Minimum residual, metres, in the weight of a node. It is the quantization step of transmitted poses, and
+limits the weight of nodes that fit exactly."""
 
 
 def has_motion(project: Project, shape: GraphCharacter) -> bool:
@@ -118,34 +125,38 @@ class LiveOverdub:
         return Pose(base.character, live.time_ns, linear.astype(np.float32), positions.astype(np.float32))
 
 
-def add_overdub_layer(
-    project: Project,
-    shape: GraphCharacter,
-    key: tuple[str, int],
-    character: Character,
-    poses: list[Pose],
-    begin: int,
-    holds: RecordedHolds | None,
-    punch: PunchIn | None,
+def add_node_motion(project: Project, shape: GraphCharacter, motion: PerformedCharacter) -> Project | None:
+    """Adds the new motion of a possessed mesh to its earlier motion. Returns None if no earlier motion
+    remains.
+    """
+    if not has_motion(project, shape):
+        return None
+    span = motion.span(project)
+    # Muted alternatives may be enabled again, so they must be kept.
+    has_muted = any(layer.muted for layer in shape.playing)
+    if motion.replaces and not has_muted and not span.moves_outside(project, shape.playing):
+        return None
+    return _add_overdub_layer(project, shape, motion, span if motion.replaces else None)
+
+
+def _add_overdub_layer(
+    project: Project, shape: GraphCharacter, motion: PerformedCharacter, punch: PunchIn | None
 ) -> Project:
     """Adds a performance to a possessed mesh as an additional layer. Returns the edited project.
 
     Args:
-        key: the id and the revision of the character on the stage.
-        begin: time of the sensor's clock at 0 seconds of the project, nanoseconds.
         punch: the time span in which all other motion of the mesh is muted. None mutes nothing.
 
     Raises:
         InputError: if the poses are inconsistent.
     """
-    used_poses, seconds, grid = even_times(character, poses, begin)
-    values = ([pose.linear for pose in used_poses], [pose.positions for pose in used_poses])
-    linear, positions = (interpolate_linearly(np.array(each, np.float64), seconds, grid) for each in values)
-    maps, offsets = OverdubTransfer(shape, character)(linear, positions)
+    holds = motion.holds(project)
+    linear, positions, grid = resample_evenly(motion.character, motion.poses, motion.begin)
+    maps, offsets = OverdubTransfer(shape, motion.character)(linear, positions)
     stream = PoseStream(
         unused(f"{shape.id} over", project.streams), maps, shape.positions + offsets, float(grid[1] - grid[0])
     )
-    possession = None if holds is None else holds.possession(key, character, poses)
+    possession = None if holds is None else holds.possession(motion.key, motion.character, motion.poses)
     if holds is not None and possession is not None:
         project = project.with_bodies(holds.take)
     nodes = np.arange(len(shape.positions))
@@ -167,3 +178,67 @@ def add_overdub_layer(
         )
     shape = shape.with_changes(over=(*shape.over, layer))
     return project.with_streams(stream).with_characters(shape)
+
+
+def find_shared_motion(positions: Float, rest: Float) -> tuple[Float, Float]:
+    """Returns the rotations (F, 3, 3) and translations (F, 3) that move ``rest`` (N, 3) to most of the
+    ``positions`` (F, N, 3).
+
+    It is the rigid motion with the smallest sum of distances, computed by iteratively reweighted least
+    squares (Weiszfeld's algorithm). So a minority of nodes with other motion has hardly any effect.
+    """
+    turns, moves = np.zeros((len(positions), 3, 3)), np.zeros((len(positions), 3))
+    _fit_shared_motion(
+        np.ascontiguousarray(positions, np.float64), np.asarray(rest, np.float64), turns, moves
+    )
+    return turns, moves
+
+
+@njit(cache=True, nogil=True)
+def _fit_shared_motion(positions, rest, turns, moves):
+    """Computes for :func:`find_shared_motion` the rotations ``turns`` (F, 3, 3) and translations ``moves``
+    (F, 3)."""
+    weights, spread = np.empty(rest.shape[0]), np.empty((3, 3))
+    middle, centre = np.empty(3), np.empty(3)
+    for f in range(positions.shape[0]):
+        weights[:] = 1.0
+        for _ in range(_REWEIGHTING_ITERATIONS):
+            _weighted_moments(positions[f], rest, weights, middle, centre, spread)
+            rotation_matrix(nearest_quaternion(spread), turns[f])
+            for i in range(3):
+                moves[f, i] = middle[i]
+                for j in range(3):
+                    moves[f, i] -= turns[f, i, j] * centre[j]
+            _update_weights(positions[f], rest, turns[f], moves[f], weights)
+
+
+@njit(cache=True, nogil=True)
+def _weighted_moments(positions, rest, weights, middle, centre, spread):
+    """Computes the weighted centres ``middle`` of positions p and ``centre`` of rest positions r, and the
+    covariance ``spread`` = sum w (p - middle) (r - centre)^T / sum w."""
+    total = weights.sum()
+    middle[:], centre[:], spread[:] = 0.0, 0.0, 0.0
+    for n in range(rest.shape[0]):
+        for i in range(3):
+            middle[i] += weights[n] / total * positions[n, i]
+            centre[i] += weights[n] / total * rest[n, i]
+    for n in range(rest.shape[0]):
+        for i in range(3):
+            arm = weights[n] / total * (positions[n, i] - middle[i])
+            for j in range(3):
+                spread[i, j] += arm * (rest[n, j] - centre[j])
+
+
+@njit(cache=True, nogil=True)
+def _update_weights(positions, rest, turn, move, weights):
+    """Sets the weight of each node to 1 / residual. The residual is the distance between the node and its
+    rest position moved by the shared motion.
+    """
+    for n in range(rest.shape[0]):
+        square = 0.0
+        for i in range(3):
+            gap = positions[n, i] - move[i]
+            for j in range(3):
+                gap -= turn[i, j] * rest[n, j]
+            square += gap * gap
+        weights[n] = 1.0 / max(np.sqrt(square), _MIN_WEIGHTED_DISTANCE_M)

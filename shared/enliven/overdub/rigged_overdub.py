@@ -1,14 +1,24 @@
-"""Plays a live pose as an additional layer on a shape's motion, as a preview of a recording."""
+"""Overdub of a rigged character: plays a live pose as an additional layer on its motion, and adds recorded
+layers to the bones that moved.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Clip, Pose, Project, RiggedCharacter, unused
+from enliven.modeling.possessed.even_steps import resample_evenly
 from enliven.motion.layers.evaluate import Player, pose_from
-from enliven.motion.layers.retarget import bind_chain, clear_chain
-from enliven.rotation import IDENTITY, conjugate, from_matrix, multiply
+from enliven.motion.layers.retarget import bind_chain, clear_chain, set_travel
+from enliven.overdub.performance import MIN_MOTION, PerformedCharacter
+from enliven.overdub.punch_in import PunchIn, punch_bones
+from enliven.rotation import IDENTITY, conjugate, from_matrix, multiply, remove_sign_jumps
+
+_MIN_ROTATION_RADIANS = 0.01
+"""Minimum rotation of a bone, radians (half a degree). Transmitted rotations have finer steps."""
 
 
 class LiveLayer:
@@ -79,3 +89,56 @@ def compose_rotations(parents: np.ndarray, local: Float) -> Float:
         if parent >= 0:
             turns[:, j] = multiply(turns[:, parent], local[:, j])
     return turns
+
+
+def add_bone_layers(project: Project, shape: RiggedCharacter, motion: PerformedCharacter) -> Project | None:
+    """Adds a layer to those bones of a shape that moved. Returns None if the performed character has another
+    skeleton.
+    """
+    performed, replaces = motion.performed, motion.replaces
+    if len(shape.skeleton) != len(motion.poses[0].positions):
+        return None
+    linear, positions, grid = resample_evenly(motion.character, motion.poses, motion.begin)
+    root = positions[:, 0]
+    local_turns = local_rotations(shape, from_matrix(linear))
+    angles = 2 * np.arccos(np.minimum(np.abs(local_turns[:, :, 0]).min(0), 1.0))
+    moved_bones = np.flatnonzero(angles > _MIN_ROTATION_RADIANS).tolist()
+    travels = bool(np.ptp(root, axis=0).max() > MIN_MOTION)
+    chains = _moved_limbs(shape, moved_bones)
+    take = Clip(
+        unused(f"{performed.name} on {shape.id}", project.takes),
+        shape.skeleton,
+        remove_sign_jumps(compose_rotations(shape.skeleton.parents, local_turns)),
+        root - root[0] + shape.skeleton.positions[0],
+        float(grid[1] - grid[0]),
+    )
+    project = project.with_takes(take)
+    punch = PunchIn.from_interval(project, float(grid[0]), float(grid[-1]))
+    keeps_some = replaces and punch.moves_outside(project, shape.layers)
+    for chain in chains:
+        if replaces:
+            project = punch_bones(project, shape.id, chain, punch)
+        layer = unused(f"{take.id}: {shape.skeleton.names[chain[-1]]}", project.layer_names)
+        layer_settings = {"basis": IDENTITY, "layer_id": layer, "offset": float(grid[0])}
+        played = punch.playback_settings if keeps_some else {}
+        project = bind_chain(project, shape.id, chain, take.id, chain, **layer_settings, **played)
+    if travels and chains and ((replaces and not keeps_some) or shape.travel is None):
+        last = project.shape(shape.id).layers[-len(chains)].id
+        project = set_travel(project, shape.id, last, scale=1.0)
+    return project
+
+
+def _moved_limbs(shape: RiggedCharacter, moved: Sequence[int]) -> list[tuple[int, ...]]:
+    """Returns the chains of the bones that moved. A chain continues while exactly one child bone moved."""
+    chains, child_bones = list[tuple[int, ...]](), shape.skeleton.children
+    for joint in moved:
+        ended = [
+            n
+            for n, chain in enumerate(chains)
+            if chain[-1] == single_bone_chain(shape, joint)[0] and chain != (0,)
+        ]
+        if joint and ended and len(set(child_bones[chains[ended[0]][-1]]) & set(moved)) == 1:
+            chains[ended[0]] = (*chains[ended[0]], joint)
+        else:
+            chains.append(single_bone_chain(shape, joint))
+    return chains

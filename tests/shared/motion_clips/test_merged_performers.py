@@ -13,7 +13,8 @@ from swaying import swaying
 from enliven.document.project import Project
 from enliven.frames import BodyFrame
 from enliven.motion_clips.merged_performers import merge_performers
-from enliven.overdub.performance import PerformedMotion, add_performance
+from enliven.overdub.performance import PerformedMotion
+from enliven.overdub.performance_takes import add_performance
 from enliven.wire import HoldMessage
 
 STEP = 33_333_333

@@ -28,10 +28,10 @@ from enliven.modeling.edits.rigs import pose_of_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices
 from enliven.motion.layers.evaluate import evaluate_pose
-from enliven.overdub.performance import PerformedMotion, add_performance
-from enliven.overdub.possessed_overdub import LiveOverdub, OverdubTransfer
+from enliven.overdub.performance import PerformedMotion
+from enliven.overdub.performance_takes import add_performance
+from enliven.overdub.possessed_overdub import LiveOverdub, OverdubTransfer, find_shared_motion
 from enliven.overdub.punch_in import FADE_S, PunchIn
-from enliven.overdub.shared_motion import find_shared_motion
 from enliven.rotation import from_rotation_vector, to_matrix
 
 FRAMES = 40

@@ -12,7 +12,7 @@ from performed_arm import ARM, BEGIN, BONES, FRAMES, STEP, create_performance, c
 from enliven.document.project import Project, are_identical
 from enliven.frames import BodyFrame
 from enliven.motion.layers.evaluate import evaluate_pose, pose_from
-from enliven.overdub.performance import add_performance
+from enliven.overdub.performance_takes import add_performance
 from enliven.overdub.rigged_overdub import LiveLayer
 from enliven.person.body import Body
 from enliven.wire import HoldMessage
