@@ -60,15 +60,17 @@ def main() -> None:
     """Prints the checks and the problems found. The exit code is 1 if there is any problem."""
     parser = argparse.ArgumentParser(description="Check the installed packages.")
     parser.add_argument(
-        "--offline", action="store_true", help="do not look up vulnerabilities; use it without a network"
+        "--offline",
+        action="store_true",
+        help="skip the look-up of vulnerabilities, for computers without a network",
     )
     arguments = parser.parse_args()
     problems = [] if arguments.offline else vulnerabilities()
     if arguments.offline:
-        print(f"vulnerabilities: not checked, --offline was given ({len(read_pins())} releases)")
+        print(f"vulnerabilities: not checked, because of --offline ({len(read_pins())} releases)")
     problems += licences()
     for name in sorted(set(bundled_libraries(site_packages())) - documented_libraries()):
-        problems.append(f"{name} is bundled by a wheel, and docs/licences.md does not name it")
+        problems.append(f"a wheel bundles {name}, which docs/licences.md does not list")
     problems += telemetry(site_packages())
     print(*problems or ["audit: no problems"], sep="\n")
     sys.exit(bool(problems))
@@ -110,7 +112,7 @@ def vulnerabilities() -> list[str]:
     """
     releases: list[dict] = []
     not_asked: list[str] = []
-    reason = "the package index has no such data"
+    reason = "the package index has no vulnerability data"
     for pins in rounds(read_pins()):
         with tempfile.TemporaryDirectory() as folder:
             (path := Path(folder) / "pins.txt").write_text("\n".join(pins) + "\n")
@@ -121,10 +123,10 @@ def vulnerabilities() -> list[str]:
             except (subprocess.CalledProcessError, OSError) as error:
                 not_asked, reason = not_asked + pins, f"pip-audit cannot be installed or run ({error})"
             except (json.JSONDecodeError, KeyError):
-                last = process.stderr.strip().splitlines()[-1:] or ["it said nothing"]
+                last = process.stderr.strip().splitlines()[-1:] or ["no error message"]
                 not_asked, reason = not_asked + pins, f"pip-audit failed: {last[0][:200]}"
     checked = [release for release in releases if "skip_reason" not in release]
-    print(f"vulnerabilities: {len(checked)} of {len(releases) + len(not_asked)} releases could be looked up")
+    print(f"vulnerabilities: {len(checked)} of {len(releases) + len(not_asked)} releases were checked")
     return [*flaws(checked), *unchecked(releases, not_asked, reason)]
 
 
@@ -156,7 +158,7 @@ def unchecked(releases: list[dict], not_asked: list[str], reason: str) -> list[s
     why = reason if not_asked or len(reasons) != 1 else str(reasons.pop())[:200]
     return [
         f"vulnerabilities of {len(names)} releases were not checked ({why}): {', '.join(names)}. "
-        "Ask an index with such data, as PyPI has, or leave the look-up out with --offline."
+        "Use an index with vulnerability data, such as PyPI, or skip the check with --offline."
     ]
 
 
@@ -168,9 +170,12 @@ def telemetry(packages: Path) -> list[str]:
     hosts = sorted(set(telemetry_hosts(packages)))
     for package, host in hosts:
         if (package, host) in TELEMETRY_OFF:
-            print(f"telemetry: {package} names {host}: {TELEMETRY_OFF[package, host]}")
+            print(f"telemetry: {package} contains the host {host}: {TELEMETRY_OFF[package, host]}")
     return [
-        f"{package} names {host}, a host of telemetry: turn it off, and state how in scripts/audit.py"
+        (
+            f"{package} contains the telemetry host {host}: turn the telemetry off, and describe how in "
+            "scripts/audit.py"
+        )
         for package, host in hosts
         if (package, host) not in TELEMETRY_OFF
     ]
@@ -195,7 +200,7 @@ def licences() -> list[str]:
     command = [tool("pip-licenses"), "--python", sys.executable, "--format", "json", "--with-system"]
     packages = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     kinds = sorted({package["License"] for package in packages})
-    print(f"licences: {len(packages)} packages under {len(kinds)} names: {'; '.join(kinds)}")
+    print(f"licences: {len(packages)} packages with {len(kinds)} licence names: {'; '.join(kinds)}")
     return find_licence_problems(packages)
 
 

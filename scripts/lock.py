@@ -224,7 +224,7 @@ def main() -> None:
     environment = {key: str(value) for key, value in default_environment().items()}
     if unknown := list(missing_packages(required_packages(requested_packages("dev"), environment))):
         sys.exit(
-            f"these may need more, install them first: pip install -c constraints.txt {' '.join(unknown)}"
+            f"packages are missing. Install them first: pip install -c constraints.txt {' '.join(unknown)}"
         )
     offered = wheels(sorted(requirements))
     for kind in ("run", "dev"):

@@ -119,9 +119,7 @@ def section(changelog: str, of: str) -> str:
         rf"^## \[{re.escape(name)}\][^\n]*\n(.*?)(?=^## \[|\Z)", changelog, re.MULTILINE | re.DOTALL
     )
     if not match or not match[1].strip():
-        raise ReleaseError(
-            f"CHANGELOG.md says nothing of {name}: write a section `## [{name}]` with its changes."
-        )
+        raise ReleaseError(f"CHANGELOG.md has no changes for {name}: write a section `## [{name}]`.")
     return match[1].strip() + "\n"
 
 
@@ -133,10 +131,10 @@ def check_commit(of: str) -> None:
     """
     changed = _git("status", "--porcelain")
     if changed:
-        raise ReleaseError(f"these files are not committed; commit them first:\n{changed}")
+        raise ReleaseError(f"there are files with uncommitted changes. Commit these files first:\n{changed}")
     tag = f"v{of}"
     if not is_development(of) and tag not in _git("tag", "--points-at", "HEAD").split():
-        raise ReleaseError(f"this commit has no tag {tag}. Type: git tag -a {tag} -m 'enliven {of}'")
+        raise ReleaseError(f"this commit has no tag {tag}. Run: git tag -a {tag} -m 'enliven {of}'")
 
 
 def build(folder: str, into: Path) -> None:
@@ -149,7 +147,7 @@ def build(folder: str, into: Path) -> None:
     pip = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "--no-index"]
     _require(
         [*pip, "-w", str(into), str(_one(folder, into, "*.tar.gz"))],
-        f"{folder}: its sdist makes no wheel",
+        f"{folder}: the wheel cannot be built from the sdist",
         into,
     )
 
@@ -172,7 +170,9 @@ def check_sdist_wheel(folder: str, built: Path) -> None:
     wheel = _one(folder, built, "*.whl")
     different = sorted(direct ^ wheel_files(wheel))
     if different:
-        raise ReleaseError(f"{wheel.name} from the sdist and from the checkout differ by {different}.")
+        raise ReleaseError(
+            f"{wheel.name} from the sdist and from the checkout differ in the files {different}."
+        )
 
 
 def wanted_files(folder: str) -> set[str]:
@@ -222,7 +222,8 @@ def check_files(folder: str, built: Path) -> None:
         if actual != expected:
             missing, superfluous = sorted(expected - actual), sorted(actual - expected)
             raise ReleaseError(
-                f"{archive.name} lacks {missing or 'nothing'}, and has {superfluous or 'nothing'} too many."
+                f"{archive.name}: missing files: {missing or 'none'}; unexpected files: "
+                f"{superfluous or 'none'}."
             )
 
 
@@ -230,7 +231,7 @@ def check_metadata(built: Path) -> None:
     """Runs twine's checks that an index would accept the archives and render their descriptions."""
     files = sorted(map(str, built.iterdir()))
     command = [sys.executable, "-m", "twine", "--no-color", "check", "--strict", *files]
-    _require(command, "twine refuses an archive", built)
+    _require(command, "twine reports an error in an archive", built)
 
 
 def try_out(built: Path, of: str, names: list[str]) -> Iterator[str]:
@@ -334,7 +335,7 @@ class Environment:
         """
         megabytes = (self._bytes() - self._bare) / 1e6
         code = (self._bytes("*.pyc") - self._bare_code) / 1e6
-        line = f"{self._asked}: {megabytes:.0f} MB installed ({code:.0f} of it byte code), of {most} at most"
+        line = f"{self._asked}: {megabytes:.0f} MB installed ({code:.0f} MB of byte code), limit {most} MB"
         if megabytes > most:
             raise ReleaseError(line)
         return line
@@ -372,13 +373,17 @@ class Environment:
             f"enliven edge, {time.monotonic() - began:.0f} s, {compiled} kernels compiled"
         )
         if compiled > MAX_COMPILED_KERNELS:
-            raise ReleaseError(f"an installed edge compiled {compiled} kernels that the release should bring")
+            raise ReleaseError(
+                f"the installed edge compiled {compiled} kernels that the release should contain"
+            )
 
     def library_page(self) -> Iterator[str]:
         """Runs the code of docs/library.md."""
         work = self.place / "work"
         _require(
-            [sys.executable, "-c", OWN_FILES, str(ROOT)], "the files of the documents cannot be made", work
+            [sys.executable, "-c", OWN_FILES, str(ROOT)],
+            "the files for the document tests cannot be created",
+            work,
         )
         self._run(str(self._bin / "python"), "-c", LIBRARY_PAGE, str(ROOT), str(self.place))
         yield self._report_step("the code of docs/library.md")
@@ -388,7 +393,7 @@ class Environment:
         self._enliven(*FILM)
         films = list((self.place / "work" / FILM[-1]).glob("*.mp4"))
         if not films or not films[0].stat().st_size:
-            raise ReleaseError(f"with {self._asked} installed, enliven {' '.join(FILM)} made no film")
+            raise ReleaseError(f"with {self._asked} installed, enliven {' '.join(FILM)} wrote no film")
         yield self._report_step(f"enliven run --film, {films[0].stat().st_size / 1e6:.1f} MB")
 
     def camera_library(self) -> Iterator[str]:
@@ -411,7 +416,8 @@ class Environment:
         if done.returncode not in codes:
             output = f"{done.stdout[-2000:]}{done.stderr[-3000:]}"
             raise ReleaseError(
-                f"with {self._asked} installed, {' '.join(words[:2])} ended with {done.returncode}:\n{output}"
+                f"with {self._asked} installed, {' '.join(words[:2])} ended with the exit code "
+                f"{done.returncode}:\n{output}"
             )
         return done.stdout.strip()
 
@@ -451,12 +457,14 @@ def _print_lines(steps: Iterator[str]) -> list[str]:
 
 def main() -> int:
     """Returns the exit code: 0 if the release is built, checked and tested."""
-    parser = argparse.ArgumentParser(description="Build the release of this commit and try it.")
-    parser.add_argument("--no-trial", action="store_true", help="do not install it into empty environments")
+    parser = argparse.ArgumentParser(description="Build the release of this commit and test it.")
     parser.add_argument(
-        "--out", type=Path, default=ROOT / "out" / "release", help="the folder for the archives"
+        "--no-trial", action="store_true", help="do not test the release in empty environments"
     )
-    parser.add_argument("--only", choices=INSTALLS, help="try one environment only")
+    parser.add_argument(
+        "--out", type=Path, default=ROOT / "out" / "release", help="output folder for the archives"
+    )
+    parser.add_argument("--only", choices=INSTALLS, help="test only this environment")
     options, of, lines = parser.parse_args(), version(), []
     try:
         check_commit(of)
@@ -481,7 +489,7 @@ def main() -> int:
         print(f"release: {error}", file=sys.stderr)
         return 1
     if is_development(of):
-        print("a development build: it has no tag, and is not to be published")
+        print("this is a development build without a tag: do not publish it")
     return 0
 
 

@@ -85,7 +85,8 @@ def main(arguments: list[str]) -> int:
         unfinished = read_unfinished_tests(cache)
         if unfinished and len(failed) <= MAX_REPEATED:
             print(
-                f"\nA test process ended. Running the {len(unfinished)} tests that did not finish.",
+                f"\nA test process ended unexpectedly. Running the {len(unfinished)} tests that did "
+                "not finish.",
                 flush=True,
             )
             names.write_text("\n".join(unfinished))
@@ -95,7 +96,7 @@ def main(arguments: list[str]) -> int:
         repeated = read_failed_tests(cache)
         failed = sorted({*failed, *repeated})
         if repeated and status in (0, 1) and len(failed) <= MAX_REPEATED:
-            print("\nRunning the failed tests once more, alone.", flush=True)
+            print("\nRunning the failed tests again, in one process.", flush=True)
             status = run_pytest(cache, "-n", "0", *repeated)
         still = read_failed_tests(cache)
     if len(failed) <= MAX_REPEATED:

@@ -101,7 +101,7 @@ def run(row: Row, rest: list[str]) -> tuple[bool, str]:
     passed, failed = count_results(done.stdout)
     if done.returncode:
         print(f"--- {row.name}: exit {done.returncode}\n{done.stdout}\n{done.stderr}", file=sys.stderr)
-    load_note = f" beside {row.busy} busy processes" if row.busy else ""
+    load_note = f" with {row.busy} busy processes" if row.busy else ""
     line = f"| {row.name} | `{command_of(row, rest)}`{load_note} | {passed} | {failed} | {seconds:.0f} |"
     return done.returncode == 0, line
 
@@ -114,7 +114,7 @@ def main() -> int:
     rest = [word for word in rest if word != "--"]
     rows_by_name = {row.name: row for row in rows(options.load)}
     if unknown := [name for name in options.only if name not in rows_by_name]:
-        parser.error(f"there is no row {' '.join(unknown)}; there are {' '.join(rows_by_name)}")
+        parser.error(f"unknown rows: {' '.join(unknown)}. Known rows: {' '.join(rows_by_name)}")
     print("| row | command | passed | failed | seconds |\n|---|---|---|---|---|", flush=True)
     passed = []
     for name in options.only or rows_by_name:

@@ -28,13 +28,15 @@ def round_of_laws(seed: int, times: int, until: float, rest: list[str]) -> bool:
     laws += ["--examples", str(times)]
     order = ["--shuffle", str(seed), "--until", str(until)]
     again = [sys.executable, "-m", "pytest", *laws, *(rest or DEFAULT_FOLDERS)]
-    print(f"round of seed {seed}; the same again: {' '.join(again)}", flush=True)
+    print(f"round with seed {seed}. To repeat this round: {' '.join(again)}", flush=True)
     return subprocess.run([*again, *order], check=False).returncode == 0
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--minutes", type=float, default=10.0, help="minutes after which no test is started")
+    parser.add_argument(
+        "--minutes", type=float, default=10.0, help="minutes after which no further test starts"
+    )
     options, rest = parser.parse_known_args()
     rest = [word for word in rest if word != "--"]
     until = time.time() + 60 * options.minutes
@@ -44,7 +46,7 @@ def main() -> int:
         if not round_of_laws(seed, min(2**rounds, MAX_EXAMPLE_FACTOR), until, rest):
             fell.append(seed)
         rounds += 1
-    print(f"{rounds} rounds in {options.minutes:g} min; seeds with a failed test: {fell or 'none'}")
+    print(f"{rounds} rounds in {options.minutes:g} min; seeds with failed tests: {fell or 'none'}")
     return 1 if fell else 0
 
 

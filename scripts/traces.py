@@ -52,12 +52,12 @@ def table(tree: SourceTree, trace: Trace) -> str:
             raise ValueError(f"{step['at']}: no earlier file of the trace contains {word!r}")
         description = step.get("says", description)
         if not description:
-            raise ValueError(f"{step['at']} has no docstring, and the trace has no `says` for it")
+            raise ValueError(f"{step['at']} has no docstring, and this step of the trace has no key `says`")
         before.append(path.read_text(encoding="utf-8"))
         place = path.relative_to(tree.root).as_posix()
         rows.append(f"| {len(rows) + 1} | [{place}](../{place}) | `{name or path.name}` | {description} |")
     if len(rows) > trace.most:
-        raise ValueError(f"{trace.title}: {len(rows)} files, {len(rows) - trace.most} too many")
+        raise ValueError(f"{trace.title}: {len(rows)} files, but at most {trace.most} are allowed")
     head = [f"### {trace.title}: {len(rows)} files", "", "| | file | function | what it does |"]
     return "\n".join([*head, "|---|---|---|---|", *rows])
 
@@ -67,11 +67,11 @@ def _place(tree: SourceTree, at: str) -> tuple[Path, str, str]:
     if "/" in at:
         path = tree.root / at
         if not path.is_file():
-            raise ValueError(f"{at} does not exist")
+            raise ValueError(f"the file {at} does not exist")
         return path, "", ""
     module, _, name = at.partition(":")
     if module not in tree.modules:
-        raise ValueError(f"there is no module {module}")
+        raise ValueError(f"the module {module} does not exist")
     path = tree.modules[module]
     body: list[ast.stmt] = ast.parse(path.read_text(encoding="utf-8")).body
     definition: ast.stmt | None = None
@@ -79,7 +79,7 @@ def _place(tree: SourceTree, at: str) -> tuple[Path, str, str]:
         kinds = ast.ClassDef | ast.FunctionDef
         definition = next((node for node in body if isinstance(node, kinds) and node.name == part), None)
         if definition is None:
-            raise ValueError(f"{module} has no {name}")
+            raise ValueError(f"the module {module} has no function or class {name}")
         body = definition.body  # type: ignore[attr-defined]
     text = ast.get_docstring(definition) or ""  # type: ignore[arg-type]
     return path, name, re.split(r"(?<=\.)\s|\n\n|:\n", " ".join(text.split("\n\n")[0].split()))[0]

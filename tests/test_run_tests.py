@@ -90,4 +90,4 @@ def test_a_failure_among_what_a_process_left_fails_the_run(tmp_path):
 @pytest.mark.slow
 def test_a_run_without_failures_passes_and_repeats_nothing(tmp_path):
     result = run(tmp_path, good="def test_passes():\n    pass\n")
-    assert result.returncode == 0 and "once more" not in result.stdout
+    assert result.returncode == 0 and "again, in one process" not in result.stdout

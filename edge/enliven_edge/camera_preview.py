@@ -13,8 +13,8 @@ _INTERVAL_NS = 200_000_000
 _MAX_HEIGHT_PX = 72
 """Maximum height of the preview in pixels. A person is recognisable at this size."""
 PRIVACY_NOTE = (
-    "viewers get a small depth image five times a second, in which a person can be recognised; "
-    "picture = false under [wire] in the settings turns it off"
+    "viewers receive a small depth image five times a second, and people can be recognised in this image; "
+    "to turn the image off, set picture = false under [wire] in the settings"
 )
 """The notice to operators that viewers receive a preview, if the preview is on."""
 _NEAR_MM = 400.0

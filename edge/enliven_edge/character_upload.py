@@ -91,10 +91,10 @@ class _Preparation(threading.Thread):
         # Import it here, because an edge without uploads does not need it.
         from enliven_edge.uploaded_actor import create_uploaded_actor
 
-        where, remedy = f"character {self.order.id!r}", "Send it again."
+        where, remedy = f"character {self.order.id!r}", "Send the character again."
         try:
             if hashlib.sha256(self.data).digest() != self.order.digest:
-                raise InputError("it was changed during the transfer", where=where, remedy=remedy)
+                raise InputError("the data was changed during the transfer", where=where, remedy=remedy)
             previous = self._stage.actors.get(self.order.id)
             actor = create_uploaded_actor(self.data, self.order, self._settings, previous)
             self.carried = self._stage.carry_over(actor)
@@ -102,8 +102,10 @@ class _Preparation(threading.Thread):
         except EnlivenError as error:
             self.refused = InputError(error.what, where=error.where or where, remedy=error.remedy)
         except (*DAMAGE, RuntimeError) as error:
-            problem = f"it is damaged: {plain_reason(error)}"
-            self.refused = InputError(problem, where=where, remedy="Look at it in enliven studio.")
+            problem = f"the character is damaged: {plain_reason(error)}"
+            self.refused = InputError(
+                problem, where=where, remedy="Open the character in enliven studio, and correct it."
+            )
 
 
 class CharacterUploads:
@@ -180,18 +182,26 @@ class CharacterUploads:
         key = peer, part.id, part.digest
         upload = self._waiting.get(key)
         if upload is None or part.offset != upload.received:
-            expected = "no upload was announced" if upload is None else f"byte {upload.received} is next"
+            expected = (
+                "no upload was announced"
+                if upload is None
+                else f"the next part starts at byte {upload.received}"
+            )
             raise InputError(
                 f"the part at byte {part.offset} was not expected: {expected}",
                 where=f"character {part.id!r}",
-                remedy="Ask for its progress with PutCharacter.",
+                remedy="Send PutCharacter to get the progress of the upload.",
             )
         upload.received += len(part.data)
         upload.last_part_at = time.monotonic()
         if upload.received > upload.order.size:
             del self._waiting[key]
             problem = f"more than the announced {upload.order.size} bytes were received"
-            raise InputError(problem, where=f"character {part.id!r}", remedy="Announce it again.")
+            raise InputError(
+                problem,
+                where=f"character {part.id!r}",
+                remedy="Announce the character again with PutCharacter.",
+            )
         upload.parts.append(part.data)
         if upload.received == upload.order.size:
             self._complete = deque(older for older in self._complete if not _replaces(upload, older))
@@ -217,9 +227,11 @@ class CharacterUploads:
         newest = self.last_revision(order.id) or (0 if current is None else current.revision)
         remedy = f"Send revision {newest + 1}."
         if current is not None and order.revision <= newest:
-            raise InputError(f"revision {newest} of it is already on the stage", where=where, remedy=remedy)
+            raise InputError(
+                f"revision {newest} of the character is already on the stage", where=where, remedy=remedy
+            )
         if order.revision > min(newest + MAX_REVISION_JUMP, MAX_REVISION):
-            problem = f"revision {order.revision} is too far above the newest one, {newest}"
+            problem = f"revision {order.revision} is too far above the newest revision, {newest}"
             raise InputError(problem, where=where, remedy=remedy)
 
     def _dequeue_upload(self) -> _Upload:
@@ -244,7 +256,7 @@ class CharacterUploads:
         if preparation.actor is None:
             problem = f"the preparation of {order.id!r} ended early"
             self._refused[order] = preparation.refused or InputError(
-                problem, where="stage", remedy="Look at the log."
+                problem, where="stage", remedy="The log of the edge contains the reason."
             )
             log.warning("%s", self._refused[order])
             for oldest in list(self._refused)[:-_MAX_REFUSALS]:
@@ -296,7 +308,7 @@ class CharacterUploads:
             all_uploads = [*self._waiting.values(), *self._complete]
             viewer_uploads = [upload for upload in all_uploads if upload.peer is new_upload.peer]
             free_bytes = MAX_UPLOAD_BYTES - sum(upload.order.size for upload in viewer_uploads)
-            remedy = "Send it again in a moment."
+            remedy = "Send the character again in a moment."
             if len(viewer_uploads) >= _MAX_UPLOADS_PER_VIEWER or order.size > free_bytes:
                 raise InputError("too many characters are being transferred", where=where, remedy=remedy)
             free_bytes = _MAX_BYTES - sum(upload.order.size for upload in all_uploads)

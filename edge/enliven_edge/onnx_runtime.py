@@ -52,7 +52,7 @@ def disable_telemetry() -> None:
     """
     if "onnxruntime" in sys.modules and os.environ.get(TELEMETRY_SWITCH) != "1":
         log.warning(
-            "onnxruntime was loaded before enliven, with its telemetry. Set %s=1 before it is imported.",
+            "onnxruntime was imported before enliven, with its telemetry on. Set %s=1 before the import.",
             TELEMETRY_SWITCH,
         )
     os.environ[TELEMETRY_SWITCH] = "1"

@@ -117,4 +117,4 @@ def _learn_room(edge: OrderTarget) -> Done:
     # bodies.
     learn_room = getattr(edge.sensor, "learn_room", edge.tracker.learn_room)
     learn_room()
-    return Done("the room is learnt again")
+    return Done("the edge learns the room again")

@@ -84,7 +84,7 @@ class Scans:
         if order.do == "start":
             self._start(order)
         elif self._beginning is not None and order.do != "cancel":
-            raise InputError("the scan is just starting", where="scan", remedy="Ask again in a moment.")
+            raise InputError("the scan is just starting", where="scan", remedy="Try again in a moment.")
         elif self._scan is None and self._beginning is None:
             raise InputError("no scan is running", where="scan", remedy="Start a scan first.")
         elif order.do == "cancel":
@@ -134,7 +134,9 @@ class Scans:
         if self._beginning is not None or (
             self._scan is not None and self._scan.phase not in ("done", "failed")
         ):
-            raise InputError("a scan is already running", where="scan", remedy="Finish or cancel it first.")
+            raise InputError(
+                "a scan is already running", where="scan", remedy="Finish or cancel the running scan first."
+            )
         name = order.name or self._free_name()
         self._stage.places.check(name, None)
         self.close()

@@ -137,7 +137,7 @@ class Edge:
         deadline = time.monotonic() + seconds
         while not self.outlet.viewers and not self._stopped and not parent_is_gone():
             if time.monotonic() > deadline:
-                log.warning("no viewer connected within %.0f s, starting without one", seconds)
+                log.warning("no viewer connected within %.0f s, so the edge starts without a viewer", seconds)
                 return
             self._poll_requests()
             time.sleep(0.02)

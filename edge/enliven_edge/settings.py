@@ -34,13 +34,13 @@ class WireSettings:
     host: str = setting("127.0.0.1", "Network address to listen on. 0.0.0.0 listens on every interface.")
     insecure: bool = setting(
         False,
-        "Uses no keys. Anyone that reaches the edge can then watch and control characters.",
+        "Uses no keys. Everyone who can reach the edge can then watch, and control characters.",
         formerly="open",
     )
     pairing_minutes: float = setting(
         10.0,
         "Time after the start in which viewers on other computers can pair with the code that the edge "
-        "shows. If 0, only after an operator has asked for the code.",
+        "shows. If 0, viewers can pair only after an operator has requested the code.",
         unit="min",
         low=0.0,
         high=1440.0,
@@ -50,7 +50,7 @@ class WireSettings:
     control_port: int = setting(5581, "Network port of the commands. 0 picks a free port.", low=0, high=65535)
     rate: float = parameter(
         100.0,
-        "Maximum number of requests per second from one viewer. More are refused.",
+        "Maximum number of requests per second from one viewer. Further requests are refused.",
         unit="1/s",
         low=10,
         high=10_000,
@@ -60,13 +60,13 @@ class WireSettings:
     )
     announce: bool = setting(
         True,
-        "Announces the edge on the local network, so that viewers find it. Needs the extra 'discovery', and "
-        "an address that other computers reach.",
+        "Announces the edge on the local network, so that viewers find it. This needs the extra "
+        "'discovery' and an address that other computers can reach.",
     )
     budget: float = parameter(
         2.0,
-        "Time per frame for viewers' requests, half for reading and half for executing them. The rest "
-        "waits for the next frame, so that characters do not stall.",
+        "Time per frame for viewers' requests, half for reading and half for executing them. Further "
+        "requests wait for the next frame, so that characters do not stall.",
         unit="ms",
         low=0.5,
         high=100.0,
@@ -85,8 +85,8 @@ class CharacterSettings:
     )
     parts: str = setting(
         "",
-        "Body parts that hold the character: legs, 'legs / torso', and so on. If empty, they are chosen to "
-        "suit the mesh.",
+        "Body parts that possess the character, such as legs or 'legs / torso'. If empty, suitable parts "
+        "are chosen for the mesh.",
     )
 
 
@@ -125,7 +125,7 @@ class EdgeSettings:
     wire: WireSettings = group(WireSettings, "Network name, addresses and ports.")
     characters: dict[str, CharacterSettings] = field(
         default_factory=dict,
-        metadata={"doc": "The characters by name, where the command line names none."},
+        metadata={"doc": "The characters by name. They are used if the command line names no character."},
     )
     controls: dict[str, ControlSettings] = field(
         default_factory=dict, metadata={"doc": "Pedals, button panels and microphones, by name."}
@@ -134,9 +134,10 @@ class EdgeSettings:
         default_factory=dict, metadata={"doc": "Other programs that receive the motion live, by name."}
     )
     sensors: dict[str, SourceSettings] = field(
-        default_factory=dict, metadata={"doc": "The sensors by name, where the command line names none."}
+        default_factory=dict,
+        metadata={"doc": "The sensors by name. They are used if the command line names no sensor."},
     )
-    sensor: SensorCareSettings = group(SensorCareSettings, "Care for cameras that hang.")
+    sensor: SensorCareSettings = group(SensorCareSettings, "Recovery of cameras that hang.")
     space: str = setting(
         "", "Path of the result of `enliven calibrate` for several sensors, relative to this file."
     )
@@ -168,7 +169,10 @@ def characters_from_options(
         chosen = [_character_from_option(mesh) for mesh in meshes or ("chair",)]
     for option, words in (("drive", drives), ("parts", parts)):
         if len(words) not in (0, 1, len(chosen)):
-            remedy = f"Give one for all, or one for each of the {len(chosen)} characters in their order."
+            remedy = (
+                f"Use the option once for all characters, or once for each of the {len(chosen)} "
+                "characters, in order."
+            )
             raise InputError(f"--{option} is given {len(words)} times", where="command line", remedy=remedy)
         for k, word in enumerate(list(words) * len(chosen) if len(words) == 1 else words):
             name, character = chosen[k]

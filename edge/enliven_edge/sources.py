@@ -46,8 +46,8 @@ class SensorCareSettings:
 
     power_cycle: int = setting(
         0,
-        "Number of failed attempts to open a USB camera, or of hanging calls to it, after which it is reset "
-        "on its port (Linux). With the default 0 it is never reset, because other programs may use a camera "
+        "Number of failed attempts to open a USB camera, or of hanging calls to it, before its USB port "
+        "is reset (Linux). With the default 0 no port is reset, because other programs may use a camera "
         "of the same brand.",
         low=0,
         high=1000,
@@ -141,7 +141,7 @@ def open_sources(
             raise InputError(
                 f"two sensors are called {name!r}",
                 where="sensors",
-                remedy="Name them yourself: left=FIRST right=SECOND.",
+                remedy="Give each sensor another name: left=FIRST right=SECOND.",
             )
         sensors[name] = sensor
     return sensors

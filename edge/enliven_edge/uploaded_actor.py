@@ -66,16 +66,16 @@ def create_uploaded_actor(
     where = f"character {order.id!r}"
     project = parse_project(data, where, _MAX_UNPACKED_BYTES)
     if len(project.characters) != 1:
-        problem = f"{len(project.characters)} characters were sent as one"
-        raise InputError(problem, where=where, remedy="Send each by itself.")
+        problem = f"{len(project.characters)} characters were sent as one character"
+        raise InputError(problem, where=where, remedy="Send each character by itself.")
     (character,) = project.characters.values()
     mesh = character.mesh
     if mesh is None or not len(mesh.faces):
-        raise InputError("it has no mesh", where=where, remedy="Give it one.")
+        raise InputError("the character has no mesh", where=where, remedy="Add a mesh to the character.")
     farthest = _MAX_DISTANCE_UNFITTED if order.fit else _MAX_DISTANCE_M
     if not (np.abs(mesh.vertices) < farthest).all():
         problem = f"a vertex is {farthest:g} from the origin, or not finite"
-        raise InputError(problem, where=where, remedy="Scale it to metres.")
+        raise InputError(problem, where=where, remedy="Scale the mesh to metres.")
     digest = hashlib.sha256(data).hexdigest()
     upload = Upload(project, character.with_changes(id=order.id), order, settings, previous, digest)
     actor = ACTORS.get(character.kind, _surface_actor)(upload)
@@ -104,8 +104,8 @@ def _graph_actor(upload: Upload) -> Actor:
     shape, settings = upload.character, upload.settings
     nodes = len(shape.positions) if len(shape.positions) > 1 else settings.nodes
     if nodes > _MAX_NODES:
-        remedy = f"Give it {_MAX_NODES} at most."
-        raise InputError(f"it has {nodes} nodes", where=shape.where, remedy=remedy)
+        remedy = f"Use at most {_MAX_NODES} nodes."
+        raise InputError(f"the deformation graph has {nodes} nodes", where=shape.where, remedy=remedy)
     unedited = upload.previous if isinstance(upload.previous, EmbeddedActor) and not len(shape.ends) else None
 
     def prepare() -> PreparedCharacter:

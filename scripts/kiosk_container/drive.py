@@ -83,7 +83,7 @@ def wait_for_recording(container: Container, timeout_s: float = START_S) -> None
     while not container.read_edge_figures().get("frames") or container.recorded_bytes() <= before:
         if time.monotonic() > deadline:
             log = container.try_run(f"journalctl -b -n 60 --no-pager -u {EDGE}").stdout
-            raise TimeoutError(f"nothing is recorded after {timeout_s:g} s\n{log}")
+            raise TimeoutError(f"the edge has recorded nothing after {timeout_s:g} s\n{log}")
         time.sleep(0.05)
 
 
@@ -113,7 +113,7 @@ def kill_each(container: Container) -> dict[str, float]:
         deadline = time.monotonic() + START_S
         while active_since_s(container, unit) <= before_s:
             if time.monotonic() > deadline:
-                raise TimeoutError(f"{name} did not come back")
+                raise TimeoutError(f"{name} was not restarted in time")
             time.sleep(0.1)
         recoveries[name] = round(active_since_s(container, unit) - killed_s, 2)
         print(f"{name} was killed, and was ready again after {recoveries[name]} s", flush=True)
@@ -128,7 +128,7 @@ def freeze_window(container: Container) -> float:
     deadline = time.monotonic() + START_S
     while active_since_s(container, WINDOW) <= before_s:
         if time.monotonic() > deadline:
-            raise TimeoutError("the frozen window did not come back")
+            raise TimeoutError("the frozen window was not restarted in time")
         time.sleep(0.2)
     return round(active_since_s(container, WINDOW) - frozen_s, 2)
 
@@ -215,9 +215,11 @@ def find_faults(cuts: list[dict[str, object]]) -> list[str]:
 def main() -> int:
     """Runs the whole test. Returns its exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--root", type=Path, required=True, help="folder of the container's root")
-    parser.add_argument("--disk", type=Path, required=True, help="image of its partition")
-    parser.add_argument("--kills", type=int, default=20, help="number of power cuts")
+    parser.add_argument("--root", type=Path, required=True, help="root folder of the container")
+    parser.add_argument(
+        "--disk", type=Path, required=True, help="image file of the container's data partition"
+    )
+    parser.add_argument("--kills", type=int, default=20, help="number of simulated power cuts")
     parser.add_argument("--keep", action="store_true", help="use the kiosk that an earlier run installed")
     options = parser.parse_args()
     OUT.mkdir(parents=True, exist_ok=True)
@@ -239,7 +241,7 @@ def main() -> int:
     print(
         f"{len(losses)} of {len(cuts)} power cuts hit a recording, and at most {longest_s} s of it were lost"
     )
-    print("\n".join(faults) or "the kiosk came back after each kill and each power cut")
+    print("\n".join(faults) or "the kiosk restarted after each kill and each power cut")
     return bool(faults)
 
 

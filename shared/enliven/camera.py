@@ -38,15 +38,15 @@ class Intrinsics:
     def __post_init__(self) -> None:
         if self.width <= 0 or self.height <= 0:
             raise InputError(
-                f"the image size is {self.width}x{self.height}",
+                f"the image size {self.width}x{self.height} is not valid",
                 where="camera intrinsics",
-                remedy="Give the width and height of the depth image in pixels.",
+                remedy="Pass the width and height of the depth image in pixels.",
             )
         if not all(math.isfinite(f) and f > 0 for f in (self.fx, self.fy)):
             raise InputError(
-                f"the focal length is ({self.fx}, {self.fy}) pixels, it must be positive",
+                f"the focal lengths ({self.fx}, {self.fy}) in pixels are not finite and above 0",
                 where="camera intrinsics",
-                remedy="Calibrate the sensor, or use a profile of firmware_configs/sensors.",
+                remedy="Calibrate the sensor, or use a sensor profile in firmware_configs/sensors.",
             )
         if not all(math.isfinite(c) for c in (self.cx, self.cy, *self.distortion)):
             raise InputError(

@@ -35,26 +35,26 @@ permanent objects. With Python's default of 700, collections would take 0.1 s of
 HELP = """Step into any mesh and bring it alive.
 
 \b
-  enliven                                  the window: sketch, animate, perform (enliven studio)
-  enliven run                              watch the chair move with a recorded person
+  enliven                                  open the window: sketch, animate, perform (enliven studio)
+  enliven run                              move a chair by a recorded person
   enliven run --recording TAKE.mcap --mesh HORSE.obj
-  enliven import DEPTH/*.png -o take.mcap  convert a recording made by another program
-  enliven track TAKE.mcap -o bodies.mcap   make takes of the people in a recording of depth
-  enliven edge --sensor synthetic          the program at the camera: track and publish
+  enliven import DEPTH/*.png -o take.mcap  convert a recording of another program
+  enliven track TAKE.mcap -o bodies.mcap   find the people in a depth recording
+  enliven edge --sensor synthetic          run the program at the camera: track and publish
   enliven stage put HORSE.obj              put a character on the stage of a running edge
   enliven view --edge 192.168.1.20         show the stage of an edge on this screen
   enliven studio SPIDER.glb                sketch, animate, cut and merge shapes
   enliven graph HORSE.obj -o horse.png     draw the deformation graph of a mesh
-  enliven retarget WALK.bvh HORSE.glb -o out.glb   move a model by a motion
+  enliven retarget WALK.bvh HORSE.glb -o out.glb   move a model by a recorded motion
   enliven examples fit SESSION.toml -o out.glb     move a mesh by a few example poses
   enliven possess TAKE.mcap --mesh HORSE.obj -o out.glb   move a mesh by a recorded person
   enliven export TAKE.mcap -o take.glb     write a performance as .glb, .bvh or .mp4
-  enliven doctor                           what this machine lacks, and how to fix it
+  enliven doctor                           check this computer, and suggest remedies
 
-A file in capitals is one of your own. Exit codes: 0 done, 1 a fault of enliven, 2 wrong usage, 3 an
-input that cannot be used, 4 something this machine lacks (a port, a sensor, OpenGL), 130 interrupted.
---log-json, anywhere, makes every line JSON. --log-file FILE, anywhere, writes the log to a file of bounded
-size.
+Replace file names in capitals by your own files. Exit codes: 0 success, 1 an internal error of enliven,
+2 wrong usage, 3 an invalid input, 4 a missing resource of this computer (a port, a sensor, OpenGL), 130
+interrupted. Two options can be used with every command: --log-json writes each log line as JSON, and
+--log-file FILE writes the log to a file of limited size.
 """
 
 
@@ -78,7 +78,7 @@ def _start_and_run(arguments: list[str]) -> int:
         arguments, options = split_log_options(arguments)
         start_logging(as_json=options.as_json, file=options.file)
     except ValueError as error:
-        _print_error(f"{error}. Give it a path.")
+        _print_error(f"{error}. Type: --log-file FILE")
         return 2
     except OSError as error:
         fault = file_fault(error, str(error.filename), "written")
@@ -131,7 +131,9 @@ def _report_other_error(error: Exception) -> int:
         return int(error.exit_code)
     if os.environ.get("ENLIVEN_DEBUG"):
         raise error
-    _print_error(f"a fault of enliven itself{error_location(error)}. ENLIVEN_DEBUG=1 shows all of it.")
+    _print_error(
+        f"an internal error of enliven{error_location(error)}. Set ENLIVEN_DEBUG=1 to see the full error."
+    )
     return 1
 
 

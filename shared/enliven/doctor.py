@@ -42,7 +42,12 @@ def run_all_checks() -> list[Check]:
             checks += contributed()
         except Exception as error:  # An error in one package must not hide the results of the other packages.
             checks.append(
-                Check(entry.name, False, f"its checks failed: {error}", "Install the package again.")
+                Check(
+                    entry.name,
+                    False,
+                    f"the checks of this package failed: {error}",
+                    "Install the package again.",
+                )
             )
     return checks
 
@@ -66,23 +71,34 @@ def _check_python() -> Check:
 def _check_compiler_cache() -> Check:
     """Checks that compiled kernels can be stored between starts, and reports the kernels that a release
     contains."""
-    remedy = "Set NUMBA_CACHE_DIR to a folder that can be written, or every start compiles for two minutes."
+    remedy = "Set NUMBA_CACHE_DIR to a writable folder. Otherwise, each start compiles for two minutes."
     folder = user_folder()
     if folder is None:
-        return Check("compiled kernels", False, "not stored: the user has no home folder", remedy)
+        return Check(
+            "compiled kernels", False, "kernels are not stored, because the user has no home folder", remedy
+        )
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         with tempfile.TemporaryFile(dir=folder):
-            detail = f"stored between starts; {_describe_shipped_kernels()}; {_describe_native_kernels()}"
+            detail = (
+                f"kernels are stored between starts; {_describe_shipped_kernels()}; "
+                f"{_describe_native_kernels()}"
+            )
             return Check("compiled kernels", True, detail)
     except OSError as error:
-        return Check("compiled kernels", False, f"{folder} cannot be written ({error.strerror})", remedy)
+        return Check(
+            "compiled kernels", False, f"the folder {folder} cannot be written ({error.strerror})", remedy
+        )
 
 
 def _describe_shipped_kernels() -> str:
     """Returns a phrase with the number of compiled kernels that the installed release contains."""
     count = sum(len(list(folder.glob("*.kernel"))) for folder in shipped_folders())
-    return f"{count} came with the release" if count else "none came with the installation"
+    return (
+        f"the release contains {count} compiled kernels"
+        if count
+        else "the installation contains no compiled kernels"
+    )
 
 
 def _describe_native_kernels() -> str:
@@ -96,12 +112,12 @@ def _describe_native_kernels() -> str:
     except ImportError as error:
         return f"Numba cannot be loaded: {error}"
     if fixed := os.environ.get("NUMBA_CPU_NAME"):
-        return f"programs use code for {fixed}, as NUMBA_CPU_NAME says"
-    level = f"programs use code for {levels[0] if levels else processor}"
+        return f"programs use machine code for {fixed}, as set by NUMBA_CPU_NAME"
+    level = f"programs use machine code for {levels[0] if levels else processor}"
     if not is_native_code_enabled():
-        return f"{level}, and compile none for {processor}"
+        return f"{level}, and do not compile code for {processor}"
     if not sets:
-        return f"{level}, and compile code for {processor} when they have run for a while"
+        return f"{level}, and compile code for {processor} in the background after some time"
     return f"{'; '.join(sets)}; other {level}"
 
 
@@ -111,8 +127,8 @@ def _check_port(port: int) -> Check:
         try:
             probe.bind(("127.0.0.1", port))
         except OSError as error:
-            remedy = "Another edge may be running; stop it, or start with --port."
-            return Check(f"port {port}", False, f"taken ({error.strerror})", remedy)
+            remedy = "Another edge may be running. Stop it, or start the edge with --port."
+            return Check(f"port {port}", False, f"already in use ({error.strerror})", remedy)
     return Check(f"port {port}", True, "free")
 
 
@@ -128,6 +144,6 @@ def need(module: str, extra: str, where: str, package: str = "enliven-edge") -> 
         raise ResourceError(
             f"the library {module!r} is not installed",
             where=where,
-            remedy=f'Install it: pip install "{package}[{extra}]" '
-            f'(from a checkout: pip install "./{folder}[{extra}]").',
+            remedy=f'Type: pip install "{package}[{extra}]" (in a checkout: pip install '
+            f'"./{folder}[{extra}]").',
         )

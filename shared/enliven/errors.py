@@ -61,12 +61,14 @@ def refuse_later_version(version: int, newest: int, where: str, made_by: str = "
     # Imported here, because a package that is still being loaded has no version yet.
     from enliven import __version__
 
-    program = f", made by {made_by[:_MAX_PROGRAM_NAME_LENGTH]}" if made_by else ""
-    remedy = f"This is enliven {__version__}, which reads up to version {newest}: update enliven."
-    raise LaterVersionError(f"it is of version {version}{program}", where=where, remedy=remedy)
+    program = f", written by {made_by[:_MAX_PROGRAM_NAME_LENGTH]}" if made_by else ""
+    remedy = f"This is enliven {__version__}, which reads files up to version {newest}. Update enliven."
+    raise LaterVersionError(
+        f"the file has the later format version {version}{program}", where=where, remedy=remedy
+    )
 
 
-def plain_reason(error: BaseException, otherwise: str = "its contents do not fit together") -> str:
+def plain_reason(error: BaseException, otherwise: str = "its contents contradict each other") -> str:
     """Returns the reason of a failure in words for users.
 
     The result contains only sentences of enliven and of the operating system, and no names of Python
@@ -81,11 +83,11 @@ def plain_reason(error: BaseException, otherwise: str = "its contents do not fit
     if isinstance(error, OSError) and error.strerror:
         return error.strerror
     if isinstance(error, MemoryError):
-        return "it needs more memory than is available"
+        return "more memory is needed than is available"
     if isinstance(error, RecursionError):
-        return "it is nested too deeply"
+        return "its contents are nested too deeply"
     if isinstance(error, LookupError):
-        return "it refers to an entry that does not exist"
+        return "its contents refer to an entry that does not exist"
     return otherwise
 
 

@@ -96,12 +96,12 @@ _MIN_ABANDONED_AGE_S = 86_400.0
 """Minimum age in seconds (a day) at which a temporary folder without a lock file counts as abandoned."""
 _WRITE_ADVICE = "Check the folder's permissions and the space on the disk."
 _FAILING_DISK_ADVICE = (
-    "Its card or disk may be failing: check it, and copy what can still be read to another one."
+    "The disk or memory card may be failing. Check it, and copy the readable files to another disk."
 )
 _DISCONNECTED_ADVICE = (
-    "Its network drive or device does not answer: connect it again, or copy the file to this machine."
+    "The network drive or device does not answer. Connect it again, or copy the file to this computer."
 )
-_FULL_DISK_ADVICE = "Make room on the disk, or choose a folder on another one."
+_FULL_DISK_ADVICE = "Free some space on the disk, or choose a folder on another disk."
 _DEVICE_FAULTS = {
     number: remedy
     for remedy, names in (
@@ -111,7 +111,7 @@ _DEVICE_FAULTS = {
             ("ESTALE", "ENODEV", "ENXIO", "EREMOTEIO", "ETIMEDOUT", "EHOSTDOWN", "ENOTCONN", "ESHUTDOWN"),
         ),
         (_FULL_DISK_ADVICE, ("ENOSPC", "EDQUOT", "EFBIG")),
-        ("The disk can only be read: choose a folder on another one.", ("EROFS",)),
+        ("The disk is read-only. Choose a folder on another disk.", ("EROFS",)),
         ("Close other programs, or raise the limit of open files (ulimit -n).", ("EMFILE", "ENFILE")),
     )
     for name in names
@@ -120,9 +120,9 @@ _DEVICE_FAULTS = {
 """The remedy for each error number that means an error of a device or of this machine, and not of a file."""
 _PERMISSION_ERRORS = {errno.EACCES, errno.EPERM}
 """Error numbers that mean that the user has no permission for a file."""
-INVALID_NAME_REASON = "no file can have that name"
+INVALID_NAME_REASON = "this file name is not valid"
 """The reason in messages about a path that the operating system refuses without a reason."""
-_SAME_FOLDER_ADVICE = "Keep the files of the model in one folder."
+_SAME_FOLDER_ADVICE = "Store all files of the model in one folder."
 
 
 def file_fault(
@@ -145,7 +145,9 @@ def file_fault(
     if doing == "written":
         return ResourceError(problem, where=str(path), remedy=_WRITE_ADVICE)
     remedy = (
-        "Check its permissions." if error.errno in _PERMISSION_ERRORS else "Name a file that can be read."
+        "Check the permissions of the file or folder."
+        if error.errno in _PERMISSION_ERRORS
+        else "Choose a readable file."
     )
     return InputError(problem, where=str(path), remedy=remedy)
 
@@ -270,11 +272,11 @@ def open_file(path: Path) -> BinaryIO:
     try:
         descriptor = os.open(path, _READ_FLAGS)
     except FileNotFoundError:
-        raise InputError("there is no such file", where=str(path), remedy="Check the path.") from None
+        raise InputError("the file does not exist", where=str(path), remedy="Check the path.") from None
     except OSError as error:
         raise file_fault(error, path) from None
     except ValueError:
-        remedy = "Name a file that can be read."
+        remedy = "Choose a readable file."
         raise InputError(
             f"it cannot be read ({INVALID_NAME_REASON})", where=str(path), remedy=remedy
         ) from None
@@ -282,9 +284,11 @@ def open_file(path: Path) -> BinaryIO:
     if not stat.S_ISREG(kind):
         os.close(descriptor)
         problem = (
-            "it is a folder" if stat.S_ISDIR(kind) else "it is not a regular file but a pipe or a device"
+            "the path is a folder, not a file"
+            if stat.S_ISDIR(kind)
+            else "the path is a pipe or a device, not a regular file"
         )
-        raise InputError(problem, where=str(path), remedy="Name a file that can be read.")
+        raise InputError(problem, where=str(path), remedy="Choose a readable file.")
     return io.BufferedReader(_ReportedFile(str(path), "rb", opener=lambda *_: descriptor))
 
 
@@ -307,7 +311,7 @@ def read_file(path: Path, max_bytes: int = MAX_FILE_BYTES) -> bytes:
     with open_file(path) as file:
         size = os.fstat(file.fileno()).st_size
         if size > max_bytes:
-            problem = f"it has {size} bytes, and no more than {max_bytes} are read"
+            problem = f"the file has {size} bytes, but at most {max_bytes} are allowed"
             raise InputError(problem, where=str(path), remedy="Use a smaller file.")
         return file.read(size)
 
@@ -378,7 +382,7 @@ def require_folder(*paths: Path | None) -> None:
             suggestion = f"Did you mean {folder.with_name(similar[0])}? " if similar else ""
             problem, remedy = (
                 f"the folder {str(folder)!r} does not exist",
-                f"{suggestion}Make it, or check its name.",
+                f"{suggestion}Create the folder, or check its name.",
             )
             raise ResourceError(problem, where=str(path), remedy=remedy)
 
@@ -422,7 +426,9 @@ def write_picture(path: Path, picture: Any, remedy: str = "", **options: Any) ->
     kind = Image.registered_extensions().get(path.suffix.lower())
     if kind not in Image.SAVE:
         raise InputError(
-            f"cannot write {path.suffix or 'no'} pictures", where=str(path), remedy="Known: png, jpg, webp."
+            f"images cannot be written to {path.suffix or 'extensionless'} files",
+            where=str(path),
+            remedy="Known image formats: png, jpg, webp.",
         )
     encoded = io.BytesIO()
     picture.save(encoded, kind, **options)
@@ -513,7 +519,7 @@ def _refuse_foreign_files(path: Path, is_own: Callable[[str], bool]) -> None:
         if not path.is_symlink() and not path.exists():
             return
         if path.is_symlink() or not path.is_dir():
-            raise InputError("it exists and is not a folder", where=str(path), remedy=remedy)
+            raise InputError("the path exists, but is not a folder", where=str(path), remedy=remedy)
         foreign = [
             file.name
             for file in path.iterdir()
@@ -522,7 +528,7 @@ def _refuse_foreign_files(path: Path, is_own: Callable[[str], bool]) -> None:
     except OSError as error:
         raise file_fault(error, path, "used") from None
     if foreign:
-        problem = f"the folder contains other files, such as {min(foreign)!r}, and is not replaced"
+        problem = f"the folder contains other files, such as {min(foreign)!r}, so it is not replaced"
         raise InputError(problem, where=str(path), remedy=remedy)
 
 
@@ -698,7 +704,9 @@ class ReferencedFiles:
         try:
             return base64.b64decode(body) if head.endswith(";base64") else unquote_to_bytes(body)
         except ValueError:
-            raise self._reference_error(uri, "cannot be decoded", "Export the model again.") from None
+            raise self._reference_error(
+                uri, "contains data that cannot be decoded", "Export the model again."
+            ) from None
 
     def read_named_file(self, name: str) -> bytes:
         """Returns the bytes of a file by its name, relative to the folder.
@@ -711,7 +719,9 @@ class ReferencedFiles:
             folder = self._path.parent.resolve()
             target = (folder / name).resolve()
             if not target.is_relative_to(folder):
-                raise self._reference_error(name, "lies outside of its folder", _SAME_FOLDER_ADVICE)
+                raise self._reference_error(
+                    name, "is outside of the folder of the model", _SAME_FOLDER_ADVICE
+                )
             if (recorded := _recorded_references.get()) is not None:
                 recorded.append(target)
             data = read_file(target, self._left)
@@ -728,4 +738,6 @@ class ReferencedFiles:
         return data
 
     def _reference_error(self, name: str, problem: str, remedy: str) -> InputError:
-        return InputError(f"its part {name[:80]!r} {problem}", where=str(self._path), remedy=remedy)
+        return InputError(
+            f"the referenced file {name[:80]!r} {problem}", where=str(self._path), remedy=remedy
+        )

@@ -41,9 +41,10 @@ class DepthFrame:
         expected = (self.intrinsics.height, self.intrinsics.width)
         if self.depth.dtype != np.uint16 or self.depth.shape != expected:
             raise InputError(
-                f"depth is {self.depth.dtype} {self.depth.shape}, expected uint16 {expected}",
+                f"the depth image has the type {self.depth.dtype} and shape {self.depth.shape}, "
+                f"expected uint16 and {expected}",
                 where=f"frame of {self.sensor}",
-                remedy="The intrinsics must belong to the image: give those of this resolution.",
+                remedy="Pass the intrinsics for the resolution of this depth image.",
             )
 
 

@@ -195,7 +195,7 @@ class RepeatLimit(logging.Filter):
             while len(self._seen) > _MAX_REMEMBERED_WARNINGS:
                 self._seen.popitem(last=False)
         if omitted > 0:
-            record.msg, record.args = f"{message} (repeated {omitted} more times)", ()
+            record.msg, record.args = f"{message} (this message was omitted {omitted} times)", ()
         return count < MAX_REPEATS
 
 
@@ -252,7 +252,7 @@ def split_log_options(arguments: Sequence[str]) -> tuple[list[str], LogOptions]:
         elif word == "--log-file" or word.startswith("--log-file="):
             name = word.partition("=")[2] if "=" in word else next(words, "")
             if not name:
-                raise ValueError("--log-file names no file")
+                raise ValueError("the option --log-file has no file name")
             file = Path(name)
         else:
             other_arguments.append(word)

@@ -38,9 +38,9 @@ MAX_LINE_BYTES = 1 << 14
 in their number."""
 MAX_NESTING = 32
 """Maximum nesting depth of tables and arrays. Files written by enliven have a depth of at most six."""
-_UNKNOWN_KEY_ADVICE = "If a later version of enliven wrote it, update enliven."
+_UNKNOWN_KEY_ADVICE = "If a later version of enliven wrote the file, update enliven."
 """Advice that is appended to the error about an unknown key."""
-_TOO_DEEP_REASON = f"tables or arrays are nested deeper than {MAX_NESTING}"
+_TOO_DEEP_REASON = f"tables or arrays are nested in more than {MAX_NESTING} levels"
 
 
 def setting(
@@ -118,7 +118,9 @@ def load_settings(
     values = _without_removed(kind, source, own_file, removed)
     if removed and not own_file:
         log.warning(
-            "%s: settings that no longer exist are ignored: %s. Delete them.", where, ", ".join(removed)
+            "%s: these settings no longer exist and are ignored: %s. Delete them from the file.",
+            where,
+            ", ".join(removed),
         )
     return _build(kind, values, where, "")
 
@@ -139,7 +141,7 @@ def read_toml(path: Path, newest: int = TOML_VERSION) -> dict[str, Any]:
     longest = max(map(len, data.splitlines()), default=0)
     try:
         if longest > MAX_LINE_BYTES:
-            raise ValueError(f"a line has {longest} bytes, and no more than {MAX_LINE_BYTES} are read")
+            raise ValueError(f"a line has {longest} bytes, but at most {MAX_LINE_BYTES} are allowed")
         tables = tomllib.loads(data.decode("utf-8"))
         level: list[Any] = [tables]
         for _ in range(MAX_NESTING):
@@ -147,14 +149,14 @@ def read_toml(path: Path, newest: int = TOML_VERSION) -> dict[str, Any]:
         if level:
             raise ValueError(_TOO_DEEP_REASON)
     except RecursionError:
-        raise InputError(f"it is not readable TOML ({_TOO_DEEP_REASON})", where=str(path)) from None
+        raise InputError(f"the file is not valid TOML ({_TOO_DEEP_REASON})", where=str(path)) from None
     except ValueError as error:
-        raise InputError(f"it is not readable TOML ({error})", where=str(path)) from None
+        raise InputError(f"the file is not valid TOML ({error})", where=str(path)) from None
     version = tables.pop(_VERSION, 1)
     if not isinstance(version, int) or isinstance(version, bool) or version < 1:
         problem, remedy = (
-            f"version is {version!r:.40}, expected a whole number from 1",
-            f"Write version = {newest}.",
+            f"the format version is {version!r:.40}, expected a whole number of at least 1",
+            f"Write this line at the start of the file: version = {newest}",
         )
         raise InputError(problem, where=str(path), remedy=remedy)
     refuse_later_version(version, newest, str(path))
@@ -216,7 +218,7 @@ def _build(kind: type[T], values: Mapping[str, Any], where: str, prefix: str) ->
             remedy = (
                 f"Did you mean {prefix}{near[0]}?"
                 if near
-                else f"Known: {', '.join(fields)}. {_UNKNOWN_KEY_ADVICE}"
+                else f"Known keys: {', '.join(fields)}. {_UNKNOWN_KEY_ADVICE}"
             )
             raise InputError(f"unknown key {prefix}{key}", where=where, remedy=remedy)
     arguments: dict[str, Any] = {}
@@ -248,7 +250,7 @@ def _check_value(hint: Any, value: Any, where: str, path: str, field: dataclasse
     tables = typing.get_args(hint)[1:]
     if typing.get_origin(hint) is dict and tables and dataclasses.is_dataclass(tables[0]):
         if not isinstance(value, Mapping):
-            raise InputError(f"{path} must hold tables", where=where)
+            raise InputError(f"{path} must contain tables", where=where)
         group: Any = tables[0]
         return {
             key: _build_named_groups(group, table, where, f"{path}.{key}") for key, table in value.items()
@@ -266,7 +268,9 @@ def _check_value(hint: Any, value: Any, where: str, path: str, field: dataclasse
     low, high = field.metadata.get("low", -math.inf), field.metadata.get("high", math.inf)
     if isinstance(converted, int | float) and not low <= converted <= high:
         unit = field.metadata.get("unit", "")
-        raise InputError(f"{path} is {converted}, outside {low}..{high} {unit}".rstrip(), where=where)
+        raise InputError(
+            f"{path} is {converted}, outside the range {low}..{high} {unit}".rstrip(), where=where
+        )
     return converted
 
 

@@ -32,8 +32,12 @@ class Sound:
 
     def __post_init__(self) -> None:
         if self.samples.ndim != 1 or self.samples.dtype != np.int16 or not 0.0 <= self.begin < float("inf"):
-            remedy = "Give 16-bit samples of one channel, and a begin of at least 0."
-            raise InputError("it is not a valid sound", where=f"sound {self.id!r}", remedy=remedy)
+            remedy = "Pass 16-bit mono samples and a start time of at least 0 s."
+            raise InputError(
+                "the samples or the start time of the sound are not valid",
+                where=f"sound {self.id!r}",
+                remedy=remedy,
+            )
 
     @property
     def end(self) -> float:

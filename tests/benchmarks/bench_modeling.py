@@ -1,13 +1,16 @@
-"""Measures cuts, unions, skin weights and sketches, after warm-up, on one thread, each compared with the best
-available peer.
+"""Measures cuts, unions, skin weights and sketches, compared with the best available peer.
+
+The measurements run after warm-up, on one thread.
 
 - cut: a limb of a 10,000-vertex body cut across, with skin weights. Peer: manifold3d's own split by a plane,
   which does not transfer skin weights or vertex numbers, and cuts everything that the plane intersects.
 - union: two overlapping spheres of 10,000 vertices each. Peer: libigl's boolean over CGAL (exact), which does
-not transfer skin weights or vertex numbers either. - bone heat: 10,000 vertices, 30 bones. Peers: the same
-heat method in plain SciPy, without visibility tests and with all bones kept; and libigl's biharmonic weights,
-neither bounded nor limited to four bones, with a handle in the middle of each bone (its bounded weights crash
-on a surface without tetrahedra). - sketch: from a tentacle's stroke to a rigged part; there is no peer.
+  not transfer skin weights or vertex numbers either.
+- bone heat: 10,000 vertices, 30 bones. The first peer is the same heat method in plain SciPy, without
+  visibility tests and with all bones kept. The second peer is libigl's biharmonic weights with a handle in
+  the middle of each bone. They are neither bounded nor limited to four bones, because the bounded weights
+  crash on a surface without tetrahedra.
+- sketch: from a tentacle's stroke to a rigged part. There is no peer.
 """
 
 from __future__ import annotations

@@ -86,7 +86,7 @@ def figures() -> Iterator[Figure]:
 
 
 def _slide_figures() -> Iterator[Figure]:
-    """How fast standing feet slide with ``--travel --pin``, in the size of a person."""
+    """Yields the sliding speeds of standing feet with ``--travel --pin``, scaled to the size of a person."""
     lines = list[str]()
     humans = [(model, _convention(model)) for model in _humans()]
     others = [

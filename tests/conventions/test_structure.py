@@ -201,7 +201,7 @@ def test_architecture_page_is_current():
     ("at", "message"),
     [
         ("enliven_edge.service:Edge.walk", "enliven_edge.service has no Edge.walk"),
-        ("enliven_edge.nowhere:walk", "there is no module enliven_edge.nowhere"),
+        ("enliven_edge.nowhere:walk", "the module enliven_edge.nowhere does not exist"),
         ("viewer/none.vert", "viewer/none.vert does not exist"),
         ("enliven_viewer.studio.tools.cut:CutTool", "no earlier file of the trace contains 'CutTool'"),
     ],

@@ -108,7 +108,7 @@ def test_line_noise_neither_loses_nor_adds_presses(stand, caplog):
         stand.says([MAP[str(number)] for number in pressed[:count]])
     stand.shows(possess=1.0, locked=1.0)
     assert stand.panel.hits > 3
-    assert stand.is_there() and "which is not in its map" not in caplog.text
+    assert stand.is_there() and "which is not in the map of this control" not in caplog.text
 
 
 @pytest.mark.parametrize("bytes_sent", [3, 15])
@@ -144,7 +144,7 @@ def test_watchdog_restart_of_hanging_firmware_is_reported(stand, caplog):
     stand.says(["possess"])
     with stand.panel.lock:
         stand.panel.board.hang()
-    wait_until(lambda: "its watchdog started it again" in caplog.text)
+    wait_until(lambda: "the watchdog restarted the panel" in caplog.text)
     stand.panel.click(2)
     stand.says(["possess", "join"])
     stand.shows(possess=1.0, locked=1.0)

@@ -212,7 +212,7 @@ def unpaired_cactus() -> Project:
         (
             project_of_mesh(replace(MESH, vertices=MESH.vertices * 1e5), "chair"),
             "chair",
-            "Scale it to metres",
+            "Scale the mesh to metres",
         ),
         (Project().with_characters(wild_star()), "star", "finite"),
         (project_of_mesh(replace(MESH, faces=MESH.faces[:0]), "chair"), "chair", "no mesh"),

@@ -54,7 +54,7 @@ def test_a_sensor_that_the_space_does_not_know_is_refused():
     space = load_space(EDGES / loaded.space)
     with contextlib.ExitStack() as stack:
         sensors = open_sources([Source("middle", "synthetic", {})], stack)
-        with pytest.raises(InputError, match=r"no pose for the sensor .middle.*left, right"):
+        with pytest.raises(InputError, match=r"no pose of the sensor .middle.*left, right"):
             FusedSensors(sensors, {"middle": Tracker()}, space)
 
 
@@ -62,7 +62,7 @@ def test_a_sensor_that_the_space_does_not_know_is_refused():
     ("text", "message"),
     [
         ("[sensors]\nleft = 3", "sensors.left must be a table"),
-        ("sensors = 3", "sensors must hold tables"),
+        ("sensors = 3", "sensors must contain tables"),
         ('[sensors.left]\nsensr = "oak"', "Did you mean sensors.left.sensor"),
         ("[sensors.left.scene]\nfar = 99.0", "sensors.left.scene.far is 99.0, outside"),
         ("[sensors.left]\noptions = { path = [1] }", "sensors.left.options"),
@@ -96,7 +96,7 @@ def test_a_sensor_of_a_package_that_is_not_installed_names_the_package(monkeypat
 
 
 def test_two_sensors_of_one_name_are_refused():
-    with contextlib.ExitStack() as stack, pytest.raises(InputError, match="Name them yourself"):
+    with contextlib.ExitStack() as stack, pytest.raises(InputError, match="Give each sensor another name"):
         open_sources([Source(None, "synthetic", {})] * 2, stack)
 
 

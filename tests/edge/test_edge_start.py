@@ -63,4 +63,4 @@ def test_first_log_lines_say_what_viewers_can_see(tmp_path, sends_picture):
 
 def test_the_doctor_says_what_viewers_can_see_and_how_to_turn_it_off():
     (check,) = [check for check in checks() if check.name == "camera preview"]
-    assert check.ok and "person can be recognised" in check.detail and "picture = false" in check.detail
+    assert check.ok and "people can be recognised" in check.detail and "picture = false" in check.detail

@@ -54,7 +54,7 @@ def test_a_missing_decoder_names_the_extra_and_the_file(monkeypatch, module):
     with pytest.raises(ResourceError) as refused:
         compression._load_decoder(module, "horse.glb")
     message = str(refused.value)
-    assert message.startswith(f"horse.glb: it is compressed, and the library {module}")
+    assert message.startswith(f"horse.glb: the file is compressed, but the library {module}")
     assert 'pip install "enliven[compressed]"' in message
 
 

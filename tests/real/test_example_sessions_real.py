@@ -54,7 +54,7 @@ def test_a_session_is_suggested_posed_and_fitted(tmp_path, capsys, mesh, options
 
     session.write_text(re.sub(r"= \[0\.0, 0\.0, 0\.0\]$", moved, session.read_text(), flags=re.MULTILINE))
     assert run(["examples", "check", str(session)]) == 0
-    assert "the pose farthest from all examples" in capsys.readouterr().out
+    assert "the pose that differs most from all examples" in capsys.readouterr().out
     assert run(["examples", "fit", str(session), "-o", str(tmp_path / "made.mcap")]) == 0
     read = read_session(session)
     posed = read.project.puppets[file.stem]

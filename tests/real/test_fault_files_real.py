@@ -50,10 +50,10 @@ def call(*words) -> str:
 MESHES = {
     "concave_L.obj": (5.9, 12, ""),
     "half_flipped.obj": (2.2277, 206, "turned 204 of 408 faces"),
-    "inside_out.obj": (2.2277, 206, "it was inside out"),
+    "inside_out.obj": (2.2277, 206, "the faces of the mesh pointed inwards"),
     "latin1_comment.obj": (2.2277, 206, ""),
     "tokens.off": (2.366, 4, ""),
-    "bin_tail.stl": (2.2277, 206, "bytes after its last triangle"),
+    "bin_tail.stl": (2.2277, 206, "bytes after the last triangle"),
 }
 """Area in square units, vertices, and words of a note, for each mesh."""
 
@@ -170,17 +170,17 @@ def test_the_two_captures_are_the_same_motion() -> None:
 
 def test_a_wall_of_the_tum_benchmark_is_at_two_metres(tmp_path) -> None:
     output = call("import", FAULTS / "tum", "-o", tmp_path / "a.mcap")
-    assert "5000 to the metre" in output and "tum-depth" in output
+    assert "5000 units per metre" in output and "tum-depth" in output
     frames = list(Recording(tmp_path / "a.mcap").frames())
     assert [np.median(frame.depth) for frame in frames] == [2000, 2000]
     assert frames[1].time_ns - frames[0].time_ns == 33_333_000
     call("import", FAULTS / "tum", "-o", tmp_path / "b.mcap", "--units-per-metre", 1000)
     assert np.median(next(iter(Recording(tmp_path / "b.mcap").frames())).depth) == 10_000
-    assert "5000 to the metre" in call("track", FAULTS / "tum", "-o", tmp_path / "c.mcap")
+    assert "5000 units per metre" in call("track", FAULTS / "tum", "-o", tmp_path / "c.mcap")
 
 
 def test_an_empty_image_is_named_and_later_times_stay(tmp_path) -> None:
     output = call("import", FAULTS / "depth_empty_png", "-o", tmp_path / "a.mcap", "--fps", 10)
-    assert "depth_3.png is left out: it is empty" in output
+    assert "depth_3.png is skipped: the file is empty" in output
     assert [frame.time_ns for frame in Recording(tmp_path / "a.mcap").frames()] == [0, 10**8, 3 * 10**8]
     assert "depth_3.png" in call("track", FAULTS / "depth_empty_png", "-o", tmp_path / "b.mcap")

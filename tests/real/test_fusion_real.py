@@ -1,8 +1,9 @@
 """Tests of calibrating and fusing two Kinects that saw the same people.
 
-The gate, the loyalty and the plausible bones were tuned on Study_24, the low-pass filter of velocities on
-Study_1. The Kinects' positions were not measured. The authors had already transformed the skeletons into one
-world, so the placement found must be nearly the identity.
+Several parameters were tuned on Study_24: the maximum distance between two bodies of one person, the
+advantage of the previous assignment, and the plausible bone lengths. The low-pass filter of velocities was
+tuned on Study_1. The Kinects' positions were not measured. The authors had already transformed the skeletons
+into one world, so the resulting placement must be nearly the identity.
 """
 
 import dataclasses

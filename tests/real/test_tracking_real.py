@@ -63,7 +63,7 @@ def pixels_outside(frame: DepthFrame, tracker: Tracker, joints: np.ndarray, mask
 
 
 def test_arms_are_found_at_first_sight():
-    """In eight single frames, head, shoulders and elbows are on the person in all, the wrists in most."""
+    """In eight single frames, head, shoulders and elbows lie on the person, and most wrists, too."""
     files = sorted((DATA / "depth" / "skeltrack_kinect1").glob("*.u16"))
     wrists = []
     for path in files:

@@ -51,10 +51,10 @@ def test_errors_have_their_exit_codes(monkeypatch, capsys, error, code):
 def test_missing_recording_is_reported():
     asked = enliven("run", "--recording", "nowhere.mcap")
     assert asked.returncode == 3
-    assert "nowhere.mcap: this recording does not exist" in asked.stderr
+    assert "nowhere.mcap: the recording does not exist" in asked.stderr
     assert "Traceback" not in asked.stderr
     unset = enliven("run", "--settings", "nowhere.toml")
-    assert unset.returncode == 3 and "nowhere.toml: this settings file does not exist" in unset.stderr
+    assert unset.returncode == 3 and "nowhere.toml: the settings file does not exist" in unset.stderr
 
 
 def test_doctors_commands_are_complete(monkeypatch, capsys):

@@ -45,14 +45,17 @@ def made(**changes) -> Character:
     ("changes", "message"),
     [
         ({"vertices": np.zeros((0, 3), np.float32)}, "no vertices"),
-        ({"faces": np.array([[0, 1, 3]], np.int32)}, "a face names a vertex outside"),
-        ({"edges": np.array([[0, 2]], np.int32)}, "an edge names a pivot outside"),
-        ({"colours": np.zeros((2, 3), np.uint8)}, "the colours are"),
+        ({"faces": np.array([[0, 1, 3]], np.int32)}, "a face refers to a vertex outside"),
+        ({"edges": np.array([[0, 2]], np.int32)}, "an edge of the graph refers to a transform outside"),
+        ({"colours": np.zeros((2, 3), np.uint8)}, "the vertex colours have the shape"),
         (
             {"skin": SkinWeights(np.full((3, 4), 2, np.uint16), np.ones((3, 4), np.float32))},
             "follows transform 2",
         ),
-        ({"skin": SkinWeights(np.zeros((2, 4), np.uint16), np.ones((2, 4), np.float32))}, "skin weights are"),
+        (
+            {"skin": SkinWeights(np.zeros((2, 4), np.uint16), np.ones((2, 4), np.float32))},
+            "skin weights have the shape",
+        ),
     ],
 )
 def test_inconsistent_character_is_refused(changes, message):

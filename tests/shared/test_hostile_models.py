@@ -75,9 +75,9 @@ def test_files_below_the_model_are_read(folder, read, uri):
         ("zero.bin", "outside"),
         ("pipe.bin", "pipe"),
         ("parts", "folder"),
-        ("large.bin", "no more than"),
-        ("none.bin", "no such file"),
-        ("http://localhost/a.bin", "no such file"),
+        ("large.bin", "but at most"),
+        ("none.bin", "the file does not exist"),
+        ("http://localhost/a.bin", "the file does not exist"),
         ("a\0b", "cannot be read"),
         ("loop.bin", "cannot be read|outside"),
         ("a" * 5000, "cannot be read"),
@@ -94,7 +94,7 @@ def test_total_size_of_referenced_files_is_bounded(tmp_path):
     (tmp_path / "a").write_bytes(bytes(60))
     beside = ReferencedFiles(tmp_path / "model.obj", max_bytes=100)
     assert len(beside.read_named_file("a")) == 60
-    with pytest.raises(InputError, match="no more than 40"):
+    with pytest.raises(InputError, match="at most 40"):
         beside.read_named_file("a")
 
 
@@ -118,7 +118,7 @@ def test_a_model_is_a_regular_file(tmp_path, read):
         read(tmp_path / "a.glb")
     with (tmp_path / "b.glb").open("wb") as file:
         file.truncate(1 << 40)
-    with bounded(), pytest.raises(InputError, match="no more than"):
+    with bounded(), pytest.raises(InputError, match="but at most"):
         read(tmp_path / "b.glb")
 
 
@@ -132,7 +132,7 @@ MANY = [{"bufferView": 0, "componentType": 5126, "count": 10_000, "type": "VEC3"
     ("changes", "words"),
     [
         ({"accessors": [{"componentType": 5126, "count": 10**9, "type": "VEC3"}]}, "declares 1000000000"),
-        ({"nodes": CHAIN}, "nested deeper than"),
+        ({"nodes": CHAIN}, "nested in more than"),
         ({"nodes": [{}] * 70_000}, "70000 nodes"),
         ({"nodes": CROWD, "accessors": MANY}, "600000000 vertices"),
         ({"nodes": [{"children": [1]}, {"children": [0], "mesh": 0}]}, "cycle"),
@@ -207,7 +207,7 @@ def test_image_with_false_size_is_left_out(tmp_path, side):
 def test_a_file_of_a_bounded_size_is_read_whole(tmp_path):
     (tmp_path / "a").write_bytes(b"12345")
     assert read_file(tmp_path / "a", 5) == b"12345"
-    with pytest.raises(InputError, match="5 bytes, and no more than 4"):
+    with pytest.raises(InputError, match="5 bytes, but at most 4"):
         read_file(tmp_path / "a", 4)
     for path in (tmp_path, tmp_path / "none", tmp_path / "a\0b"):
         with pytest.raises(InputError):

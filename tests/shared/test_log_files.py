@@ -71,7 +71,7 @@ def test_identical_warnings_are_limited_and_counted() -> None:
     assert shown[MAX_REPEATS:] == ["port 5582 is in use", *["frame"] * 10]
     now[0] += REPEAT_WINDOW_S
     tell(logging.WARNING, "port %d is in use", 5580)
-    assert shown[-1] == f"port 5580 is in use (repeated {10 - MAX_REPEATS} more times)"
+    assert shown[-1] == f"port 5580 is in use (this message was omitted {10 - MAX_REPEATS} times)"
 
 
 def test_memory_of_different_warnings_is_bounded() -> None:
@@ -86,14 +86,14 @@ def test_options_are_taken_from_anywhere_before_two_dashes() -> None:
     assert rest == ["edge", "--port", "0"] and options.file == Path("a.log") and options.as_json
     rest, options = split_log_options(["--log-file=b.log", "edge", "--", "--log-json"])
     assert rest == ["edge", "--", "--log-json"] and options.file == Path("b.log") and not options.as_json
-    with pytest.raises(ValueError, match="names no file"):
+    with pytest.raises(ValueError, match="has no file name"):
         split_log_options(["edge", "--log-file"])
 
 
 def test_program_reports_a_log_file_that_cannot_be_written(tmp_path) -> None:
     for words, code, text in (
         (["--log-file", str(tmp_path / "none" / "x.log")], 4, "cannot be written"),
-        (["--log-file"], 2, "names no file"),
+        (["--log-file"], 2, "has no file name"),
         (["--log-file", str(tmp_path / "x.log")], 0, ""),
     ):
         command = [sys.executable, "-m", "enliven", "--version", *words]

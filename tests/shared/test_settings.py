@@ -37,11 +37,14 @@ def test_defaults_and_overrides():
     [
         ({"nmae": "a"}, "unknown key nmae.*Did you mean name"),
         ({"name": "a", "lens": {"focl": 1}}, r"unknown key lens\.focl.*Did you mean lens\.focal"),
-        ({"name": "a", "zzzz": 1}, "Known: name, lens"),
+        ({"name": "a", "zzzz": 1}, "Known keys: name, lens"),
         ({}, "key name is missing.*The name is needed"),
         ({"name": 3}, "name is 3, expected str"),
         ({"name": "a", "lens": {"focal": "wide"}}, r"lens\.focal is 'wide', expected float"),
-        ({"name": "a", "lens": {"focal": 0.5}}, r"lens\.focal is 0\.5, outside 1\.0\.\.5000\.0 px"),
+        (
+            {"name": "a", "lens": {"focal": 0.5}},
+            r"lens\.focal is 0\.5, outside the range 1\.0\.\.5000\.0 px",
+        ),
         ({"name": "a", "lens": {"focal": float("nan")}}, r"lens\.focal is nan"),
         ({"name": "a", "lens": {"kind": "mirror"}}, r"lens\.kind is 'mirror'"),
         ({"name": "a", "lens": 4}, "lens must be a table"),
@@ -57,10 +60,10 @@ def test_invalid_setting_is_reported(values, message):
 
 def test_settings_files_are_read(tmp_path):
     path = tmp_path / "edge.toml"
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="the file does not exist"):
         load_settings(EdgeSettings, path)
     path.write_text("nodes = [")
-    with pytest.raises(InputError, match="not readable TOML"):
+    with pytest.raises(InputError, match="not valid TOML"):
         load_settings(EdgeSettings, path)
     path.write_text("nodes = 64\n[tracker.smoothing]\namount = 0.0\n")
     loaded = load_settings(EdgeSettings, path)

@@ -189,7 +189,7 @@ def test_misspelt_setting_is_reported(tmp_path, enliven):
         (("run", "--film", "--out", "moveis/out"), 4, "Did you mean movies?"),
         (("graph", "chair", "-o", "moveis/chair.png"), 4, "Did you mean movies?"),
         (("view", "--film", "moveis/out.mp4"), 4, "the folder 'moveis' does not exist"),
-        (("retarget", "a.bvh", "b.glb", "-o", "out.fbx"), 3, "Known: .bvh, .csv, .glb"),
+        (("retarget", "a.bvh", "b.glb", "-o", "out.fbx"), 3, "Known suffixes: .bvh, .csv, .glb"),
         (("retarget", "a.bvh", "b.glb", "-o", "out.glb", "--sheet", "moveis/out.png"), 4, "does not exist"),
         (("examples", "fit", "a.toml", "-o", "moveis/out.mcap"), 4, "does not exist"),
         (("view", "x.glb"), 3, "enliven studio x.glb, or make a film of it: enliven export x.glb"),

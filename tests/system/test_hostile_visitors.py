@@ -112,12 +112,12 @@ def test_the_stage_takes_a_limited_number_of_characters_in_all_and_of_each_visit
     rude, artist = house.visitor(), house.visitor()
     assert [rude.put(name) for name in "ab"] == [Done(), Done()]
     refused = rude.put("c")
-    assert isinstance(refused, Refused) and "this viewer has 2 characters" in refused.reason
+    assert isinstance(refused, Refused) and "this viewer already has 2 characters" in refused.reason
     assert "per_viewer under [stage]" in refused.reason
     assert [artist.put(name) for name in "xy"] == [Done(), Done()]
     refused = house.visitor().put("z")
-    assert isinstance(refused, Refused) and "the stage is full, it has 4 characters" in refused.reason
-    assert "Remove one" in refused.reason and "characters under [stage]" in refused.reason
+    assert isinstance(refused, Refused) and "the stage is full, because it has 4 characters" in refused.reason
+    assert "Remove a character" in refused.reason and "characters under [stage]" in refused.reason
     changed = house.visitor().put("x", 2, BOX_DATA)
     assert changed == Done(), "one that has a place is replaced"
     rude.ask(RemoveCharacter("a"))
@@ -134,7 +134,7 @@ def test_reconnecting_visitors_share_the_quota_of_their_address() -> None:
         visitor.close()
     house.until(lambda: not list(house.outlet.publisher._server.connections))
     refused = house.visitor().put("c")
-    assert isinstance(refused, Refused) and "this viewer has 2" in refused.reason
+    assert isinstance(refused, Refused) and "this viewer already has 2" in refused.reason
     house.close()
 
 

@@ -66,7 +66,7 @@ def test_button_makes_the_edge_learn_the_room() -> None:
         page.wait_for("action=room")
         # The sensor tracks people itself, so the real edge refuses to learn the room.
         status, text = press(page)
-        assert status == 409 and "no room is learnt" in text
+        assert status == 409 and "learns no room" in text
         house.edge.handlers[LearnRoom] = Handler(done.append)
         assert press(page)[0] == 303
         assert done == [LearnRoom()] and "floor learns the room again" in page.get("/")

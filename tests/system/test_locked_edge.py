@@ -436,7 +436,7 @@ def test_a_code_tried_ten_times_over_the_network_pairs_nobody(locked: Locked) ->
     locked.access.open_pairing()
     code, before = locked.access.desk.code, locked.store.load_viewers()
     reasons = [try_code(locked.house.visitor(), wrong(code)).reason for _ in range(9)]
-    assert reasons[:MAX_TRIES_PER_CODE] == ["the code is wrong"] * MAX_TRIES_PER_CODE
+    assert reasons[:MAX_TRIES_PER_CODE] == ["the pairing code is wrong"] * MAX_TRIES_PER_CODE
     assert all("too many tries" in reason for reason in reasons[MAX_TRIES_PER_CODE:])
     assert "too many tries" in try_code(locked.house.visitor(), code).reason, "also the right one, the tenth"
     assert locked.store.load_viewers() == before
@@ -562,7 +562,7 @@ def test_a_damaged_file_of_a_viewer_locks_out_that_viewer_only(
     path = locked.store.folder / "viewers" / f"{fingerprint(locked.keys['edit'].public)}.toml"
     path.write_text(path.read_text().replace("edit", "king"))
     locked.access.refresh(immediately=True)
-    assert locked.access.viewer_role(locked.keys["edit"].public) is None and "not admitted" in caplog.text
+    assert locked.access.viewer_role(locked.keys["edit"].public) is None and "cannot connect" in caplog.text
     assert locked.access.viewer_role(locked.keys["watch"].public) == "watch"
 
 

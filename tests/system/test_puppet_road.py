@@ -144,7 +144,7 @@ def test_second_performer_joins_with_parts_and_releases(house: House) -> None:
     house.until(lambda: [hold.body for hold in house.actor.holds] == [1])
     house.live.possession.parts = "left foot"
     house.live.possess()
-    house.until(lambda: "no control point goes with" in house.document.edge.message)
+    house.until(lambda: "no control point of the puppet follows" in house.document.edge.message)
 
 
 def test_late_viewer_sees_the_moving_puppet(house: House) -> None:

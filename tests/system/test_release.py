@@ -152,7 +152,7 @@ def test_the_notes_are_the_section_of_the_version():
 
 @pytest.mark.parametrize("of", ["0.4.0", "0.2", "0.4.0.dev0"])
 def test_a_version_without_notes_is_refused(of):
-    with pytest.raises(release.ReleaseError, match="says nothing of"):
+    with pytest.raises(release.ReleaseError, match="has no changes for"):
         release.section(CHANGELOG, of)
 
 
@@ -175,10 +175,10 @@ def repository(tmp_path, monkeypatch):
 def test_a_release_is_of_a_commit_with_its_tag(repository):
     folder, git = repository
     release.check_commit("0.3.0.dev0")
-    with pytest.raises(release.ReleaseError, match=r"no tag v0.3.0. Type: git tag -a v0.3.0"):
+    with pytest.raises(release.ReleaseError, match=r"no tag v0.3.0. Run: git tag -a v0.3.0"):
         release.check_commit("0.3.0")
     git("tag", "-a", "v0.3.0", "-m", "enliven 0.3.0")
     release.check_commit("0.3.0")
     (folder / "VERSION").write_text("0.4.0\n")
-    with pytest.raises(release.ReleaseError, match="not committed"):
+    with pytest.raises(release.ReleaseError, match="uncommitted changes"):
         release.check_commit("0.3.0")

@@ -63,7 +63,7 @@ def test_the_window_outlives_a_killed_edge_whose_successor_sends_to_the_same_out
         )
         assert child(run.pid, "view") == view and run.poll() is None
         log_text = (tmp_path / "log").read_text()
-        assert "the edge has ended: signal SIGKILL. It starts again at once." in log_text
+        assert "the edge has ended: signal SIGKILL. The program starts again at once." in log_text
         new = child(run.pid, "edge")
         os.kill(view, signal.SIGTERM)
         assert run.wait(30) == 130, "the window's own exit code: it was interrupted"
@@ -95,7 +95,7 @@ def test_failing_program_is_started_again_with_growing_waits(monkeypatch, caplog
     assert run_together([edge, Process("viewer", ["window"], leads=True)]) == 0
     assert started[0] == "first" and started.count("again") >= 3, "its first arguments only once"
     messages = [record.getMessage() for record in caplog.records]
-    assert messages[0] == "the edge has ended: exit code 4. It starts again at once."
+    assert messages[0] == "the edge has ended: exit code 4. The program starts again at once."
     assert messages[1].endswith("in 0.05 s.") and messages[2].endswith("in 0.1 s.")
 
 

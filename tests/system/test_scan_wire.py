@@ -103,7 +103,7 @@ def test_impossible_scan_gives_the_reason_and_cancelled_scan_is_gone(running, fr
     running.until(lambda: running.get_scan_message().phase == "failed", "the refusal")
     assert (
         "moved 0 cm" in running.get_scan_message().note
-        and "round the object" in running.get_scan_message().remedy
+        and "around the object" in running.get_scan_message().remedy
     )
     running.ask(Scan("go on"))
     running.feed_frames(frames[1:8])

@@ -107,7 +107,10 @@ def test_recording_continues_over_every_sensor_fault(tmp_path, installed):
 
 
 MISSING = "an OAK is not connected"
-PLUG = f"{MISSING}. Plug it into a USB 3 port, check with enliven doctor that it is connected, and type: "
+PLUG = (
+    f"{MISSING}. Plug the camera into a USB 3 port, check with enliven doctor that it is connected, "
+    "and type: "
+)
 NO_LIBRARY = "depthai is not installed"
 INSTALL = f'{NO_LIBRARY}. Type: pip install "enliven-edge[oak]"'
 """Error of the first camera command in docs/tour.md if no camera is connected or its library is missing."""

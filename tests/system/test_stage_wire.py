@@ -159,14 +159,14 @@ def test_stage_command_lists_puts_removes_and_reports_errors(edge: StagedEdge, t
     save_mesh(replace(CHAIR, vertices=CHAIR.vertices[:, [0, 2, 1]] * [1000.0, -1000.0, 1000.0]), lying)
     assert "held by 1" in run("list")
     output = run("put", str(lying), "--name", "stool")
-    assert "z is taken as up" in output and "stool stands on the stage" in output
+    assert "is used as the up axis" in output and "stool stands on the stage" in output
     listed = run("list").splitlines()
     assert len(listed) == 2 and listed[1].startswith("stool: revision 1, a possessed mesh")
     edge.until(lambda: "stool" in edge.link.characters)
     stool = edge.link.characters["stool"].vertices
     assert np.ptp(stool[:, 1]) == pytest.approx(1.75, abs=1e-3), "it stands upright, as tall as a person"
     assert "gone" in run("remove", "stool") and "there is no character 'stool'" in run("remove", "stool")
-    assert "no such file" in run("put", str(tmp_path / "none.obj"))
+    assert "the file does not exist" in run("put", str(tmp_path / "none.obj"))
 
 
 @pytest.mark.slow

@@ -114,7 +114,7 @@ def errors(space, made):
 
 
 def test_calibration_finds_the_true_pose(space):
-    """Rendered and tracked without prior knowledge, the error is at most 2.5 cm, 1 degree and 8 ms."""
+    """The error of position, direction and clock is at most 2.5 cm, 1 degree and 8 ms."""
     right_in_left = invert(space.sensors["left"].camera) @ space.sensors["right"].camera
     true = left_from_right_camera()
     assert np.linalg.norm(right_in_left[:3, 3] - true[:3, 3]) < 0.025
@@ -154,20 +154,20 @@ def test_a_failed_calibration_loses_no_file(takes, space, tmp_path, capsys):
     words = ["calibrate", str(takes / "left.mcap"), str(takes / "right.mcap"), "-o", str(path)]
     assert run([*words, "--seconds", "1.5"]) == 3
     output = capsys.readouterr()
-    assert "cannot be placed yet" in output.err and "was left unchanged" in output.err
+    assert "not accurate enough yet" in output.err and "was not changed" in output.err
     assert path.read_bytes() == (takes / "space.toml").read_bytes()
     assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize("second", ["{}", "again={}", "link.mcap", "copy.mcap"])
 def test_recording_given_twice_is_refused(tmp_path, monkeypatch, capsys, second):
-    """A recording agrees perfectly with itself, so any sensor pose would be accepted."""
+    """The same recording for both sensors would agree perfectly, so a wrong sensor pose would be accepted."""
     monkeypatch.chdir(tmp_path)
     recording = shipped_recording()
     (tmp_path / "link.mcap").symlink_to(recording)
     (tmp_path / "copy.mcap").write_bytes(recording.read_bytes())
     assert run(["calibrate", str(recording), second.format(recording), "-o", "space.toml"]) == 3
-    assert "the recording is given twice" in capsys.readouterr().err
+    assert "two sources are the same recording" in capsys.readouterr().err
     assert not (tmp_path / "space.toml").exists()
 
 

@@ -101,8 +101,8 @@ def test_settings_of_a_later_version_are_refused(stored, name):
         TOML_READERS[name](path)
     message = str(refused.value)
     assert message == (
-        f"{path}: it is of version 2. "
-        f"This is enliven {__version__}, which reads up to version 1: update enliven."
+        f"{path}: the file has the later format version 2. "
+        f"This is enliven {__version__}, which reads files up to version 1. Update enliven."
     )
     assert path.read_text() == text
 
@@ -119,7 +119,7 @@ TOML_WRITERS = {
 def test_files_of_a_later_version_are_not_replaced(tmp_path, name):
     path = tmp_path / name
     path.write_text("version = 2\n")
-    with pytest.raises(LaterVersionError, match="is of version 2"):
+    with pytest.raises(LaterVersionError, match="later format version 2"):
         TOML_WRITERS[name](path)
     assert path.read_text() == "version = 2\n" and [file.name for file in tmp_path.iterdir()] == [name]
     path.write_text("something else")
@@ -134,7 +134,7 @@ def test_the_studio_does_not_save_over_a_project_of_a_later_version(tmp_path):
     before = path.read_bytes()
     store = ProjectStore(Editor(), tmp_path)
     for step in (lambda: store.open(path), lambda: store.save(path), lambda: store.save(path, over=True)):
-        with pytest.raises(LaterVersionError, match="is of version 9, made by enliven 9"):
+        with pytest.raises(LaterVersionError, match="later format version 9, written by enliven 9"):
             step()
     assert path.read_bytes() == before
 
@@ -142,7 +142,7 @@ def test_the_studio_does_not_save_over_a_project_of_a_later_version(tmp_path):
 @pytest.mark.parametrize("version", ["0", "true", '"new"', "1.5"])
 def test_invalid_version_is_refused(tmp_path, version):
     (tmp_path / "edge.toml").write_text(f"version = {version}\n")
-    with pytest.raises(InputError, match="expected a whole number from 1"):
+    with pytest.raises(InputError, match="expected a whole number of at least 1"):
         load_settings(EdgeSettings, tmp_path / "edge.toml")
 
 
@@ -165,10 +165,10 @@ def later_recording(request, tmp_path, monkeypatch) -> Path:
 def test_a_recording_of_a_later_version_is_refused(later_recording):
     before = later_recording.read_bytes()
     for read in (Recording, read_possessed, read_recorded_clips):
-        with pytest.raises(InputError, match=r"is of version 2, made by enliven 0\.9\.0.*update enliven"):
+        with pytest.raises(InputError, match=r"format version 2, written by enliven 0\.9\.0.*Update enliven"):
             read(later_recording)
     output = later_recording.with_name("recovered.mcap")
-    with pytest.raises(InputError, match=r"is of version 2, made by enliven 0\.9\.0.*update enliven"):
+    with pytest.raises(InputError, match=r"format version 2, written by enliven 0\.9\.0.*Update enliven"):
         recover(later_recording, output)
     assert later_recording.read_bytes() == before and not output.exists()
 
@@ -179,7 +179,7 @@ def test_a_recording_of_a_later_version_is_refused(later_recording):
 def test_commands_refuse_a_later_recording_in_one_line(later_recording, words, capsys):
     assert cli.run(words.format(later_recording).split()) == 3
     (line,) = capsys.readouterr().err.strip().splitlines()
-    assert "is of version 2" in line and line.endswith("update enliven.")
+    assert "format version 2" in line and line.endswith("Update enliven.")
 
 
 def test_a_recording_states_its_version(tmp_path):
@@ -199,7 +199,7 @@ def test_preferences_of_a_later_version_are_kept(tmp_path):
     assert workspace.preferences.text_size > 1.0, "choices hold until the program ends"
     assert path.read_bytes() == before and [file.name for file in tmp_path.iterdir()] == [path.name]
     shown = [f"{toast.text}. {toast.remedy}" for toast in workspace.editor.toasts.shown]
-    assert any("is of version 2" in text and text.endswith("update enliven.") for text in shown)
+    assert any("format version 2" in text and text.endswith("Update enliven.") for text in shown)
 
 
 def test_entries_of_a_later_program_stay_in_preferences(tmp_path):

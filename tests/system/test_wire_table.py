@@ -142,10 +142,10 @@ def test_a_new_request_reaches_its_handler_and_without_one_it_is_refused(wind: T
     ("address", "kind", "told"),
     [
         ("10.0.0.7", Lock, ""),
-        ("10.0.0.7", Listen, "own machine"),
+        ("10.0.0.7", Listen, "own computer"),
         ("127.0.0.1", Listen, ""),
         ("::1", Listen, ""),
-        ("fe80::1%eth0", Listen, "own machine"),
+        ("fe80::1%eth0", Listen, "own computer"),
     ],
 )
 def test_some_requests_are_for_viewers_of_the_same_machine(

@@ -31,7 +31,9 @@ FRAMES = 5
 """Number of frames for which each list of cameras is shown."""
 MADE_UP = Camera("A made-up person in front of a wall, far away", "synthetic", {"width": "160"})
 LACKING = Camera("OAK-D Lite", "oak", {}, "depthai is not installed", "Type: pip install enliven-edge[oak]")
-NO_DRIVER = Camera("Kinect", "", {}, "no driver ships for it", "Add one, as docs/add-a-sensor.md describes.")
+NO_DRIVER = Camera(
+    "Kinect", "", {}, "enliven has no driver for this camera", "Add one, as docs/add-a-sensor.md describes."
+)
 LISTS = ((), (MADE_UP,), (MADE_UP, LACKING, NO_DRIVER))
 report: dict[str, object] = {}
 

@@ -36,24 +36,30 @@ _EVALUATION_INTERVAL_S = 4.0
 def calibrate(
     sources: Annotated[
         list[str] | None,
-        typer.Argument(help="Two or more recordings or sensors; NAME=SOURCE names one."),
+        typer.Argument(help="Two or more recordings or sensors. NAME=SOURCE gives a source a name."),
     ] = None,
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="Output file with the places of the sensors.")
+        Path, typer.Option("--output", "-o", help="Output file with the poses of the sensors.")
     ] = Path("space.toml"),
     option: Annotated[
-        list[str] | None, typer.Option("--set", help="An option of the sensors, KEY=VALUE or NAME.KEY=VALUE.")
+        list[str] | None,
+        typer.Option("--set", help="Option of all sensors (KEY=VALUE) or of one sensor (NAME.KEY=VALUE)."),
     ] = None,
     settings: Annotated[
         Path | None,
-        typer.Option(help="A TOML file of an edge's settings; its sensors are used if none are given."),
+        typer.Option(
+            help="Settings file of an edge (TOML). Its sensors are calibrated if no source is named."
+        ),
     ] = None,
     seconds: Annotated[
-        float | None, typer.Option(min=1.0, help="Maximum seconds to watch, by each sensor's clock.")
+        float | None,
+        typer.Option(min=1.0, help="Maximum duration in seconds, measured by each sensor's clock."),
     ] = None,
     accept_doubt: Annotated[
         bool,
-        typer.Option(help="Write the result even if it is not good enough; a comment in the file says so."),
+        typer.Option(
+            help="Write the result even if its accuracy is too low. The file then contains a warning."
+        ),
     ] = False,
 ) -> None:
     """Find the poses of sensors from one person who walks in front of all of them. No checkerboard needed.
@@ -80,7 +86,7 @@ def calibrate(
         raise InputError(
             "a calibration needs at least two sensors",
             where="calibrate",
-            remedy="Give two or more: enliven calibrate left.mcap right.mcap -o space.toml",
+            remedy="For example: enliven calibrate left.mcap right.mcap -o space.toml",
         )
     _check_recordings(sensor_sources)
     with contextlib.ExitStack() as stack:
@@ -92,8 +98,8 @@ def calibrate(
         print_line(_describe_pair(pair))
     if len(calibration.sensors) > 2:
         print_line(
-            f"error around the loop of sensors: {calibration.loop_cm:.1f} cm "
-            f"and {calibration.loop_deg:.1f} deg"
+            f"loop closure error of the sensors: {calibration.loop_cm:.1f} cm and "
+            f"{calibration.loop_deg:.1f} degrees"
         )
     _write(calibration, collectors, output, accept_doubt)
 
@@ -111,9 +117,9 @@ def _check_recordings(sources: list[Source]) -> None:
     for first, second in itertools.combinations(files, 2):
         if filecmp.cmp(first, second, shallow=False):
             raise InputError(
-                "the recording is given twice",
+                "two sources are the same recording",
                 where=str(second),
-                remedy="Give one recording for each sensor, all made at the same time.",
+                remedy="Name one recording for each sensor. All must be recorded at the same time.",
             )
 
 
@@ -146,12 +152,12 @@ def _collect_and_calibrate(collectors: list[Collector], edge_settings: EdgeSetti
         progress_lines("{task.description}") as progress,
         interruptible() as stop,
     ):
-        task = progress.add_task("Compiling the tracker (kept for the next start)", total=None)
+        task = progress.add_task("Compiling the tracker (stored for later starts)", total=None)
         warm_up_tracking(edge_settings.tracker)
         for collector in collectors:
             collector.start()
         is_live, evaluated_at = any(not c.recorded for c in collectors), time.monotonic()
-        advice = "walk about, in curves"
+        advice = "walk around in curves"
         while not stop.is_set() and not all(c.ended for c in collectors):
             stop.wait(0.2)
             count = ", ".join(f"{c.name} {c.frames}" for c in collectors)
@@ -166,7 +172,7 @@ def _collect_and_calibrate(collectors: list[Collector], edge_settings: EdgeSetti
             collector.stop()
             if collector.failure:
                 print_line(f"{collector.name}: {collector.failure}", err=True)
-        progress.update(task, description="Comparing what the sensors saw")
+        progress.update(task, description="Comparing the people that the sensors tracked")
         return calibrated([c.stream() for c in collectors], edge_settings.calibration)
 
 
@@ -176,15 +182,15 @@ def _describe_pair(pair: SensorPair) -> str:
     if pair.fit is None:
         return f"{pair.a} - {pair.b}: {quality.verdict}"
     swapped = (
-        f", sides named differently {100 * quality.swapped:.0f}% of the time"
+        f", left and right swapped {100 * quality.swapped:.0f} % of the time"
         if quality.swapped > 0.02
         else ""
     )
     return (
-        f"{pair.a} - {pair.b}: {quality.verdict}; joints {100 * quality.rms:.1f} cm apart "
-        f"over {quality.seconds:.0f} s, {quality.length:.1f} x {quality.breadth:.1f} m walked{swapped}; "
-        f"place known to {quality.doubt_cm:.1f} cm, direction to {quality.doubt_deg:.1f} deg, "
-        f"clocks to {quality.doubt_ms:.0f} ms"
+        f"{pair.a} - {pair.b}: {quality.verdict}; joints differ by {100 * quality.rms:.1f} cm over "
+        f"{quality.seconds:.0f} s in an area of {quality.length:.1f} x {quality.breadth:.1f} m{swapped}; "
+        f"uncertainty: position {quality.doubt_cm:.1f} cm, direction {quality.doubt_deg:.1f} degrees, "
+        f"clock {quality.doubt_ms:.0f} ms"
     )
 
 
@@ -196,9 +202,9 @@ def _write(calibration: Calibration, collectors: list[Collector], output: Path, 
     warnings = [] if calibration.is_good else ["NOT GOOD ENOUGH: " + "; ".join(calibration.advice)]
     missing = [name for name in calibration.sensors if name not in calibration.world_from_sensor]
     if missing or (warnings and not accept_doubt):
-        backup_note = f"; {output} was left unchanged" if output.exists() else ""
+        backup_note = f"; {output} was not changed" if output.exists() else ""
         raise InputError(
-            f"the sensors cannot be placed yet{backup_note}",
+            f"the poses of the sensors are not accurate enough yet{backup_note}",
             where="calibrate",
             remedy="; ".join(calibration.advice) + ".",
         )
@@ -206,10 +212,10 @@ def _write(calibration: Calibration, collectors: list[Collector], output: Path, 
     space = calibration.space({name: mount for name, mount in mounts.items() if mount is not None})
     today = datetime.date.today().isoformat()
     remarks = [
-        f"Where the sensors stand: enliven calibrate, {today}.",
+        f"Poses of the sensors, from enliven calibrate, {today}.",
         *warnings,
         *map(_describe_pair, calibration.pairs),
     ]
     backup = save_space(output, space, remarks)
     backup_note = f" (the previous file is now {backup})" if backup else ""
-    print_line(f"{output} holds the places of {len(space.sensors)} sensors{backup_note}")
+    print_line(f"{output} contains the poses of {len(space.sensors)} sensors{backup_note}")

@@ -31,32 +31,45 @@ _PAIR_TIMEOUT_S = 10.0
 def calibrate_stereo(
     folder: Annotated[
         Path | None,
-        typer.Argument(help="Image pairs, left-01.png and right-01.png; with --live they are kept here."),
+        typer.Argument(
+            help="Folder of the image pairs, such as left-01.png and right-01.png. --live writes new "
+            "pairs there."
+        ),
     ] = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="Output file with the calibration.")] = Path(
         "stereo.toml"
     ),
     print_to: Annotated[
-        Path | None, typer.Option("--print", help="Write the board as a .pdf to print, and do nothing else.")
+        Path | None, typer.Option("--print", help="Write the board to this .pdf file for printing, and exit.")
     ] = None,
-    squares: Annotated[str, typer.Option(help="Squares of the board, across and down.")] = "7x5",
-    square: Annotated[float, typer.Option(help="Millimetres of a square's side, measured on paper.")] = 38.0,
-    live: Annotated[bool, typer.Option(help="Take the pairs now, with two cameras of libcamera.")] = False,
-    left: Annotated[str, typer.Option(help="The left camera, seen from behind; libcamera's number.")] = "0",
-    right: Annotated[str, typer.Option(help="The right camera.")] = "1",
+    squares: Annotated[str, typer.Option(help="Number of squares of the board, across x down.")] = "7x5",
+    square: Annotated[
+        float, typer.Option(help="Side of a square in millimetres, measured on the printed board.")
+    ] = 38.0,
+    live: Annotated[
+        bool, typer.Option(help="Capture the image pairs now, with two libcamera cameras.")
+    ] = False,
+    left: Annotated[
+        str, typer.Option(help="Number of the left camera, seen from behind, in libcamera.")
+    ] = "0",
+    right: Annotated[str, typer.Option(help="Number of the right camera in libcamera.")] = "1",
     size: Annotated[
-        str, typer.Option(help="Pixels of the live images, as the sensor will use them.")
+        str, typer.Option(help="Size of the live images in pixels. The sensor must use the same size.")
     ] = "640x400",
-    pairs: Annotated[int, typer.Option(min=8, max=200, help="How many live pairs to keep.")] = 24,
+    pairs: Annotated[
+        int, typer.Option(min=8, max=200, help="Number of image pairs that --live captures.")
+    ] = 24,
     accept_doubt: Annotated[
         bool,
-        typer.Option(help="Write the result even if it is not good enough; a comment in the file says so."),
+        typer.Option(
+            help="Write the result even if its accuracy is too low. The file then contains a warning."
+        ),
     ] = False,
 ) -> None:
     """Turn two cameras into a depth sensor: calibrate their lenses and relative pose with a printed board.
 
-    Print the board at 100 %, glue it to a flat plate and measure a square. Take about 24 image pairs:
-    near and far, in every corner of both images, tilted to all sides. Hold the board still for each.
+    Print the board at 100 %, glue it to a flat panel, and measure a square. Capture about 24 image pairs.
+    Show the board near and far, in every corner of both images, and tilted to all sides. Hold it still.
 
     \b
       enliven calibrate-stereo --print board.pdf
@@ -72,9 +85,9 @@ def calibrate_stereo(
         return
     if folder is None:
         raise InputError(
-            "no image pairs were given",
+            "the folder of the image pairs is missing",
             where="calibrate-stereo",
-            remedy="Give the folder of the pairs, or --live and a folder for new pairs.",
+            remedy="Name a folder with image pairs, or use --live and name a folder for new pairs.",
         )
     if live:
         _record_pairs(board, folder, (left, right), _parse_size(size, "--size"), pairs)
@@ -83,13 +96,18 @@ def calibrate_stereo(
 
 def _write_board(board: CalibrationBoard, path: Path) -> None:
     if path.suffix.lower() != ".pdf":
-        raise InputError(f"it ends in {path.suffix!r}", where=str(path), remedy="Give a name with .pdf.")
+        raise InputError(
+            f"the file name ends in {path.suffix!r}", where=str(path), remedy="Use a name that ends in .pdf."
+        )
     try:
         path.write_bytes(board.pdf())
     except OSError as error:
-        raise ResourceError(f"it cannot be written ({error.strerror or error})", where=str(path)) from None
+        raise ResourceError(
+            f"the file cannot be written ({error.strerror or error})", where=str(path)
+        ) from None
     print_line(
-        f"{path}: print it at 100 %, glue it to something flat, measure a square and give it as --square"
+        f"{path}: print this file at 100 %, and glue the board to a flat panel. Measure the side of a "
+        "square in millimetres, and pass it with --square."
     )
 
 
@@ -106,18 +124,21 @@ def _calibrate(board: CalibrationBoard, folder: Path, output: Path, accept_doubt
     _print_quality(judgement)
     calibration = solution.calibration
     if calibration is None or not (judgement.is_usable or accept_doubt):
-        unchanged_note = f"; {output} was left unchanged" if output.exists() else ""
+        unchanged_note = f"; {output} was not changed" if output.exists() else ""
         raise InputError(
             f"the calibration is not good enough{unchanged_note}",
             where=str(folder),
             remedy=" ".join(judgement.advice)
-            + (" Or, to try it all the same: --accept-doubt" if calibration else ""),
+            + (" To use this calibration nevertheless, add --accept-doubt." if calibration else ""),
         )
     facts = [f"{name}: {value}" for name, value in judgement.facts]
     today = datetime.date.today().isoformat()
-    comments = [f"Two cameras: enliven calibrate-stereo, {today}; {judgement.verdict}.", *judgement.advice]
+    comments = [
+        f"Stereo calibration, from enliven calibrate-stereo, {today}; {judgement.verdict}.",
+        *judgement.advice,
+    ]
     save_calibration(output, calibration, [*comments, *facts])
-    print_line(f"{output} is written: enliven run --sensor libcamera --set calibration={output}")
+    print_line(f"{output} was written. To use it: enliven run --sensor libcamera --set calibration={output}")
 
 
 def _find_boards(board: CalibrationBoard, folder: Path) -> tuple[list[BoardSighting], tuple[int, int]]:
@@ -137,8 +158,8 @@ def _find_boards(board: CalibrationBoard, folder: Path) -> tuple[list[BoardSight
                 image_size, first_size = (
                     f"{dimensions[0]} x {dimensions[1]}" for dimensions in (image.shape[::-1], size)
                 )
-                problem = f"it has {image_size} pixels, the first image {first_size}"
-                raise InputError(problem, where=str(file), remedy="Take all images in one size.")
+                problem = f"the image has {image_size} pixels, but the first image has {first_size}"
+                raise InputError(problem, where=str(file), remedy="Capture all images in the same size.")
         sightings.append(BoardSighting(files[0].name, *map(board.find, images)))
     return sightings, size
 
@@ -160,7 +181,11 @@ def _record_pairs(
         last_message, checked_at, last_pair_at = "", 0.0, time.monotonic()
         while len(selector.kept) < pairs:
             if time.monotonic() - last_pair_at > _PAIR_TIMEOUT_S:
-                raise ResourceError("no image pair arrived", where=images.name, remedy="Check both cameras.")
+                raise ResourceError(
+                    f"no image pair arrived for {_PAIR_TIMEOUT_S:.0f} s",
+                    where=images.name,
+                    remedy="Check the cables of both cameras.",
+                )
             try:
                 picture = images.read(1.0)
             except TimeoutError:
@@ -176,7 +201,7 @@ def _record_pairs(
             if not rejection:
                 for side, image in zip(("left", "right"), pair, strict=True):
                     Image.fromarray(image.image).save(folder / f"{side}-{len(selector.kept):03}.png")
-            status = rejection or f"{len(selector.kept)} of {pairs} kept"
+            status = rejection or f"{len(selector.kept)} of {pairs} pairs captured"
             if status != last_message:
                 print_line(status)
             last_message = status
@@ -193,5 +218,5 @@ def _parse_size(text: str, where: str) -> tuple[int, int]:
     """Parses a size such as 640x400. Returns the two numbers."""
     match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text)
     if not match:
-        raise InputError(f"{text!r} is not ACROSSxDOWN", where=where, remedy="For example: 7x5")
+        raise InputError(f"{text!r} is not a size such as 7x5", where=where, remedy="For example: 7x5")
     return int(match[1]), int(match[2])

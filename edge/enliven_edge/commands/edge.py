@@ -38,101 +38,117 @@ log = logging.getLogger(__name__)
 def edge(
     sensor: Annotated[
         list[str] | None,
-        typer.Option(help="A sensor by name, such as synthetic. For several, give NAME=SENSOR each."),
+        typer.Option(
+            help="Sensor type, such as synthetic. For several sensors, repeat the option with NAME=SENSOR."
+        ),
     ] = None,
     recording: Annotated[
         list[str] | None,
-        typer.Option(help="Replay this recording instead of a sensor. For several, give NAME=FILE each."),
+        typer.Option(
+            help="Recording to replay instead of a sensor. For several, repeat the option with NAME=FILE."
+        ),
     ] = None,
     space: Annotated[
-        Path | None, typer.Option(help="File with the places of several sensors, from enliven calibrate.")
+        Path | None, typer.Option(help="File with the poses of several sensors, from enliven calibrate.")
     ] = None,
     option: Annotated[
-        list[str] | None, typer.Option("--set", help="An option of the sensor, KEY=VALUE or NAME.KEY=VALUE.")
+        list[str] | None,
+        typer.Option("--set", help="Option of all sensors (KEY=VALUE) or of one sensor (NAME.KEY=VALUE)."),
     ] = None,
     speed: Annotated[
-        float, typer.Option(min=0.0, help="Pace of a replay: 1 as recorded, 0 no waiting.")
+        float, typer.Option(min=0.0, help="Speed of a replay: 1 as recorded, 0 as fast as possible.")
     ] = 1.0,
-    loop: Annotated[bool, typer.Option(help="Begin the replay again at its end.")] = False,
+    loop: Annotated[bool, typer.Option(help="Restart the replay at its end.")] = False,
     mesh: Annotated[
         list[str] | None,
         typer.Option(
-            help="Character to move: a mesh, 'chair', 'lamp', or a puppet (its session, its project, or "
-            "'cactus'). NAME=MESH names it. Repeat the option for several."
+            help="Character to move: a mesh file, 'chair', 'lamp', or a puppet (a session file, a project "
+            "file, or 'cactus'). NAME=MESH gives the character a name. Repeat the option for several "
+            "characters."
         ),
     ] = None,
     possess_at: Annotated[
-        float | None, typer.Option(help="Possess the mesh this many seconds after the start.")
+        float | None, typer.Option(help="Time in seconds after the start at which the mesh is possessed.")
     ] = None,
     parts: Annotated[
         list[str] | None,
         typer.Option(
-            help="Body parts that possess the mesh: all, legs, 'upper body', ...; for two performers: "
-            "'legs / torso'. Give one for each --mesh.",
+            help="Body parts that possess the mesh, such as all, legs or 'upper body'. For two "
+            "performers: 'legs / torso'. For several meshes, repeat the option in the order of --mesh.",
             callback=check_parts,
         ),
     ] = None,
     up: Annotated[
         Literal["x", "y", "z"] | None,
-        typer.Option(help="The meshes' axis that points up; guessed by default."),
+        typer.Option(help="Axis of the meshes that points up. By default it is detected."),
     ] = None,
     physics: Annotated[
-        str | None, typer.Option(help="Loose objects to knock about: boxes, dodgeball, or none.")
+        str | None, typer.Option(help="Physics objects that characters can push: boxes, dodgeball, or none.")
     ] = None,
     drive: Annotated[
         list[str] | None,
         typer.Option(
-            help="Rig that moves the mesh: graph, or skeleton (of a rigged glTF). Give one for each --mesh."
+            help="Rig that moves the mesh: graph (any mesh) or skeleton (of a rigged glTF). For several "
+            "meshes, repeat the option in the order of --mesh."
         ),
     ] = None,
-    settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
+    settings: Annotated[Path | None, typer.Option(help="Settings file (TOML).")] = None,
     name: Annotated[str | None, typer.Option(help="The edge's name on the network.")] = None,
-    host: Annotated[str | None, typer.Option(help="Address to listen on; 0.0.0.0 for all.")] = None,
+    host: Annotated[
+        str | None, typer.Option(help="Address to listen on. 0.0.0.0 listens on all addresses.")
+    ] = None,
     insecure: Annotated[
         bool | None,
         typer.Option(
             "--insecure",
             "--open",
-            help="Use no keys: everyone that reaches --host watches and possesses characters.",
+            help="Use no keys. Everyone who can reach --host can then watch, and possess characters.",
         ),
     ] = None,
-    port: Annotated[int | None, typer.Option(help="Port of the poses, 0 for a free one.")] = None,
+    port: Annotated[int | None, typer.Option(help="Network port of the poses. 0 picks a free port.")] = None,
     control_port: Annotated[
-        int | None, typer.Option(help="Port of the commands; by default the next one.")
+        int | None, typer.Option(help="Network port of the commands. By default, the port after --port.")
     ] = None,
     record: Annotated[
         Path | None,
         typer.Option(
-            help="Write the take (bodies, poses) to this file; {time} or {number} in its name is filled in."
+            help="Write the take (bodies and poses) to this file. {time} in its name is replaced by the "
+            "start time, {number} by a free number."
         ),
     ] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing take.")] = False,
     part_minutes: Annotated[
-        float | None, typer.Option(help="Continue the take in a new file after this many minutes.")
+        float | None, typer.Option(help="Duration in minutes after which the take continues in a new file.")
     ] = None,
     keep_free: Annotated[
         float | None,
-        typer.Option(help="Keep this many GB free: the oldest takes of the same name pattern are deleted."),
+        typer.Option(
+            help="Disk space to keep free, in GB. To free space, the oldest takes with the same name "
+            "pattern are deleted."
+        ),
     ] = None,
     keep_stage: Annotated[
         Path | None,
-        typer.Option(help="Keep the stage in this folder, so that it comes back after a restart."),
+        typer.Option(help="Folder in which the stage is saved, so that it is restored after a restart."),
     ] = None,
     out: Annotated[
         list[str] | None,
         typer.Option(
-            help="Send the motion live to another program: vmc:HOST[:PORT], vrchat:, rokoko: or osc:. Or "
-            "let it connect here: foxglove:127.0.0.1. Repeat the option for several."
+            help="Send the motion live to another program: vmc:HOST[:PORT], vrchat:, rokoko: or osc:. For "
+            "programs that connect to the edge: foxglove:127.0.0.1. Repeat the option for several programs."
         ),
     ] = None,
     wait_for_viewer: Annotated[
-        float, typer.Option(help="Seconds to wait for a viewer before starting.")
+        float, typer.Option(help="Maximum time in seconds to wait for a viewer before the start.")
     ] = 0.0,
     seconds: Annotated[
-        float | None, typer.Option(help="Stop after this long, by the sensor's clock.")
+        float | None,
+        typer.Option(help="Duration in seconds after which the edge stops, by the sensor's clock."),
     ] = None,
-    once: Annotated[bool, typer.Option("--once", help="End at the sensor's first fault.")] = False,
-    wait_for_sensor: Annotated[bool, typer.Option("--wait-for-sensor", help="Wait for a camera.")] = False,
+    once: Annotated[bool, typer.Option("--once", help="Exit at the first fault of the sensor.")] = False,
+    wait_for_sensor: Annotated[
+        bool, typer.Option("--wait-for-sensor", help="Wait for a camera that is not connected.")
+    ] = False,
 ) -> None:
     """Track people with one sensor or more, let them possess a mesh, and publish the poses.
 
@@ -407,7 +423,7 @@ def _select_sources(
     from enliven_edge.sources import parse_source, sources_from_settings
 
     if len(sensors) == 1 and len(recordings) == 1:
-        raise typer.BadParameter("give a sensor or a recording, not both")
+        raise typer.BadParameter("use either --sensor or --recording, not both")
     replay = {"speed": speed, "loop": loop}
     names = [*sensors, *recordings]
     if not names and edge_settings.sensors:
@@ -424,9 +440,9 @@ def _combine_sensors(
         return next(iter(sensors.values()))
     if not edge_settings.space:
         raise InputError(
-            "the places of several sensors must be known",
+            "several sensors need a file with their poses",
             where="edge",
-            remedy="Run enliven calibrate ... -o space.toml, and give --space space.toml.",
+            remedy="Run enliven calibrate ... -o space.toml. Then start the edge with --space space.toml.",
         )
     return _fuse_sensors(sources, sensors, edge_settings, once)
 

@@ -16,25 +16,31 @@ from enliven_edge.commands.progress import write_recording
 
 
 def import_recording(
-    files: Annotated[list[str] | None, typer.Argument(help="Files, folders or patterns.")] = None,
+    files: Annotated[
+        list[str] | None, typer.Argument(help="Files, folders, or patterns such as 'FRAMES/*.png'.")
+    ] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Output recording.")] = None,
-    reader: Annotated[str | None, typer.Option(help="The layout, if it is not recognised.")] = None,
+    reader: Annotated[
+        str | None, typer.Option(help="Layout of the files, if it is not recognised (see --list-readers).")
+    ] = None,
     fps: Annotated[
         float | None,
-        typer.Option(min=0.1, max=1000.0, help="Frames per second, if the files hold no times."),
+        typer.Option(min=0.1, max=1000.0, help="Frames per second, if the files contain no times."),
     ] = None,
     device: Annotated[
         str | None,
-        typer.Option(help="The sensor to read if a file has several; otherwise a name for the sensor."),
+        typer.Option(help="Sensor to read, if a file contains several. Otherwise, a name for the sensor."),
     ] = None,
     lens: LensOption = None,
     units_per_metre: UnitsOption = None,
     mirror: Annotated[
         bool, typer.Option(help="Swap left and right (some drivers deliver a mirror image).")
     ] = False,
-    level: Annotated[int, typer.Option(min=1, max=22, help="Compression: 1 fast, 19 small.")] = 1,
+    level: Annotated[
+        int, typer.Option(min=1, max=22, help="Compression level: 1 is fast, 19 makes small files.")
+    ] = 1,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
-    list_readers: Annotated[bool, typer.Option("--list-readers", help="Show the known layouts.")] = False,
+    list_readers: Annotated[bool, typer.Option("--list-readers", help="List the known layouts.")] = False,
 ) -> None:
     """Convert a recording of another program: depth images or skeletons, in any known layout.
 
@@ -58,7 +64,7 @@ def import_recording(
         return
     if not files or output is None:
         raise InputError(
-            "nothing to import" if not files else "the output file is not named",
+            "no input file is named" if not files else "no output file is named",
             where="enliven import",
             remedy="For example: enliven import FOLDER -o take.mcap",
         )
@@ -76,7 +82,9 @@ def import_recording(
         output,
         task=f"Importing ({chosen_reader.name})",
         facts=("import", {"reader": chosen_reader.name, "note": "; ".join(notes)}),
-        empty=InputError("the files hold no frames", where=chosen_reader.name, remedy="Choose others."),
+        empty=InputError(
+            "the files contain no frames", where=chosen_reader.name, remedy="Choose other files."
+        ),
         level=level,
         overwrite=overwrite,
         console=console,

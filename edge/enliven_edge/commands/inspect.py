@@ -27,20 +27,20 @@ depth cameras."""
 
 
 def inspect(
-    recording: Annotated[Path, typer.Argument(help="The recording.")],
+    recording: Annotated[Path, typer.Argument(help="Recording to inspect.")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Output film, an .mp4 file.")] = None,
     sheet: Annotated[
         Path | None, typer.Option(help="Also write a picture of some frames to this .png file.")
     ] = None,
     width: Annotated[int, typer.Option(min=160, max=3840, help="Width of the film in pixels.")] = 640,
     slow: Annotated[
-        float, typer.Option(min=0.1, max=10.0, help="Slow motion: 1 as recorded, 2 at half speed.")
+        float, typer.Option(min=0.1, max=10.0, help="Slow motion: 1 is the recorded speed, 2 is half speed.")
     ] = 1.0,
-    frames: Annotated[int, typer.Option(min=0, help="Stop after this number of frames; 0 for all.")] = 0,
+    frames: Annotated[int, typer.Option(min=0, help="Number of frames of the film. 0 shows all.")] = 0,
 ) -> None:
-    """Report the faults of a recorded sensor, or with -o film what the tracker sees.
+    """Report the faults of a recorded sensor. With -o, also write a film of the tracking.
 
-    The report lists missing images (by the sensor's own count), its link and temperature, and its losses.
+    The report lists missing images, the link and the temperature of the sensor, and lost connections.
     The film shows skeletons over depth, coloured by confidence, and the faults of the sensor.
 
     \b
@@ -62,12 +62,12 @@ def inspect(
         raise InputError(
             "the recording has no depth frames",
             where=str(recording),
-            remedy="Skeletons alone cannot be tracked.",
+            remedy="Choose a recording with depth images, because skeletons alone cannot be tracked.",
         )
     else:
         rate, count = _measure_rate(source, count), min(count, frames or count)
         _write_film(source, log, output, sheet, width, (rate, rate / slow), count)
-        print_line(f"{output}: {count} frames at {rate / slow:.3g} a second")
+        print_line(f"{output}: {count} frames at {rate / slow:.3g} frames per second")
     plain_console().print(facts_table(log.facts()))
 
 

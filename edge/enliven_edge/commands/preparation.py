@@ -14,6 +14,7 @@ from enliven.commands.terminal import print_line, progress_lines
 from enliven.document import unused
 from enliven.kernel_cache.compiling import on_compilation
 from enliven.kernel_cache.store import user_folder
+from enliven.wire import posecode
 from enliven_edge.stage.character_setup import create_actor, default_parts, make_character_id
 from enliven_edge.stage.puppet.spec import is_puppet
 from enliven_edge.warmup import compile_scene_kernels, warm_up_tracking
@@ -35,16 +36,17 @@ def prepare_actors(
     actors: dict[str, Actor] = {}
     parts: dict[str, str] = {}
     meshes = ", ".join(choice.mesh for _, choice in choices)
-    first_step = f"Preparing {meshes}: sampling, linking, weighting"
+    first_step = f"Preparing {meshes}: sampling points, building the rig, computing weights"
     with TrackerCompilation() as tracker, _show_steps(first_step, total=1 + 2 * len(choices)) as next_step:
         for name, choice in choices:
             actor = _create_actor(choice, name, actors, edge_settings)
             actor_id = actor.character.id
             actors[actor_id], parts[actor_id] = actor, choice.parts or default_parts(choice.mesh)
             actor.preview(None, parts[actor_id].split("/")[0].strip())
-            next_step("Compiling the solver (kept for the next start)")
+            next_step("Compiling the solver (stored for later starts)")
             actor.warm_up()
-            next_step("Compiling the tracker (kept for the next start)")
+            next_step("Compiling the tracker (stored for later starts)")
+        posecode.warm_up()
         if tracker.is_running:
             compile_scene_kernels()
         tracker.wait()
@@ -135,7 +137,9 @@ def _show_steps(first_step: str, total: int) -> Iterator[Callable[[str], None]]:
 @functools.cache
 def _print_wait_note() -> None:
     """Prints that kernels are being compiled, once per process."""
-    print_line("enliven edge: compiling kernels; this takes a minute or two, once on this machine", err=True)
+    print_line(
+        "enliven edge: compiling code for this machine; the first start takes one or two minutes", err=True
+    )
 
 
 def _print_note_once(compiled: int) -> None:

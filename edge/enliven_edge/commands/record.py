@@ -28,24 +28,32 @@ _FRAME_TIMEOUT_S = 0.25
 def record(
     output: Annotated[
         Path,
-        typer.Option("--output", "-o", help="Output recording; {time} or {number} in its name is filled in."),
+        typer.Option(
+            "--output",
+            "-o",
+            help="Output recording. {time} in its name becomes the time, {number} a free number.",
+        ),
     ],
-    sensor: Annotated[str, typer.Option(help="The sensor's name.")] = "synthetic",
+    sensor: Annotated[str, typer.Option(help="Sensor type, such as synthetic.")] = "synthetic",
     setting: Annotated[
-        list[str] | None, typer.Option("--set", help="An option of the sensor, KEY=VALUE; may be repeated.")
+        list[str] | None, typer.Option("--set", help="Sensor option, KEY=VALUE. Repeat for several options.")
     ] = None,
     seconds: Annotated[
-        float | None, typer.Option(min=0.0, help="Stop after this many seconds of the sensor's clock.")
+        float | None, typer.Option(min=0.0, help="Duration in seconds, measured by the sensor's clock.")
     ] = None,
-    level: Annotated[int, typer.Option(min=1, max=22, help="Compression: 1 fast, 19 small.")] = 1,
+    level: Annotated[
+        int, typer.Option(min=1, max=22, help="Compression level: 1 is fast, 19 makes small files.")
+    ] = 1,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
     part_minutes: Annotated[
-        float | None, typer.Option(help="Continue the recording in a new file after this many minutes.")
+        float | None,
+        typer.Option(help="Duration in minutes after which the recording continues in a new file."),
     ] = None,
     keep_free: Annotated[
         float | None,
         typer.Option(
-            help="Keep this many GB free: the oldest recordings of the same name pattern are deleted."
+            help="Disk space to keep free, in GB. To free space, the oldest recordings with the same name "
+            "pattern are deleted."
         ),
     ] = None,
 ) -> None:
@@ -76,7 +84,9 @@ def record(
     names = ", ".join(str(path) for path in recorder.paths)
     print_line(f"{names}: {count} frames of {stream.name}, {size / 1e6:.1f} MB")
     if recorder.lost:
-        print_line(f"Note: {recorder.lost} messages are missing because the disk was full.")
+        print_line(
+            f"Note: {recorder.lost} messages are missing from the recording because the disk was full."
+        )
     if recorder.failure is not None:
         raise recorder.failure
 

@@ -17,25 +17,34 @@ _REPORT_INTERVAL_S = 60.0
 
 
 def relay(
-    edge: Annotated[str, typer.Argument(metavar="HOST[:PORT]", help="Address of the edge, or of a relay.")],
+    edge: Annotated[
+        str, typer.Argument(metavar="HOST[:PORT]", help="Address of the edge, or of another relay.")
+    ],
     port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Port for the viewers of this relay, 0 for a free one.")
+        int,
+        typer.Option(
+            min=0, max=65535, help="Network port for the viewers of this relay. 0 picks a free port."
+        ),
     ] = 5600,
     control_port: Annotated[
         int | None,
-        typer.Option(min=0, max=65535, help="Port of their requests; by default the next one."),
+        typer.Option(
+            min=0, max=65535, help="Network port of the viewers' requests. By default, the port after --port."
+        ),
     ] = None,
-    host: Annotated[str, typer.Option(help="Address to listen on; 0.0.0.0 for all.")] = "127.0.0.1",
+    host: Annotated[
+        str, typer.Option(help="Address to listen on. 0.0.0.0 listens on all addresses.")
+    ] = "127.0.0.1",
     name: Annotated[str, typer.Option(help="Name of this relay on the network.")] = "relay",
     viewers: Annotated[
         int, typer.Option(min=1, max=20_000, help="Maximum number of viewers at the same time.")
     ] = 1000,
     insecure: Annotated[
-        bool, typer.Option("--insecure", help="Use no keys: everyone that reaches --host can watch.")
+        bool, typer.Option("--insecure", help="Use no keys. Everyone who can reach --host can then watch.")
     ] = False,
     seconds: Annotated[float | None, typer.Option(min=0.0, help="Stop after this number of seconds.")] = None,
 ) -> None:
-    """Forward the streams of an edge to hundreds of viewers. They cost the edge as much as one viewer.
+    """Forward the streams of an edge to hundreds of viewers. Together they load the edge like one viewer.
 
     The viewers can only watch. They get the characters, the newest poses and the edge's clock from the relay.
     An edge with keys must be paired with this computer first; the role watch is enough.

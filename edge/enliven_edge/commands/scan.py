@@ -20,19 +20,26 @@ _DEFAULT_VOXEL_MM = 4.0
 def scan(
     output: Annotated[
         Path,
-        typer.Option("--output", "-o", help="Output mesh: .glb, .ply, .obj or .stl; or a project, .enliven."),
+        typer.Option(
+            "--output", "-o", help="Output file: a mesh (.glb, .ply, .obj, .stl) or a project (.enliven)."
+        ),
     ],
-    recording: Annotated[Path | None, typer.Option(help="A recording of a carried depth camera.")] = None,
-    sensor: Annotated[str | None, typer.Option(help="Instead of a recording, a sensor's name.")] = None,
+    recording: Annotated[Path | None, typer.Option(help="Recording of a depth camera.")] = None,
+    sensor: Annotated[
+        str | None, typer.Option(help="Sensor type, if the scan uses a sensor instead of a recording.")
+    ] = None,
     setting: Annotated[
-        list[str] | None, typer.Option("--set", help="An option of the sensor, KEY=VALUE; may be repeated.")
+        list[str] | None, typer.Option("--set", help="Sensor option, KEY=VALUE. Repeat for several options.")
     ] = None,
     voxel: Annotated[
         float | None,
-        typer.Option(min=1, max=50, help="Voxel size in millimetres; by default 4, or 8 for a person."),
+        typer.Option(min=1, max=50, help="Voxel size in millimetres. By default 4, or 8 for a person."),
     ] = None,
     reach: Annotated[
-        float, typer.Option(min=0.3, max=10, help="Maximum distance in metres from camera to surfaces.")
+        float,
+        typer.Option(
+            min=0.3, max=10, help="Maximum distance from the camera to scanned surfaces, in metres."
+        ),
     ] = 2.2,
     within: Annotated[
         float | None,
@@ -44,11 +51,15 @@ def scan(
     ] = None,
     moved: Annotated[
         bool,
-        typer.Option(help="The object is turned and put down during the scan; one mesh gets all its sides."),
+        typer.Option(
+            help="Use this if you turn the object and put it down during the scan. The mesh shows all sides."
+        ),
     ] = False,
     turned: Annotated[
         bool,
-        typer.Option(help="The object turns on a turntable, and is tracked while it moves."),
+        typer.Option(
+            help="Use this if the object turns on a turntable. The object is tracked while it moves."
+        ),
     ] = False,
     person: Annotated[
         bool,
@@ -57,34 +68,42 @@ def scan(
     thing: Annotated[
         int,
         typer.Option(
-            min=1, help="If several objects are on the floor: the object to keep. 1 was most in view."
+            min=1, help="Object to keep, if several are on the floor. 1 is the object that was most in view."
         ),
     ] = 1,
     seconds: Annotated[
-        float | None, typer.Option(min=0.0, help="Stop after this many seconds of the sensor's clock.")
+        float | None,
+        typer.Option(min=0.0, help="Maximum duration in seconds, measured by the sensor's clock."),
     ] = None,
     memory: Annotated[
-        int, typer.Option(min=16, help="Maximum megabytes of voxels; the scan ends there.")
+        int,
+        typer.Option(min=16, help="Maximum memory of the voxels in megabytes. The scan ends at this limit."),
     ] = 1500,
     whole: Annotated[
-        bool, typer.Option(help="Keep all that was scanned, not only the object on the floor.")
+        bool, typer.Option(help="Keep the whole scan, not only the object on the floor.")
     ] = False,
     box: Annotated[
-        str, typer.Option(help="Keep only this box, in metres: x0,y0,z0,x1,y1,z1, in the frame of --whole.")
+        str,
+        typer.Option(help="Keep only this box: x0,y0,z0,x1,y1,z1 in metres, in the coordinates of --whole."),
     ] = "",
     before: Annotated[
         Path | None,
-        typer.Option(help="A recording of the place without the object; only new surfaces are kept."),
+        typer.Option(
+            help="Recording of the place without the object. The scan leaves out the surfaces of this place."
+        ),
     ] = None,
     add: Annotated[
-        Path | None, typer.Option(help="An earlier scan to extend: its mesh, project or recording.")
+        Path | None, typer.Option(help="Earlier scan to extend: its mesh, project or recording.")
     ] = None,
-    keep: Annotated[bool, typer.Option(help="Keep the images for --add, in NAME.scan.mcap.")] = True,
+    keep: Annotated[
+        bool, typer.Option(help="Save the images in NAME.scan.mcap, so that --add can extend the scan.")
+    ] = True,
     triangles: Annotated[
-        int, typer.Option(min=0, help="Maximum triangles of the mesh; 0 keeps all.")
+        int, typer.Option(min=0, help="Maximum number of triangles of the mesh. 0 keeps all.")
     ] = 50_000,
     edge: Annotated[
-        str | None, typer.Option(help="Put it on the stage of this running edge: HOST, or HOST:PORT.")
+        str | None,
+        typer.Option(help="Also put the scan on the stage of this running edge: HOST or HOST:PORT."),
     ] = None,
     sheet: Annotated[
         Path | None, typer.Option(help="Also write six views of the mesh to this PNG file.")
@@ -93,10 +112,11 @@ def scan(
 ) -> None:
     """Scan an object: carry a depth camera round it until the recording ends, the time is up, or Ctrl-C.
 
-    The object on the floor that the camera looked at is cut out, put upright and written in metres. While
-    camera tracking is lost, nothing is added. Look again at a part that was already scanned to go on.
+    The object on the floor that the camera looked at is cut out, turned upright and written in metres. While
+    camera tracking is lost, nothing is added. To continue, point the camera at a part that was already
+    scanned.
     With --within, the camera may stand still while the object or person turns.
-    With --moved, scan the object where it stands, then lay it on its back or its side, and go on.
+    With --moved, scan the object where it stands. Then lay the object on its back or side, and continue.
     With --turned, the object stands for a second, then turns on a turntable. The moving part is detected
     and tracked separately from the room.
     With --person, stand one to three metres in front of a fixed camera, and turn once on the spot.
@@ -127,7 +147,9 @@ def scan(
     _check_arguments(output, recording, sensor, overwrite or output == add)
     kept_part = select_kept_part(whole, parse_box(box), before, within)
     if before is not None and add is not None:
-        raise InputError("--before and --add do not go together", where="scan", remedy="Give one of them.")
+        raise InputError(
+            "--before and --add cannot be used together", where="scan", remedy="Leave one of them out."
+        )
     if edge is not None:
         stage_command()  # Report missing requirements of the stage before the scan, not after it.
     voxel = voxel or (1e3 * PERSON_VOXEL_M if person else _DEFAULT_VOXEL_MM)
@@ -140,7 +162,7 @@ def scan(
         if moved or turned:
             other = "--turned" if turned else "--moved"
             raise InputError(
-                f"--person and {other} do not go together", where="scan", remedy="Give one of them."
+                f"--person and {other} cannot be used together", where="scan", remedy="Leave one of them out."
             )
         scanner = PersonScanner(
             create_scanner(voxel, MAX_PERSON_DISTANCE_M, MAX_PERSON_DISTANCE_M, memory).settings
@@ -159,7 +181,9 @@ def _check_arguments(output: Path, recording: Path | None, sensor: str | None, o
     from enliven_edge.scanning.scan_mesh import OUTPUT_SUFFIXES
 
     if (recording is None) == (sensor is None):
-        raise InputError("give a recording or a sensor", where="scan", remedy="Add --recording or --sensor.")
+        raise InputError(
+            "a scan needs either a recording or a sensor", where="scan", remedy="Use --recording or --sensor."
+        )
     if output.suffix.lower() not in OUTPUT_SUFFIXES:
         endings = ", ".join(ending[1:] for ending in OUTPUT_SUFFIXES)
         raise InputError(

@@ -57,13 +57,13 @@ def parse_box(box: str) -> tuple[Float, Float] | None:
     """
     if not box:
         return None
-    remedy = "Give x0,y0,z0,x1,y1,z1 in metres, such as --box=-0.5,0,-0.5,0.5,1.2,0.5."
+    remedy = "Pass the low and the high corner in metres, such as --box=-0.5,0,-0.5,0.5,1.2,0.5."
     try:
         numbers = np.array([float(part) for part in box.split(",")])
     except ValueError:
-        raise InputError(f"{box!r} is not a box", where="--box", remedy=remedy) from None
+        raise InputError(f"{box!r} is not a box x0,y0,z0,x1,y1,z1", where="--box", remedy=remedy) from None
     if len(numbers) != 6 or not np.isfinite(numbers).all() or (numbers[:3] >= numbers[3:]).any():
-        raise InputError(f"{box!r} is not a box", where="--box", remedy=remedy)
+        raise InputError(f"{box!r} is not a box x0,y0,z0,x1,y1,z1", where="--box", remedy=remedy)
     return numbers[:3], numbers[3:]
 
 
@@ -82,7 +82,7 @@ def select_kept_part(
     ]
     if len(options) > 1:
         problem = f"{' and '.join(options)} cannot be used together"
-        raise InputError(problem, where="scan", remedy="Give one of them.")
+        raise InputError(problem, where="scan", remedy="Use only one of them.")
     if corners is not None:
         return KeptPart("box", *corners)
     if empty_recording is not None:
@@ -109,7 +109,7 @@ def refuse_combination(
     for other, given in options:
         if given:
             remedy = "Leave one of them out."
-            raise InputError(f"{name} and {other} do not go together", where="scan", remedy=remedy)
+            raise InputError(f"{name} and {other} cannot be used together", where="scan", remedy=remedy)
 
 
 @dataclass
@@ -156,7 +156,7 @@ class ScanJob:
         except InputError as error:
             if self.recording is not None or not self._keep_images(output, 0):
                 raise
-            hint = f"The recorded images were kept: --recording {stored_scan_path(output)} scans them again."
+            hint = f"The images were saved. To scan them again, use --recording {stored_scan_path(output)}."
             raise InputError(error.what, where=error.where, remedy=f"{error.remedy} {hint}") from None
         if self.keeps_images:
             self._keep_images(output, earlier_count if keep.what == "new" else 0)
@@ -168,17 +168,17 @@ class ScanJob:
         low, high = scan_result.mesh.bounds
         size = " x ".join(f"{100 * side:.0f}" for side in high - low)
         reduction_note = (
-            f" (within {1e3 * scan_result.max_distance:.1f} mm of the full scan)"
+            f" (at most {1e3 * scan_result.max_distance:.1f} mm from the full scan)"
             if scan_result.max_distance
             else ""
         )
         summary = f"{len(scan_result.mesh.faces)} triangles{reduction_note}, {size} cm, "
-        summary += f"of {self.scan_log.frames} frames"
+        summary += f"from {self.scan_log.frames} frames"
         print_line(f"{output}: {summary}, {self.scan_log.progress_text}")
         if scan_result.cut_note:
             print_line(scan_result.cut_note[:1].upper() + scan_result.cut_note[1:])
         if scan_result.mesh.colours is None:
-            self._notes.append("The camera gave no colours, so the mesh has none.")
+            self._notes.append("The camera sent no colours, so the mesh has no colours.")
         for sentence in (*self.scan_log.advice(self.scanner), *self._notes):
             print_line(f"Note: {sentence}")
 
@@ -222,6 +222,6 @@ class ScanJob:
         try:
             store_scan(self.scanner, stored_scan_path(output), since)
         except ResourceError as error:
-            self._notes.append(f"The images were not kept for --add ({error.what}).")
+            self._notes.append(f"The images were not saved, so --add cannot extend this scan ({error.what}).")
             return False
         return bool(self.scanner.poses)

@@ -31,26 +31,31 @@ frame."""
 
 def sensors(
     name: Annotated[
-        str | None, typer.Argument(help="The sensor to preview; without one, all sensors are listed.")
+        str | None, typer.Argument(help="Sensor to preview. If omitted, all sensors are listed.")
     ] = None,
     setting: Annotated[
-        list[str] | None, typer.Option("--set", help="An option of the sensor, KEY=VALUE; may be repeated.")
+        list[str] | None, typer.Option("--set", help="Sensor option, KEY=VALUE. Repeat for several options.")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Write a picture of its depth, a .png.")
+        Path | None,
+        typer.Option("--output", "-o", help="Write the depth image of the sensor to this .png file."),
     ] = None,
-    seconds: Annotated[float, typer.Option(min=0.1, max=60.0, help="Seconds to watch the sensor.")] = 2.0,
+    seconds: Annotated[
+        float, typer.Option(min=0.1, max=60.0, help="Duration of the preview in seconds.")
+    ] = 2.0,
     picture: Annotated[
         str,
-        typer.Option(help="How the terminal draws: auto, none, kitty, iterm, sixel, blocks or blocks256."),
+        typer.Option(
+            help="How the terminal shows images: auto, none, kitty, iterm, sixel, blocks or blocks256."
+        ),
     ] = "auto",
     as_json: Annotated[
-        bool, typer.Option("--json", help="List the cameras for another program, as JSON.")
+        bool, typer.Option("--json", help="List the cameras as JSON, for another program.")
     ] = False,
 ) -> None:
-    """List sensors and connected cameras, or describe and show the images of one of them.
+    """List sensors and connected cameras, or describe one sensor and show its images.
 
-    A terminal shows a picture of the depth (near is bright), in its own image protocol if it has one.
+    The terminal shows the depth image, in which near is bright. It uses an image protocol if it has one.
 
     \b
       enliven sensors
@@ -74,7 +79,11 @@ def sensors(
     from enliven_edge.sensors import open_sensor, sensor_options
 
     if output is not None and output.suffix != ".png":
-        raise InputError(f"it ends in {output.suffix!r}", where=str(output), remedy="Give a name with .png.")
+        raise InputError(
+            f"the file name ends in {output.suffix!r}",
+            where=str(output),
+            remedy="Use a name that ends in .png.",
+        )
     protocol = _choose_protocol(picture)
     with open_sensor(name, **sensor_options(setting or [])) as sensor:
         frames = _read_frames(sensor, seconds)
@@ -86,7 +95,7 @@ def sensors(
         typer.echo(encode_image(_draw_picture(frames[-1]), protocol, console.width), nl=False, color=True)
     if output is not None:
         _write_picture_file(frames[-1], output, [f"{label}: {value}" for label, value in facts[:4]])
-        print_line(f"{output}: its depth, near is bright")
+        print_line(f"{output}: depth image, near is bright")
 
 
 def _list_sensors(console: Console) -> None:
@@ -140,11 +149,15 @@ def _read_frames(sensor: Sensor, seconds: float) -> list[DepthFrame]:
             break
         if not isinstance(frame, DepthFrame):
             raise InputError(
-                "it delivers bodies and no depth", where=sensor.name, remedy="Look at it with: enliven edge"
+                "the sensor sends bodies, but no depth images",
+                where=sensor.name,
+                remedy="To see the bodies, use: enliven edge",
             )
         frames.append(frame)
     if not frames:
-        raise ResourceError("it sent no frame", where=sensor.name, remedy="Check its cable and power.")
+        raise ResourceError(
+            "the sensor sent no frame", where=sensor.name, remedy="Check the cable and power of the sensor."
+        )
     return frames
 
 
@@ -164,7 +177,7 @@ def _describe_sensor(
     if steps and statistics.median(steps) > 0:
         facts.append(("rate", f"{1 / statistics.median(steps):.1f} frames a second"))
     known_fraction = statistics.median(measure_depth_image(frame.depth).known_fraction for frame in frames)
-    facts.append(("depth", f"known in {100 * known_fraction:.0f} % of the image"))
+    facts.append(("depth", f"measured in {100 * known_fraction:.0f} % of the image"))
     metres = last.depth[(last.depth > 0) & (last.depth < 65535)] * 1e-3
     if len(metres):
         near, far = np.percentile(metres, (1, 99))
@@ -173,11 +186,15 @@ def _describe_sensor(
     level_from_camera = world_from_floor(points[points[:, 2] > 0])
     down = None if level_from_camera is None else -level_from_camera[1, :3]
     if level_from_camera is None or down is None:
-        facts.append(("floor", "not seen; tilt the sensor until it sees some"))
+        facts.append(("floor", "not visible; tilt the sensor until the floor is in view"))
     else:
         tilt = np.degrees(np.arcsin(np.clip(down[2], -1, 1)))
         facts.append(
-            ("floor", f"{level_from_camera[1, 3]:.2f} m below; the sensor looks {tilt:.0f} degrees down")
+            (
+                "floor",
+                f"{level_from_camera[1, 3]:.2f} m below the sensor, which is tilted down by {tilt:.0f} "
+                "degrees",
+            )
         )
     if condition is not None:
         facts += _describe_condition(condition, down)
@@ -195,10 +212,10 @@ def _describe_condition(condition: Condition, down: Float | None) -> list[tuple[
     if condition.gravity is not None:
         gravity_direction = np.array(condition.gravity) / np.linalg.norm(condition.gravity)
         tilt = np.degrees(np.arcsin(np.clip(gravity_direction[2], -1, 1)))
-        gravity_text = f"{tilt:.0f} degrees down by the accelerometer"
+        gravity_text = f"sensor tilted down by {tilt:.0f} degrees, by its accelerometer"
         if down is not None:
             angle = np.degrees(np.arccos(np.clip(gravity_direction @ down, -1, 1)))
-            gravity_text += f", {angle:.0f} degrees from the floor's normal"
+            gravity_text += f"; {angle:.0f} degrees from the floor's normal"
         facts.append(("gravity", gravity_text))
     return facts
 
@@ -212,7 +229,9 @@ def _choose_protocol(name: str) -> ImageProtocol | None:
         return image_protocol(sys.stdout, sys.stdin) if name == "auto" else None
     if name not in IMAGE_PROTOCOLS:
         choices = ", ".join(("auto", "none", *IMAGE_PROTOCOLS))
-        raise InputError(f"{name!r} is not a known way to draw", where="--picture", remedy=f"Give {choices}.")
+        raise InputError(
+            f"{name!r} is not a known image protocol", where="--picture", remedy=f"Use one of: {choices}."
+        )
     return name  # type: ignore[return-value]
 
 

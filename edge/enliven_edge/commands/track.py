@@ -25,9 +25,7 @@ def track(
         Path, typer.Argument(help="A depth recording, a depth image, or a folder of depth images.")
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Output recording of bodies.")],
-    settings: Annotated[
-        Path | None, typer.Option(help="A TOML file of settings, as for enliven edge.")
-    ] = None,
+    settings: Annotated[Path | None, typer.Option(help="Settings file (TOML), as for enliven edge.")] = None,
     lens: LensOption = None,
     units_per_metre: UnitsOption = None,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
@@ -37,9 +35,9 @@ def track(
 ) -> None:
     """Track the people in a depth recording and write their joints as a take.
 
-    Every image is tracked, even if that is slower than real time. The studio and the commands that move a
-    model by a motion read the take, and it replays like any recording. A single 16-bit image is enough.
-    Every layout that enliven import knows is read.
+    Every image is tracked, even if that is slower than real time. The studio can open the take, and enliven
+    retarget can move a model with it. The take replays like any recording. A single 16-bit image is enough.
+    All layouts of enliven import are accepted.
 
     \b
       enliven track TAKE.mcap -o bodies.mcap
@@ -62,13 +60,15 @@ def track(
         output,
         task="Tracking",
         facts=("track", {"recording": recording.name}),
-        empty=InputError("none of its images can be read", where=str(recording), remedy="Record it again."),
+        empty=InputError("none of the images can be read", where=str(recording), remedy="Record again."),
         console=plain_console(),
         overwrite=overwrite,
     )
     print_line(f"{output}: {contents.summary}")
     if not contents.seen:
-        print_line("Note: no person was found; see what the tracker sees: enliven inspect, with -o film.mp4.")
+        print_line(
+            "Note: no person was found. To see the tracking as a film, use enliven inspect with -o film.mp4."
+        )
 
 
 def _is_recording(path: Path) -> bool:
@@ -127,7 +127,7 @@ def _open_images(path: Path, lens: str | None, units_per_metre: float | None) ->
 
 
 def _no_depth_error(path: Path) -> InputError:
-    remedy = "Give a recording of a depth camera. A recording of bodies is already a take."
+    remedy = "Choose a recording of a depth camera. A recording of bodies is already a take."
     return InputError("the recording has no depth images", where=str(path), remedy=remedy)
 
 

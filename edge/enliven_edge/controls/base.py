@@ -64,12 +64,14 @@ def _parse_command(key: str, text: str, where: str) -> Command:
             except InputError as error:
                 raise InputError(f"{key!r}: {error.what}", where=where, remedy=error.remedy) from None
         elif name == _PARTS_COMMAND:
-            remedy = 'Such as "parts legs".'
-            raise InputError(f"{key!r} selects body parts but names none", where=where, remedy=remedy)
+            remedy = 'For example: "parts legs".'
+            raise InputError(
+                f"{key!r} is mapped to {text!r}, which names no body part", where=where, remedy=remedy
+            )
         return text
     similar = difflib.get_close_matches(text, WORDS, n=1)
-    remedy = f"Did you mean {similar[0]!r}?" if similar else f"Known: {', '.join(WORDS)}."
-    raise InputError(f"{key!r} means {text!r}, which is not a command", where=where, remedy=remedy)
+    remedy = f"Did you mean {similar[0]!r}?" if similar else f"Known commands: {', '.join(WORDS)}."
+    raise InputError(f"{key!r} is mapped to {text!r}, which is not a command", where=where, remedy=remedy)
 
 
 def orders_from_command(command: Command, stage: Stage) -> list[Order]:
@@ -273,12 +275,14 @@ class ControlReader:
                 self._open_error = None
                 self._read()
             except EOFError:
-                log.info("control %s has ended", self.name)
+                log.info("control %s: the input has ended", self.name)
                 return
             except Exception as error:
                 # Catch every error, because termios and PortAudio raise errors that are not OSErrors.
                 if self._is_present or not is_logged:
-                    log.warning("control %s is missing (%s); searching for it", self.name, error)
+                    log.warning(
+                        "control %s is not available (%s). The edge keeps searching for it.", self.name, error
+                    )
                 log.debug("control %s", self.name, exc_info=True)
                 is_logged = True
                 self._open_error = error if isinstance(error, EnlivenError) else None
@@ -309,4 +313,4 @@ class ControlReader:
             self._queue.append(Press(key, command))
         elif key not in self._unknown_keys and len(self._unknown_keys) < _MAX_UNKNOWN_KEYS:
             self._unknown_keys.add(key)
-            log.info("control %s sent %r, which is not in its map", self.name, key)
+            log.info("control %s sent %r, which is not in the map of this control", self.name, key)

@@ -121,7 +121,7 @@ class Controls(Closeable):
             try:
                 carry_out(order)
             except EnlivenError as error:
-                log.warning("%s: %s was refused: %s", control.name, command, error)
+                log.warning("%s: the command %r was refused: %s", control.name, command, error)
                 refusal = error.what
         return refusal
 
@@ -229,8 +229,8 @@ def commands_by_key(name: str, settings: ControlSettings) -> dict[str, Command]:
         InputError: for an unknown command, or a voice without phrases.
     """
     if settings.kind == "voice" and not settings.map:
-        remedy = 'Such as "puppet let it go" = "release".'
-        raise InputError("a voice needs phrases", where=f"controls.{name}.map", remedy=remedy)
+        remedy = 'Add phrases to this map, such as "puppet let it go" = "release".'
+        raise InputError("the voice control has no phrases", where=f"controls.{name}.map", remedy=remedy)
     return check_map(
         settings.map or {word: word for word in WORDS if word != "parts"}, f"controls.{name}.map"
     )

@@ -118,8 +118,10 @@ class HidPedal(Device):
 
     def __init__(self, settings: ControlSettings, where: str) -> None:
         if not (settings.vendor and settings.product):
-            remedy = "lsusb lists them: 0c45:7403 is vendor = 0x0c45, product = 0x7403."
-            raise InputError("a HID control needs its vendor and product", where=where, remedy=remedy)
+            remedy = "Find both with lsusb: 0c45:7403 means vendor = 0x0c45, product = 0x7403."
+            raise InputError(
+                "the settings vendor and product of the HID device are missing", where=where, remedy=remedy
+            )
         need("hid", "controls", where)
         self._settings = settings
         self._edges = ButtonEdges(settings.report, settings.skip, settings.number)
@@ -157,7 +159,7 @@ class HidPedal(Device):
                 interface for interface in interfaces if interface["interface_number"] == wanted_ids.interface
             ]
         if not interfaces:
-            raise OSError(f"no HID device {wanted_ids.vendor:04x}:{wanted_ids.product:04x}")
+            raise OSError(f"no HID device {wanted_ids.vendor:04x}:{wanted_ids.product:04x} is connected")
         if wanted_ids.report == "keyboard":
             interfaces.sort(
                 key=lambda interface: (interface["usage_page"], interface["usage"]) != _KEYBOARD_USAGE

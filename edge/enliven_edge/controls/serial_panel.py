@@ -34,10 +34,10 @@ _GREETING_TIMEOUT_S = 4.0
 """Seconds within which a panel must send its greeting. An Arduino resets when its port opens, which takes 2
 s."""
 _CAUSES = {
-    "W": "its firmware hung, and its watchdog started it again",
-    "B": "its supply was too low",
-    "E": "its reset pin was pulled",
-    "P": "it had no power",
+    "W": "the firmware hung, and the watchdog restarted the panel",
+    "B": "the supply voltage was too low",
+    "E": "the reset pin was activated",
+    "P": "the panel had no power",
 }
 """The reasons for a restart in the greeting of a panel that was already present. A boot loader may hide
 them (docs/panel.md)."""
@@ -73,8 +73,8 @@ class SerialPanel(SerialPedal):
         keys = super().read()
         self._check_silence(started_at, self._keys.received > received_before)
         if answered and self._keys.cause:
-            why = _CAUSES.get(self._keys.cause, "its boot loader hides the reason")
-            log.warning("%s was started again: %s", self._where, why)
+            why = _CAUSES.get(self._keys.cause, "the boot loader of the panel hides the reason")
+            log.warning("%s was restarted: %s", self._where, why)
         if self._keys.received:
             self._send_lamps()
         return keys if self.is_responding else []
@@ -106,10 +106,17 @@ class SerialPanel(SerialPedal):
             else self._quiet + min(time.monotonic() - started_at, 2.0 * _READ_TIMEOUT_S)
         )
         if self._quiet > (_SILENCE_TIMEOUT_S if self._keys.received else _GREETING_TIMEOUT_S):
-            remedy = f"Is its firmware on it (docs/panel.md), and its speed {self._settings.baud} bits/s?"
+            remedy = (
+                f"Check that the panel has the firmware (docs/panel.md) and uses {self._settings.baud} "
+                "bits/s."
+            )
             raise ResourceError("the panel does not answer", where=self._where, remedy=remedy)
         if self._keys.version not in ("", VERSION):
-            problem = f"the panel speaks protocol {self._keys.version}, and this edge {VERSION}"
+            problem = (
+                f"the panel uses version {self._keys.version} of the protocol, but this edge uses {VERSION}"
+            )
             raise ResourceError(
-                problem, where=self._where, remedy="Flash firmware_configs/panel: docs/panel.md."
+                problem,
+                where=self._where,
+                remedy="Flash the firmware in firmware_configs/panel (docs/panel.md).",
             )

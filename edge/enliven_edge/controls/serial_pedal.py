@@ -25,8 +25,10 @@ class SerialPedal(Device):
 
     def __init__(self, settings: ControlSettings, where: str) -> None:
         if not settings.port:
-            remedy = "Name one, such as port = '/dev/serial/by-id/...' (ls /dev/serial/by-id)."
-            raise InputError("a serial control needs a port", where=where, remedy=remedy)
+            remedy = (
+                "Set port, such as port = '/dev/serial/by-id/...'. To list the ports: ls /dev/serial/by-id"
+            )
+            raise InputError("the serial control has no port", where=where, remedy=remedy)
         need("serial", "controls", where)
         self._settings = settings
         self._port: Any = None

@@ -20,7 +20,7 @@ class ControlSettings:
     )
     debounce: float = setting(
         0.08,
-        "Time that a key must be still before it counts again. Raise it if one press counts twice.",
+        "Time without input from a key before the key counts again. Raise it if one press counts twice.",
         unit="s",
         low=0.0,
         high=5.0,
@@ -51,7 +51,7 @@ class ControlSettings:
         0, "hid: number of bytes to skip after the report number.", unit="bytes", low=0, high=63
     )
     microphone: str = setting(
-        "", "voice: part of the microphone's name. If empty, the system's default microphone."
+        "", "voice: part of the microphone's name. If empty, the default microphone of the system is used."
     )
     wav: str = setting(
         "",
@@ -78,5 +78,8 @@ def refuse_other_kinds(settings: ControlSettings, where: str) -> None:
             is_set = item.name in keys and getattr(settings, item.name) != item.default
             if is_set and kind != settings.kind:
                 valid_keys = ", ".join(("map", "debounce", *_KINDS[settings.kind]))
-                problem = f"{item.name} is of kind {kind!r}, and this is {settings.kind!r}"
-                raise InputError(problem, where=where, remedy=f"It takes: {valid_keys}.")
+                problem = (
+                    f"{item.name} is a setting of kind {kind!r}, but this control is of kind "
+                    f"{settings.kind!r}"
+                )
+                raise InputError(problem, where=where, remedy=f"Use only these settings: {valid_keys}.")

@@ -43,11 +43,13 @@ class SoundRecording:
                 audio_format = (file.getframerate(), file.getnchannels(), file.getsampwidth())
                 self._sound = file.readframes(file.getnframes())
         except (wave.Error, EOFError):
-            raise InputError("it is not a WAV file", where=str(self._path)) from None
+            raise InputError("the file is not a WAV file", where=str(self._path)) from None
         if audio_format != (RATE, 1, 2):
-            problem = f"it has {audio_format[0]} Hz, {audio_format[1]} channels, {8 * audio_format[2]} bits"
+            problem = (
+                f"the file has {audio_format[0]} Hz, {audio_format[1]} channels, {8 * audio_format[2]} bits"
+            )
             raise InputError(
-                problem, where=str(self._path), remedy="It must have 16000 Hz, 1 channel, 16 bits."
+                problem, where=str(self._path), remedy="Convert the file to 16000 Hz, 1 channel, 16 bits."
             )
         self._sound += bytes(RATE * 2)  # Append a second of silence, which ends the last phrase.
         self._offset, self._bytes, self._started_at = 0, frame_bytes, time.monotonic()
@@ -80,7 +82,7 @@ class Microphone:
         try:
             self._library: Any = importlib.import_module("sounddevice")
         except OSError as error:
-            remedy = "Install it: sudo apt-get install libportaudio2."
+            remedy = "Install PortAudio: sudo apt-get install libportaudio2."
             raise ResourceError(f"PortAudio is missing ({error})", where=where, remedy=remedy) from None
         self._name = name
         self._stream: Any = None
@@ -118,15 +120,18 @@ class Microphone:
             return ResourceError(
                 "no microphone is connected",
                 where="voice",
-                remedy="Plug one in; it is detected automatically.",
+                remedy="Plug in a microphone. The edge detects it automatically.",
             )
         if self._name and not any(self._name.lower() in input_name.lower() for input_name in inputs):
-            remedy = f"Set microphone to part of one of these names: {', '.join(inputs)}."[:160]
+            remedy = f"Set microphone to one of these names, or to a part of one: {', '.join(inputs)}."[:160]
             return ResourceError(
                 f"no microphone is called {self._name!r}"[:160], where="voice", remedy=remedy
             )
-        remedy = "Close the programs that use it, or choose another in the system's sound settings."
-        return ResourceError("the microphone does not open", where="voice", remedy=remedy)
+        remedy = (
+            "Close other programs that use the microphone, or choose another microphone in the sound "
+            "settings."
+        )
+        return ResourceError("the microphone cannot be opened", where="voice", remedy=remedy)
 
     def read(self) -> bytes:
         """Returns the next frame when it is complete."""
@@ -188,8 +193,8 @@ class Recogniser:
         for word in sorted({word for phrase in phrases for word in phrase.split()}):
             if not word.isascii() or self._decoder.lookup_word(word) is None:
                 problem, remedy = (
-                    f"the model does not know the word {word!r}",
-                    "Say it with English words, lower case.",
+                    f"the speech model does not know the word {word!r}",
+                    "Use only English words in lower case in the phrases.",
                 )
                 raise InputError(problem, where=where, remedy=remedy)
         self._decoder.add_jsgf_string("commands", _build_grammar(phrases))

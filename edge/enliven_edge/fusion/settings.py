@@ -28,7 +28,7 @@ class CalibrationSettings:
         "clock_range",
     )
     floor_known: bool = setting(
-        True, "Uses the floor that each sensor has found: the y axis points up and the floor is at y = 0."
+        True, "Uses the floor that each sensor detected: the y axis points up, and the floor is at y = 0."
     )
     overlap: float = parameter(
         4.0, "Minimum time for which two sensors must see the same person.", unit="s", low=0.5
@@ -59,7 +59,8 @@ class FusionSettings:
     )
     loyalty: float = setting(
         0.15,
-        "An identity changes only if another person is nearer by this distance. Raise it if identities swap.",
+        "A body gets another identity only if it is nearer to that person by this distance. Raise it if "
+        "identities swap.",
         unit="m",
         low=0.0,
         high=2.0,
@@ -79,8 +80,8 @@ class FusionSettings:
     )
     sure_beside: int = setting(
         12,
-        "Number of observations, over all sensors, before a further person is reported. Raise it if one "
-        "person appears twice.",
+        "Number of observations, over all sensors, before an additional person is reported. Raise it if "
+        "one person appears twice.",
         low=1,
         high=100,
     )

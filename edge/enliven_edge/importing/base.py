@@ -71,7 +71,7 @@ def parse_lens(text: str | None) -> tuple[float, float, float, float] | None:
         raise InputError(
             f"{text!r} is not four numbers with commas between them",
             where="--lens",
-            remedy="Give focal lengths and centre in pixels, such as --lens 525,525,319.5,239.5",
+            remedy="Pass focal lengths and principal point in pixels, such as --lens 525,525,319.5,239.5",
         ) from None
     return fx, fy, cx, cy
 
@@ -150,9 +150,9 @@ def require_single_file(paths: Sequence[Path]) -> Path:
     if len(paths) > 1:
         names = ", ".join(path.name for path in paths[:4]) + (", ..." if len(paths) > 4 else "")
         raise InputError(
-            f"these are {len(paths)} recordings ({names})",
+            f"the {len(paths)} files are separate recordings ({names})",
             where=str(paths[0].parent),
-            remedy="Import one file at a time: each becomes a recording of its own.",
+            remedy="Import one file at a time. Each file becomes a recording of its own.",
         )
     return paths[0]
 
@@ -166,12 +166,12 @@ def read_rows(path: Path, delimiter: str = ",") -> list[list[str]]:
     try:
         rows = list(csv.reader(read_text(path).split("\n"), delimiter=delimiter, skipinitialspace=True))
     except csv.Error:
-        problem = f"it is not a table with {delimiter!r} between its columns"
-        raise InputError(problem, where=str(path), remedy="Copy it again from its source.") from None
+        problem = f"the file is not a table with {delimiter!r} between the columns"
+        raise InputError(problem, where=str(path), remedy="Copy the file again from its source.") from None
     rows = [row[:-1] if row and row[-1].strip() == "" else row for row in rows]
     rows = [row for row in rows if row]
     if not rows:
-        raise InputError("the file is empty", where=str(path), remedy="Copy it again from its source.")
+        raise InputError("the file is empty", where=str(path), remedy="Copy the file again from its source.")
     return rows
 
 
@@ -218,7 +218,7 @@ def read_floats(path: Path) -> Float:
         return np.array([float(word) for word in words])
     except ValueError:
         invalid_text = next(word for word in words if not are_numbers([word]))
-        problem = f"it contains text that is not a number: {invalid_text[:40]!r}"
+        problem = f"the file contains text that is not a number: {invalid_text[:40]!r}"
         raise InputError(problem, where=str(path)) from None
 
 

@@ -46,7 +46,9 @@ class OpenCvDepthReader(Reader):
 
     name = "opencv-depth"
     description = "depth PNG sequence with OpenCV camera files (*_depth.png, *_camera.xml, colour *.jpg)"
-    note = "no times in the files: evenly spaced; the poses in the camera files are not used"
+    note = (
+        "the files contain no times, so frames are evenly spaced; the poses in the camera files are not used"
+    )
 
     def can_read(self, paths: Sequence[Path]) -> bool:
         depth = [path for path in paths if path.name.endswith(_SUFFIX)]
@@ -57,7 +59,7 @@ class OpenCvDepthReader(Reader):
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
         images = sorted((path for path in paths if path.name.endswith(_SUFFIX)), key=natural_order)
         if not images:
-            raise InputError(f"no file is named *{_SUFFIX}", where=str(paths[0]))
+            raise InputError(f"no file name ends in {_SUFFIX}", where=str(paths[0]))
         unit = detect_unit(images[0], options)
         for path, time_ns in timed_images(images, options):
             depth = read_millimetres(path, unit)
@@ -76,13 +78,13 @@ def read_camera(path: Path, width: int, height: int) -> Intrinsics:
         text = ElementTree.fromstring(read_text(path)).findtext("intrinsic/data") or ""
         numbers = [float(word) for word in text.split()]
     except (ElementTree.ParseError, ValueError):
-        remedy = "Copy it again, or export it as XML of OpenCV's FileStorage."
+        remedy = "Copy the file again, or export it as XML of OpenCV's FileStorage."
         raise InputError("the camera file is damaged", where=str(path), remedy=remedy) from None
     if len(numbers) != 9:
         raise InputError(
             f"the matrix `intrinsic` has {len(numbers)} numbers, expected 9",
             where=str(path),
-            remedy="Write it as a 3x3 matrix of OpenCV's FileStorage.",
+            remedy="Write the matrix as a 3x3 matrix of OpenCV's FileStorage.",
         )
     return Intrinsics(width, height, numbers[0], numbers[4], numbers[2], numbers[5])
 
@@ -102,7 +104,10 @@ class RawKinectReader(Reader):
 
     name = "raw-kinect1"
     description = "headerless Kinect v1 depth images (640x480 uint16 millimetres)"
-    note = "no camera in the files: a Kinect v1 (525 pixels) unless --lens is given; no times: evenly spaced"
+    note = (
+        "the files contain no camera, so a Kinect v1 (525 pixels) is assumed unless --lens is given; the "
+        "files contain no times, so frames are evenly spaced"
+    )
 
     def can_read(self, paths: Sequence[Path]) -> bool:
         images = _raw_images(paths)
@@ -130,9 +135,9 @@ def _read_raw(path: Path) -> UInt16:
     data = read_file(path)
     if len(data) != _BYTES:
         raise InputError(
-            f"it has {len(data)} bytes, a depth image of 640x480 has {_BYTES}",
+            f"the file has {len(data)} bytes, but a depth image of 640x480 pixels has {_BYTES}",
             where=str(path),
-            remedy="Copy it again; it may have been cut off.",
+            remedy="Copy the file again. It may be cut off.",
         )
     values = np.frombuffer(data, "<u2")
     return values.astype(np.uint16).reshape(KINECT1.height, KINECT1.width)
@@ -145,10 +150,10 @@ class PlainDepthReader(Reader):
     """
 
     name = "plain-depth"
-    description = "depth PNG alone (16-bit, the shape of a Kinect's image, or with --lens)"
+    description = "16-bit depth PNG without a camera file (image size of a Kinect, or with --lens)"
     note = (
-        "no camera in the files: a usual Kinect's of the image's shape unless --lens is given; no times: "
-        "evenly spaced"
+        "the files contain no camera, so a Kinect with this image size is assumed unless --lens is given; "
+        "the files contain no times, so frames are evenly spaced"
     )
 
     def can_read(self, paths: Sequence[Path]) -> bool:
@@ -176,9 +181,9 @@ def _choose_camera(path: Path, width: int, height: int, options: ImportOptions) 
     usual_camera = find_usual_camera(width, height)
     if usual_camera is None:
         raise InputError(
-            f"the image is {width}x{height}, and no file describes its camera",
+            f"the image has {width}x{height} pixels, and no file describes its camera",
             where=str(path),
-            remedy="Give its focal lengths and centre in pixels, --lens FX,FY,CX,CY, or put a camera file "
-            "next to the image: NAME_camera.xml for NAME_depth.png.",
+            remedy="Pass focal lengths and principal point in pixels, --lens FX,FY,CX,CY. Or put a camera "
+            "file next to the image: NAME_camera.xml for NAME_depth.png.",
         )
     return options.device or usual_camera[0], usual_camera[1]

@@ -29,7 +29,7 @@ _FAR_MM = 8000.0
 depth cameras measure less far."""
 _MAX_NAMED = 5
 """Maximum number of images that are named in notes. The others are counted."""
-_UNIT_HINT = "--units-per-metre states another"
+_UNIT_HINT = "--units-per-metre sets another unit"
 
 
 class DepthUnit:
@@ -62,15 +62,15 @@ class DepthUnit:
         """Reports the unit, and a doubt about it if the first image suggests another unit."""
         if self._is_stated:
             return
-        name = "millimetres" if self._units == MILLIMETRES else f"{self._units:g} to the metre"
+        name = "millimetres" if self._units == MILLIMETRES else f"{self._units:g} units per metre"
         reason = f" ({self._reason})" if self._reason else ""
-        self._note(f"depth values are taken as {name}{reason}; {_UNIT_HINT}")
+        self._note(f"depth values are read as {name}{reason}; {_UNIT_HINT}")
         measured_depths = depth[depth > 0]
         if measured_depths.size and float(np.median(measured_depths)) > _FAR_MM:
             median_m = float(np.median(measured_depths)) / 1000
             self._note(
                 f"half of the first image is beyond {median_m:.1f} m, farther than depth cameras measure: "
-                "check the unit (5000 to the metre in TUM's images, 10000 of a D405)"
+                "check the unit (TUM images have 5000 units per metre, images of a D405 10000)"
             )
 
 
@@ -116,29 +116,29 @@ def usable_images(timed: Iterable[tuple[Path, int]], options: ImportOptions) -> 
             continue
         skipped_paths.append(path)
         if len(skipped_paths) <= _MAX_NAMED:
-            options.note(f"{path.name} is left out: {_find_problem(path)}; later images keep their time")
+            options.note(f"{path.name} is skipped: {_find_problem(path)}; later images keep their times")
     if skipped_paths and not used_count:
         raise InputError(
             _find_problem(skipped_paths[0]),
             where=str(skipped_paths[0]),
-            remedy="Give the depth images, 16-bit PNG.",
+            remedy="Choose the depth images (16-bit PNG).",
         )
     if len(skipped_paths) > _MAX_NAMED:
         count = len(skipped_paths) - _MAX_NAMED
-        options.note(f"{count} more images are left out, the last one {skipped_paths[-1].name}")
+        options.note(f"{count} more images are skipped; the last is {skipped_paths[-1].name}")
 
 
 def _find_problem(path: Path) -> str:
     """Returns why a file contains no depth. The text is never empty."""
     if path.is_file() and path.stat().st_size == 0:
-        return "it is empty"
+        return "the file is empty"
     kind = describe_colour_image(path)
     if kind is not None:
-        return f"it is {kind}, not of one 16-bit channel"
+        return f"the file is {kind}, not an image with one 16-bit channel"
     return (
-        "it is not a PNG of one 16-bit channel"
+        "the file is not a PNG with one 16-bit channel"
         if read_head(path, 8) == PNG_MAGIC
-        else "it is not a PNG image"
+        else "the file is not a PNG image"
     )
 
 

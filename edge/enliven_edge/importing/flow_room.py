@@ -69,7 +69,10 @@ class FlowRoomReader(SkeletonReader):
 
     name = "flow-room"
     description = "Kinect v2 JSON of The Flow Room (21 joints in depth pixels, one or more people)"
-    note = "z has no stated unit or origin: people are taken to be 1.70 m tall; no times: 30 frames a second"
+    note = (
+        "the file states no unit and no origin of z, so people are assumed to be 1.70 m tall; it contains "
+        "no times, so 30 frames a second are assumed"
+    )
 
     sensor = "kinect2"
 
@@ -98,14 +101,14 @@ def _read_frames(path: Path) -> list[list[_Skeleton]]:
         frames = _decoder.decode(read_file(path))
     except DECODE_ERRORS as error:
         log.debug("%s", path, exc_info=error)
-        remedy = "Choose a file that the Flow Room recorded."
-        problem = "its JSON is cut short, damaged or of another kind"
+        remedy = "Choose a file that The Flow Room recorded."
+        problem = "the JSON is truncated, damaged or of another kind"
         raise InputError(problem, where=str(path), remedy=remedy) from None
     for number, frame in enumerate(frames):
         for skeleton in frame:
             if len(skeleton.joints) != 21:
                 raise InputError(
-                    f"frame {number} has a body of {len(skeleton.joints)} joints, expected 21",
+                    f"frame {number} has a body with {len(skeleton.joints)} joints instead of 21",
                     where=str(path),
                 )
             if any(max(abs(p.x), abs(p.y), abs(p.z)) > _MAX_NUMBER for p in skeleton.joints):
@@ -139,7 +142,8 @@ def _estimate_distance(bodies: Sequence[Float], path: Path) -> float:
     height_px = float(np.percentile(heights, 75)) if heights else 0.0
     if height_px < 20.0:
         raise InputError(
-            "no person stands upright in it, so the distance to the sensor is unknown", where=str(path)
+            "the recording shows no person who stands upright, so the distance to the sensor is unknown",
+            where=str(path),
         )
     centre = float(np.median([uvz[:, 2] for uvz in bodies])) * _METRES_PER_Z
     return FOCAL * STATURE * _HEAD_TO_ANKLE / height_px - centre

@@ -65,7 +65,7 @@ def describe_colour_image(path: Path) -> str | None:
             if image.mode.startswith("I") or image.format is None:
                 return None
             grey = image.mode in ("1", "L", "LA")
-            return f"a {image.format} image {'in 256 greys' if grey else 'in colour'}"
+            return f"a {image.format} image {'with 256 greys' if grey else 'in colour'}"
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
         return None
 
@@ -78,9 +78,9 @@ def read_depth_png(path: Path) -> UInt16:
     """
     if path.exists() and not is_depth_png(path):
         raise InputError(
-            "it is not a PNG of one 16-bit channel",
+            "the file is not a PNG with one 16-bit channel",
             where=str(path),
-            remedy="Give the depth images in millimetres.",
+            remedy="Choose the depth images in millimetres.",
         )
     try:
         with _open_image(path, ("PNG",)) as image:
@@ -88,7 +88,7 @@ def read_depth_png(path: Path) -> UInt16:
     except FileNotFoundError:
         raise InputError("there is no such file", where=str(path), remedy="Check the path.") from None
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
-        remedy = "Copy it again from its source."
+        remedy = "Copy the image again from its source."
         raise InputError("the image is damaged", where=str(path), remedy=remedy) from None
 
 
@@ -104,7 +104,7 @@ def read_colour(path: Path) -> UInt8 | None:
         with _open_image(path, _COLOUR_FORMATS) as image:
             return np.asarray(image.convert("RGB"))
     except (OSError, ValueError, SyntaxError, UnidentifiedImageError, Image.DecompressionBombError):
-        remedy = "Copy it again, or remove it."
+        remedy = "Copy the image again, or remove it."
         raise InputError("the image is damaged", where=str(path), remedy=remedy) from None
 
 
@@ -117,6 +117,6 @@ def _open_image(path: Path, formats: tuple[str, ...]) -> Image.Image:
     image = Image.open(io.BytesIO(read_file(path)), formats=formats)
     if image.width * image.height > _MAX_PIXELS:
         image.close()
-        problem = f"it declares {image.width} x {image.height} pixels"
+        problem = f"the image has {image.width} x {image.height} pixels, which is too large"
         raise InputError(problem, where=str(path), remedy="Use a smaller image.")
     return image

@@ -89,8 +89,8 @@ class BodyScannerReader(SkeletonReader):
     """
 
     name = "body-scanner"
-    description = "BodyScanner-Kinect CSV (the joints of one moment, with the sensor's tilt)"
-    note = "one moment only; every joint counts as tracked"
+    description = "BodyScanner-Kinect CSV (the joints of a single frame, with the sensor's tilt)"
+    note = "the file contains a single frame; every joint counts as tracked"
     sensor = "kinect2"
 
     def matches(self, path: Path) -> bool:
@@ -129,7 +129,10 @@ class GaitReader(SkeletonReader):
 
     name = "kinect-gait"
     description = "KinectGait text (Joint-Name;x;y;z lines, 20 a frame)"
-    note = "no times in the files: 30 frames a second; no tracking states: every joint counts as tracked"
+    note = (
+        "the file contains no times, so 30 frames a second are assumed; it contains no tracking states, "
+        "so every joint counts as tracked"
+    )
 
     def matches(self, path: Path) -> bool:
         rows = [line.split(";") for line in first_lines(read_head(path), 20)]
@@ -152,7 +155,10 @@ class GaitReader(SkeletonReader):
 def _gait_joint(name: str, path: Path, line: int) -> Joint:
     joint = _GAIT_NAMES.get(name.strip().title())
     if joint is None:
-        problem, remedy = f"line {line} names the joint {name!r}", f"Known: {', '.join(_GAIT_NAMES)}."
+        problem, remedy = (
+            f"line {line} names the unknown joint {name!r}",
+            f"Known joints: {', '.join(_GAIT_NAMES)}.",
+        )
         raise InputError(problem, where=str(path), remedy=remedy)
     return joint
 
@@ -190,7 +196,7 @@ class MsrAction3dReader(SkeletonReader):
 
     name = "msr-action3d"
     description = "MSR Action3D skeleton text (aXX_sXX_eXX_skeleton.txt or _skeleton3D.txt)"
-    note = "no times in the files: 15 frames a second"
+    note = "the file contains no times, so 15 frames a second are assumed"
 
     def matches(self, path: Path) -> bool:
         rows = [line.split() for line in first_lines(read_head(path), 20)]
@@ -199,8 +205,8 @@ class MsrAction3dReader(SkeletonReader):
     def moments(self, path: Path, options: ImportOptions) -> list[SkeletonMoment]:
         values = read_floats(path)
         if not values.size or values.size % 80:
-            problem = f"it holds {values.size} numbers, not 80 for each frame"
-            raise InputError(problem, where=str(path), remedy="Copy it again; it may have been cut off.")
+            problem = f"the file contains {values.size} numbers, which is not a multiple of 80 (one frame)"
+            raise InputError(problem, where=str(path), remedy="Copy the file again. It may be cut off.")
         rows = values.reshape(-1, 20, 4)[:, np.argsort(MSR_ORDER)]
         joints = rows[..., :3]
         if float(np.median(joints[..., 2])) >= 20.0:

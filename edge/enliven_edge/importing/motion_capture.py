@@ -56,7 +56,7 @@ class MotionCaptureReader(FileReader):
 
     name = "motion-capture"
     description = "motion capture: BVH of any convention, or CMU exponential maps"
-    note = "the unit is the one in which the legs are nearest to a person's; every joint counts as seen"
+    note = "the unit is guessed from the leg length; every joint counts as tracked"
 
     def matches(self, path: Path) -> bool:
         return _is_bvh(path) or _is_expmap(path)

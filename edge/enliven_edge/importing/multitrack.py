@@ -52,7 +52,7 @@ class MultiTrackReader(FileReader):
 
     name = "multitrack"
     description = "KinectMultiTrack CSV (several Kinect v2, several people); --device chooses the Kinect"
-    note = "no tracking states in the files: every joint counts as tracked"
+    note = "the file contains no tracking states, so every joint counts as tracked"
 
     clock = "Tracker_Time"
     """The column with the times at which the computer received the skeletons. "Skeleton_Time" is the time of
@@ -108,13 +108,13 @@ def _choose_device(devices: Counter[str], requested_device: str | None, path: Pa
     If several Kinects have the same number of rows, the first one in the file is used.
     """
     if not devices:
-        raise InputError("it holds a header and no rows", where=str(path))
+        raise InputError("the file contains a header, but no rows", where=str(path))
     if requested_device is None:
         return devices.most_common(1)[0][0]
     if requested_device not in devices:
         raise InputError(
-            f"the Kinect {requested_device!r} does not exist",
+            f"the file contains no Kinect {requested_device!r}",
             where=str(path),
-            remedy=f"Known: {', '.join(sorted(devices))}.",
+            remedy=f"Kinects in the file: {', '.join(sorted(devices))}.",
         )
     return requested_device

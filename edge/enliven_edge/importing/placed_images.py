@@ -58,7 +58,7 @@ class RealSenseReader(Reader):
 
     name = "realsense"
     description = "RealSense depth PNG (N_DEVICE_depth_N.png) with device_repository.json"
-    note = "no times in the files: evenly spaced"
+    note = "the files contain no times, so frames are evenly spaced"
 
     def can_read(self, paths: Sequence[Path]) -> bool:
         images = _find_images(paths)
@@ -67,7 +67,7 @@ class RealSenseReader(Reader):
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
         images = _find_images(paths)
         if not images:
-            raise InputError("no file is named N_DEVICE_depth_N.png", where=str(paths[0]))
+            raise InputError("no file has a name of the form N_DEVICE_depth_N.png", where=str(paths[0]))
         units: dict[str, DepthUnit] = {}
         for path, time_ns in timed_images(images, options):
             device = path.stem.split("_")[1]
@@ -95,13 +95,13 @@ def _find_device(repository: Path, device: str) -> _Device:
     try:
         devices = {str(entry.Device): entry for entry in _decoder.decode(read_file(repository))}
     except DECODE_ERRORS:
-        remedy = "Copy it again from the recording computer."
+        remedy = "Copy the file again from the recording computer."
         raise InputError("the list of devices is damaged", where=str(repository), remedy=remedy) from None
     if device not in devices:
         raise InputError(
             f"the device {device} is not in the list",
             where=str(repository),
-            remedy=f"Known: {', '.join(sorted(devices))}.",
+            remedy=f"Known devices: {', '.join(sorted(devices))}.",
         )
     return devices[device]
 
@@ -148,7 +148,10 @@ class PosedDepthReader(Reader):
 
     name = "posed-depth"
     description = "depth PNG with camera poses and 7-Scenes (frame-N.depth.png, frame-N.pose.txt)"
-    note = "no times in the files: evenly spaced; no floor: y = 0 is at the first camera"
+    note = (
+        "the files contain no times, so frames are evenly spaced; they contain no floor, so y = 0 is at "
+        "the height of the first camera"
+    )
 
     def can_read(self, paths: Sequence[Path]) -> bool:
         images = [path for path in paths if path.name.endswith(_SUFFIX)]
@@ -160,7 +163,7 @@ class PosedDepthReader(Reader):
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
         images = sorted((path for path in paths if path.name.endswith(_SUFFIX)), key=natural_order)
         if not images:
-            raise InputError(f"no file is named *{_SUFFIX}", where=str(paths[0]))
+            raise InputError(f"no file name ends in {_SUFFIX}", where=str(paths[0]))
         lens = _choose_lens(images[0].parent / _CAMERA, options)
         unit = detect_unit(images[0], options)
         for path, time_ns in timed_images(images, options):
@@ -179,7 +182,10 @@ def _choose_lens(path: Path, options: ImportOptions) -> tuple[float, float, floa
     if options.lens is not None:
         return options.lens
     if not path.is_file():
-        options.note("no camera in the files: 585 pixels as in the 7-Scenes data set; --lens states another")
+        options.note(
+            "the files contain no camera, so that of the 7-Scenes data set is assumed (585 pixels); "
+            "--lens sets another camera"
+        )
         return _SEVEN_SCENES_LENS
     matrix = _read_matrix(path, 3)
     fx, fy, cx, cy = (float(matrix[at]) for at in _LENS)
@@ -195,7 +201,8 @@ def _read_matrix(path: Path, side: int) -> Float:
     values = read_floats(path)
     if values.size != side * side or not np.isfinite(values).all():
         raise InputError(
-            f"it holds {values.size} numbers, expected {side * side} finite ones", where=str(path)
+            f"the file contains {values.size} numbers, but must contain {side * side} finite numbers",
+            where=str(path),
         )
     return values.reshape(side, side)
 
@@ -207,6 +214,6 @@ def _check_rigid(matrix: Float, path: Path) -> Float:
         raise InputError(
             "the pose is not a rotation and a translation",
             where=str(path),
-            remedy="Remove the frame: its tracking was lost.",
+            remedy="Remove the frame, because camera tracking was lost in it.",
         )
     return matrix

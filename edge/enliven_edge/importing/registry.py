@@ -63,7 +63,9 @@ def find_reader(paths: Sequence[Path], name: str | None = None) -> Reader:
             return readers_by_name[name]
         similar_names = difflib.get_close_matches(name, readers_by_name, n=1)
         remedy = (
-            f"Did you mean {similar_names[0]}?" if similar_names else f"Known: {', '.join(readers_by_name)}."
+            f"Did you mean {similar_names[0]}?"
+            if similar_names
+            else f"Known readers: {', '.join(readers_by_name)}."
         )
         raise InputError(f"the reader {name!r} does not exist", where="--reader", remedy=remedy)
     for reader in readers_by_name.values():
@@ -72,14 +74,15 @@ def find_reader(paths: Sequence[Path], name: str | None = None) -> Reader:
     kind = describe_colour_image(paths[0]) if len(paths) == 1 else None
     if kind is not None:
         raise InputError(
-            f"it is {kind}, and no depth image",
+            f"the file is {kind}, not a depth image",
             where=str(paths[0]),
-            remedy="Give the depth image of that moment: a PNG of one 16-bit channel, in millimetres.",
+            remedy="Choose the depth image of the same moment: a PNG with one 16-bit channel, in "
+            "millimetres.",
         )
     raise InputError(
         "no reader recognises " + ("this file" if len(paths) == 1 else f"any of these {len(paths)} files"),
         where=str(paths[0]),
-        remedy="`enliven import --list-readers` shows the layouts that are known.",
+        remedy="To see the known layouts: enliven import --list-readers",
     )
 
 
@@ -104,7 +107,7 @@ def find_files(names: Sequence[str]) -> list[Path]:
         else:
             matches = [match for match in map(Path, sorted(glob.glob(name))) if match.is_file()]
         if not matches:
-            problem = "the folder holds no files" if path.is_dir() else "there is no such file"
+            problem = "the folder contains no files" if path.is_dir() else "there is no such file"
             raise InputError(problem, where=name, remedy="Check the path.")
         paths.update(dict.fromkeys(matches))
     return list(paths)
@@ -123,11 +126,11 @@ def _list_folder(folder: Path) -> list[Path]:
         return files
     sequences = sorted(entry.name for entry in folder.glob("seq-*") if entry.is_dir())
     if sequences:
-        problem = (
-            f"it holds {len(sequences)} sequences, each a recording of its own: {', '.join(sequences[:8])}"
-        )
+        problem = f"the folder contains {len(sequences)} separate recordings: {', '.join(sequences[:8])}"
         raise InputError(
-            problem, where=str(folder), remedy=f"Import one of them, such as {folder / sequences[0]}"
+            problem,
+            where=str(folder),
+            remedy=f"Import one recording at a time, such as {folder / sequences[0]}",
         )
     depth = folder / "depth"
     return files + (sorted(entry for entry in depth.iterdir() if entry.is_file()) if depth.is_dir() else [])

@@ -47,7 +47,7 @@ class TumReader(Reader):
 
     name = "tum-depth"
     description = "TUM RGB-D benchmark (depth.txt with rgb.txt and groundtruth.txt; or SECONDS.png)"
-    note = "no camera in the files: 525 pixels unless --lens is given; times are the files' own"
+    note = "the files contain no camera, so a focal length of 525 pixels is assumed unless --lens is given"
 
     def can_read(self, paths: Sequence[Path]) -> bool:
         return any(_is_list(path) for path in paths) or any(
@@ -62,7 +62,7 @@ class TumReader(Reader):
             timed = [(path, _parse_time(path.stem)) for path in paths if _is_timed(path)]
             folder = timed[0][0].parent.parent if timed else Path()
         if not timed:
-            raise InputError("no image is named after its time", where=str(paths[0]))
+            raise InputError("no image file is named after its time in seconds", where=str(paths[0]))
         timed.sort(key=lambda one: one[1])
         colours = _read_list(folder / _COLOURS)
         poses = _read_poses(folder / _POSES, [time_ns for _, time_ns in timed])
@@ -109,7 +109,7 @@ def _read_rows(path: Path, columns: int) -> list[list[str]]:
         if not row:
             continue
         if len(row) != columns or not are_numbers(row[:1]) or not np.isfinite(float(row[0])):
-            problem = f"line {number} is not a time and {columns - 1} more columns"
+            problem = f"line {number} does not consist of a time and {columns - 1} more columns"
             raise InputError(problem, where=str(path), remedy="Remove the line, or copy the file again.")
         rows.append(row)
     return rows
@@ -124,7 +124,10 @@ def _read_list(path: Path) -> list[tuple[Path, int]]:
     folder = path.parent.resolve()
     for image, _ in images:
         if not image.resolve().is_relative_to(folder):
-            raise InputError(f"it names {str(image)[:80]!r} outside of its folder", where=str(path))
+            raise InputError(
+                f"the list names {str(image)[:80]!r}, which is outside the folder of the list",
+                where=str(path),
+            )
     return sorted(images, key=lambda one: one[1])
 
 
@@ -149,7 +152,7 @@ def _read_poses(path: Path, times: list[int]) -> dict[int, Float]:
     try:
         values = np.array([[float(word) for word in row[1:]] for row in rows])
     except ValueError:
-        raise InputError("a pose has something that is not a number", where=str(path)) from None
+        raise InputError("a pose contains text that is not a number", where=str(path)) from None
     poses: dict[int, Float] = {}
     for time_ns in times:
         nearest_index = int(np.abs(pose_times - time_ns).argmin())
@@ -173,8 +176,8 @@ def _choose_camera(path: Path, width: int, height: int, options: ImportOptions) 
     usual_camera = find_usual_camera(width, height)
     if usual_camera is None:
         raise InputError(
-            f"the image is {width}x{height}, and no file describes its camera",
+            f"the image has {width}x{height} pixels, and no file describes its camera",
             where=str(path),
-            remedy="Give its focal lengths and centre in pixels, --lens FX,FY,CX,CY.",
+            remedy="Pass focal lengths and principal point in pixels, --lens FX,FY,CX,CY.",
         )
     return usual_camera[1]

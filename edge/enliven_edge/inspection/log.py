@@ -63,28 +63,32 @@ class SensorLog:
         if any(self._links):
             facts.append(("link", ", ".join(filter(None, self._links))))
         if self._celsius:
-            limit = "" if self._max_celsius is None else f"; it switches off at {self._max_celsius:.0f}"
+            limit = (
+                "" if self._max_celsius is None else f"; the sensor switches off at {self._max_celsius:.0f}"
+            )
             facts.append(
                 ("temperature", f"{min(self._celsius):.0f} to {max(self._celsius):.0f} degrees{limit}")
             )
         if self._uncalibrated:
-            facts.append(("lens", "the default of its model, as the camera did not report its own"))
+            facts.append(
+                ("lens", "the typical lens of this model, because the camera did not report its own")
+            )
         if self._losses:
-            facts.append(("lost", f"{len(self._losses)} times, for {self._lost_seconds:.1f} s in all"))
+            facts.append(("lost", f"{len(self._losses)} times, for {self._lost_seconds:.1f} s in total"))
             facts += [("", f"at {at:.2f} s: {reason}") for at, reason in self._losses[:_MAX_DESCRIBED_LOSSES]]
         if self._unusable:
-            facts.append(("unusable", f"{self._unusable} frames, left out"))
+            facts.append(("unusable", f"{self._unusable} frames, which were skipped"))
         return facts
 
     def _describe_missing(self) -> str:
         """Returns a sentence about the gaps in the sensor's sequence numbers."""
         if not self._counts:
-            return "not known; the sensor did not count its images"
+            return "unknown, because the sensor does not number its images"
         if not self._gaps:
-            return "none by the sensor's own count"
+            return "none, by the image numbers of the sensor"
         at, longest = max(self._gaps, key=lambda gap: gap[1])
         count = sum(lost for _, lost in self._gaps)
-        return f"{count} images in {len(self._gaps)} gaps; the longest {longest} at {at:.2f} s"
+        return f"{count} images in {len(self._gaps)} gaps; the longest gap is {longest} images at {at:.2f} s"
 
     def _count(self, sensor: str, sequence: int, time_ns: int) -> None:
         """Counts a gap in the sensor's sequence numbers. A reopened sensor starts with other numbers."""

@@ -72,18 +72,18 @@ class StageFolder:
         try:
             data = read_file(path, _MAX_STATE_BYTES) if path.exists() else b""
         except EnlivenError as error:
-            log.warning("the kept stage is not restored (%s)", error)
+            log.warning("the saved stage cannot be restored (%s)", error)
             return StageState()
         if not data:
             return StageState()
         try:
             version = msgspec.json.decode(data, type=_Version).version
             if version > VERSION:
-                self._set_aside(path, f"a later version of enliven wrote it (format {version})")
+                self._set_aside(path, f"a later version of enliven wrote the file (format {version})")
                 return StageState()
             return msgspec.json.decode(data, type=StageState)
         except DECODE_ERRORS as error:
-            self._set_aside(path, f"it is damaged ({error})")
+            self._set_aside(path, f"the file is damaged ({error})")
             return StageState()
 
     def write(self, state: StageState) -> None:
@@ -118,8 +118,10 @@ class StageFolder:
         path = self._data_path(digest)
         data = read_file(path, MAX_UPLOAD_BYTES)
         if hashlib.sha256(data).hexdigest() != digest:
-            self._set_aside(path, "its checksum is wrong")
-            raise InputError("its data is damaged", where=str(path), remedy="Send it again.")
+            self._set_aside(path, "the checksum of the file is wrong")
+            raise InputError(
+                "the saved character is damaged", where=str(path), remedy="Send the character again."
+            )
         return data
 
     def write_character(self, digest: str, data: bytes) -> None:

@@ -111,7 +111,7 @@ class StageKeeper(Closeable):
         is_careful = self._begin_journal()
         prepared = [(kept, actor) for kept in self.state.characters if (actor := self._prepare(kept))]
         if is_careful and prepared:
-            log.warning("the last start crashed, so the kept characters are restored one by one")
+            log.warning("the last start crashed, so the saved characters are restored one at a time")
             self._pending.extend(prepared)
         else:
             for kept, actor in prepared:
@@ -173,12 +173,12 @@ class StageKeeper(Closeable):
             return None
         if self._journal.crashes.get(kept.digest, 0) >= MAX_CRASHES:
             log.warning(
-                "the kept character %s is not restored: the edge crashed %d times while restoring it. "
-                "Send it again to try it again.",
+                "the saved character %s is not restored: the edge crashed %d times while restoring it. To "
+                "try again, send the character again.",
                 kept.id,
                 MAX_CRASHES,
             )
-            self._folder.set_character_aside(kept.digest, "the edge crashed while it was restored")
+            self._folder.set_character_aside(kept.digest, "the edge crashed while restoring this character")
             return None
         # Import it here, because an edge without kept characters does not need it.
         from enliven_edge.uploaded_actor import create_uploaded_actor
@@ -190,8 +190,8 @@ class StageKeeper(Closeable):
         except EnlivenError as error:
             reason = str(error)
         except (*DAMAGE, RuntimeError) as error:
-            reason = f"it is damaged: {plain_reason(error)}"
-        log.warning("the kept character %s is not restored (%s)", kept.id, reason)
+            reason = f"the character is damaged: {plain_reason(error)}"
+        log.warning("the saved character %s is not restored (%s)", kept.id, reason)
         self._folder.set_character_aside(kept.digest, reason)
         return None
 

@@ -210,7 +210,9 @@ def check_view(view: float) -> None:
         InputError: if it is impossible for a lens.
     """
     if not 10.0 <= view <= 170.0:
-        raise InputError(f"the field of view is {view} degrees", where="camera", remedy="Give 10 to 170.")
+        raise InputError(
+            f"the field of view is {view} degrees", where="camera", remedy="Set view to 10 to 170 degrees."
+        )
 
 
 def pinhole_camera(width: int, height: int, view: float) -> Intrinsics:

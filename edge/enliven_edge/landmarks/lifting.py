@@ -121,7 +121,7 @@ class Lifter:
             InputError: for a frame without a colour image.
         """
         if frame.colour is None:
-            raise InputError("it has no colour image", where=f"frame of {frame.sensor}")
+            raise InputError("the frame has no colour image", where=f"frame of {frame.sensor}")
         camera = frame.intrinsics
         pixels = joints_from_landmarks(_to_depth(landmarks.points, frame.colour.shape, camera))
         visibility = joint_visibility(landmarks.visibility)

@@ -69,8 +69,8 @@ _MODEL = "pose_landmarker.task"
 _MAX_PEOPLE = 64
 """Maximum number of people in an image. A larger number from the worker means corrupt data."""
 _INSTALL_HINT = (
-    "Either install the extra 'colour' (pip install \"./edge[colour]\") and give the model's .task file, or "
-    "give the Python of an environment with mediapipe 0.10.21, which brings its model."
+    "Install the extra 'colour' (pip install \"./edge[colour]\"), and set model to a .task file. Or set "
+    "python to the interpreter of an environment with mediapipe 0.10.21, which contains a model."
 )
 
 
@@ -78,7 +78,9 @@ _INSTALL_HINT = (
 class MediaPipeSettings:
     """Location of MediaPipe and its model."""
 
-    python: str = setting("", "Path of a Python interpreter with mediapipe. If empty, that of the edge.")
+    python: str = setting(
+        "", "Path of a Python interpreter with mediapipe. If empty, the edge's own interpreter."
+    )
     model: str = setting(
         "", "Path of a pose landmarker model (.task). Not needed for mediapipe up to 0.10.21."
     )
@@ -98,19 +100,20 @@ class MediaPipeSettings:
         """
         model = self.model_file
         if model is not None and not model.is_file():
-            remedy = "Give the path of a .task file."
+            remedy = "Set model to the path of a .task file."
             raise InputError("the model file does not exist", where=str(model), remedy=remedy)
         if self.python:
             return
         spec = importlib.util.find_spec("mediapipe")
         if spec is None:
-            problem = "the library 'mediapipe' is not installed here"
+            problem = "the library 'mediapipe' is not installed"
             raise ResourceError(problem, where="landmarks", remedy=_INSTALL_HINT)
         folders = [Path(folder) for folder in spec.submodule_search_locations or ()]
         if model is None and not any((folder / "python" / "solutions").is_dir() for folder in folders):
             default_model = user_data_folder() / _MODEL
             remedy = (
-                f"Download a pose landmarker's .task file, save it as {default_model}, or set model to it."
+                f"Download the .task file of a pose landmarker. Save it as {default_model}, or set model "
+                "to its path."
             )
             raise ResourceError(
                 "this version of MediaPipe contains no pose model", where="landmarks", remedy=remedy
@@ -142,7 +145,9 @@ class MediaPipeSource(LandmarkSource):
         except OSError as error:
             self._said.close()
             raise ResourceError(
-                f"it cannot be run ({error.strerror})", where=command[0], remedy=_INSTALL_HINT
+                f"this Python interpreter cannot be started ({error.strerror})",
+                where=command[0],
+                remedy=_INSTALL_HINT,
             ) from None
         assert self._worker.stdin is not None and self._worker.stdout is not None
         self._in, self._out = self._worker.stdin, self._worker.stdout
@@ -184,8 +189,8 @@ class MediaPipeSource(LandmarkSource):
         self._said.seek(0)
         lines = self._said.read().decode(errors="replace").strip().splitlines()
         self.close()
-        reason = lines[-1][:200] if lines else "it ended without a message"
-        return ResourceError(f"MediaPipe does not run: {reason}", where="landmarks", remedy=_INSTALL_HINT)
+        reason = lines[-1][:200] if lines else "the process ended without a message"
+        return ResourceError(f"MediaPipe cannot run: {reason}", where="landmarks", remedy=_INSTALL_HINT)
 
 
 def _parse_person(data: bytes) -> Landmarks:

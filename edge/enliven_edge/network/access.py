@@ -90,7 +90,7 @@ class Access:
         self._stamp, self._viewers = stamp, self._store.load_viewers(problems)
         for problem in problems:
             if problem not in self._logged_problems:
-                log.warning("a paired viewer is not admitted: %s", problem)
+                log.warning("a paired viewer cannot connect: %s", problem)
                 self._logged_problems.add(problem)
         return True
 
@@ -130,14 +130,18 @@ class Access:
         viewer = exchange.decrypt_introduction(box)
         role = limit_role(viewer.role, self._highest)
         if viewer.public not in self._viewers and len(self._viewers) >= _MAX_VIEWERS:
-            raise PairingError(f"{_MAX_VIEWERS} viewers are paired already; forget some: enliven keys forget")
+            raise PairingError(
+                f"{_MAX_VIEWERS} viewers are already paired. Remove some of them: enliven keys forget"
+            )
         try:
             self._store.add_viewer(PairedViewer(viewer.public, viewer.name, role))
         except EnlivenError as error:
             raise PairingError(str(error)) from None
         self.desk.finish_pairing()
         self.refresh(immediately=True)
-        log.info("%s is paired, with the role %s: %s", viewer.name, role, fingerprint(viewer.public))
+        log.info(
+            "%s is paired, with the role %s and the key %s", viewer.name, role, fingerprint(viewer.public)
+        )
         return Paired(exchange.encrypt_introduction(Introduction(self._keys.public, self._name, role)))
 
 
@@ -164,8 +168,8 @@ def open_access(wire: WireSettings, store: KeyStore | None = None) -> Access | N
     if wire.insecure:
         if not local:
             log.warning(
-                "--insecure: everyone that reaches %s can watch the performers and the room, possess, add "
-                "and remove characters, scan, and lock the cast. Nothing is encrypted",
+                "--insecure: everyone who can reach %s can watch the performers and the room, possess, "
+                "add and remove characters, scan, and lock the cast. Nothing is encrypted",
                 wire.host or "*",
             )
         return None
@@ -180,4 +184,4 @@ def open_access(wire: WireSettings, store: KeyStore | None = None) -> Access | N
 
 def _log_code(code: str) -> None:
     """Logs the pairing code. The log is the terminal unless it is redirected."""
-    log.info("to pair a viewer, run there: enliven pair HOST %s %s", code[:3], code[3:])
+    log.info("to pair a viewer, type on its computer: enliven pair HOST %s %s", code[:3], code[3:])

@@ -24,7 +24,7 @@ def announce(
         return None
     problem = missing_discovery_reason()
     if problem:
-        log.info("viewers need the address of this computer, because %s", problem)
+        log.info("viewers cannot find this edge without the address of this computer, because %s", problem)
         return None
     ports = endpoint.pose_port, endpoint.control_port
     return Announcer(Announcement(wire.name, *ports, has_keys, characters, relay_of), wire.host)

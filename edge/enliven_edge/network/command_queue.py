@@ -35,15 +35,15 @@ _MAX_SAVED_FRAMES = 50
 
 
 class CommandQueue:
-    """Sorts the queued commands. Viewers with the least recent cost come first. The order of each viewer's
-    commands is kept.
+    """Sorts the queued commands of all viewers, and keeps the order of each viewer's commands.
 
-    The commands of disconnected viewers come last.
+    The viewer with the lowest cost of recent commands comes first. The commands of disconnected viewers come
+    last.
 
     Args:
-        budget: seconds per frame of usual length between two calls of :meth:`execute_commands`, in addition
-            to unused time of earlier calls. A command that takes longer is still carried out. The following
-            calls then do nothing until the debt is paid back.
+        budget: seconds for commands in each frame of usual length. Unused time is saved for later calls of
+            :meth:`execute_commands`. A command that exceeds the budget is still carried out. The following
+            calls then do nothing until they have saved the missing time.
     """
 
     def __init__(self, budget: float) -> None:

@@ -115,7 +115,7 @@ class ControlSocket:
         viewer: _Viewer = peer.state
         try:
             if len(parts) != 1:
-                raise MalformedMessageError("request", f"{len(parts)} parts instead of one")
+                raise MalformedMessageError("request", f"{len(parts)} parts instead of 1")
             request: Request[Ask] = unpack_control(parts[0], REQUEST)
         except MalformedMessageError as error:
             self.rejects.add(error)
@@ -156,13 +156,17 @@ class ControlSocket:
         self.refused += 1
         if self.refused == 1:
             log.warning(
-                "the viewer %r at %s asks more than %g times a second; further requests are refused "
-                "and only counted",
+                "the viewer %r at %s sends more than %g requests a second. Requests above this rate are "
+                "refused, which is logged only once.",
                 peer.state.name,
                 peer.address,
                 self._rate,
             )
-        self._send(peer, number, Refused(f"more than {self._rate:g} requests a second; ask less often"))
+        self._send(
+            peer,
+            number,
+            Refused(f"this viewer sends more than {self._rate:g} requests a second. Send fewer requests."),
+        )
 
     def _reply(self, peer: Connection, number: int, answer: Answer) -> None:
         peer.pending -= 1

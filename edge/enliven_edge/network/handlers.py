@@ -60,7 +60,7 @@ def execute(handlers: Handlers, order: Order, peer: Peer | None = None) -> Answe
     """
     handler = handlers.get(type(order))
     if handler is None:
-        return Refused("this edge cannot do that" if handlers else "the stream has ended")
+        return Refused("this edge does not support the request" if handlers else "the stream has ended")
     try:
         return handler.apply(order, peer)
     except EnlivenError as error:

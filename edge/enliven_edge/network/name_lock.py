@@ -57,7 +57,7 @@ class NameLock:
             raise ResourceError(
                 f"an edge named {name!r} runs on this machine already ({holder or 'unknown process'})",
                 where="edge",
-                remedy="Stop it, or give this one another name with --name.",
+                remedy="Stop that edge, or start this edge with another --name.",
             ) from None
         # If the disk is full, the text is lost, but the name is still locked.
         with contextlib.suppress(OSError):
@@ -146,9 +146,9 @@ def _find_private_folder() -> Path:
     if _is_own(folder):
         return folder
     raise ResourceError(
-        "the folder for the names of edges is not this user's own, or others may write to it",
+        "the folder of edge names belongs to another user, or other users may write to it",
         where=str(folder),
-        remedy="Remove it, or set XDG_RUNTIME_DIR to a folder that only you can enter.",
+        remedy="Remove the folder, or set XDG_RUNTIME_DIR to a folder that only you can open.",
     )
 
 
@@ -168,9 +168,9 @@ def _open_file(path: Path) -> int:
         return os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
     except OSError as error:
         raise ResourceError(
-            f"the file that keeps the edge's name cannot be opened ({error.strerror})",
+            f"the lock file of the edge's name cannot be opened ({error.strerror})",
             where=str(path),
-            remedy="Remove that file, or give the edge another name with --name.",
+            remedy="Remove the lock file, or start the edge with another --name.",
         ) from None
 
 

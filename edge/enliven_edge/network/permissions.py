@@ -7,7 +7,7 @@ import ipaddress
 from enliven.keys.roles import ROLES, Role, role_includes
 from enliven.wire import NEEDED_ROLES, THIS_MACHINE_ONLY, Ask
 
-HOW_TO_PAIR = "Pair with it: enliven pair HOST CODE, with the code that the edge shows."
+HOW_TO_PAIR = "Pair this viewer: enliven pair HOST CODE, with the code that the edge shows."
 """Advice for a viewer that is not paired."""
 
 
@@ -24,9 +24,9 @@ def refusal_reason(kind: type[Ask], role: Role | None, address: str) -> str:
         if role is None:
             return f"this edge answers paired viewers only. {HOW_TO_PAIR}"
         return (
-            f"this viewer has the role {role!r}, and that needs the role {needed!r}. "
-            f"Pair it again with --role {needed}."
+            f"this viewer has the role {role!r}, but the request needs the role {needed!r}. Pair this "
+            f"viewer again with --role {needed}."
         )
     if kind in THIS_MACHINE_ONLY and not ipaddress.ip_address(address.partition("%")[0]).is_loopback:
-        return "only a viewer on the edge's own machine may ask for that"
+        return "only a viewer on the edge's own computer may send this request"
     return ""

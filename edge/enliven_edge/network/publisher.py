@@ -211,7 +211,7 @@ class Publisher(Closeable):
         encoded = codec.encode(pose)
         if encoded.clamped and not self.clamped:
             log.warning(
-                "%d transforms of %s were not finite or too large; more are only counted",
+                "%d transforms of %s were not finite or too large; this is logged only once",
                 encoded.clamped,
                 pose.character,
             )
@@ -322,9 +322,9 @@ class Publisher(Closeable):
             case StartPairing() | FinishPairing() | ShowCode() if self._access is not None:
                 return self._access.answer(request, peer)
             case StartPairing() | FinishPairing() | ShowCode():
-                return Refused("this edge uses no keys, so it needs no pairing")
+                return Refused("this edge uses no keys, so viewers need no pairing")
             case _:
-                return Refused("this is not a request for the edge")
+                return Refused("the edge does not support this request")
 
 
 def _clean_status_value(value: Any) -> Any:

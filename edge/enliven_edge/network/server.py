@@ -66,11 +66,16 @@ _FRAMES_PER_TURN = 16
 class ZmtpServer:
     """Listens on a TCP port and speaks ZMTP with the peers that connect.
 
-    The peer with the least recent cost is read first, so that a flood does not delay the others. If the
-    server is full, a new connection replaces one without a complete handshake, or else, with keys, one of an
-    unpaired peer. If there is none, a ROUTER drops the connection that was silent longest. If none was
-    silent, it drops a connection of the address with the most connections, which may be the newcomer's. The
-    connections that were served longest are kept.
+    The peer with the lowest cost of recent messages is read first, so that a flood does not delay the others.
+    If the server is full, a new connection replaces the first of these that exists:
+
+    1. a connection without a complete handshake;
+    2. with keys, a connection of an unpaired peer;
+    3. for a ROUTER, the connection that was silent longest, for at least ``_QUIET_TIMEOUT_S``;
+    4. a connection of the address with the most connections, which may be the address of the new connection.
+       The connections that were served longest are kept.
+
+    If every address has only one connection, the new connection is closed.
 
     Args:
         host, port, option: as for :func:`~enliven_edge.network.tcp_listener.listen`.
@@ -286,7 +291,9 @@ class ZmtpServer:
         if len(self._open) >= self._most:
             if not self._has_logged_full:
                 log.warning(
-                    "all %d connections of port %d are in use; this is logged once", self._most, self.port
+                    "all %d connections of port %d are in use; this is logged only once",
+                    self._most,
+                    self.port,
                 )
                 self._has_logged_full = True
             dropped = self._choose_dropped(address)
@@ -352,8 +359,9 @@ class ZmtpServer:
 def _order_by_turn(ready: list[Connection]) -> list[Connection]:
     """Returns connections in reading order: known, recent and new connections alternate.
 
-    Known and recent connections are sorted by recent cost; for known ones it is divided by their time of
-    service. New connections that have started their handshake come before other new ones.
+    Recent connections are sorted by the time that their recent messages cost. Known connections are sorted by
+    this time divided by their time of service. Among new connections, those that have started their handshake
+    come first.
     """
     known_peers = [c for c in ready if c.service_s > _KNOWN_AFTER_S]
     known_peers.sort(key=lambda c: c.cost / min(c.service_s, _MAX_SERVICE_S))

@@ -98,11 +98,11 @@ def check_open(host: str, open_to_all: bool) -> None:
     if open_to_all or is_local(host):
         return
     raise InputError(
-        "everyone that reaches this address could possess characters and watch the performers, because the "
-        "edge has no keys",
+        "the edge has no keys, so everyone who can reach this address could watch the performers and "
+        "possess characters",
         where=f"host {host or '*'}",
-        remedy="Make keys with enliven keys make, start again, and pair each viewer with the code that is "
-        "shown. Without keys, give --insecure (insecure = true under [wire]), or --host 127.0.0.1.",
+        remedy="Create keys with enliven keys make, start again, and pair each viewer with the shown "
+        "code. To use no keys, add --insecure (insecure = true under [wire]) or --host 127.0.0.1.",
     )
 
 
@@ -180,10 +180,11 @@ def _listen_error(error: Exception, host: str, port: int, option: str) -> Resour
         return ResourceError(
             f"port {port} is in use",
             where=where,
-            remedy=f"Stop the program that uses it, or choose another with {option} (0 picks a free one).",
+            remedy=f"Stop the program that uses this port, or choose another port with {option} (0: a free "
+            "port).",
         )
     return ResourceError(
-        f"cannot listen there ({getattr(error, 'strerror', None) or error})",
+        f"cannot listen on this address ({getattr(error, 'strerror', None) or error})",
         where=where,
-        remedy="Give an address of this machine with --host, 0.0.0.0 for all of them.",
+        remedy="Set --host to an address of this computer, or to 0.0.0.0 for all its addresses.",
     )

@@ -59,9 +59,9 @@ def tower_props(settings: BoxesSettings) -> PropSpecs:
     count = len(settings.at) * len(layer)
     if count > _MAX_BOXES:
         raise InputError(
-            f"the towers have {count} boxes, at most {_MAX_BOXES} keep pace with a camera",
+            f"the towers have {count} boxes, but at most {_MAX_BOXES} can be simulated in real time",
             where="physics.boxes",
-            remedy="Ask for fewer, lower or narrower towers.",
+            remedy="Set fewer, lower or narrower towers.",
         )
     # Give neighbours and layers different colours, so that the rotation of a box is visible.
     nth = np.tile(layer + np.arange(len(layer)) % settings.wide, len(settings.at))

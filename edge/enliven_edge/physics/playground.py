@@ -62,7 +62,9 @@ class Playground:
     def __init__(self, settings: PhysicsSettings, characters: list[Character] | None = None) -> None:
         if settings.world == "none":
             raise InputError(
-                f"the world is {settings.world!r}", where="physics", remedy="Use boxes or dodgeball."
+                f"the physics world is {settings.world!r}",
+                where="physics",
+                remedy="Set world to boxes or dodgeball.",
             )
         self.settings = settings
         self.game: Towers | Dodgeball = (
@@ -88,7 +90,9 @@ class Playground:
         """
         proxies = pack_spheres(skin_to_control_points(character), self.settings.spheres)
         self._proxies[character.id] = character, proxies
-        log.info("%s is %d spheres of %.3f m", character.id, len(proxies), proxies.radius)
+        log.info(
+            "%s collides as %d spheres with a radius of %.3f m", character.id, len(proxies), proxies.radius
+        )
 
     def show(self, characters: Mapping[str, Character]) -> None:
         """Adds new and changed characters, and removes those that are gone."""
@@ -131,7 +135,9 @@ class Playground:
         is_late = self.world.left_out
         problem = self.world.advance(seconds)
         if self.world.left_out > is_late == 0.0:
-            log.warning("the physics take longer than engine.budget, so they sometimes lag behind")
+            log.warning(
+                "the physics simulation needs more time than engine.budget, so objects sometimes lag behind"
+            )
         if problem:
             self._restart_world(problem, spheres, radii)
         self._note = self.game.play(self.world, spheres, names, owners, seconds)
@@ -187,7 +193,7 @@ class Playground:
     def _restart_world(self, problem: str, spheres: Float, radii: Float) -> None:
         """Restarts the world after an error of the engine."""
         self.resets += 1
-        log.warning("the physics engine failed and starts again: %s", problem)
+        log.warning("the physics engine failed and was restarted: %s", problem)
         assert self._ground is not None
         self.world.restart()
         self.game.begin(self.world, self._ground, spheres, radii)

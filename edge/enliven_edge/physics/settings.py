@@ -41,7 +41,7 @@ class BoxesSettings:
 
     at: tuple[tuple[float, float], ...] = setting(
         ((0.62, 0.15), (0.12, 0.90)),
-        "Positions of the towers: to the performer's left and ahead, or x and z of the world.",
+        "Positions of the towers: left and ahead of the performer, or x and z in world coordinates.",
         unit="m",
     )
     wide: int = setting(2, "Number of boxes along each side of a tower.", low=1, high=6)
@@ -89,7 +89,7 @@ class PhysicsSettings:
     )
     patience: float = parameter(
         5.0,
-        "Time after which the mean position of a moving performer is used instead. 0 turns this off.",
+        "If the performer moves for this time, the mean position of the performer is used. 0 turns this off.",
         unit="s",
         low=0.0,
         high=600.0,

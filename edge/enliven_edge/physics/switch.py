@@ -48,7 +48,9 @@ class _Preparation(threading.Thread):
         except Exception:
             log.exception("the physics could not be prepared")
             self.result = ResourceError(
-                "the physics could not be prepared", where=_WHERE, remedy="The edge's log has the details."
+                "the physics could not be prepared",
+                where=_WHERE,
+                remedy="The log of the edge contains the details.",
             )
 
 

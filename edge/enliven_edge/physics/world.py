@@ -33,7 +33,7 @@ CONTACT_TIME_S = 0.02
 """Time constant in seconds in which contacts settle. Lower values make contacts harder."""
 # Handle the engine's warnings here. Otherwise the engine writes a file MUJOCO_LOG.TXT into the working
 # directory.
-mujoco.set_mju_user_warning(lambda message: log.debug("the engine warns: %s", message))
+mujoco.set_mju_user_warning(lambda message: log.debug("warning of the physics engine: %s", message))
 
 _PROP = 1
 """Collision bit of props, which collide with everything."""
@@ -177,7 +177,7 @@ class World:
                 break
         self._data.mocap_pos[:] = self._to
         max_distance = np.abs(self.positions).max(initial=0.0)
-        return "" if max_distance < _MAX_PROP_DISTANCE_M else "a prop was flung out of the world"
+        return "" if max_distance < _MAX_PROP_DISTANCE_M else "an object was thrown too far away"
 
     def _substep(self, speeds: Float) -> str:
         """Runs one step of the engine. Returns an error text, or ""."""

@@ -41,8 +41,8 @@ class DiskSync:
         """Raises ResourceError if the disk failed to store written data."""
         if self._failure is not None:
             raise ResourceError(
-                f"the written data does not reach the disk ({self._failure.strerror})",
-                remedy="Check the disk and its space.",
+                f"written data cannot be stored on the disk ({self._failure.strerror})",
+                remedy="Check the disk and its free space.",
             )
 
     def close(self) -> None:

@@ -65,7 +65,9 @@ def free_path(pattern: Path) -> Path:
     if not names <= {"time", "number"}:
         unknown = "{" + min(names - {"time", "number"}) + "}"
         remedy = "Use {time} or {number}, as in take-{number}.mcap."
-        raise InputError(f"its name has the unknown placeholder {unknown}", where=str(pattern), remedy=remedy)
+        raise InputError(
+            f"the file name has the unknown placeholder {unknown}", where=str(pattern), remedy=remedy
+        )
     if not names:
         return pattern
     name = pattern.name.replace("{time}", time.strftime("%Y%m%d-%H%M%S"))
@@ -77,7 +79,11 @@ def free_path(pattern: Path) -> Path:
             path = path if number == 1 else path.with_stem(f"{path.stem}-{number}")
         if not path.exists() and not path.is_symlink():
             return path
-    raise InputError("every number is taken", where=str(pattern), remedy="Move the recordings elsewhere.")
+    raise InputError(
+        "every number of this file name is in use",
+        where=str(pattern),
+        remedy="Move the recordings to another folder.",
+    )
 
 
 class PartedRecorder(Closeable):
@@ -216,9 +222,9 @@ class PartedRecorder(Closeable):
         self._disk.check()
         if self._guard is not None and self._guard.is_short:
             raise ResourceError(
-                f"less than {self._settings.keep_free:g} GB are free, and no older recording is left",
+                f"less than {self._settings.keep_free:g} GB are free, and no older recording can be deleted",
                 where=str(self.path),
-                remedy="Make room on the disk, or lower keep_free under [recording].",
+                remedy="Free some disk space, or lower keep_free under [recording].",
             )
 
     def _is_part_complete(self, recorder: Recorder) -> bool:
@@ -254,7 +260,9 @@ class PartedRecorder(Closeable):
         if is_after_gap:
             self.failure = None
             log.warning(
-                "%s: the recording continues here; %d earlier messages are missing", self.path, self.lost
+                "%s: the recording continues in this file; %d earlier messages are missing",
+                self.path,
+                self.lost,
             )
         self.on_part_started(is_after_gap)
 

@@ -13,22 +13,23 @@ class RecordingSettings:
 
     part_minutes: float = setting(
         0.0,
-        "Duration after which a recording continues in a new file. Each file can be read alone. 0 for never.",
+        "Duration after which a recording continues in a new file. Each file can be read alone. 0 turns "
+        "this off.",
         unit="min",
         low=0.0,
         high=1440.0,
     )
     part_mb: float = setting(
         0.0,
-        "Size at which a recording continues in a new file. 0 for no limit.",
+        "Size at which a recording continues in a new file. 0 turns this off.",
         unit="MB",
         low=0.0,
         high=1e6,
     )
     keep_free: float = setting(
         0.0,
-        "Space that is kept free on the disk. The oldest recordings with the same name pattern are deleted "
-        "for it. If that is not enough, recording pauses. If 0, nothing is deleted.",
+        "Space that is kept free on the disk. To free space, the oldest recordings with the same name "
+        "pattern are deleted. If this is not enough, the recording pauses. If 0, nothing is deleted.",
         unit="GB",
         low=0.0,
         high=10000.0,

@@ -89,7 +89,7 @@ class Relay(Closeable):
         check_open(wire.host, wire.insecure or access is not None)
         if wire.port and edge == Endpoint(edge.host, wire.port, wire.control_port) and edge.host == wire.host:
             raise InputError(
-                "a relay cannot relay itself", where=str(edge), remedy="Give another port with --port."
+                "a relay cannot relay itself", where=str(edge), remedy="Choose another port with --port."
             )
         curve = None if access is None else access.curve
         self._access = access
@@ -187,7 +187,7 @@ class Relay(Closeable):
             case StartPairing() | FinishPairing() | ShowCode() if self._access is not None:
                 return self._access.answer(request, peer)
             case StartPairing() | FinishPairing() | ShowCode():
-                return Refused("this relay uses no keys, so it needs no pairing")
+                return Refused("this relay uses no keys, so viewers need no pairing")
             case _:
                 return Refused(self._refusal_text)
 

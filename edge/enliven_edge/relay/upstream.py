@@ -164,7 +164,10 @@ class Upstream:
             topic, message = unpack_stream(data)
         except MalformedMessageError as error:
             if isinstance(error, OtherVersionError):
-                self._report(f"the edge at {self.endpoint}: {error}; install the same release on both")
+                self._report(
+                    f"the edge at {self.endpoint}: {error}; install the same release of enliven on both "
+                    "computers"
+                )
             self._rejects.add(error)
             return False
         if topic is STATUS:
@@ -236,4 +239,6 @@ class Upstream:
             case CharacterMessage() if (
                 not self.state.add_character(answer) and answer.id in self.state.wanted
             ):
-                self._report(f"the character {answer.id!r} does not fit into memory and is not relayed")
+                self._report(
+                    f"the character {answer.id!r} is not relayed, because the relay has no memory left for it"
+                )

@@ -60,9 +60,9 @@ def load_first_part(scanner: Scanner, path: Path, stop: threading.Event) -> int:
     """
     source = path if path.suffix.lower() == ".mcap" else stored_scan_path(path)
     if path.exists() and not source.exists():
-        problem = f"its scan was not kept: {source.name} is missing"
+        problem = f"the images of this scan were not saved: {source.name} is missing"
         raise InputError(
-            problem, where=str(path), remedy="Give the recording that it was made from, or scan again."
+            problem, where=str(path), remedy="Use the recording of this scan instead, or scan again."
         )
     has_poses = _METADATA_NAME in Recording(source).info.metadata
     states: Counter[ScanState] = Counter()
@@ -72,11 +72,11 @@ def load_first_part(scanner: Scanner, path: Path, stop: threading.Event) -> int:
         else:
             states[scanner.add(frame).state] += 1
     if 2 * states[ScanState.UNSURE] > states.total():
-        problem = "it shows little more than one blank surface, so the camera cannot be located"
+        problem = "the recording shows little more than one blank surface, so the camera cannot be located"
         raise InputError(problem, where=str(source), remedy="Keep other objects in view, too.")
     if not scanner.poses:
-        problem = "no frame of it shows enough depth"
-        raise InputError(problem, where=str(source), remedy="Give a recording of the same place or object.")
+        problem = "no frame of the recording shows enough depth"
+        raise InputError(problem, where=str(source), remedy="Choose a recording of the same place or object.")
     scanner.look_again()
     return len(scanner.poses)
 
@@ -93,6 +93,7 @@ def check_registered(registered_count: int, path: Path) -> None:
     if not registered_count:
         problem = "no part of the earlier scan was seen again, so the new images cannot be aligned"
         remedy = (
-            "Begin with a part that both scans show, from an earlier viewpoint, and hold still for a moment."
+            "Start with a part that the earlier scan shows, from a similar viewpoint. Hold still for a "
+            "moment."
         )
         raise InputError(problem, where=str(path), remedy=remedy)

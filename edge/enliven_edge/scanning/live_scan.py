@@ -138,9 +138,11 @@ class LiveScan(threading.Thread):
             InputError: if it cannot be carried out now.
         """
         if self.phase == "finishing":
-            raise InputError("the mesh is being made", where="scan", remedy="Wait until it is on the stage.")
+            raise InputError(
+                "the mesh is being created", where="scan", remedy="Wait until the mesh is on the stage."
+            )
         if order.do == "undo" and not self._checkpoints.count_restorable_seconds(self._now_ns):
-            raise InputError("nothing can be undone", where="scan", remedy="Cancel it, or continue.")
+            raise InputError("there is nothing to undo", where="scan", remedy="Cancel the scan, or continue.")
         next_phase = _PHASE_AFTER.get(order.do)
         if next_phase is not None and (order.do != "pause" or self.phase == "scanning"):
             # Change the phase immediately, because the thread may need seconds for a large surface.
@@ -183,7 +185,7 @@ class LiveScan(threading.Thread):
                 self._report_failure(error)
             except Exception as error:  # The edge must continue to run, so the scan only reports the error.
                 log.exception("the scan failed")
-                remedy = "Cancel it and scan again; the log of the edge has the details."
+                remedy = "Cancel the scan, and scan again. The log of the edge contains the details."
                 self._report_failure(
                     InputError(f"the scan failed{error_location(error)}", where="scan", remedy=remedy)
                 )

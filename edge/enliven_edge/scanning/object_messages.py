@@ -12,8 +12,8 @@ from enliven.scanning import Scanner, extract_surface, find_focus, find_ground, 
 from enliven.scanning.objects.moved_scanner import MovedScanner
 
 _NOT_SEEN_TO_TURN = (
-    "It was not seen to move: the mesh shows it as it stood. Let the floor about it and some of the room be "
-    "in view, and turn it once in ten seconds or more."
+    "No rotation was detected, so the mesh shows the object as it stood. Keep the floor around the object "
+    "and some of the room in view. Turn the object once, in ten seconds or more."
 )
 """Message if an object should have been tracked while it turned, but did not turn."""
 _COARSE_VOLUME = 1
@@ -32,7 +32,7 @@ def describe_objects(scanner: Scanner | MovedScanner) -> list[str]:
     if isinstance(scanner, MovedScanner) and len(scanner.rests) == 1 and not scanner.followed_images:
         is_turned = scanner.settings.moved.followed
         sentences[-1] = (
-            _NOT_SEEN_TO_TURN if is_turned else f"{sentences[-1]} Without --moved this scan is quicker."
+            _NOT_SEEN_TO_TURN if is_turned else f"{sentences[-1]} A scan without --moved is quicker."
         )
     return sentences
 
@@ -44,9 +44,10 @@ def describe_places(scanner: Scanner | MovedScanner) -> list[str]:
     sentences: list[str] = []
     if scanner.unplaced:
         lost = sum(place.count for place in scanner.unplaced)
-        where = f"{lost} images may show the object, but it was not found in them; they are not in the mesh."
+        where = f"{lost} images are not in the mesh, because the object was not found in them."
         sentences.append(
-            f"{where} Show more of the sides that were seen before, and hold still when the object rests."
+            f"{where} Show more of the sides that were already scanned, and hold still while the object "
+            "rests."
         )
     if scanner.followed_images:
         sentences.append(
@@ -55,9 +56,11 @@ def describe_places(scanner: Scanner | MovedScanner) -> list[str]:
     if len(scanner.rests) == 1 and scanner.followed_images:
         return sentences
     if len(scanner.rests) == 1:
-        sentences.append("The object did not move: the mesh shows it where it stood.")
+        sentences.append("The object did not move, so the mesh shows the object where it stood.")
     else:
-        sentences.append(f"It was found in {len(scanner.rests)} places, and all of them are in the mesh.")
+        sentences.append(
+            f"The object was found in {len(scanner.rests)} places, and the mesh contains all of them."
+        )
     return sentences
 
 
@@ -75,7 +78,10 @@ def _describe_choice(scanner: Scanner) -> list[str]:
         return []
     sizes = [_size_cm(level_mesh(part, ground)) for part in parts]
     size_list = ", ".join(f"{n}: {size}" for n, size in enumerate(sizes, 1))
-    return [f"{len(parts)} objects stand there ({size_list} cm); number {cut.number} was taken, see --thing."]
+    return [
+        f"{len(parts)} objects are on the floor ({size_list} cm). Number {cut.number} was kept; --thing "
+        "chooses another."
+    ]
 
 
 def _size_cm(mesh: Mesh) -> str:

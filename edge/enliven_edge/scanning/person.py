@@ -174,8 +174,8 @@ class PersonScanner(Scanner):
         """
         surface, joints = self.surface(), self._median_joints()
         if not len(surface.faces):
-            remedy = "Stand nearer, or scan for longer."
-            raise InputError("no surface was seen often enough", where="scan", remedy=remedy)
+            remedy = "Stand nearer to the camera, or scan for longer."
+            raise InputError("no surface was visible in enough images", where="scan", remedy=remedy)
         focus = joints[Joint.SPINE] if np.isfinite(joints[Joint.SPINE]).all() else surface.vertices.mean(0)
         # Cut the mesh off above the ragged edge of the soles, and extend it down to the floor. This also
         # completes feet that were hidden or outside the image.
@@ -186,7 +186,7 @@ class PersonScanner(Scanner):
         floor = GroundPlane(_UP, 0.0 if self.is_on_floor else float(surface.vertices[:, 1].min()) - 1.0, 0.0)
         parts = find_parts(surface, floor, focus, cut)
         if not parts:
-            remedy = "Stand fully in view, and nearer."
+            remedy = "Stand nearer to the camera, with the whole body in view."
             raise InputError("too little of the person was scanned", where="scan", remedy=remedy)
         if self.is_on_floor:
             mesh = cut_out(surface, floor, focus, cut)
@@ -206,7 +206,7 @@ class PersonScanner(Scanner):
             remedy = "Stand one to three metres in front of the fixed camera, with nothing in between."
             raise InputError("no person was seen", where=where, remedy=remedy)
         if not self.poses:
-            remedy = "Stand nearer, and scan for longer."
+            remedy = "Stand nearer to the camera, and scan for longer."
             raise InputError("too little of the person was seen", where=where, remedy=remedy)
 
     def advice(self, frames: int) -> list[str]:
@@ -215,8 +215,10 @@ class PersonScanner(Scanner):
         if self.absent:
             sentences.append(f"In {self.absent} of {frames} images the person was out of view; stay in view.")
         if self.lost > _MIN_MOVED_FRACTION * frames:
-            problem = f"{self.lost} of {frames} images are not in the mesh: the rotation was not clear."
-            sentences.append(f"{problem} Turn in five seconds or more, and keep your pose.")
+            problem = (
+                f"{self.lost} of {frames} images are not in the mesh, because the rotation was not clear."
+            )
+            sentences.append(f"{problem} Take five seconds or more for the turn, and keep your pose.")
         moved_limbs = self.measure_limb_motion()
         if moved_limbs:
             limbs = " and the ".join(

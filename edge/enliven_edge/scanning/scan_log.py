@@ -54,7 +54,7 @@ class ScanLog:
     def progress_text(self) -> str:
         """Returns one line of text for a progress bar."""
         lost = self.counts[ScanState.LOST]
-        return f"{self.path_length_m:.1f} m moved" + (f", lost in {lost}" if lost else "")
+        return f"camera moved {self.path_length_m:.1f} m" + (f", lost in {lost} frames" if lost else "")
 
     def raise_scan_error(self, where: str, scanner: Scanner | MovedScanner | None = None) -> None:
         """Raises an error with the reason why no mesh can be made.
@@ -69,7 +69,9 @@ class ScanLog:
         if not self.counts[ScanState.SCANNING]:
             problem = "no frame shows enough depth"
             raise InputError(
-                problem, where=where, remedy="Go nearer, or scan something that does not reflect."
+                problem,
+                where=where,
+                remedy="Move the camera nearer, or scan an object that does not reflect.",
             )
         unsure_count, lost = self.counts[ScanState.UNSURE], self.counts[ScanState.LOST]
         if self.path_length_m < _MIN_PATH_M and 2 * unsure_count > self.frames:
@@ -77,11 +79,14 @@ class ScanLog:
             raise InputError(problem, where=where, remedy="Keep corners, edges and objects in view, too.")
         if self.path_length_m < _MIN_PATH_M and 2 * lost > self.frames:
             problem = f"the camera was lost in {lost} of {self.frames} frames, starting with the first ones"
-            remedy = "Carry it more slowly, half a metre a second at most; let nothing large pass before it."
+            remedy = (
+                "Carry the camera at half a metre per second at most, and let nothing large pass in front "
+                "of it."
+            )
             raise InputError(problem, where=where, remedy=remedy)
         if self.path_length_m < _MIN_PATH_M:
-            problem = f"the camera moved {100 * self.path_length_m:.0f} cm only"
-            raise InputError(problem, where=where, remedy="Carry it round the object.")
+            problem = f"the camera moved only {100 * self.path_length_m:.0f} cm"
+            raise InputError(problem, where=where, remedy="Carry the camera around the object.")
 
     def advice(self, scanner: Scanner | MovedScanner | None = None) -> list[str]:
         """Returns one sentence for each problem that can be avoided in the next scan."""
@@ -90,14 +95,17 @@ class ScanLog:
         total, sentences = max(self.frames, 1), []
         if self.counts[ScanState.LOST] > _MIN_PROBLEM_FRACTION * total:
             lost = (
-                f"{self.counts[ScanState.LOST]} of {total} frames are not in the mesh: the camera was lost."
+                f"{self.counts[ScanState.LOST]} of {total} frames are not in the mesh, because tracking "
+                "was lost."
             )
-            sentences.append(f"{lost} Carry it more slowly, and look at parts that were already scanned.")
+            sentences.append(
+                f"{lost} Carry the camera more slowly, and point it at parts that were already scanned."
+            )
         if self.counts[ScanState.UNSURE] > _MIN_PROBLEM_FRACTION * total:
             sentences.append("Often only a blank surface was seen, so the camera could not be located.")
         if self._fast_frames > _MIN_PROBLEM_FRACTION * total:
             sentences.append("The camera was often faster than 1 m/s; slower scans are sharper.")
         if self.full or (scanner is not None and scanner.is_full):
-            sentence = "The memory for voxels was full: later images were not added to the scan."
+            sentence = "The memory for voxels was full, so later images were not added to the scan."
             sentences.append(f"{sentence} Use larger voxels (--voxel), or more memory (--memory).")
         return sentences

@@ -42,7 +42,7 @@ OUTPUT_SUFFIXES = (*WRITABLE, PROJECT)
 _MAX_EMPTY_IMAGES = 120
 """Maximum number of images of the empty place. Images of a path around it are then 3 degrees apart."""
 
-_NO_FLOOR_NOTE = "; no floor was found, so the box lay as the first camera did"
+_NO_FLOOR_NOTE = "; no floor was found, so the box was aligned with the first image of the camera"
 """Note about a cut by a box without a detected floor. The upright direction is then unknown."""
 
 
@@ -116,8 +116,8 @@ def _cut_out(scanner: Scanner | MovedScanner, keep: KeptPart) -> tuple[Mesh, str
     else:
         mesh = scanner.surface(keep.first_object_image)
     if not len(mesh.faces):
-        advice = "Scan for longer, and nearer."
-        raise InputError("no surface was seen often enough", where="scan", remedy=advice)
+        advice = "Scan for longer, and from nearer."
+        raise InputError("no surface was visible in enough images", where="scan", remedy=advice)
     if keep.what == "alone":
         return largest_part(mesh), ""
     ground: GroundPlane | None = None
@@ -168,8 +168,8 @@ def write_scan(scan_result: ScannedMesh, path: Path) -> None:
         if fallback is None:
             raise
         problem, remedy = (
-            f"{error.what}, so it is in {fallback}",
-            "Make room on the disk, and move it from there.",
+            f"{error.what}, so the scan was saved as {fallback}",
+            "Free some disk space, and then move the saved file.",
         )
         raise ResourceError(problem, where=str(path), remedy=remedy) from None
 
@@ -211,7 +211,10 @@ def stage_command() -> EntryPoint:
     """
     entries = list(entry_points(group="enliven.commands", name="stage"))
     if not entries:
-        remedy = "Install the viewer's package, or put the mesh there from the viewer's machine."
+        remedy = (
+            "Install the package enliven-viewer, or put the mesh on the stage from a computer with the "
+            "viewer."
+        )
         raise ResourceError("the viewer is not installed here", where="--edge", remedy=remedy)
     return entries[0]
 

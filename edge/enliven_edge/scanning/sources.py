@@ -27,7 +27,7 @@ def recorded_images(path: Path, stop: threading.Event) -> Iterator[DepthFrame]:
     """
     source = Recording(path)
     if DEPTH_TOPIC not in source.info.topics:
-        remedy = "Give a recording of a depth camera."
+        remedy = "Choose a recording of a depth camera."
         raise InputError("the recording has no depth images", where=str(path), remedy=remedy)
     for frame in source.frames():
         if stop.is_set():

@@ -16,7 +16,7 @@ DEVICES, NODES = Path("/sys/bus/usb/devices"), Path("/dev/bus/usb")
 """Linux's list of USB devices, and the device files that open them."""
 _SLOW_MBIT = 480.0
 """Link speed of USB 2 in megabits per second."""
-FORBIDDEN = "your user may not open it"
+FORBIDDEN = "your user may not open the camera"
 """Message about a camera that the user has no permission to open."""
 ALLOW = (
     "Type: sudo cp firmware_configs/udev/60-enliven-cameras.rules /etc/udev/rules.d/ "
@@ -54,10 +54,10 @@ class CameraKind:
 
 
 _OAK_BAD = (
-    (r"[0-2]\.", "its interface is different; the driver needs depthai 3"),
-    (r"3\.(7\.[1-9]|[89]\.|10\.)", "an OAK-D Lite delivers no depth with it (luxonis/depthai#1252)"),
+    (r"[0-2]\.", "the driver needs depthai 3, which has another interface"),
+    (r"3\.(7\.[1-9]|[89]\.|10\.)", "an OAK-D Lite sends no depth with this version (luxonis/depthai#1252)"),
 )
-_REALSENSE_BAD = ((r"[01]\.|2\.([0-9]|[1-4][0-9]|5[0-5])\.", "it is too old; the driver needs 2.56"),)
+_REALSENSE_BAD = ((r"[01]\.|2\.([0-9]|[1-4][0-9]|5[0-5])\.", "the driver needs version 2.56 or later"),)
 KINDS = (
     CameraKind("OAK", "03e7", "2485", sensor="oak", package="depthai", bad=_OAK_BAD, boots=True),
     CameraKind("OAK", "03e7", sensor="oak", package="depthai", bad=_OAK_BAD),
@@ -98,7 +98,7 @@ class AttachedCamera:
     def _driver(self) -> tuple[str, str] | None:
         kind = self.kind
         if not kind.sensor:
-            return "no driver ships for it", "Add one: docs/add-a-sensor.md."
+            return "enliven has no driver for this camera", "Write a driver: docs/add-a-sensor.md."
         try:
             installed = version(kind.package)
         except PackageNotFoundError:
@@ -112,7 +112,7 @@ class AttachedCamera:
     def _link(self) -> tuple[str, str] | None:
         if self.kind.boots or not self.kind.sensor or self.mbit > _SLOW_MBIT:
             return None
-        return "it is on USB 2", "Use a USB 3 port and a USB 3 cable."
+        return "the camera is on USB 2", "Use a USB 3 port and a USB 3 cable."
 
 
 def install_advice(sensor: str, requirement: str = "") -> str:
@@ -184,5 +184,5 @@ def import_library(module: str, sensor: str, requirement: str = "") -> Any:
         return importlib.import_module(module)
     except ImportError as error:
         missing = isinstance(error, ModuleNotFoundError) and error.name == module
-        problem = f"{module} is not installed" if missing else f"{module} does not load ({error})"
+        problem = f"{module} is not installed" if missing else f"{module} cannot be loaded ({error})"
         raise ResourceError(problem, where=where, remedy=remedy) from None

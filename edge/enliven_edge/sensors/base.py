@@ -16,7 +16,7 @@ from enliven.frames import Frame
 from enliven.health import HealthState
 from enliven.supervision.closeable import Closeable
 
-CHECK_IT = "Check its cable and power. The edge keeps trying to open it."
+CHECK_IT = "Check the cable and power of the sensor. The edge keeps trying to open the sensor."
 """The advice for a sensor without more specific advice."""
 
 
@@ -118,7 +118,8 @@ class Sensor(Closeable):
     def is_waiting(self) -> bool:
         """Returns True if no frames are due now, and a restart of the edge would not change this.
 
-        A recording waits for its next frame, and a port for another program. A lost camera also counts as
-        waiting while attempts to open it run and end. A call of the driver that hangs does not.
+        Examples are a recording between two frames, and a port to which no program sends. A lost camera
+        counts as waiting as long as each attempt to open it returns. A camera does not count as waiting
+        while a call of its driver hangs.
         """
         return self.recorded

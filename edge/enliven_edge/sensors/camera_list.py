@@ -63,7 +63,7 @@ def _list_usb_cameras(cameras: list[AttachedCamera]) -> list[DetectedCamera]:
     listed = []
     for camera in cameras:
         sensor, problems = camera.kind.sensor, camera.find_problems()
-        slow = [each for each in problems if each[0] == "it is on USB 2"]
+        slow = [each for each in problems if each[0] == "the camera is on USB 2"]
         serious = [each for each in problems if each not in slow]
         options = {}
         if makers[sensor] > 1 and sensor in _BY_SERIAL and " " in camera.title:
@@ -116,7 +116,7 @@ def _add_problem(camera: DetectedCamera, node: Path | None, module: str) -> Dete
     """Returns a camera with the problem that prevents its use, if any: missing permission or library."""
     if node is not None and not os.access(node, os.R_OK | os.W_OK):
         remedy = "Type: sudo usermod -aG video $USER, and log in again."
-        return msgspec.structs.replace(camera, trouble="your user may not open it", remedy=remedy)
+        return msgspec.structs.replace(camera, trouble="your user may not open the camera", remedy=remedy)
     if importlib.util.find_spec(module) is None:
         remedy = _EXTRA if module == "mediapipe" else f"Type: pip install {module}"
         return msgspec.structs.replace(camera, trouble=f"{module} is not installed", remedy=remedy)

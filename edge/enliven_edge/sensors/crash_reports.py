@@ -57,7 +57,10 @@ class CrashReport:
 
     def __str__(self) -> str:
         day = time.strftime("%Y-%m-%d %H:%M", time.localtime(self.when))
-        return f"{self.path.name}, {day}: {self.what} crashed; send it to {self.whereto} and say what you did"
+        return (
+            f"{self.path.name}, {day}: {self.what} crashed; send this report to {self.whereto}, and "
+            "describe what you did"
+        )
 
 
 def reports_folder() -> Path:
@@ -148,7 +151,7 @@ def _report_from_file(path: Path, when: float) -> CrashReport:
     sensor = path.name.split("-")[0]
     if "-driver-" in path.name:
         return CrashReport(path, when, f"the library of {sensor}", _MAKERS.get(sensor, ("", "its makers"))[1])
-    return CrashReport(path, when, "the camera's own program", _FIRMWARE)
+    return CrashReport(path, when, "the firmware of the camera", _FIRMWARE)
 
 
 def _to_file_name(name: str) -> str:

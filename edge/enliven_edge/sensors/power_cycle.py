@@ -102,7 +102,7 @@ class CameraPower:
                 errors.append(error)
                 continue
             self.count += 1
-            log.warning("%s could not be opened repeatedly, so it was reset on its USB port", camera.title)
+            log.warning("%s could not be opened several times, so its USB port was reset", camera.title)
             return True
         if not self._has_warned:
             self._has_warned = True
@@ -118,7 +118,7 @@ def _reset_port(camera: AttachedCamera) -> None:
         OSError: if the system does not allow it.
     """
     if sys.platform != "linux":
-        raise OSError("this system has no port reset")
+        raise OSError("this system cannot reset USB ports")
     descriptor = os.open(camera.node, os.O_WRONLY | os.O_CLOEXEC)
     try:
         fcntl.ioctl(descriptor, _USBDEVFS_RESET, 0)

@@ -25,7 +25,11 @@ def sensor_options(settings: list[str]) -> dict[str, Any]:
     for word in settings:
         key, equals, value = word.partition("=")
         if not equals or not key:
-            raise InputError(f"{word!r} is not KEY=VALUE", where="--set", remedy="For example: --set speed=2")
+            raise InputError(
+                f"{word!r} does not have the form KEY=VALUE",
+                where="--set",
+                remedy="For example: --set speed=2",
+            )
         options[key.strip().replace("-", "_")] = _option_value(value.strip())
     return options
 
@@ -112,7 +116,11 @@ def _check_options(name: str, options: dict[str, Any]) -> type[Sensor]:
     missing = [p.name for p in parameters.values() if p.default is p.empty and p.kind in kinds]
     for option in missing:
         if option not in options:
-            raise InputError(f"the option {option!r} is missing", where=f"sensor {name}", remedy="Give it.")
+            raise InputError(
+                f"the option {option!r} is missing",
+                where=f"sensor {name}",
+                remedy=f"Add --set {option}=VALUE.",
+            )
     return kind
 
 
@@ -136,7 +144,7 @@ def _find_class(name: str) -> type[Sensor]:
             raise InputError(
                 f"{entry.value} is not a subclass of Sensor",
                 where=f"sensor {name}",
-                remedy="Derive its class from enliven_edge.sensors.base.Sensor: class NAME(Sensor).",
+                remedy="Derive the class from enliven_edge.sensors.base.Sensor: class NAME(Sensor).",
             )
     raise InputError(f"the sensor {name!r} does not exist", where="sensor", remedy=sensor_advice(name))
 
@@ -144,7 +152,11 @@ def _find_class(name: str) -> type[Sensor]:
 def sensor_advice(name: str) -> str:
     """Returns the advice for an unknown sensor: the package that contains it, or similar names."""
     package = _IN_PACKAGES.get(name)
-    return f"Install it: pip install {package}" if package else _suggest(name, sensor_names())
+    return (
+        f"Install the package of this sensor: pip install {package}"
+        if package
+        else _suggest(name, sensor_names())
+    )
 
 
 def _suggest(word: str, known: list[str]) -> str:

@@ -124,7 +124,7 @@ class ReopeningSensor(Sensor):
 
     @property
     def is_waiting(self) -> bool:
-        """Returns True if attempts to open the device run and end, or if the open device may be silent.
+        """Returns True if the device is closed and each attempt to open it returns, or if it may be silent.
 
         Returns False while a call of the driver hangs, because a restart of the process may then help.
         """
@@ -215,8 +215,8 @@ class ReopeningSensor(Sensor):
     def _compute_time_shift(self, time_ns: int, now_ns: int) -> int:
         """Returns the nanoseconds to add to the times of a device that was just opened.
 
-        The previous shift, or 0, is used if times then continue to increase. Otherwise the shift follows from
-        this machine's clock.
+        Uses the previous shift, or 0, if the times then continue to increase. Otherwise computes the shift
+        from the elapsed time of this machine's clock.
         """
         ahead_ns = statistics.median_low(self._ahead_ns)
         # Also compare with the last reported time, because on a busy machine the last frame may have arrived
@@ -236,7 +236,7 @@ class ReopeningSensor(Sensor):
         self._schedule_retry()
         if device is not None:
             self._run_in_background("close", device.close)
-        message = error.what if isinstance(error, EnlivenError) else str(error) or "it gives no reason"
+        message = error.what if isinstance(error, EnlivenError) else str(error) or "the reason is unknown"
         remedy = getattr(error, "remedy", "") or CHECK_IT
         return SensorFault(message, where=self.name, remedy=remedy)
 
@@ -255,7 +255,9 @@ class ReopeningSensor(Sensor):
         self._errands, self._device = self._thread(), None
         self._schedule_retry()
         raise SensorFault(
-            f"to {self._doing} has taken more than {limit:.0f} s", where=self.name, remedy="Unplug it once."
+            f"the call {self._doing!r} took more than {limit:.0f} s",
+            where=self.name,
+            remedy="Unplug the device and plug it in again.",
         )
 
     def _schedule_retry(self) -> None:

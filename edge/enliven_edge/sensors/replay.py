@@ -56,9 +56,9 @@ class ReplaySensor(Sensor):
     ) -> None:
         if not (math.isfinite(speed) and speed >= 0):
             raise InputError(
-                f"the speed is {speed}",
+                f"the replay speed is {speed}",
                 where="replay",
-                remedy="Give 1 for the recorded pace, 0 for no waiting.",
+                remedy="Use 1 for the recorded speed, or 0 for as fast as possible.",
             )
         self._made = TemporaryFolder("replay")
         self.recording = Recording(_import_capture(Path(path), Path(self._made.name)))
@@ -74,7 +74,7 @@ class ReplaySensor(Sensor):
         if not self._ahead:
             self._file.close()
             raise InputError(
-                "the recording holds no frames", where=str(path), remedy="Record or import something first."
+                "the recording contains no frames", where=str(path), remedy="Choose a recording with frames."
             )
         self._first_ns = self._now_ns = self._ahead[-1].time_ns
         self._longest_ns = round(1e9 * min(longest_pause, 1e-9 * TIME_LIMIT_NS))

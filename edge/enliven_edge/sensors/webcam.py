@@ -21,7 +21,7 @@ from enliven_edge.sensors.base import Sensor
 _FORMATS = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
 _REMEDIES = {
     errno.EACCES: "Let your user use cameras (sudo usermod -aG video $USER), and log in again.",
-    errno.EBUSY: "Another program uses it: close that.",
+    errno.EBUSY: "Close the other program that uses the camera.",
 }
 """Advice if the system refuses a camera, by errno."""
 
@@ -127,7 +127,11 @@ def _refuse_absent(device: str) -> None:
     if not device.startswith("/dev/") or Path(device).exists():
         return
     others = ", ".join(str(path) for path in sorted(Path("/dev").glob("video*")))
-    remedy = f"There are {others}: set device to one of them." if others else "Plug one in, or play a film."
+    remedy = (
+        f"Set device to one of these cameras: {others}."
+        if others
+        else "Plug in a camera, or set device to a film."
+    )
     raise ResourceError("the camera was not found", where=device, remedy=remedy)
 
 
@@ -139,12 +143,14 @@ def _open_video(device: str, live: bool) -> Any:
         container = av.open(device, format=_FORMATS.get(sys.platform) if live else None)
     except (av.error.FFmpegError, OSError) as error:
         if live:
-            remedy = _REMEDIES.get(error.errno or 0, "Check that it is a camera that no other program uses.")
+            remedy = _REMEDIES.get(
+                error.errno or 0, "Check that this is a camera, and that no other program uses it."
+            )
             raise ResourceError(
-                f"it cannot be opened ({error.strerror})", where=device, remedy=remedy
+                f"the camera cannot be opened ({error.strerror})", where=device, remedy=remedy
             ) from None
-        raise InputError("it is not a film that can be read", where=device) from None
+        raise InputError("the file is not a film that can be read", where=device) from None
     if not container.streams.video:
         container.close()
-        raise InputError("it has no video", where=device)
+        raise InputError("the file contains no video", where=device)
     return container

@@ -130,7 +130,10 @@ def create_stage_actor(prepared: PreparedCharacter) -> EmbeddedActor:
     )
     actor.set_likeness(prepared.likeness)
     for doubt in prepared.likeness.doubts if prepared.likeness else ():
-        remedy = "Look at how it moves, or name its five ends (in the studio, or as ends under [actor])."
+        remedy = (
+            "Check how the character moves. If it moves wrongly, set its head, hands and feet in the "
+            "studio (or ends under [actor])."
+        )
         log.warning("%s: %s %s", character.id, doubt, remedy)
     return actor
 

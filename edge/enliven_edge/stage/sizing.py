@@ -130,7 +130,11 @@ class HandSizing:
             name = gesture or (possession.character if possession else None)
         if name not in stage.actors:
             problem = "there is no character" if name is None else f"there is no character {name!r}"
-            raise InputError(problem, where="sizing", remedy=f"Known: {', '.join(stage.actors) or 'none'}.")
+            raise InputError(
+                problem,
+                where="sizing",
+                remedy=f"Characters on the stage: {', '.join(stage.actors) or 'none'}.",
+            )
         if order.do != "hands" or name in self._gestures:
             return name, -1
         performer = stage.candidate(name, "extend")[0] if order.body is None else order.body

@@ -278,7 +278,9 @@ class Stage:
         if len(targets) > 1 and body is not None:
             targets = [actor for actor in targets if body in {hold.body for hold in actor.holds}]
             if not targets:
-                remedy = f"Holding: {', '.join(map(str, sorted(self.holders))) or 'nobody'}."
+                remedy = (
+                    f"Performers with a character: {', '.join(map(str, sorted(self.holders))) or 'nobody'}."
+                )
                 raise InputError(f"performer {body} possesses no character", where="stage", remedy=remedy)
         for actor in targets:
             self._log.release(actor, body)
@@ -306,8 +308,8 @@ class Stage:
         rigs = [actor for actor in targets if isinstance(actor, ChosenActor)]
         if not rigs:
             where = f"character {targets[0].character.id!r}"
-            remedy = "Give the edge a rigged model and --drive skeleton."
-            raise InputError("its parts cannot be chosen", where=where, remedy=remedy)
+            remedy = "Start the edge with a rigged model and --drive skeleton."
+            raise InputError("the parts of this character cannot be chosen", where=where, remedy=remedy)
         for actor in rigs:
             actor.browse(step)
 

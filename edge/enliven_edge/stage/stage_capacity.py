@@ -93,16 +93,18 @@ class StageCapacity:
             return
         where, count = f"character {character!r}", len(set(self._standing) | coming.keys())
         if count >= self._settings.characters:
-            remedy = "Remove one first, or raise characters under [stage] in the edge's settings."
-            raise InputError(f"the stage is full, it has {count} characters", where=where, remedy=remedy)
+            remedy = "Remove a character first, or raise characters under [stage] in the edge's settings."
+            raise InputError(
+                f"the stage is full, because it has {count} characters", where=where, remedy=remedy
+            )
         if peer is None:
             return
         owners = [self._owners.get(name) for name in self._standing] + list(coming.values())
         viewer_count = sum(owner is not None and _counts_for(owner, peer) for owner in owners)
         if viewer_count >= self._settings.per_viewer:
-            remedy = "Remove one first, or raise per_viewer under [stage] in the edge's settings."
+            remedy = "Remove a character first, or raise per_viewer under [stage] in the edge's settings."
             raise InputError(
-                f"this viewer has {viewer_count} characters on the stage", where=where, remedy=remedy
+                f"this viewer already has {viewer_count} characters on the stage", where=where, remedy=remedy
             )
 
 

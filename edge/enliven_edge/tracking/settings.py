@@ -46,7 +46,10 @@ class SceneSettings:
         high=640,
     )
     zone: tuple[tuple[float, float], ...] = setting(
-        (), "Corners (x, z) of the floor area in which people are tracked. If empty, everywhere.", unit="m"
+        (),
+        "Corners (x, z) of the floor area in which people are tracked. If empty, people are tracked "
+        "everywhere.",
+        unit="m",
     )
 
 
@@ -157,8 +160,8 @@ class FitSettings:
     )
     temporal: float = parameter(
         1.2,
-        "Weight of the temporal prior, which keeps the pose near its prediction. More is steadier but "
-        "slower to follow.",
+        "Weight of the temporal prior, which keeps the pose near its prediction. A larger weight is "
+        "steadier, but follows more slowly.",
         unit="1/rad^2",
         low=0.0,
     )
@@ -171,14 +174,14 @@ class FitSettings:
     ranges: float = parameter(300.0, "Weight of the joint limits.", unit="1/rad^2", low=0.0)
     proportions: float = parameter(
         40.0,
-        "Weight of average body proportions while a person is new; it grows until the bone lengths are "
-        "settled.",
+        "Weight of average body proportions while a person is new. The weight grows until the bone "
+        "lengths are settled.",
         low=0.0,
     )
     settle_frames: int = parameter(
         60,
-        "Number of fitted frames over which the bone lengths become firm; after three times as many "
-        "they are fixed.",
+        "Number of fitted frames over which the bone lengths settle. After three times this number, the "
+        "bone lengths are fixed.",
         low=1,
     )
 
@@ -194,7 +197,7 @@ class SmoothingSettings:
     )
     amount: float = setting(
         1.0,
-        "Strength of the smoothing: 0 is off, 1 is gentle. More removes jitter but adds lag.",
+        "Strength of the smoothing: 0 is off, 1 is gentle. Larger values remove more jitter, but add lag.",
         low=0.0,
         high=20.0,
     )

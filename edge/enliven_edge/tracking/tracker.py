@@ -188,7 +188,7 @@ class Tracker:
         """
         if not self._by_depth:
             raise InputError(
-                "the sensor tracks people itself, so that no room is learnt",
+                "the sensor tracks people itself, so the edge learns no room",
                 where="edge",
                 remedy="Restart the program that tracks the people.",
             )
@@ -201,7 +201,7 @@ class Tracker:
             raise InputError(
                 "only the performers of one depth sensor can be locked",
                 where="edge",
-                remedy="Give the space a zone instead, zone under [tracker.scene] in the settings.",
+                remedy="Limit the tracked area instead: set zone under [tracker.scene] in the settings.",
             )
 
     def forget(self) -> None:

@@ -29,7 +29,7 @@ def import_motion(path):
     elif ending == ".bvh":
         _import_bvh(path)
     else:
-        raise ValueError(f"{ending} is not a format that this add-on imports: .glb and .bvh are")
+        raise ValueError(f"{ending} cannot be imported by this add-on. Choose a .glb or .bvh file")
     return [each for each in bpy.data.objects if each not in before and each.type == "ARMATURE"]
 
 

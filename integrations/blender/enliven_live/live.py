@@ -85,9 +85,13 @@ def stop():
 
 
 class EnlivenSettings(bpy.types.PropertyGroup):
-    port: IntProperty(name="Port", default=39539, min=1, max=65535, description="UDP port of VMC")
+    port: IntProperty(
+        name="Port", default=39539, min=1, max=65535, description="UDP port on which the add-on receives VMC"
+    )
     from_network: BoolProperty(
-        name="Other computers", description="Also receive from other computers. Everyone there can then send"
+        name="Other computers",
+        description="Also receive motion from other computers. "
+        "Everyone who can reach this computer can then send motion",
     )
 
 
@@ -110,7 +114,7 @@ class ENLIVEN_OT_receive(bpy.types.Operator):
         try:
             start(context.object, host, settings.port)
         except ValueError as error:
-            self.report({"ERROR"}, f"{error}. Rename the bones as Mixamo, VRM or Rigify name them")
+            self.report({"ERROR"}, f"{error}. Use the bone names of Mixamo, VRM or Rigify")
             return {"CANCELLED"}
         except OSError as error:
             text = f"port {settings.port} cannot be opened ({error.strerror}). Choose another one"

@@ -143,7 +143,7 @@ def create_results_folder(path: Path) -> None:
         raise InputError(INVALID_NAME_REASON, where=str(path), remedy="Choose another name.") from None
     except (FileExistsError, NotADirectoryError):
         raise ResourceError(
-            "a folder is needed here, and a file has this name or that of a folder above",
+            "the results folder cannot be created, because this path or a folder above it is a file",
             where=str(path),
             remedy="Move the file, or choose another folder for the results.",
         ) from None

@@ -36,18 +36,25 @@ _MAX_NAMED_FILES = 20
 class BatchPlan:
     """The settings of a batch. Paths are relative to the file of the plan."""
 
-    motions: tuple[str, ...] = setting((), "Files of motions, such as `walks/*.bvh`, or folders.")
-    characters: tuple[str, ...] = setting((), "Files of characters, such as `horse.glb`, or folders.")
-    output: str = setting("out/batch", "Folder of the results.")
-    format: str = setting("glb", "Format of the results: a suffix that `enliven export` writes.")
-    sheets: bool = setting(False, "Draw a contact sheet of each result (needs the viewer's package).")
+    motions: tuple[str, ...] = setting(
+        (), "Motion files, such as `walks/*.bvh`, or folders with motion files."
+    )
+    characters: tuple[str, ...] = setting(
+        (), "Character files, such as `horse.glb`, or folders with character files."
+    )
+    output: str = setting("out/batch", "Folder for the results.")
+    format: str = setting("glb", "File format of the results: a suffix that `enliven export` can write.")
+    sheets: bool = setting(
+        False, "Draws a contact sheet of each result. This needs the package enliven-viewer."
+    )
     options: RetargetOptions = group(RetargetOptions)
     mappings: dict[str, str] = field(
         default_factory=dict,
-        metadata={"doc": "A mapping file for each character that needs one, by file name."},
+        metadata={"doc": "Mapping files of individual characters, by the file name of the character."},
     )
     heights: dict[str, float] = field(
-        default_factory=dict, metadata={"doc": "Height in metres of characters, by file name."}
+        default_factory=dict,
+        metadata={"doc": "Heights of individual characters in metres, by the file name of the character."},
     )
 
 
@@ -92,7 +99,7 @@ def plan_jobs(plan: BatchPlan) -> list[BatchJob]:
     ]
     names = {character.stem for character in characters} | {character.name for character in characters}
     missing_files += [
-        f"{name} (named under mappings or heights)"
+        f"{name} (listed under `mappings` or `heights`, but not among the characters)"
         for name in (*plan.mappings, *plan.heights)
         if name not in names
     ]
@@ -104,22 +111,26 @@ def plan_jobs(plan: BatchPlan) -> list[BatchJob]:
             else ""
         )
         raise InputError(
-            f"files are missing: {listed}{more}", where="batch", remedy="Correct the paths in the plan."
+            f"the plan refers to missing files: {listed}{more}",
+            where="batch",
+            remedy="Correct the paths in the plan.",
         )
     if not motions or not characters:
         empty_list = "motions" if not motions else "characters"
         raise InputError(
             f"the plan has no {empty_list}",
             where="batch",
-            remedy=f"Name files or a folder under `{empty_list}`.",
+            remedy=f"Add files or a folder to `{empty_list}` in the plan.",
         )
     for name, height in plan.heights.items():
         if not 0.0 < height < math.inf:
-            problem = f"the height of {name} is {height:g} m"
-            raise InputError(problem, where="heights", remedy="Write a height above 0, in metres.")
+            problem = f"the height of {name} is {height:g} m, but must be above 0"
+            raise InputError(
+                problem, where="heights", remedy="Correct the height in the plan. Its unit is metres."
+            )
     if len(motions) * len(characters) > MAX_JOBS:
-        problem = f"{len(motions)} motions and {len(characters)} characters are more than {MAX_JOBS} pairs"
-        raise InputError(problem, where="batch", remedy="Divide them into several plans.")
+        problem = f"{len(motions)} motions and {len(characters)} characters form more than {MAX_JOBS} pairs"
+        raise InputError(problem, where="batch", remedy="Split the batch into several plans.")
     create_results_folder(output)
     exporter_of(output / f"check.{plan.format}")
     if plan.sheets:
@@ -174,7 +185,9 @@ def _find_files(entries: Sequence[str], kinds: Sequence[str], output: Path, miss
             and not (Path(os.path.abspath(file)).is_relative_to(results_folder) and is_result(file))
         ]
         if not matching:
-            missing.append(f"{entry} (the folder has no {', '.join(kinds)})" if is_folder else entry)
+            missing.append(
+                f"{entry} (this folder contains no {', '.join(kinds)} file)" if is_folder else entry
+            )
         files += matching
     return list(dict.fromkeys(files))
 

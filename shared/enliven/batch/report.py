@@ -21,7 +21,7 @@ _COLUMNS = {
     "pose_deg": ("pose error", "{:.1f}\u00b0"),
     "slide_cm_s": ("foot slide", "{:.1f} cm/s"),
     "stretch": ("stretch", "{:.2f}"),
-    "floor": ("off the floor", "{:.1%}"),
+    "floor": ("floor distance", "{:.1%}"),
     "inside": ("self-intersection", "{:.1%}"),
 }
 """Columns of the table: title and format of each measure."""
@@ -76,7 +76,7 @@ def _format_summary(results: Sequence[JobResult], total: int, running: bool) -> 
     earlier_count = sum(not result.is_new for result in results)
     spent = sum(result.took_s for result in results if result.is_new)
     done_percent = 100.0 * len(results) / max(total, 1)
-    state = "running" if running else "ended" if len(results) == total else "stopped before its end"
+    state = "running" if running else "ended" if len(results) == total else "stopped early"
     medians = ", ".join(
         f"{title} {form.format(statistics.median(values))}"
         for name, (title, form) in _COLUMNS.items()
@@ -84,7 +84,7 @@ def _format_summary(results: Sequence[JobResult], total: int, running: bool) -> 
     )
     return f"""<p>{len(results)} of {total} pairs, {state}: <b class="failed">{failed} failed</b>,
 <span class="fault">{faulty} with visible faults</span>, {earlier_count} from earlier runs.
-Processing time of the new ones: {spent:.0f} s.</p>
+Processing time of the new results: {spent:.0f} s.</p>
 <div class="bar"><div style="width:{done_percent:.1f}%"></div></div>
 <p>{"Medians: " + html.escape(medians) + "." if medians else ""}</p>"""
 
@@ -96,7 +96,7 @@ def _format_row(result: JobResult, folder: Path) -> str:
     file = f'<a href="{link}">{html.escape(output.name)}</a>' if result.output_digest else "none"
     if result.output_digest and job.sheet:
         sheet = urllib.parse.quote(Path(os.path.relpath(job.sheet_path, folder)).as_posix())
-        file += f'<br><a href="{sheet}"><img loading="lazy" src="{sheet}" alt="six moments"></a>'
+        file += f'<br><a href="{sheet}"><img loading="lazy" src="{sheet}" alt="six frames of the result"></a>'
     length = f"{result.measures['seconds']:.1f} s" if "seconds" in result.measures else ""
     cells = [
         form.format(result.measures[name]) if name in result.measures else ""

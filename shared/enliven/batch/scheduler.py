@@ -153,11 +153,11 @@ def _result_from_future(future: Any, job: BatchJob) -> JobResult:
         return result
     reason = plain_reason(error) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
     if type(error).__name__ == "KilledWorker":
-        reason = f"{_MAX_WORKER_DEATHS} workers died at it. The computer may lack memory"
+        reason = f"{_MAX_WORKER_DEATHS} worker processes ended during this job. The computer may lack memory"
     elif error is None:
-        reason = "it was cancelled by the scheduler"
+        reason = "the scheduler cancelled the job"
     log.error("%s failed unexpectedly: %s", job.name, reason)
-    remedy = f"Try it alone: enliven retarget {job.motion} {job.character} -o {job.output}"
+    remedy = f"Run this job alone: enliven retarget {job.motion} {job.character} -o {job.output}"
     return JobResult(job, problem=f"{reason}. {remedy}")
 
 
@@ -179,13 +179,16 @@ def _connect(client_type: type[Client], address: str) -> Iterator[Client]:
         asyncio.run(asyncio.wait_for(_try_handshake(address), _CONNECT_TIMEOUT_S))
         client = client_type(address, timeout=_CONNECT_TIMEOUT_S)
     except (OSError, TimeoutError, EOFError, MemoryError) as error:
-        reason = str(error) or f"no reply in {_CONNECT_TIMEOUT_S:g} s"
-        remedy = "Start it there: dask scheduler; and on each computer: dask worker ADDRESS --nthreads 1."
+        reason = str(error) or f"no reply within {_CONNECT_TIMEOUT_S:g} s"
+        remedy = (
+            "Start the scheduler at this address: dask scheduler. Start a worker on each computer: dask "
+            "worker ADDRESS --nthreads 1."
+        )
         raise ResourceError(f"no Dask scheduler answers ({reason})", where=address, remedy=remedy) from None
     except ValueError as error:
-        remedy = "Write it as tcp://HOST:8786."
+        remedy = "Write the address as tcp://HOST:8786."
         raise InputError(
-            f"this is not the address of a scheduler ({error})", where=address, remedy=remedy
+            f"the address of the scheduler is invalid ({error})", where=address, remedy=remedy
         ) from None
     with client:
         yield client

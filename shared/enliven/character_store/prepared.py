@@ -64,9 +64,9 @@ class PreparedCharacter:
         try:
             prepared = cls(*_Unpickler(io.BytesIO(data)).load())
         except (*DAMAGE, InputError, EOFError, pickle.UnpicklingError, ImportError) as error:
-            raise ValueError(f"it is damaged ({error})") from None
+            raise ValueError(f"the stored data is damaged ({error})") from None
         if not isinstance(prepared.character, Character) or not isinstance(prepared.settings, ActorSettings):
-            raise ValueError("it is not a prepared character")
+            raise ValueError("the stored data is not a prepared character")
         return prepared
 
 
@@ -96,7 +96,7 @@ def prepare_once(
             if prepared.references == _hash_files(prepared.references, folder):
                 return prepared
         except ValueError as error:
-            log.warning("a stored character is prepared again: %s", error)
+            log.warning("a stored character cannot be used and is prepared again: %s", error)
     with record_references() as paths:
         prepared = prepare()
     names = [os.path.relpath(path, folder.resolve()) for path in paths]
@@ -130,4 +130,4 @@ class _Unpickler(pickle.Unpickler):
         is_array = module.partition(".")[0] == "numpy" and name in _NUMPY_NAMES
         if is_array or (module.startswith(_ENLIVEN_MODULES) and name[:1].isupper()):
             return super().find_class(module, name)
-        raise pickle.UnpicklingError(f"{module}.{name} is not expected")
+        raise pickle.UnpicklingError(f"the class {module}.{name} is not allowed in a stored character")

@@ -81,7 +81,9 @@ class CharacterStore:
                 return None
             data = zstandard.ZstdDecompressor().decompress(packed)
         except (EnlivenError, OSError, zstandard.ZstdError, MemoryError) as error:
-            log.warning("%s is not used, and the character is prepared again (%s)", path, error)
+            log.warning(
+                "the stored character %s cannot be read, so the character is prepared again: %s", path, error
+            )
             return None
         with contextlib.suppress(OSError):
             os.utime(path)
@@ -99,7 +101,7 @@ class CharacterStore:
             write_file(self._result_path(key), packed, durable=False)
             self._delete_oldest()
         except (EnlivenError, OSError) as error:
-            log.info("a prepared character is not kept (%s)", error)
+            log.info("a prepared character cannot be stored: %s", error)
 
     def _result_path(self, key: str) -> Path:
         assert self._folder is not None

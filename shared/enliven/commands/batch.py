@@ -25,36 +25,59 @@ has 5 MB."""
 
 
 def batch(
-    plan: Annotated[Path | None, typer.Argument(help="The plan, a TOML file.")] = None,
-    motions: Annotated[Path | None, typer.Option(help="Without a plan: folder of motions.")] = None,
-    characters: Annotated[Path | None, typer.Option(help="Without a plan: folder of characters.")] = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder of the results; by default the plan's.")
+    plan: Annotated[
+        Path | None,
+        typer.Argument(
+            help="Plan of the batch (TOML file). Instead of a plan, --motions and --characters can be used."
+        ),
     ] = None,
-    format: Annotated[str | None, typer.Option(help="Format of the results, such as glb or bvh.")] = None,
+    motions: Annotated[
+        Path | None,
+        typer.Option(help="Folder with the motion files. Use it with --characters instead of a plan."),
+    ] = None,
+    characters: Annotated[
+        Path | None,
+        typer.Option(help="Folder with the character files. Use it with --motions instead of a plan."),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Folder for the results. Default: the folder in the plan."),
+    ] = None,
+    format: Annotated[
+        str | None, typer.Option(help="File format of the results, such as glb or bvh.")
+    ] = None,
     sheets: Annotated[
         bool,
-        typer.Option("--sheets", help="Draw a contact sheet of each (needs the viewer's package)."),
+        typer.Option("--sheets", help="Draw a contact sheet of each result (needs the viewer's package)."),
     ] = False,
     travel: Annotated[
-        bool, typer.Option("--travel", help="Let the models go where the performers go.")
+        bool, typer.Option("--travel", help="Move the characters through space along the performers' paths.")
     ] = False,
-    pin: Annotated[bool, typer.Option("--pin", help="With --travel: hold feet where they stand.")] = False,
+    pin: Annotated[
+        bool, typer.Option("--pin", help="With --travel: lock standing feet, so that they do not slide.")
+    ] = False,
     workers: Annotated[
-        int, typer.Option(min=0, help="Processes on this computer; 0: one per processor core.")
+        int,
+        typer.Option(min=0, help="Number of worker processes on this computer. 0: one per processor core."),
     ] = 0,
     scheduler: Annotated[
         str,
-        typer.Option(help="Address of a Dask scheduler, such as tcp://10.0.0.5:8786, for many computers."),
+        typer.Option(
+            help=(
+                "Address of a Dask scheduler that distributes the work to many computers, such as "
+                "tcp://10.0.0.5:8786."
+            )
+        ),
     ] = "",
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Check the plan, and list what would be done.")
+        bool, typer.Option("--dry-run", help="Check the plan and list the work, but write nothing.")
     ] = False,
 ) -> None:
-    """Retarget every motion onto every character. Another run does only what is missing.
+    """Retarget every motion onto every character. Another run writes only missing results.
 
-    The results are OUTPUT/CHARACTER/MOTION.glb, and OUTPUT/report.html lists them with their quality and the
-    reasons of failures. It also shows the progress while the batch runs. docs/batch.md describes plans.
+    The results are OUTPUT/CHARACTER/MOTION.glb. The page OUTPUT/report.html lists the results with their
+    quality and the reasons of failures, and shows the progress while the batch runs. docs/batch.md describes
+    the plan file.
 
     \b
       enliven batch --motions WALKS --characters MODELS -o out/walks
@@ -93,12 +116,14 @@ def _chosen_plan(
     if plan is not None:
         if motions or characters:
             raise InputError(
-                "a plan and folders are given", where="batch", remedy="Leave out --motions and --characters."
+                "both a plan and folders were given",
+                where="batch",
+                remedy="Leave out --motions and --characters, or leave out the plan.",
             )
         return _with_output(load_plan(plan), output, format)
     if motions is None or characters is None:
-        remedy = "Give a plan, or --motions FOLDER and --characters FOLDER."
-        raise InputError("no motions and characters are given", where="batch", remedy=remedy)
+        remedy = "Pass a plan file, or --motions FOLDER and --characters FOLDER."
+        raise InputError("neither a plan nor both folders were given", where="batch", remedy=remedy)
     return _with_output(create_plan_from_folders(motions, characters), output, format)
 
 
@@ -124,12 +149,14 @@ def _run(jobs: Sequence[BatchJob], report: Path, workers: int, scheduler: str) -
         stack.enter_context(terminate_as_interrupt())
         client = stack.enter_context(open_client(workers, scheduler))
         print_line(
-            f"enliven: {len(jobs)} pair{'s' * (len(jobs) != 1)}; the progress is in {report}", err=True
+            f"enliven: retargeting {len(jobs)} pair{'s' * (len(jobs) != 1)} of a motion and a "
+            f"character; {report} shows the progress",
+            err=True,
         )
         if not client.scheduler_info()["workers"]:
             print_line(
-                f"enliven: {scheduler} has no workers yet. Start them on each computer: "
-                f"dask worker {scheduler} --nthreads 1",
+                f"enliven: the scheduler {scheduler} has no workers yet. Run this command on each "
+                f"computer: dask worker {scheduler} --nthreads 1",
                 err=True,
             )
         display = stack.enter_context(
@@ -152,6 +179,7 @@ def _run(jobs: Sequence[BatchJob], report: Path, workers: int, scheduler: str) -
     faulty, written = sum(bool(r.faults) for r in results), len(results) - failed
     print_line(
         f"enliven: {written} pair{' is' if written == 1 else 's are'} in {report.parent} "
-        f"({earlier_count} from earlier runs), {faulty} with visible faults, {failed} failed: {report}"
+        f"({earlier_count} from earlier runs). {faulty} have visible faults, {failed} failed. "
+        f"Report: {report}"
     )
     return failed

@@ -18,7 +18,7 @@ from enliven.health import Severity
 _FAILED_CHECK_EXIT_CODE = 4
 """Exit code if a check fails. It equals the exit code 4 of :class:`enliven.errors.ResourceError`."""
 
-_SEE_BELOW = "See its problem below."
+_SEE_BELOW = "The problem is described in a row below."
 """The remedy for an edge or a program with a problem. The problem is listed as a separate check."""
 MAX_HEARTBEAT_WAIT_S = 5.0
 """Maximum time to wait for a heartbeat of an edge, in seconds. An edge sends ten heartbeats in this time."""
@@ -30,29 +30,30 @@ second query.
 
 
 def doctor(
-    as_json: bool = typer.Option(False, "--json", help="Print the checks as JSON, for scripts."),
+    as_json: bool = typer.Option(False, "--json", help="Print the results as JSON, for scripts."),
     remote: str = typer.Option(
         "",
         "--remote",
         metavar="HOST[:PORT]|URL",
-        help="Check the edge that runs there, or the installation with this health page.",
+        help="Check the edge at this host, or the installation at this address of a health page.",
     ),
     edges: bool = typer.Option(False, "--edges", help="List the edges on the local network."),
     password_file: Path | None = typer.Option(
         None, "--password-file", help="File with the password of the health page."
     ),
     certificate: Path | None = typer.Option(
-        None, "--certificate", help="Trust this certificate of the health page (PEM)."
+        None, "--certificate", help="Certificate (PEM) of the health page to trust."
     ),
 ) -> None:
-    """Report what this machine has and lacks (OpenGL, ports, sensors, permissions), and how to fix it.
+    """Check this machine (OpenGL, ports, sensors, permissions), and suggest a remedy for each problem.
 
-    With --remote it checks a running edge instead, here or on another machine, by its heartbeat: its
-    sensor, rate and delay, and everything that it reports as wrong. With the address of a health page, it
-    checks a whole installation. The password comes from --password-file or ENLIVEN_HEALTH_PASSWORD. With
-    --edges it lists the edges and relays that announce themselves on the local network, with their addresses.
+    With --remote HOST, the command checks a running edge instead: its sensor, rate and delay, and the
+    problems that the edge reports. The edge can be on this or another machine. With the address of a health
+    page, the command checks a whole installation. The password comes from --password-file or
+    ENLIVEN_HEALTH_PASSWORD. With --edges, the command lists the edges and relays on the local network, with
+    their addresses.
 
-    Ends with exit code 0 if all is well, 4 if something is missing or wrong.
+    The exit code is 0 if no problem was found, and 4 otherwise.
 
     \b
       enliven doctor
@@ -90,7 +91,8 @@ def check_announced_edges(seconds: float = SEARCH_S, interfaces: list[str] | Non
     discovered = find_edges(seconds, interfaces)
     if not discovered:
         remedy = (
-            "Start one with --host 0.0.0.0 on this network. Some networks block multicast: use addresses."
+            "Start an edge with --host 0.0.0.0 on this network. If the network blocks multicast, "
+            "use the edge's address instead."
         )
         return [Check("edges", False, "no edge was found on the local network", remedy)]
     return [Check(edge.announcement.name, edge.is_usable, *describe_edge(edge)) for edge in discovered]
@@ -113,12 +115,18 @@ def edge_checks(address: str) -> list[Check]:
     ended = status.phase == "ended"
     checks = [
         Check(
-            "edge", not ended, f"{status.edge}: {status.phase}, {people}", "Start it again." if ended else ""
+            "edge",
+            not ended,
+            f"{status.edge}: {status.phase}, {people}",
+            "Start the edge again." if ended else "",
         ),
         Check(
-            "sensor", bool(status.sensor), status.sensor or "none", "Connect one, or wait until it is found."
+            "sensor",
+            bool(status.sensor),
+            status.sensor or "none",
+            "Connect a sensor, or wait until the edge finds one.",
         ),
-        Check("rate", True, f"{status.fps:.0f} poses a second, {status.dropped} frames skipped"),
+        Check("rate", True, f"{status.fps:.0f} poses per second, {status.dropped} frames skipped"),
         Check(
             "delay",
             True,
@@ -157,7 +165,7 @@ def check_installation(url: str, password_file: Path | None, certificate: Path |
     for edge in report.edges:
         people = f"{edge.people} performer{'s' * (edge.people != 1)}"
         detail = (
-            f"{edge.phase}, {people}, {edge.fps or 0.0:.0f} poses a second" if edge.up else "no heartbeat"
+            f"{edge.phase}, {people}, {edge.fps or 0.0:.0f} poses per second" if edge.up else "no heartbeat"
         )
         checks.append(Check(f"edge {edge.name}", edge.up, detail, "" if edge.up else _SEE_BELOW))
     for program in report.programs:

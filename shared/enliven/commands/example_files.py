@@ -49,7 +49,9 @@ def open_puppet(path: Path, name: str | None) -> LoadedPuppet:
     if path.suffix.lower() == ".enliven":
         project, notes = read_project(path), ()
         if name is None and not project.puppets:
-            raise InputError("it has no puppet", where=str(path), remedy="Make one of a mesh first.")
+            raise InputError(
+                "the project has no puppet", where=str(path), remedy="Make a puppet from a mesh first."
+            )
         return LoadedPuppet(project, project.puppet(name or next(iter(project.puppets))), notes)
     session = read_session(path)
     return LoadedPuppet(session.project, session.project.puppet(name or session.puppet), session.notes)
@@ -69,8 +71,12 @@ def find_writer(output: Path) -> Callable[[Job], str]:
         return built_in_writers[output.suffix.lower()]
     exporter = exporter_of(output, tuple(built_in_writers))
     if exporter.jointed:
-        problem = f"{output.suffix} holds skeletons, and a puppet has none"
-        raise InputError(problem, where=str(output), remedy="Make a .glb: its joints carry the surface.")
+        problem = f"a {output.suffix} file can contain only skeletons, but a puppet has no skeleton"
+        raise InputError(
+            problem,
+            where=str(output),
+            remedy="Write a .glb file instead. Its joints move the puppet's surface.",
+        )
     return partial(_write_export, exporter)
 
 
@@ -107,6 +113,6 @@ def export_time_span(
     project_with_puppet = Project(takes=project.takes, characters={puppet.id: puppet})
     end_time = project_with_puppet.end_of(puppet) if end is None else end
     if end_time <= start:
-        problem = f"the range from {start:g} s to {end_time:g} s is empty"
-        raise InputError(problem, where=f"puppet {puppet.id!r}", remedy="Choose other --start and --end.")
+        problem = f"the time range from {start:g} s to {end_time:g} s is empty"
+        raise InputError(problem, where=f"puppet {puppet.id!r}", remedy="Set --end to a time after --start.")
     return start, end_time

@@ -20,7 +20,7 @@ examples = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
 
 @examples.callback()
 def _examples() -> None:
-    """Move a mesh by a few example poses: a session maps a performer's poses to poses of the mesh.
+    """Move a mesh by a few example poses. A session maps a performer's poses to poses of the mesh.
 
     \b
       enliven examples new CACTUS.off TRAFFIC.bvh -o cactus.toml --height 1.5
@@ -31,33 +31,44 @@ def _examples() -> None:
 
 @examples.command()
 def new(
-    mesh: Annotated[Path, typer.Argument(help="The mesh: .obj, .off, .ply, .stl, .glb, ...")],
-    take: Annotated[Path, typer.Argument(help="The motion: .bvh, .mcap, .glb, or CMU's tables (.txt).")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Output session (.toml).")],
+    mesh: Annotated[Path, typer.Argument(help="Mesh file: .obj, .off, .ply, .stl, .glb, ...")],
+    take: Annotated[
+        Path,
+        typer.Argument(help="Motion file: .bvh, .mcap, .glb, or a table of the CMU motion database (.txt)."),
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Output session file (.toml).")],
     points: Annotated[
         int, typer.Option(min=1, max=100, help="Maximum number of control points at the extremities.")
     ] = 6,
     poses: Annotated[
         int | None,
-        typer.Option(min=2, max=100, help="Number of key poses; by default as many as are needed."),
+        typer.Option(min=2, max=100, help="Number of key poses. Default: the number that the motion needs."),
     ] = None,
     height: Annotated[
-        float | None, typer.Option(help="Height of the mesh in metres; unchanged by default.")
+        float | None, typer.Option(help="Scale the mesh to this height in metres. Default: unchanged.")
     ] = None,
-    up: Annotated[str, typer.Option(help="The mesh's axis that points up: x, y or z.")] = "y",
+    up: Annotated[str, typer.Option(help="Axis of the mesh that points up: x, y or z.")] = "y",
     turned: Annotated[
-        float, typer.Option(help="Degrees to turn the upright mesh about the vertical, so that it faces +Z.")
+        float,
+        typer.Option(
+            help="Rotation of the upright mesh about the vertical axis in degrees, so that the mesh faces +Z."
+        ),
     ] = 0.0,
     animation: Annotated[
-        str | None, typer.Option(help="Animation of a .glb or person of an .mcap; by default the first.")
+        str | None,
+        typer.Option(help="Name of an animation in a .glb, or of a person in an .mcap. Default: the first."),
     ] = None,
-    start: Annotated[float, typer.Option(min=0, help="Start time in the take, in seconds.")] = 0.0,
-    end: Annotated[float | None, typer.Option(min=0, help="End time in the take, in seconds.")] = None,
+    start: Annotated[
+        float, typer.Option(min=0, help="Start of the used part of the motion, in seconds.")
+    ] = 0.0,
+    end: Annotated[
+        float | None, typer.Option(min=0, help="End of the used part of the motion, in seconds.")
+    ] = None,
 ) -> None:
     """Start a session with guessed control points, joints, symmetry and key poses.
 
-    At first, all key poses show the mesh at rest. For each, set the places of the control points that fit
-    the performer's pose at its time: by hand in the file, or in the studio.
+    At first, all key poses show the mesh at rest. In each key pose, set the positions of the control points,
+    so that the mesh matches the performer's pose at that time. Do this in the studio or in the file.
 
     \b
       enliven examples new CACTUS.off TRAFFIC.bvh -o cactus.toml --height 1.5
@@ -84,17 +95,20 @@ def new(
     write_session(output, puppet_project, mesh.stem, mesh_from, {clip.id: take_from})
     puppet = puppet_project.puppets[mesh.stem]
     print_line(
-        f"enliven: {len(puppet.points)} control points and {len(puppet.poses)} key poses are in {output}. "
-        "Pose them: set the places of the control points in each."
+        f"enliven: {output} contains {len(puppet.points)} control points and "
+        f"{len(puppet.poses)} key poses. Next, set the positions of the control points in each "
+        "key pose."
     )
 
 
 @examples.command()
 def check(
-    session: Annotated[Path, typer.Argument(help="A session (.toml) or a project (.enliven).")],
-    puppet: Annotated[str | None, typer.Option(help="A puppet of the project; the first by default.")] = None,
+    session: Annotated[Path, typer.Argument(help="Session (.toml) or project (.enliven).")],
+    puppet: Annotated[
+        str | None, typer.Option(help="Name of a puppet in the project. Default: the first.")
+    ] = None,
 ) -> None:
-    """Report what a session lacks, and how well its examples cover the motion that it plays.
+    """Report what is missing in a session, and how well its examples cover the motion.
 
     The exit code is 3 if something is missing.
 
@@ -116,7 +130,7 @@ def check(
     print_line(f"enliven: {len(character.poses)} key poses: {pose_list or 'none'}")
     problems = [*find_missing_examples(project, character), *describe_unposed(character)]
     if not character.layers:
-        problems.append("Add the motion to play: [[layer]].")
+        problems.append("Add a [[layer]] with the motion that the puppet plays.")
     for sentence in problems:
         print_line(f"enliven: {sentence}")
     if find_missing_examples(project, character):
@@ -130,24 +144,30 @@ def check(
 
 @examples.command()
 def fit(
-    session: Annotated[Path, typer.Argument(help="A session (.toml) or a project (.enliven).")],
+    session: Annotated[Path, typer.Argument(help="Session (.toml) or project (.enliven).")],
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="Output file: .glb, .mcap (a take), or .enliven.")
+        Path, typer.Option("--output", "-o", help="Output file: .glb, .enliven, or .mcap (a take).")
     ],
-    puppet: Annotated[str | None, typer.Option(help="A puppet of the project; the first by default.")] = None,
+    puppet: Annotated[
+        str | None, typer.Option(help="Name of a puppet in the project. Default: the first.")
+    ] = None,
     sheet: Annotated[
-        Path | None, typer.Option(help="Draw six moments of take and puppet (needs the viewer's package).")
+        Path | None,
+        typer.Option(
+            help="Draw six frames of the motion and the puppet to this image (needs the viewer's package)."
+        ),
     ] = None,
     rate: Annotated[float, typer.Option(min=1, max=240, help="Frames per second of the output.")] = 30.0,
-    start: Annotated[float, typer.Option(help="Start time in seconds.")] = 0.0,
+    start: Annotated[float, typer.Option(help="Start of the output, in seconds.")] = 0.0,
     end: Annotated[
-        float | None, typer.Option(help="End time in seconds; by default after everything was played once.")
+        float | None,
+        typer.Option(help="End of the output, in seconds. Default: when every layer was played once."),
     ] = None,
     morphs: Annotated[
-        bool, typer.Option("--morphs", help="Write morph targets instead of transforms to a .glb.")
+        bool, typer.Option("--morphs", help="Write morph targets instead of joint transforms (only .glb).")
     ] = False,
 ) -> None:
-    """Move the mesh by its examples and write the same file as the studio's panel.
+    """Move the mesh by its example poses, and write the result to a file.
 
     \b
       enliven examples fit CACTUS.toml -o cactus.glb
@@ -172,9 +192,13 @@ def fit(
         # other files, it would slide without moving its limbs.
         problems = (*problems, *describe_unposed(character))
     if problems:
-        raise InputError("it cannot move yet", where=str(session), remedy=" ".join(problems))
+        raise InputError("the puppet cannot be moved yet", where=str(session), remedy=" ".join(problems))
     if not any(not layer.muted for layer in character.layers):
-        raise InputError("it plays nothing", where=str(session), remedy="Add the motion to play: [[layer]].")
+        raise InputError(
+            "the puppet plays no motion",
+            where=str(session),
+            remedy="Add a [[layer]] with the motion that the puppet plays.",
+        )
     _print_result(*source.notes)
     for number, layer in enumerate(character.layers):
         if not layer.muted:
@@ -184,7 +208,8 @@ def fit(
     if sheet and draw:
         draw(sheet, project, character, span)
     print_line(
-        f"enliven: {len(character.poses)} key poses, {span[1] - span[0]:.2f} s are in {output}{remark}"
+        f"enliven: {output} contains {span[1] - span[0]:.2f} s of motion from "
+        f"{len(character.poses)} key poses{remark}"
     )
 
 
@@ -198,7 +223,7 @@ def _path_from_session(session: Path, file: Path) -> str:
 def _parse_axis(name: str) -> Axis:
     axes: dict[str, Literal["x", "y", "z"]] = {"x": "x", "y": "y", "z": "z"}
     if name not in axes:
-        raise InputError(f"{name!r} is not an axis", where="--up", remedy="Give x, y or z.")
+        raise InputError(f"{name!r} is not an axis", where="--up", remedy="Write x, y or z.")
     return axes[name]
 
 

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
 def export(
     source: Annotated[
-        Path, typer.Argument(help="A recording (.mcap), a project (.enliven), or a .bvh, .txt or .glb.")
+        Path,
+        typer.Argument(help="Recording (.mcap), project (.enliven), or motion file (.bvh, .txt or .glb)."),
     ],
     output: Annotated[
         Path,
@@ -31,38 +32,49 @@ def export(
     ],
     character: Annotated[
         list[str] | None,
-        typer.Option("--character", "-c", help="Only this character, person or animation; may be repeated."),
+        typer.Option(
+            "--character", "-c", help="Export only this character, person or animation. Can be repeated."
+        ),
     ] = None,
-    start: Annotated[float, typer.Option(min=0, help="Start time in seconds.")] = 0.0,
+    start: Annotated[float, typer.Option(min=0, help="Start of the exported part, in seconds.")] = 0.0,
     end: Annotated[
-        float | None, typer.Option(min=0, help="End time in seconds; by default the end of the motion.")
+        float | None,
+        typer.Option(min=0, help="End of the exported part, in seconds. Default: the end of the motion."),
     ] = None,
     rate: Annotated[
-        float | None, typer.Option(min=1, max=240, help="Frames per second; by default as recorded, or 30.")
+        float | None,
+        typer.Option(
+            min=1, max=240, help="Frames per second of the output. Default: the rate of the recording, or 30."
+        ),
     ] = None,
     unit: Annotated[
         str | None,
-        typer.Option(help=f"{UNIT.help} One of {', '.join(UNIT.choices)}; by default {UNIT.default}."),
+        typer.Option(help=f"{UNIT.help} One of {', '.join(UNIT.choices)}. Default: {UNIT.default}."),
     ] = None,
-    scale: Annotated[float | None, typer.Option(help=f"{SCALE.help} By default {SCALE.default:g}.")] = None,
+    scale: Annotated[float | None, typer.Option(help=f"{SCALE.help} Default: {SCALE.default:g}.")] = None,
     up: Annotated[
         Literal["y", "z"] | None,
-        typer.Option(help=f"{UP.help} By default {UP.default}."),
+        typer.Option(help=f"{UP.help} Default: {UP.default}."),
     ] = None,
     in_place: Annotated[bool, typer.Option("--in-place", help=IN_PLACE.help)] = False,
-    size: Annotated[str | None, typer.Option(help="Pixels of an .mp4, such as 1920x1080.")] = None,
+    size: Annotated[
+        str | None, typer.Option(help="Image size of an .mp4 in pixels, such as 1920x1080.")
+    ] = None,
     morphs: Annotated[
-        bool, typer.Option("--morphs", help="Write puppets as morph targets instead of transforms to a .glb.")
+        bool,
+        typer.Option(
+            "--morphs", help="Write puppets as morph targets instead of joint transforms (only .glb)."
+        ),
     ] = False,
 ) -> None:
-    """Write the motion of a recording or a project for other programs: as .glb, .bvh, table, points or film.
+    """Write the motion of a recording or a project to a file for other programs, such as .glb, .bvh or .mp4.
 
     Characters are written with their surface and transforms. If a recording has no characters, its people are
-    written as stick figures. A .bvh holds one skeleton: of a person, a rigged model, or a motion file. A
-    .usda, .usdc or .usdz holds skeletons, and exact points of other characters. A .vrma holds the motion of
-    one humanoid, and a .vrm the model of one. A .csv is a table of positions and rotations. An .obj-sequence
-    is a folder with one .obj per frame. An .html is a web page that plays offline. An .mcap is a recording,
-    which enliven view plays.
+    written as stick figures. A .bvh contains one skeleton: of a person, a rigged model, or a motion file. A
+    .usda, .usdc or .usdz contains skeletons, and the vertex positions of characters without a skeleton. A
+    .vrma contains the motion of one humanoid, and a .vrm contains the model of one humanoid. A .csv is a
+    table of positions and rotations. An .obj-sequence is a folder with one .obj per frame. An .html is a web
+    page that plays offline. An .mcap is a recording, which enliven view plays.
 
     \b
       enliven export TAKE.mcap -o take.glb                 the performance, for any program
@@ -86,7 +98,9 @@ def export(
     options = {name: value for name, value in all_options.items() if value is not None}
     exporter = exporter_of(output, (), **options)
     if output.exists() and output.samefile(source):
-        raise InputError("it is also the source", where=str(output), remedy="Choose another name.")
+        raise InputError(
+            "the output file is also the source file", where=str(output), remedy="Choose another output file."
+        )
     from enliven.oneshot.exportable import find_exportables
     from enliven.sounds import mix_from
 
@@ -106,7 +120,7 @@ def export(
         for performance in performances
         if performance.error is not None
     )
-    print_line(f"enliven: {names}, {duration_s:.2f} s, are in {output}{baked}")
+    print_line(f"enliven: {output} contains {duration_s:.2f} s of motion of {names}{baked}")
 
 
 def _write_with_progress(
@@ -138,17 +152,23 @@ def _chosen_characters(
     by_name = {exportable.name: exportable for exportable in exportables}
     for name in names:
         if name not in by_name:
-            remedy = f"Known: {', '.join(by_name)}."
-            raise InputError(f"there is no character {name!r}", where=str(source), remedy=remedy)
+            remedy = f"Known characters: {', '.join(by_name)}."
+            raise InputError(f"the source has no character {name!r}", where=str(source), remedy=remedy)
     missing_parts = {exportable.name: _missing_part(exportable, exporter) for exportable in exportables}
     fitting = [exportable for exportable in exportables if not missing_parts[exportable.name]]
     unsuitable = [name for name in names or by_name if missing_parts[name]]
     if unsuitable and (names or not fitting):
         lack = missing_parts[unsuitable[0]]
         remedy = (
-            "Write a .glb instead: it holds any surface." if lack == "skeleton" else "Write a .bvh instead."
+            "Write a .glb file instead, which can contain any surface."
+            if lack == "skeleton"
+            else "Write a .bvh file instead."
         )
-        raise InputError(f"{', '.join(unsuitable)} has no {lack}", where=str(source), remedy=remedy)
+        raise InputError(
+            f"{', '.join(unsuitable)} has no {lack}, but the output format needs one",
+            where=str(source),
+            remedy=remedy,
+        )
     best = min(exportable.rank for exportable in fitting)
     chosen_characters = [by_name[name] for name in names] or [
         exportable for exportable in fitting if exportable.rank == best
@@ -157,7 +177,7 @@ def _chosen_characters(
         remedy = (
             f"Choose one with --character: {', '.join(exportable.name for exportable in chosen_characters)}."
         )
-        raise InputError("the output file can hold one character only", where=str(source), remedy=remedy)
+        raise InputError("the output format can contain only one character", where=str(source), remedy=remedy)
     return chosen_characters
 
 

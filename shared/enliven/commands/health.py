@@ -19,23 +19,35 @@ if TYPE_CHECKING:
 def health(
     profile: Annotated[
         Path | None,
-        typer.Argument(metavar="[PROFILE]", help="Profile of a kiosk (TOML)."),
+        typer.Argument(metavar="[PROFILE]", help="Profile of the kiosk (TOML file)."),
     ] = None,
     edge: Annotated[
         list[str] | None,
-        typer.Option(metavar="HOST[:PORT]", help="Watch this edge, not those of the profile."),
+        typer.Option(
+            metavar="HOST[:PORT]",
+            help="Monitor this edge instead of the edges in the profile. Can be repeated.",
+        ),
     ] = None,
-    host: Annotated[str, typer.Option(help="Network address to listen on; default: the profile's.")] = "",
-    port: Annotated[int, typer.Option(help="Its port; default: the profile's.", min=0, max=65535)] = 0,
+    host: Annotated[
+        str,
+        typer.Option(help="Network address of the page. Default: the address in the profile."),
+    ] = "",
+    port: Annotated[
+        int,
+        typer.Option(help="Network port of the page. Default: the port in the profile.", min=0, max=65535),
+    ] = 0,
     test_alert: Annotated[
-        bool, typer.Option("--test-alert", help="Send a test alert by the webhook and the command, and stop.")
+        bool,
+        typer.Option(
+            "--test-alert", help="Send a test alert to the webhook and the command of the profile, and stop."
+        ),
     ] = False,
 ) -> None:
     """Serves a page with the health of edges, programs and this computer.
 
     The page is at http://127.0.0.1:5590, metrics for Prometheus are at /metrics, and JSON for scripts is at
-    /health (status 503 if something fails). Beyond this computer it needs a password and TLS, which the
-    profile names under [health]. Alerts are sent as the profile says under [alerts].
+    /health (status 503 if something fails). To serve other computers, the page needs a password and TLS,
+    which are set under [health] in the profile. Alerts are set under [alerts] in the profile.
 
     \b
       enliven health
@@ -51,8 +63,11 @@ def health(
         settings = _resolve_paths(settings, profile.parent)
     if test_alert:
         if profile is None:
-            raise InputError("--test-alert needs a profile", remedy="enliven health PROFILE --test-alert")
-        print_line(f"sent: {', '.join(send_test_alert(settings))}")
+            raise InputError(
+                "--test-alert needs the profile that contains the alert settings",
+                remedy="Type: enliven health PROFILE --test-alert",
+            )
+        print_line(f"test alert sent to: {', '.join(send_test_alert(settings))}")
         return
     if edge:
         settings = replace(settings, edges={address: KioskEdge(address=address) for address in edge})

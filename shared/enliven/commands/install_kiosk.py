@@ -13,20 +13,34 @@ from enliven.errors import EnlivenError, InputError
 
 def install_kiosk(
     profile: Annotated[
-        Path | None, typer.Argument(help="Profile of the kiosk (TOML), in a folder with all its files.")
+        Path | None,
+        typer.Argument(
+            help=(
+                "Profile of the kiosk (TOML file). Its folder must contain all files that the profile uses."
+            )
+        ),
     ] = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Print every file and every command, and change nothing.")
+        bool,
+        typer.Option(
+            "--dry-run", help="Print every file and every command of the installation, but change nothing."
+        ),
     ] = False,
-    remove: Annotated[bool, typer.Option("--remove", help="Undo the installation. Recordings stay.")] = False,
+    remove: Annotated[
+        bool, typer.Option("--remove", help="Uninstall the kiosk. Recordings are not deleted.")
+    ] = False,
     root: Annotated[
-        Path, typer.Option(metavar="FOLDER", help="Install into the system in this folder, such as an image.")
+        Path,
+        typer.Option(
+            metavar="FOLDER",
+            help="Install into the operating system in this folder, such as a mounted disk image.",
+        ),
     ] = Path("/"),
 ) -> None:
     """Install a kiosk as services of systemd, so that it starts with the computer and keeps running.
 
-    It makes the user enliven, copies the folder of the profile to /etc/enliven, and installs the units
-    enliven-edge@NAME, enliven-kiosk and enliven-health. Installing again replaces the kiosk.
+    The command creates the user enliven, copies the folder of the profile to /etc/enliven, and installs the
+    units enliven-edge@NAME, enliven-kiosk and enliven-health. Another installation replaces the kiosk.
 
     \b
       enliven kiosk PROFILE.toml --check
@@ -41,10 +55,10 @@ def install_kiosk(
     installer = Installer(root.absolute(), print_line)
     if remove:
         for folder in installer.remove():
-            print_line(f"kept: {folder} with its recordings")
+            print_line(f"not deleted: {folder} with its recordings")
         return
     if profile is None:
-        raise InputError("no profile is named", remedy="Type: sudo enliven install-kiosk PROFILE.toml")
+        raise InputError("the profile is missing", remedy="Type: sudo enliven install-kiosk PROFILE.toml")
     mistakes = _find_mistakes(profile, root.absolute(), dry_run)
     if mistakes:
         for mistake in mistakes:
@@ -58,7 +72,10 @@ def install_kiosk(
         installer.print_plan(plan)
         return
     installer.install(plan)
-    print_line("installed. The kiosk starts with the computer. Its state: systemctl status 'enliven-*'")
+    print_line(
+        "The kiosk is installed and starts with the computer. To see its state, type: "
+        "systemctl status 'enliven-*'"
+    )
 
 
 def _find_mistakes(profile: Path, root: Path, dry_run: bool) -> list[EnlivenError]:

@@ -14,10 +14,10 @@ keys = typer.Typer(add_completion=False, rich_markup_mode=None, no_args_is_help=
 
 @keys.callback()
 def _keys() -> None:
-    """Makes and lists the keys that lock an edge to its paired viewers.
+    """Makes and lists the keys that limit an edge to paired viewers.
 
-    With keys, an edge encrypts its connections and accepts only viewers that were paired with enliven pair.
-    One pair of keys serves the edges and the viewers of a user on a computer.
+    If the user of an edge has keys, the edge encrypts its connections and accepts only viewers that were
+    paired by enliven pair. All edges and viewers of a user on a computer use the same pair of keys.
 
     \b
       enliven keys make
@@ -30,7 +30,10 @@ def _keys() -> None:
 @keys.command()
 def make(
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace existing keys. Every peer must then pair again.")
+        bool,
+        typer.Option(
+            "--overwrite", help="Replace existing keys. All viewers and edges must then be paired again."
+        ),
     ] = False,
 ) -> None:
     """Makes the keys of this user on this computer."""
@@ -43,27 +46,31 @@ def make(
 
 @keys.command()
 def show() -> None:
-    """Prints the fingerprint of the own keys, to compare it with the one that a peer lists."""
+    """Prints the fingerprint of this user's keys, for comparison with the list of a paired computer."""
     from enliven.keys.key_files import KeyStore, fingerprint
 
     store = KeyStore()
     own_keys = store.load_own_pair()
     if own_keys is None:
         raise InputError(
-            "the keys are missing", where=str(store.own_path), remedy="Make them: enliven keys make."
+            "this user has no keys on this computer",
+            where=str(store.own_path),
+            remedy="Make the keys: enliven keys make",
         )
     print_line(fingerprint(own_keys.public))
 
 
 @keys.command(name="list")
 def list_keys() -> None:
-    """Lists the own keys, the paired viewers and the paired edges."""
+    """Lists the keys of this user, the paired viewers and the paired edges."""
     from enliven.keys.key_files import KeyStore, fingerprint
 
     store, problems = KeyStore(), list[str]()
     try:
         own_keys = store.load_own_pair()
-        own_text = "none: enliven keys make" if own_keys is None else fingerprint(own_keys.public)
+        own_text = (
+            "none (enliven keys make creates keys)" if own_keys is None else fingerprint(own_keys.public)
+        )
     except InputError as error:
         own_text = "damaged"
         problems.append(str(error))
@@ -83,10 +90,12 @@ def list_keys() -> None:
 
 @keys.command()
 def forget(
-    peer: Annotated[str, typer.Argument(help="A name, an address, or the start of a fingerprint.")],
+    peer: Annotated[
+        str, typer.Argument(help="Name, address, or start of the fingerprint of a paired viewer or edge.")
+    ],
 ) -> None:
-    """Forgets a paired viewer or edge. A running edge disconnects such a viewer within seconds."""
+    """Forgets a paired viewer or edge. A running edge disconnects a forgotten viewer within seconds."""
     from enliven.keys.key_files import KeyStore, fingerprint
 
     for forgotten in KeyStore().forget(peer):
-        print_line(f"forgotten: {forgotten.name}, {fingerprint(forgotten.public)}")
+        print_line(f"removed: {forgotten.name}, {fingerprint(forgotten.public)}")

@@ -32,21 +32,24 @@ SOUVENIR_LIBRARIES = ("segno", "starlette", "uvicorn")
 
 
 def kiosk(
-    profile: Annotated[Path, typer.Argument(help="Profile of the kiosk (TOML).")],
+    profile: Annotated[Path, typer.Argument(help="Profile of the kiosk (TOML file).")],
     window: Annotated[
-        bool, typer.Option("--window/--no-window", help="Open the window on this computer's screen.")
+        bool, typer.Option("--window/--no-window", help="Open the kiosk window on this computer's screen.")
     ] = True,
     check: Annotated[
-        bool, typer.Option("--check", help="Name all mistakes of the profile, and start nothing.")
+        bool, typer.Option("--check", help="Print all mistakes in the profile, and start nothing.")
     ] = False,
     edge: Annotated[
-        str, typer.Option("--edge", metavar="NAME", help="Become this edge of the profile, for systemd.")
+        str,
+        typer.Option(
+            "--edge", metavar="NAME", help="Run only this edge of the profile. For services of systemd."
+        ),
     ] = "",
 ) -> None:
-    """Run a kiosk: edges, a full-screen window, and a health page. Each is restarted when it ends or freezes.
+    """Run a kiosk: edges, a full-screen window, and a health page. Programs that end or freeze are restarted.
 
-    The page is at http://127.0.0.1:5590. Ctrl-C or SIGTERM ends everything. To start a kiosk with the
-    computer, use enliven install-kiosk instead.
+    The health page is at http://127.0.0.1:5590. Ctrl-C or SIGTERM ends all programs. To start a kiosk when
+    the computer starts, use enliven install-kiosk instead.
 
     \b
       enliven kiosk PROFILE.toml
@@ -70,7 +73,7 @@ def kiosk(
         raise typer.Exit(mistakes[0].exit_code)
     settings = load_profile(path)
     if check:
-        print_line(f"{profile}: a kiosk can start from this profile")
+        print_line(f"{profile}: no mistakes were found, and the kiosk can start")
         return
     raise typer.Exit(_supervise(settings, path, window))
 
@@ -145,11 +148,14 @@ def _find_lacks(window: bool) -> list[EnlivenError]:
     for command, package in required_packages.items():
         if command not in commands:
             problems.append(
-                ResourceError(f"{package} is not installed here", remedy=f"Type: pip install {package}")
+                ResourceError(
+                    f"{package} is not installed on this computer", remedy=f"Type: pip install {package}"
+                )
             )
     if window and not has_display():
         remedy = (
-            "Start it on the computer's own screen, use --no-window, or install it: enliven install-kiosk."
+            "Start the kiosk on the computer's own screen, use --no-window, or install the kiosk: "
+            "enliven install-kiosk."
         )
         problems.append(ResourceError("no screen was found", where="DISPLAY, WAYLAND_DISPLAY", remedy=remedy))
     return problems
@@ -162,7 +168,11 @@ def _find_missing_libraries(settings: KioskProfile) -> list[EnlivenError]:
         return []
     remedy = 'Type: pip install "enliven-viewer[web]"'
     return [
-        ResourceError(f"souvenirs need {', '.join(missing_libraries)}", where="souvenir.kind", remedy=remedy)
+        ResourceError(
+            f"the libraries for souvenirs are not installed: {', '.join(missing_libraries)}",
+            where="souvenir.kind",
+            remedy=remedy,
+        )
     ]
 
 
@@ -173,8 +183,12 @@ def _find_taken_screen(settings: KioskProfile) -> list[EnlivenError]:
     number = settings.screen.number
     if not is_screen_taken(number):
         return []
-    remedy = "End it, or choose another screen.number in the profile."
-    return [ResourceError("another kiosk shows its window there", where=f"screen {number}", remedy=remedy)]
+    remedy = "Stop the other kiosk, or choose another screen.number in the profile."
+    return [
+        ResourceError(
+            "the window of another kiosk is already on this screen", where=f"screen {number}", remedy=remedy
+        )
+    ]
 
 
 def _run_edge_in_process(name: str, path: Path) -> None:
@@ -191,5 +205,9 @@ def _run_edge_in_process(name: str, path: Path) -> None:
     settings = load_profile(path)
     if name not in local_edges(settings):
         names = ", ".join(local_edges(settings)) or "none"
-        raise InputError(f"it has no edge {name!r}", where=str(path), remedy=f"On this computer: {names}.")
+        raise InputError(
+            f"the profile has no edge {name!r} on this computer",
+            where=str(path),
+            remedy=f"Edges of the profile on this computer: {names}.",
+        )
     raise typer.Exit(run_command(edge_arguments(name, settings, path.parent)))

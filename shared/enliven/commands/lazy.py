@@ -151,7 +151,8 @@ def _load_function(entry: EntryPoint) -> Any:
 
         def broken() -> None:
             raise EnlivenError(
-                f"the command {entry.name!r} cannot be loaded: {reason}", remedy="Install it again."
+                f"the command {entry.name!r} cannot be loaded: {reason}",
+                remedy="Install the package of this command again.",
             )
 
         return broken

@@ -10,12 +10,12 @@ from enliven.commands.terminal import print_line
 
 
 def learn_room(
-    edge: Annotated[str, typer.Argument(metavar="HOST[:PORT]", help="The edge's address.")],
+    edge: Annotated[str, typer.Argument(metavar="HOST[:PORT]", help="Address of the edge.")],
 ) -> None:
     """Make a running edge learn the background and the floor again, for example after furniture was moved.
 
-    The edge goes on running. People are searched again, and keep their numbers if they are recognised. If the
-    edge has keys, this needs the role operate.
+    The edge continues to run. It searches for the people again, and recognised people keep their numbers. If
+    the edge has keys, the command needs the role operate.
 
     \b
       enliven learn-room 127.0.0.1

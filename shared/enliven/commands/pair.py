@@ -12,22 +12,23 @@ from enliven.errors import InputError
 
 
 def pair(
-    edge: Annotated[str, typer.Argument(metavar="HOST[:PORT]", help="The edge's address.")],
+    edge: Annotated[str, typer.Argument(metavar="HOST[:PORT]", help="Address of the edge.")],
     code: Annotated[
-        list[str] | None, typer.Argument(metavar="[CODE]", help="The six digits that the edge shows.")
+        list[str] | None,
+        typer.Argument(metavar="[CODE]", help="The six digits of the pairing code that the edge shows."),
     ] = None,
     role: Annotated[
         Literal["watch", "perform", "edit", "operate"],
-        typer.Option(help="The rights of this viewer. Each role includes the ones before it."),
+        typer.Option(help="Rights of this viewer. Each role also has the rights of the roles before it."),
     ] = "perform",
     name: Annotated[
-        str, typer.Option(help="Name of this viewer in the edge's list; default: the computer's.")
+        str, typer.Option(help="Name of this viewer in the edge's list. Default: the computer's name.")
     ] = "",
     show_code: Annotated[
-        bool, typer.Option("--show-code", help="Show the edge's code; needs the role operate.")
+        bool, typer.Option("--show-code", help="Show the pairing code of the edge. Needs the role operate.")
     ] = False,
 ) -> None:
-    """Pairs with an edge that has keys, so that this user's viewers can connect.
+    """Pairs this user's viewers with an edge that has keys, so that the viewers can connect.
 
     The edge shows a code of six digits in its terminal or log for ten minutes after its start. Roles:
     watch (receive only), perform (possess characters), edit (add, resize and remove characters, scan),
@@ -45,21 +46,25 @@ def pair(
     if show_code:
         shown_code, seconds = show_pairing_code(endpoint)
         print_line(
-            f"{shown_code}, for {seconds} s"
+            f"{shown_code}, valid for {seconds} s"
             if shown_code
-            else f"too many tries: a new code follows in {seconds} s"
+            else f"too many wrong codes were entered: the edge shows a new code in {seconds} s"
         )
         return
     if not digits:
         raise InputError(
-            "the code is missing", where="enliven pair", remedy="Give the six digits: HOST CODE."
+            "the pairing code is missing",
+            where="enliven pair",
+            remedy="Add the six digits of the code: enliven pair HOST CODE",
         )
     store = KeyStore()
     paired_edge = pair_with_edge(endpoint, digits, role, name or platform.node() or "viewer", store)
     print_line(
-        f"paired with {paired_edge.name} as {paired_edge.role}; its key: {fingerprint(paired_edge.public)}"
+        f"paired with {paired_edge.name} in the role {paired_edge.role}; fingerprint of the "
+        f"edge's key: {fingerprint(paired_edge.public)}"
     )
     if paired_edge.role != role:
         print_line(
-            f"Note: the edge grants at most the role {paired_edge.role} (its setting pairing_role).", err=True
+            f"Note: the edge grants at most the role {paired_edge.role} (setting pairing_role of the edge).",
+            err=True,
         )

@@ -15,33 +15,39 @@ if TYPE_CHECKING:
 
 
 def possess(
-    take: Annotated[Path, typer.Argument(help="A recording (.mcap) of an edge, or of tracked people.")],
+    take: Annotated[Path, typer.Argument(help="Recording (.mcap) of an edge, or of tracked people.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Output file: .enliven, .glb or .mp4.")],
     mesh: Annotated[
-        str, typer.Option(help="A mesh file, chair or lamp; by default the mesh that was possessed.")
+        str,
+        typer.Option(help="Mesh file, chair or lamp. Default: the mesh that was possessed in the recording."),
     ] = "",
     character: Annotated[
         str,
         typer.Option(
-            "--character", "-c", help="Character of the recording; by default the first that was possessed."
+            "--character",
+            "-c",
+            help="Character of the recording. Default: the first character that was possessed.",
         ),
     ] = "",
     parts: Annotated[
-        str, typer.Option(help="Body parts that possess the mesh, instead of the recorded ones.")
+        str, typer.Option(help="Body parts that possess the mesh. Default: the body parts in the recording.")
     ] = "",
-    at: Annotated[float, typer.Option(min=0, help="Time in seconds at which they do, with --parts.")] = 0.0,
+    at: Annotated[
+        float,
+        typer.Option(min=0, help="With --parts: time in seconds at which the body parts possess the mesh."),
+    ] = 0.0,
     nodes: Annotated[
-        int, typer.Option(min=1, max=4096, help="Number of nodes of the mesh's deformation graph.")
+        int, typer.Option(min=1, max=4096, help="Number of nodes in the deformation graph of the mesh.")
     ] = 128,
     up: Annotated[
         Literal["x", "y", "z"] | None,
-        typer.Option(help="The mesh's axis that points up; guessed by default."),
+        typer.Option(help="Axis of the mesh that points up. Default: guessed."),
     ] = None,
 ) -> None:
-    """Move a mesh by the performers of a recording, as if they had stepped into it.
+    """Move a mesh by the performers of a recording, as if the performers had possessed the mesh.
 
-    The recording of an edge says which performer possessed the mesh, with which body parts, and how. If it
-    does not, the first performer possesses the mesh with the whole body.
+    The recording of an edge contains which performer possessed the mesh, the body parts, and the settings. If
+    this information is missing, the first performer possesses the mesh with the whole body.
 
     \b
       enliven possess TAKE.mcap --mesh HORSE.obj -o horse.glb
@@ -70,15 +76,15 @@ def possess(
     elif name:
         project = solve_again(with_possession(source, name, possessions), name, notes=notes)
     else:
-        remedy = "Name one: --mesh chair."
-        raise InputError("no mesh was possessed in it", where=str(take), remedy=remedy)
+        remedy = "Choose a mesh, such as --mesh chair."
+        raise InputError("no mesh was possessed in this recording", where=str(take), remedy=remedy)
     for note in notes:
         print_line(f"enliven: {note}", err=True)
     if exporter is None:
         write_project(output, project)
     else:
         exporter.save(output, [sample_performance(project, name)], take.stem)
-    print_line(f"enliven: {name}, {project.end_of(project.graph(name)):.2f} s, is in {output}")
+    print_line(f"enliven: {output} contains {project.end_of(project.graph(name)):.2f} s of motion of {name}")
 
 
 def _read_mesh(spec: str, up: Axis | None) -> tuple[Mesh, bool]:

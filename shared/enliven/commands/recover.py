@@ -13,10 +13,15 @@ from enliven.commands.terminal import print_line
 
 
 def recover(
-    recording: Annotated[Path, typer.Argument(help="The recording that was cut off or is damaged.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Output recording; it must not exist yet.")],
+    recording: Annotated[Path, typer.Argument(help="The truncated or damaged recording.")],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output", "-o", help="New recording for the recovered messages. The file must not exist yet."
+        ),
+    ],
 ) -> None:
-    """Copy every whole message of a cut or damaged recording, and report the losses.
+    """Copy every complete message of a truncated or damaged recording, and report the losses.
 
     \b
       enliven recover BROKEN.mcap -o whole.mcap
@@ -35,7 +40,7 @@ def recover(
     for span in recovery.spans:
         print_line(f"lost: {_span_in_words(span.start_ns, span.end_ns, origin)}")
     if recovery.nameless:
-        print_line(f"lost: {recovery.nameless} messages of topics without a description")
+        print_line(f"lost: {recovery.nameless} messages of unknown topics")
     if not recovery.spans and not recovery.nameless and not recovery.lost:
         print_line("nothing was lost")
 

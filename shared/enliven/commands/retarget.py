@@ -17,41 +17,58 @@ if TYPE_CHECKING:
 
 
 def retarget(
-    take: Annotated[Path, typer.Argument(help="The motion: .bvh, .mcap, .glb, or CMU's tables (.txt).")],
-    model: Annotated[Path, typer.Argument(help="The model: .glb, .gltf or .vrm, rigged or not.")],
+    take: Annotated[
+        Path,
+        typer.Argument(help="Motion file: .bvh, .mcap, .glb, or a table of the CMU motion database (.txt)."),
+    ],
+    model: Annotated[Path, typer.Argument(help="Model file: .glb, .gltf or .vrm, with or without a rig.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Output file: .glb, .bvh or .mp4.")],
     mapping: Annotated[
-        Path | None, typer.Option("--map", help="A mapping file; without one, a mapping is computed.")
+        Path | None, typer.Option("--map", help="Mapping file to use. Default: a mapping is computed.")
     ] = None,
     write_map: Annotated[
-        Path | None, typer.Option(help="Write the mapping that was used, to edit it by hand.")
+        Path | None, typer.Option(help="Write the used mapping to this file, so that it can be edited.")
     ] = None,
     sheet: Annotated[
-        Path | None, typer.Option(help="Draw six moments of take and model (needs the viewer's package).")
+        Path | None,
+        typer.Option(
+            help="Draw six frames of the motion and the model to this image (needs the viewer's package)."
+        ),
     ] = None,
-    start: Annotated[float, typer.Option(min=0, help="Start time in the take, in seconds.")] = 0.0,
-    end: Annotated[float | None, typer.Option(min=0, help="End time in the take, in seconds.")] = None,
+    start: Annotated[
+        float, typer.Option(min=0, help="Start of the used part of the motion, in seconds.")
+    ] = 0.0,
+    end: Annotated[
+        float | None, typer.Option(min=0, help="End of the used part of the motion, in seconds.")
+    ] = None,
     rest: Annotated[
         str | None,
-        typer.Option(help='Reference pose of the take: "mean", "first", "zero", or seconds.'),
+        typer.Option(help='Reference pose of the motion: "mean", "first", "zero", or a time in seconds.'),
     ] = None,
     mode: Annotated[
         Literal["auto", "pose", "move"],
-        typer.Option(help="Take the performer's pose, or move the model from its own; auto: the likelier."),
+        typer.Option(
+            help=(
+                "pose: the model copies the performer's pose. move: the model repeats the performer's "
+                "movements from its own pose. auto: the mode is chosen automatically."
+            )
+        ),
     ] = "auto",
     travel: Annotated[
-        bool, typer.Option("--travel", help="Let the model go where the performer goes.")
+        bool, typer.Option("--travel", help="Move the model through space along the performer's path.")
     ] = False,
     pin: Annotated[
-        bool, typer.Option("--pin", help="With --travel: hold feet where they stand, against sliding.")
+        bool, typer.Option("--pin", help="With --travel: lock standing feet, so that they do not slide.")
     ] = False,
     floor: Annotated[
         bool,
-        typer.Option(help="Keep a standing model on the floor, by its lowest point."),
+        typer.Option(help="Keep the lowest point of a standing model on the floor."),
     ] = True,
     steps: Annotated[
         bool,
-        typer.Option(help="Let differently built legs step where the performer's feet step."),
+        typer.Option(
+            help="If the legs differ in build, place the model's feet where the performer's feet step."
+        ),
     ] = True,
     stretch: Annotated[
         bool,
@@ -59,28 +76,32 @@ def retarget(
     ] = False,
     limits: Annotated[
         bool,
-        typer.Option(help="Limit an animal's joints to the range of its own clips, plus a margin."),
+        typer.Option(help="Limit an animal's joints to the range of the animal's own clips, plus a margin."),
     ] = True,
     soften: Annotated[
         bool,
-        typer.Option("--soften", help="Move limbs less, down to 40 %, where the surface would stretch."),
+        typer.Option(
+            "--soften", help="Reduce the movement of limbs that would stretch the surface, to 40 % at least."
+        ),
     ] = False,
-    turn: Annotated[bool, typer.Option(help="Let the model turn as the performer turns.")] = True,
+    turn: Annotated[bool, typer.Option(help="Turn the whole model as the performer turns.")] = True,
     rate: Annotated[
         float | None,
         typer.Option(
-            min=1, max=240, help="Frames per second of the output; by default the take's, at most 60."
+            min=1,
+            max=240,
+            help="Frames per second of the output. Default: the rate of the motion, but at most 60.",
         ),
     ] = None,
     height: Annotated[
-        float | None, typer.Option(help="Height of the model in metres; unchanged by default.")
+        float | None, typer.Option(help="Scale the model to this height in metres. Default: unchanged.")
     ] = None,
     animation: Annotated[
         str | None,
-        typer.Option(help="Animation of a .glb or person of an .mcap; by default the first."),
+        typer.Option(help="Name of an animation in a .glb, or of a person in an .mcap. Default: the first."),
     ] = None,
 ) -> None:
-    """Move a model by a motion: the whole body automatically, or by a mapping file.
+    """Move a model by a motion. The body parts are matched automatically, or by a mapping file.
 
     \b
       enliven retarget WALK.bvh HORSE.glb -o out.glb
@@ -128,18 +149,19 @@ def retarget(
         draw(sheet, retargeted, f"{take.stem} on {model.stem}")
     if result.quality is None:
         print_line(
-            f"enliven: the take is the model's own: copied joint by joint, "
-            f"{retargeted.duration:.2f} s in {output}"
+            "enliven: the motion was made for this model, so it was copied joint by joint. "
+            f"{output} contains {retargeted.duration:.2f} s of motion"
         )
         return
     modes = {chain.mode for chain in retargeted.plan.chains}
     texts = {
-        frozenset({"pose"}): "posed as the performer",
-        frozenset({"move"}): "moved from its own pose",
+        frozenset({"pose"}): "in the performer's pose",
+        frozenset({"move"}): "moved from the model's own pose",
     }
     print_line(
-        f"enliven: {len(retargeted.plan.chains)} chains, {texts.get(frozenset(modes), 'posed and moved')}, "
-        f"{retargeted.duration:.2f} s are in {output}"
+        f"enliven: {output} contains {retargeted.duration:.2f} s of motion "
+        f"({len(retargeted.plan.chains)} chains, "
+        f"{texts.get(frozenset(modes), 'in both modes')})"
     )
     _print_quality(result, result.quality, write_map)
 
@@ -154,18 +176,21 @@ def _print_quality(result: RetargetedFile, quality: MotionQuality, write_map: Pa
 
     retargeted = result.retargeted
     for limb in list_idle_limbs(retargeted.clip, retargeted.plan):
-        remedy = "Give it a chain: --write-map writes the mapping to begin with."
-        print_line(f"enliven: the performer's {limb} drives nothing. {remedy}", err=True)
+        remedy = "To change this, add a chain for this limb to the mapping file (--write-map)."
+        print_line(f"enliven: the performer's {limb} moves no part of the model. {remedy}", err=True)
     print_line(f"enliven: {quality}")
     weight_by_limb = {
         limb_name(c): c.weight for c in retargeted.plan.chains if c.weight < 1.0 and "whole" not in c.role
     }
     if weight_by_limb:
         message = ", ".join(f"{limb} {weight:.0%}" for limb, weight in weight_by_limb.items())
-        print_line(f"enliven: moved less by the mapping: {message}")
+        print_line(f"enliven: limbs with reduced movement: {message}")
     if retargeted.limited:
         count = f"{len(retargeted.limited)} joint{'s' * (len(retargeted.limited) != 1)}"
-        message = f"{count} kept within limits (--no-limits frees them): {', '.join(retargeted.limited)}"
+        message = (
+            f"{count} stayed within the joint limits (--no-limits turns them off): "
+            f"{', '.join(retargeted.limited)}"
+        )
         print_line(f"enliven: {message}")
     faults = describe_exceeded_bounds(quality, retargeted.plan.pin)
     for message in faults:
@@ -174,10 +199,13 @@ def _print_quality(result: RetargetedFile, quality: MotionQuality, write_map: Pa
         return
     alternative = find_better_mapping(retargeted, result.rig.shape, quality)
     if alternative is None:
-        message = "no other mapping does better: give those joints less weight (--write-map)"
+        message = (
+            "no better mapping was found: reduce the weights of the joints with faults in the "
+            "mapping file (--write-map)"
+        )
         print_line(f"enliven: {message}", err=True)
         return
-    message = f"the next best mapping, {alternative.how}: {alternative.quality}"
+    message = f"the best alternative mapping, {alternative.how}: {alternative.quality}"
     if write_map:
         alternative_path = write_map.with_suffix(f".next{write_map.suffix}")
         write_plan(alternative.plan, alternative_path)

@@ -29,49 +29,65 @@ _COMPILE_TIMEOUT_S = 3600.0
 
 
 def run(
-    recording: Path | None = typer.Option(None, help="Replay this recording; without one, the shipped one."),
+    recording: Path | None = typer.Option(
+        None, help="Recording to replay. Default: the recording that comes with enliven."
+    ),
     sensor: str | None = typer.Option(None, help="Use this sensor instead of a recording."),
-    option: list[str] | None = typer.Option(None, "--set", help="An option of the sensor, KEY=VALUE."),
+    option: list[str] | None = typer.Option(
+        None, "--set", help="Option of the sensor, as KEY=VALUE. Can be repeated."
+    ),
     mesh: list[str] | None = typer.Option(
         None,
-        help="A mesh, 'chair', 'lamp', or a puppet (session, project, or 'cactus'). Repeat it for several.",
+        help="Mesh file, 'chair', 'lamp', or a puppet (session, project, or 'cactus'). Can be repeated.",
     ),
-    possess_at: float = typer.Option(1.5, help="Possess the mesh this many seconds after the first frame."),
+    possess_at: float = typer.Option(
+        1.5, help="Time after the first frame at which the mesh is possessed, in seconds."
+    ),
     parts: list[str] | None = typer.Option(
         None,
-        help="Body parts that possess it: 'legs', 'upper body', ...; by default all.",
+        help="Body parts that possess the mesh: 'legs', 'upper body', ... Default: all.",
         callback=check_parts,
     ),
     out: list[str] | None = typer.Option(
         None,
-        help="Folder for the film and the contact sheet (by default out), or a program that receives the "
-        "motion live, such as vmc:127.0.0.1. Repeat the option for several.",
+        help=(
+            "Folder for the film and the contact sheet (default: out), or address of a program "
+            "that receives the motion live, such as vmc:127.0.0.1. Can be repeated."
+        ),
     ),
     film: bool | None = typer.Option(
         None,
         "--film/--window",
-        help="Make a film or open a window; by default a window if there is a display.",
+        help="Make a film or open a window. Default: a window if the computer has a display.",
     ),
     seconds: float | None = typer.Option(None, help="Stop after this many seconds of the recording."),
-    size: str | None = typer.Option(None, help="Size of window or film, such as 640x360 to draw faster."),
+    size: str | None = typer.Option(
+        None, help="Size of the window or film, such as 640x360. A smaller size draws faster."
+    ),
     up: Literal["x", "y", "z"] | None = typer.Option(
-        None, help="The meshes' axis that points up; guessed by default."
+        None, help="Axis of the meshes that points up. Default: guessed."
     ),
-    physics: str | None = typer.Option(None, help="Loose objects to knock about: boxes or dodgeball."),
+    physics: str | None = typer.Option(
+        None, help="Loose objects that characters can knock over: boxes or dodgeball."
+    ),
     drive: list[str] | None = typer.Option(
-        None, help="Rig that moves the mesh: graph, or skeleton (of a rigged glTF)."
+        None, help="Rig that moves the mesh: graph (deformation graph), or skeleton (of a rigged glTF)."
     ),
-    settings: Path | None = typer.Option(None, help="A TOML file of settings for the edge."),
+    settings: Path | None = typer.Option(None, help="Settings of the edge (TOML file)."),
     record: Path | None = typer.Option(
-        None, help="Keep the take (character, bodies, poses) in this file; {time} or {number} is filled in."
+        None,
+        help=(
+            "Save the take (character, bodies and poses) to this file. {time} and {number} in the "
+            "name are replaced."
+        ),
     ),
-    overwrite: bool = typer.Option(False, "--overwrite", help="Replace an existing take."),
+    overwrite: bool = typer.Option(False, "--overwrite", help="Replace an existing take file."),
 ) -> None:
-    """Start the edge and the viewer together: from a depth recording to a moving mesh.
+    """Start the edge and the viewer together, and move a mesh by a recorded or live performer.
 
     With a display the viewer opens a window. Without one it renders off-screen and writes
     out/enliven.mp4 and out/enliven.png. If the edge fails while a window is open, the window
-    stays, and the edge is started again.
+    stays open, and the edge is restarted.
 
     \b
       enliven run
@@ -90,16 +106,19 @@ def run(
     _check_programs()
     for label, path in (("recording", recording), ("settings file", settings)):
         if path is not None and not path.exists():
-            raise InputError(f"this {label} does not exist", where=str(path), remedy="Check the path.")
+            raise InputError(f"the {label} does not exist", where=str(path), remedy="Check the path.")
     folder, outputs = _folder_and_outputs(out or [])
     require_folder(folder, record)
     as_film = not has_display() if film is None else film
     if as_film and film is None:
-        print_line("enliven: no display was found, so this makes a film; with a display, a window opens")
+        print_line("enliven: no display was found, so a film is made instead of opening a window")
     endless = sensor is not None and not any(each.startswith("rehearse=") for each in option or [])
     if as_film and endless and seconds is None:
         seconds = _FILM_SECONDS
-        print_line(f"enliven: a sensor has no end, so the film is {seconds:g} s long; --seconds changes that")
+        print_line(
+            f"enliven: a sensor has no end, so the film ends after {seconds:g} s. To change this, "
+            "use --seconds"
+        )
     if as_film:
         folder.mkdir(exist_ok=True)
     ports = free_ports()
@@ -152,9 +171,7 @@ def run(
     if code:
         raise typer.Exit(code)
     if as_film:
-        print_line(
-            f"enliven: the film is {folder / 'enliven.mp4'}, the contact sheet {folder / 'enliven.png'}"
-        )
+        print_line(f"enliven: film: {folder / 'enliven.mp4'}, contact sheet: {folder / 'enliven.png'}")
 
 
 def _folder_and_outputs(words: list[str]) -> tuple[Path, list[str]]:
@@ -187,8 +204,8 @@ def _check_programs() -> None:
     for package, name in (("enliven_edge", "enliven-edge"), ("enliven_viewer", "enliven-viewer")):
         if importlib.util.find_spec(package) is None:
             raise ResourceError(
-                f"{name} is not installed here",
-                remedy=f"Install it: pip install {name}, or use 'enliven edge' or 'view'.",
+                f"the package {name} is not installed on this computer",
+                remedy=f"Type: pip install {name}. Or run 'enliven edge' or 'enliven view' alone.",
             )
 
 

@@ -41,17 +41,18 @@ def _check_output(character: Character, pose: Pose, out: Float32 | None) -> Floa
     shape = (len(character.vertices), 3)
     if len(pose.linear) != len(character.pivots):
         raise InputError(
-            f"the pose has {len(pose.linear)} transforms, but the character has {len(character.pivots)}",
+            f"the pose has {len(pose.linear)} transforms, but the character has "
+            f"{len(character.pivots)} transforms",
             where=f"character {character.id!r}",
-            remedy="Give a pose of this character.",
+            remedy="Pass a pose of this character.",
         )
     if out is None:
         return np.empty(shape, np.float32)
     if out.shape != shape or out.dtype != np.float32:
         raise InputError(
-            f"the output array has shape {out.shape} and type {out.dtype}",
+            f"the output array has the wrong shape {out.shape} or type {out.dtype}",
             where="skinning",
-            remedy=f"Give an array of shape {shape} and type float32.",
+            remedy=f"Pass an array of shape {shape} and type float32.",
         )
     return out
 

@@ -35,25 +35,29 @@ class SphereSettings:
     """Settings for covering a mesh with spheres. Lengths are in metres of the mesh at rest."""
 
     edges: float = parameter(
-        4.0, "Sphere radius in mean edge lengths of the mesh. The paper uses 4.", low=0.1, high=1000.0
+        4.0,
+        "Sphere radius, as a multiple of the mean edge length of the mesh. The paper uses 4.",
+        low=0.1,
+        high=1000.0,
     )
     smallest: float = parameter(0.02, "Minimum sphere radius.", unit="m", low=1e-4, high=10.0)
     largest: float = parameter(
         0.10,
-        "Maximum sphere radius, exceeded only to keep below the maximum number of spheres.",
+        "Maximum sphere radius. A larger radius is used only if the maximum number of spheres "
+        "would be exceeded.",
         unit="m",
         low=1e-4,
     )
     most: int = parameter(
         400,
-        "Maximum number of spheres per character. If more are needed, the radius grows.",
+        "Maximum number of spheres per character. If more would be needed, the spheres get larger.",
         low=1,
         high=4096,
     )
     inset: float = parameter(
         0.5,
-        "Depth of sphere centres below the surface, in radii. 0 follows the paper; larger values fit "
-        "the mesh more tightly.",
+        "Depth of sphere centres below the surface, as a fraction of the radius. 0 follows "
+        "the paper. With larger values, the spheres fit the mesh more tightly.",
         low=0.0,
         high=0.95,
     )
@@ -109,7 +113,9 @@ def pack_spheres(
     faces = np.ascontiguousarray(character.faces, np.int32)
     if not np.isfinite(vertices).all():
         raise InputError(
-            "a vertex is not finite", where=f"spheres of {character.id!r}", remedy="Export the mesh again."
+            "a vertex position of the character is not finite",
+            where=f"spheres of {character.id!r}",
+            remedy="Export the mesh again.",
         )
     radius = _sphere_radius(vertices, faces, settings)
     rows, shares = surface_samples(vertices, faces, 0.5 * radius)

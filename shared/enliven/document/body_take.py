@@ -54,7 +54,7 @@ class BodyTake:
                 object.__setattr__(self, name, array)
         problem = _describe_problem(self)
         if problem:
-            raise InputError(problem, where=f"take {self.id!r}", remedy="Record it again.")
+            raise InputError(problem, where=f"take {self.id!r}", remedy="Record the take again.")
 
     @property
     def duration(self) -> float:
@@ -137,8 +137,11 @@ class Possession:
         sizes = [self.size, *self.place[:1]]
         is_valid = rest.ndim == 2 and rest.shape[1] == 3 and len(self.place) in (0, 5) and min(sizes) > 0.0
         if not (is_valid and np.isfinite([*self.place, *sizes, self.height, self.start, self.end]).all()):
-            problem = f"nodes {rest.shape}, a place {self.place} and a size {self.size} are not valid"
-            raise InputError(problem, where=f"take {self.take!r}", remedy="Record it again.")
+            problem = (
+                f"the recorded possession has invalid data: node array {rest.shape}, placement "
+                f"{self.place}, scale {self.size}"
+            )
+            raise InputError(problem, where=f"take {self.take!r}", remedy="Record the take again.")
 
     def last(self, take: BodyTake) -> float:
         """Returns the time of the take, in seconds, at which the played part ends."""
@@ -149,17 +152,20 @@ def _describe_problem(take: BodyTake) -> str:
     frames, people, joints = len(take.seconds), len(take.people), len(Joint)
     shapes = (take.joints.shape, take.confidence.shape, take.present.shape)
     if frames == 0 or people == 0:
-        return "it has no frames or no performers"
+        return "the take has no frames or no performers"
     if shapes != ((frames, people, joints, 3), (frames, people, joints), (frames, people)):
-        return f"joints {shapes[0]}, confidence {shapes[1]}, present {shapes[2]}"
+        return (
+            f"the arrays of the take have wrong shapes: joints {shapes[0]}, confidence "
+            f"{shapes[1]}, present {shapes[2]}"
+        )
     if take.stature is not None and (take.stature.shape != shapes[2] or not (take.stature >= 0.0).all()):
-        return "a stature is negative or missing"
+        return "the height of a performer is negative or missing"
     if len(set(take.people.tolist())) != people:
-        return "two performers have the same id"
+        return "two performers of the take have the same id"
     if not (np.isfinite(take.joints).all() and np.isfinite(take.seconds).all()):
-        return "something in it is not finite"
+        return "a joint position or a time of the take is not a finite number"
     if not ((take.confidence >= 0.0) & (take.confidence <= 1.0)).all():
-        return "a confidence is not between 0 and 1"
+        return "a confidence value of the take is not between 0 and 1"
     if take.seconds[0] != 0.0 or (np.diff(take.seconds) <= 0.0).any() or take.seconds[-1] > _MAX_TAKE_S:
-        return "its times do not increase from 0"
+        return "the times of the take do not increase from 0 s"
     return ""

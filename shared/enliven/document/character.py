@@ -87,37 +87,51 @@ def _describe_problem(character: Character) -> str:
     """Returns a sentence about inconsistent arrays of a character, or an empty string."""
     count, vertices = len(character.pivots), len(character.vertices)
     if vertices == 0 or len(character.faces) == 0 or count == 0:
-        return "it has no vertices, no faces or no pivots"
+        return "the character has no vertices, no faces or no transforms"
     if character.skin.indices.shape != (vertices, 4) or character.skin.weights.shape != (vertices, 4):
-        return f"the skin weights are {character.skin.indices.shape}, expected ({vertices}, 4)"
+        return f"the skin weights have the shape {character.skin.indices.shape}, expected ({vertices}, 4)"
     if character.materials is not None and len(character.materials.of) != len(character.faces):
-        return f"{len(character.materials.of)} faces have materials, expected {len(character.faces)}"
+        return (
+            f"{len(character.materials.of)} faces have a material, but the mesh has "
+            f"{len(character.faces)} faces"
+        )
     if character.colours is not None and character.colours.shape != (vertices, 3):
-        return f"the colours are {character.colours.shape}, expected ({vertices}, 3)"
+        return f"the vertex colours have the shape {character.colours.shape}, expected ({vertices}, 3)"
     if character.stiffness is not None and (
         stiffness_problem := stiffness_error(character.stiffness, vertices)
     ):
         return stiffness_problem
     if (character.kind == "points") != (character.held is not None):
-        return f"its kind is {character.kind!r}, and the vertices that are held are {character.held}"
+        return (
+            "only a character of kind 'points' has handle vertices: the kind is "
+            f"{character.kind!r}, the handle vertices are {character.held}"
+        )
     if character.held is not None and (
         character.held.shape != (count - 1,)
         or (count > 1 and not 0 <= int(character.held.min()) <= int(character.held.max()) < vertices)
     ):
-        return f"{character.held.shape} vertices outside 0..{vertices - 1} are held by {count - 1} points"
+        return (
+            f"the array of handle vertices {character.held.shape} does not match {count - 1} "
+            f"control points, or a vertex is outside 0..{vertices - 1}"
+        )
     if character.pulls is not None and (
         character.pulls.shape != (count - 1,)
         or not (np.isfinite(character.pulls).all() and (character.pulls >= 0).all())
     ):
-        return f"{count - 1} points have the strengths {character.pulls.tolist()}"
+        return (
+            f"the handle weights of the {count - 1} control points are not valid: {character.pulls.tolist()}"
+        )
     if character.names is not None and not len(character.names) == len(set(character.names)) == count:
-        return f"{len(set(character.names))} different names for {count} bones"
+        return f"the character has {count} bones, but {len(set(character.names))} different bone names"
     if int(character.skin.indices.max()) >= count:
-        return f"a vertex follows transform {int(character.skin.indices.max())} of {count}"
+        return (
+            f"a vertex refers to transform {int(character.skin.indices.max())}, but only {count} "
+            "transforms exist"
+        )
     if int(character.faces.min()) < 0 or int(character.faces.max()) >= vertices:
-        return f"a face names a vertex outside 0..{vertices - 1}"
+        return f"a face refers to a vertex outside 0..{vertices - 1}"
     if len(character.edges) and (int(character.edges.min()) < 0 or int(character.edges.max()) >= count):
-        return f"an edge names a pivot outside 0..{count - 1}"
+        return f"an edge of the graph refers to a transform outside 0..{count - 1}"
     return ""
 
 

@@ -52,7 +52,12 @@ class FineFrames:
         rows = [getattr(self, name) for name in track_names if getattr(self, name) is not None]
         rising = self.seconds.ndim == 1 and len(self.seconds) > 1 and bool((np.diff(self.seconds) > 0).all())
         if not rising or not all(len(r) == len(self.seconds) and np.isfinite(r).all() for r in rows):
-            raise InputError("its fine frames do not fit together", where="clip", remedy="Import it again.")
+            raise InputError(
+                "the frames between the regular frames have unequal counts, unordered times or values "
+                "that are not finite",
+                where="clip",
+                remedy="Import the clip again.",
+            )
 
     def scaled(self, scale: float, by: Float) -> FineFrames:
         """Returns the motion for a skeleton that was scaled, then moved by ``by`` (3,) metres."""
@@ -97,7 +102,11 @@ class CubicKeys:
         fits = self.values.shape == (count, width) and self.slopes.shape == (count, 2, width) and count > 0
         finite = all(np.isfinite(array).all() for array in (self.seconds, self.values, self.slopes))
         if not (fits and finite and (np.diff(self.seconds) > 0).all()):
-            raise InputError("its cubic keys do not fit together", where="clip", remedy="Import it again.")
+            raise InputError(
+                "the cubic keyframes have unequal counts, unordered times or values that are not finite",
+                where="clip",
+                remedy="Import the clip again.",
+            )
 
     @property
     def turns(self) -> bool:
@@ -246,25 +255,31 @@ class Clip:
         frames, joints = len(self.turns), len(self.skeleton)
         problem = ""
         if frames == 0:
-            problem = "it has no frames"
+            problem = "the clip has no frames"
         elif self.turns.shape != (frames, joints, 4) or self.root.shape != (frames, 3):
-            problem = f"turns {self.turns.shape}, root {self.root.shape} of {joints} joints"
+            problem = (
+                f"the arrays of the clip have wrong shapes for {joints} joints: rotations "
+                f"{self.turns.shape}, root {self.root.shape}"
+            )
         elif not (np.isfinite(self.turns).all() and np.isfinite(self.root).all()):
-            problem = "something in it is not finite"
+            problem = "a rotation or a root position of the clip is not a finite number"
         elif any(track.shape[:2] != (frames, joints) for _, track in self.tracks):
-            problem = f"its offsets or strains are not of {frames} frames and {joints} joints"
+            problem = f"the joint offsets or strains do not match {frames} frames and {joints} joints"
         elif not all(np.isfinite(track).all() for _, track in self.tracks):
-            problem = "an offset or a strain is not finite"
+            problem = "a joint offset or a strain is not a finite number"
         elif self.mirrors is not None and (
             self.mirrors.shape != (frames, joints) or not (np.abs(self.mirrors) == 1.0).all()
         ):
-            problem = f"its mirrors are not 1 or -1 for {frames} frames and {joints} joints"
+            problem = (
+                f"the reflection signs of the joints are not 1 or -1, or do not match {frames} frames "
+                f"and {joints} joints"
+            )
         elif self.fine is not None and self.fine.turns.shape[1:] != (joints, 4):
-            problem = f"its fine frames are not of {joints} joints"
+            problem = f"the frames between the regular frames do not match {joints} joints"
         elif any(not 0 <= curve.bone < joints for curve in self.cubic):
-            problem = f"its cubic keys are not of {joints} joints"
+            problem = f"the cubic keyframes do not match {joints} joints"
         elif not 0.0 < self.step <= 10.0:
-            problem = f"a frame lasts {self.step} s"
+            problem = f"the frame interval {self.step} s is not above 0 s and at most 10 s"
         if problem:
             raise InputError(problem, where=f"clip {self.id!r}", remedy="Record or import it again.")
 

@@ -12,12 +12,12 @@ class Position:
     """A constraint: at a frame, a control point is at ``place`` (3,), metres in the mesh's frame."""
 
     point: str = data_field(doc="Name of the control point.")
-    frame: int = data_field(doc="Frame of the layer's take.", low=0)
-    place: tuple[float, float, float] = data_field(doc="Position in the mesh's frame.", unit="m")
-    axes: str = data_field("xyz", "Coordinates that are constrained.")
+    frame: int = data_field(doc="Number of the frame in the layer's take.", low=0)
+    place: tuple[float, float, float] = data_field(doc="Position in the frame of the mesh.", unit="m")
+    axes: str = data_field("xyz", 'Coordinates to constrain, such as "xyz".')
 
     def __str__(self) -> str:
-        return f"the position of {self.point!r} at frame {self.frame} ({self.axes})"
+        return f"the position of the control point {self.point!r} at frame {self.frame} ({self.axes})"
 
 
 @dataclass(frozen=True)
@@ -26,12 +26,12 @@ class Velocity:
     to this frame."""
 
     point: str = data_field(doc="Name of the control point.")
-    frame: int = data_field(doc="Frame of the layer's take.", low=0)
-    velocity: tuple[float, float, float] = data_field(doc="Velocity in the mesh's frame.", unit="m/s")
-    axes: str = data_field("xyz", "Coordinates that are constrained.")
+    frame: int = data_field(doc="Number of the frame in the layer's take.", low=0)
+    velocity: tuple[float, float, float] = data_field(doc="Velocity in the frame of the mesh.", unit="m/s")
+    axes: str = data_field("xyz", 'Coordinates to constrain, such as "xyz".')
 
     def __str__(self) -> str:
-        return f"the velocity of {self.point!r} at frame {self.frame} ({self.axes})"
+        return f"the velocity of the control point {self.point!r} at frame {self.frame} ({self.axes})"
 
 
 @dataclass(frozen=True)
@@ -41,14 +41,17 @@ class Coupling:
 
     point: str = data_field(doc="Name of the control point.")
     other: str = data_field(doc="Name of the other control point.")
-    frame: int = data_field(doc="Frame of the layer's take.", low=0)
-    axes: str = data_field("y", "Coordinates that are coupled.")
+    frame: int = data_field(doc="Number of the frame in the layer's take.", low=0)
+    axes: str = data_field("y", 'Coordinates to couple, such as "y" for the height.')
     apart: tuple[float, float, float] = data_field(
-        (0.0, 0.0, 0.0), "Vector from the other control point to this one.", unit="m"
+        (0.0, 0.0, 0.0), "Vector from the other control point to this control point.", unit="m"
     )
 
     def __str__(self) -> str:
-        return f"the coupling of {self.point!r} and {self.other!r} at frame {self.frame} ({self.axes})"
+        return (
+            f"the coupling of the control points {self.point!r} and {self.other!r} at frame "
+            f"{self.frame} ({self.axes})"
+        )
 
 
 Constraint = Position | Velocity | Coupling

@@ -20,31 +20,34 @@ class ExampleSettings:
     )
     rate: float = data_field(
         30.0,
-        "Frame rate for which `acceleration` is defined. Other rates are smoothed over the same time.",
+        "Frame rate for which `acceleration` is defined. At other rates, the smoothing covers the same time.",
         unit="1/s",
         low=1.0,
         high=10000.0,
     )
     margin: float = setting(
         0.25,
-        "How far example weights may leave the range 0 to 1. Larger values extrapolate farther beyond "
-        "the examples.",
+        "Maximum distance of example weights from the range 0 to 1. Larger values allow more "
+        "extrapolation beyond the examples.",
         low=0.0,
         high=1e6,
     )
     affine: float = data_field(
-        10.0, "Weight of the condition that the example weights sum to one.", low=0.1, high=1000.0
+        10.0, "Penalty weight for a sum of example weights that differs from one.", low=0.1, high=1000.0
     )
     far: float = data_field(
         0.1, "Penalty on the weights of examples that are far from the current pose.", low=0.01, high=10.0
     )
     pose: float = data_field(
-        1.0, "Influence of the other joints on the choice of near examples.", low=1e-3, high=100.0
+        1.0,
+        "Influence of the body's other joints on the choice of the nearest examples.",
+        low=1e-3,
+        high=100.0,
     )
     slack: float = data_field(
         1.0,
-        "How readily a control point leaves the span of the examples, to meet a constraint or move "
-        "more smoothly.",
+        "How easily a control point may leave the range of the examples to meet a constraint "
+        "or move more smoothly.",
         low=0.03,
         high=100.0,
     )

@@ -22,7 +22,7 @@ class HistorySettings:
 
     megabytes: float = parameter(
         1024.0,
-        "Maximum memory for all undo steps. Beyond it, the oldest steps are deleted.",
+        "Maximum memory for all undo steps. If the steps need more memory, the oldest are deleted.",
         unit="MB",
         low=0.0,
     )
@@ -90,7 +90,9 @@ class History:
         """
         if not 0 <= step < len(self._steps):
             raise InputError(
-                f"step {step} does not exist", where="history", remedy=f"The last is {len(self._steps) - 1}."
+                f"the undo step {step} does not exist",
+                where="history",
+                remedy=f"The history contains the steps 0 to {len(self._steps) - 1}.",
             )
         self.end_drag()
         self._at = step

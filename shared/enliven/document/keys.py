@@ -47,11 +47,20 @@ class MotionKey:
             object.__setattr__(self, name, tuple(float(number) for number in getattr(self, name)))
         problem = ""
         if not 0.0 <= self.second <= _MAX_KEY_S or not all(map(math.isfinite, (*self.degrees, *self.metres))):
-            problem = f"{self.degrees} degrees, {self.metres} m at {self.second} s cannot be played"
+            problem = (
+                f"a key of {self.degrees} degrees and {self.metres} m at {self.second} s has an "
+                "invalid time or value"
+            )
         elif self.ease not in EASES or len(self.degrees) != 3 or len(self.metres) != 3:
-            problem = f"{self.degrees} degrees, {self.metres} m, {self.ease!r} are not a key"
+            problem = (
+                f"a key of {self.degrees} degrees and {self.metres} m with the interpolation "
+                f"{self.ease!r} is not valid"
+            )
         if problem:
-            advice = f"Give seconds from 0 on, three angles, three metres, and one of {', '.join(EASES)}."
+            advice = (
+                "Pass a time of at least 0 s, three angles, three lengths in metres, and one of these "
+                f"interpolations: {', '.join(EASES)}."
+            )
             raise InputError(problem, where="key", remedy=advice)
 
 
@@ -63,8 +72,10 @@ def sort_keys(keys: Sequence[MotionKey], where: str) -> tuple[MotionKey, ...]:
     """
     frame_keys = sorted(((round(key.second / KEY_STEP), key) for key in keys), key=lambda one: one[0])
     if not frame_keys or len({frame for frame, _ in frame_keys}) < len(frame_keys):
-        problem = "two keys are on one frame" if frame_keys else "no key was given"
-        raise InputError(problem, where=where, remedy="Give each key a frame of its own.")
+        problem = "two keys are on the same frame" if frame_keys else "the list of keys is empty"
+        raise InputError(
+            problem, where=where, remedy="Pass at least one key, and each key on a different frame."
+        )
     return tuple(replace(key, second=frame * KEY_STEP) for frame, key in frame_keys)
 
 
@@ -138,8 +149,16 @@ class CurveKey:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.second) and math.isfinite(self.value) and self.ease in EASES):
-            problem = f"{self.value} at {self.second} s, {self.ease!r}, is not a key"
-            raise InputError(problem, where="key", remedy=f"Give two numbers, and one of {', '.join(EASES)}.")
+            problem = (
+                f"a key with the value {self.value} at {self.second} s and the interpolation "
+                f"{self.ease!r} is not valid"
+            )
+            raise InputError(
+                problem,
+                where="key",
+                remedy="Pass a finite time, a finite value, and one of these interpolations: "
+                f"{', '.join(EASES)}.",
+            )
 
 
 class Curve:

@@ -71,17 +71,17 @@ class Layer(LayerBase):
         object.__setattr__(self, "chain", tuple(int(joint) for joint in self.chain))
         problem = ""
         if basis.shape != (4,) or not np.isclose(np.linalg.norm(basis), 1.0, atol=1e-6):
-            problem = f"the basis {self.basis} is not a unit quaternion"
+            problem = f"the rotation {self.basis} of the layer is not a unit quaternion"
         elif not self.chain:
-            problem = "its chain has no joint"
+            problem = "the layer's chain has no joint"
         elif not 0.0 <= self.weight <= 1.0:
-            problem = f"the weight is {self.weight}"
+            problem = f"the weight {self.weight} of the layer is not between 0 and 1"
         elif self.mode not in MODES:
-            problem = f"the mode {self.mode!r} does not exist (known: {', '.join(MODES)})"
+            problem = f"the layer mode {self.mode!r} does not exist (known modes: {', '.join(MODES)})"
         elif self.feet not in FEET:
-            problem = f"feet cannot stand {self.feet!r} (known: {', '.join(FEET)})"
+            problem = f"the foot lock mode {self.feet!r} does not exist (known modes: {', '.join(FEET)})"
         if problem:
-            raise InputError(problem, where=f"layer {self.id!r}", remedy="Give the layer again.")
+            raise InputError(problem, where=f"layer {self.id!r}", remedy="Correct this value of the layer.")
         self.check_time(f"layer {self.id!r}")
 
 
@@ -117,11 +117,11 @@ class RootLayer(LayerBase):
         self.check_time(where)
         unit = self.basis.shape == (4,) and np.isclose(np.linalg.norm(self.basis), 1.0, atol=1e-6)
         if not (unit and self.about.shape == (3,) and np.isfinite(self.about).all()):
-            problem = f"its rotation {self.basis} or its centre {self.about} is not valid"
-            raise InputError(problem, where=where, remedy="Set its keys again.")
+            problem = f"the rotation {self.basis} or the centre {self.about} of the layer is not valid"
+            raise InputError(problem, where=where, remedy="Set the keys of the layer again.")
         if not (0.0 < self.size < np.inf and 0.0 <= self.weight <= 1.0):
-            problem = f"it cannot be {self.size} times as large, with a weight of {self.weight}"
-            raise InputError(problem, where=where, remedy="Give a size above 0, and a weight from 0 to 1.")
+            problem = f"the scale {self.size} or the weight {self.weight} of the layer is not valid"
+            raise InputError(problem, where=where, remedy="Set a scale above 0 and a weight from 0 to 1.")
 
     @property
     def id(self) -> str:

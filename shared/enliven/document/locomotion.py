@@ -19,8 +19,8 @@ class LocomotionSettings:
     contact: ContactSettings = group(ContactSettings)
     runner: float = data_field(
         0.4,
-        "Maximum speed of a standing foot as a fraction of the feet's mean speed. It keeps contacts of "
-        "fast runners.",
+        "Maximum speed of a standing foot as a fraction of the feet's mean speed. Lower "
+        "values miss contacts of fast runners.",
         low=0.0,
         high=1.0,
     )
@@ -33,7 +33,7 @@ class LocomotionSettings:
     )
     grip: float = data_field(
         0.02,
-        "How much lower than the anchor foot another foot must be to become the anchor.",
+        "Minimum height difference at which a lower foot replaces the anchor foot.",
         unit="mesh sizes",
         low=0.0,
         high=1.0,
@@ -47,15 +47,15 @@ class LocomotionSettings:
     )
     leash: float = setting(
         0.03,
-        "Maximum distance of the puppet from the performer's path, scaled to its strides, before it is "
-        "pulled back.",
+        "Maximum distance of the puppet from the performer's path. The path is scaled to the "
+        "puppet's strides. A farther puppet is pulled back.",
         unit="mesh sizes",
         low=0.0,
         high=1000.0,
     )
     throw: float = data_field(
         0.1,
-        "Time before lift-off over which the launch velocity is averaged.",
+        "Duration before lift-off over which the launch velocity is averaged.",
         unit="s",
         low=0.0,
         high=2.0,
@@ -66,5 +66,5 @@ class LocomotionSettings:
 class Switch:
     """The start of contact with the floor, or of flight, at a frame."""
 
-    frame: int = data_field(doc="Frame of the layer's take.", low=0)
+    frame: int = data_field(doc="Number of the frame in the layer's take.", low=0)
     kind: Kind = data_field(doc='State from this frame on: "contact" or "flight".')

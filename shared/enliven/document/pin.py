@@ -14,7 +14,7 @@ class ContactSettings:
 
     height: float = data_field(
         0.04,
-        "Maximum height of a standing foot above its lowest position.",
+        "Maximum height of a standing foot above the foot's lowest position.",
         unit="limb lengths",
         low=0.0,
         high=2.0,
@@ -23,32 +23,39 @@ class ContactSettings:
         0.5, "Maximum speed of a standing foot.", unit="limb lengths/s", low=0.0, high=100.0
     )
     release: float = data_field(
-        1.6, "Factor on both limits above which a standing foot counts as lifted.", low=1.0, high=10.0
+        1.6,
+        "A standing foot counts as lifted above these limits of height and speed times this factor.",
+        low=1.0,
+        high=10.0,
     )
     shortest: float = data_field(
-        0.1, "Minimum duration of a contact. Shorter ones are ignored.", unit="s", low=0.0, high=10.0
+        0.1,
+        "Minimum duration of a floor contact. Shorter contacts are ignored.",
+        unit="s",
+        low=0.0,
+        high=10.0,
     )
     blend: float = data_field(
         0.12, "Duration of the blend into and out of a foot lock.", unit="s", low=0.0, high=10.0
     )
     rise: float = data_field(
         1.0,
-        "Fraction of its own rise that a standing foot keeps, for example when the heel lifts before "
-        "the toe.",
+        "Fraction of the recorded rise that a standing foot keeps, for example when the heel "
+        "lifts before the toe.",
         low=0.0,
         high=1.0,
     )
     sink: float = data_field(
         0.0,
-        "Fraction of its own sinking that a standing foot keeps. Use 1 if something else keeps it "
-        "above the floor.",
+        "Fraction of the recorded sinking that a standing foot keeps. Use 1 if another "
+        "function keeps the foot above the floor.",
         low=0.0,
         high=1.0,
     )
     above: bool = data_field(False, "Keeps the foot above the floor level of the model's rest pose.")
     drop: float = data_field(
         0.1,
-        "Maximum lowering of the root so that a foot reaches its position.",
+        "Maximum lowering of the root so that a foot reaches its locked position.",
         unit="limb lengths",
         low=0.0,
         high=1.0,

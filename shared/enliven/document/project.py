@@ -39,8 +39,11 @@ class Marker:
 
     def __post_init__(self) -> None:
         if not (self.id and 0.0 <= self.seconds < float("inf")):
-            problem = f"a marker {self.id!r} cannot be at {self.seconds} s"
-            raise InputError(problem, where="project", remedy="Give a name, and seconds from 0 on.")
+            problem = (
+                f"a marker needs a name and a time of at least 0 s, but has the name {self.id!r} and "
+                f"the time {self.seconds} s"
+            )
+            raise InputError(problem, where="project", remedy="Correct the name or the time of the marker.")
 
 
 @dataclass(frozen=True)
@@ -64,7 +67,11 @@ class CameraMark:
     def __post_init__(self) -> None:
         numbers = (*self.target, self.azimuth, self.elevation, self.distance)
         if not (all(abs(number) < float("inf") for number in numbers) and self.distance > 0.0):
-            raise InputError("the view is not valid", where=f"view {self.id!r}", remedy="Store it again.")
+            raise InputError(
+                "a number of the camera view is not finite, or the distance is not above 0",
+                where=f"view {self.id!r}",
+                remedy="Store the camera view again.",
+            )
 
 
 @dataclass(frozen=True)
@@ -85,10 +92,14 @@ class DisplayState:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.size < float("inf"):
-            raise InputError(f"its size is {self.size}", where="handling", remedy="Give one above 0.")
+            raise InputError(
+                f"the display size {self.size} of a character is not valid",
+                where="handling",
+                remedy="Set a size above 0.",
+            )
         if self.exaggeration is not None and not 0.0 <= self.exaggeration < float("inf"):
-            problem = f"its exaggeration is {self.exaggeration}"
-            raise InputError(problem, where="handling", remedy="Give 0 or more.")
+            problem = f"the exaggeration {self.exaggeration} of a character is not valid"
+            raise InputError(problem, where="handling", remedy="Set an exaggeration of at least 0.")
 
 
 FREE = DisplayState()
@@ -178,8 +189,8 @@ class Project:
         if isinstance(candidate, rig):
             return candidate
         names, word = ", ".join(self.of(rig)), getattr(rig, "word", "character")
-        advice = f"Known: {names}." if names else "Add one first."
-        raise InputError(f"there is no {word} {character_id!r}", where="project", remedy=advice)
+        advice = f"The project contains: {names}." if names else f"Add a {word} first."
+        raise InputError(f"the project has no {word} {character_id!r}", where="project", remedy=advice)
 
     def of(self, rig: type[R]) -> dict[str, R]:
         """Returns the characters of one kind, by id."""

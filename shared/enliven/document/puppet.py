@@ -112,7 +112,11 @@ class PuppetLayer(LayerBase):
         where = f"layer of {self.take!r}"
         self.check_time(where)
         if not 0.0 <= self.weight <= 1.0:
-            raise InputError(f"the weight is {self.weight}", where=where, remedy="Give one from 0 to 1.")
+            raise InputError(
+                f"the weight {self.weight} of the layer is not valid",
+                where=where,
+                remedy="Set a weight from 0 to 1.",
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,8 +209,8 @@ class ExampleCharacter(RigBase):
             if point.name == name:
                 return number
         names = ", ".join(point.name for point in self.points) or "none"
-        problem = f"the control point {name!r} does not exist"
-        raise InputError(problem, where=f"puppet {self.id!r}", remedy=f"Known: {names}.")
+        problem = f"the puppet has no control point {name!r}"
+        raise InputError(problem, where=f"puppet {self.id!r}", remedy=f"Known control points: {names}.")
 
 
 def character_from_puppet(puppet: ExampleCharacter) -> Character:
@@ -220,8 +224,8 @@ def character_from_puppet(puppet: ExampleCharacter) -> Character:
         InputError: if the puppet has no control points.
     """
     if not puppet.points:
-        advice = "Put one on the mesh."
-        raise InputError("it has no control points", where=f"puppet {puppet.id!r}", remedy=advice)
+        advice = "Add a control point on the mesh."
+        raise InputError("the puppet has no control points", where=f"puppet {puppet.id!r}", remedy=advice)
     vertices, count = puppet.mesh.vertices, len(puppet.points)
     indices = np.zeros((len(vertices), 4), np.uint16)
     weights = np.zeros((len(vertices), 4), np.float32)
@@ -247,21 +251,30 @@ def character_from_puppet(puppet: ExampleCharacter) -> Character:
 def _describe_problem(puppet: ExampleCharacter) -> str:
     names = [point.name for point in puppet.points]
     if len(set(names)) < len(names):
-        return f"two control points have one name: {', '.join(names)}"
+        return f"two control points have the same name in this list: {', '.join(names)}"
     if puppet.place.shape != (3,) or puppet.turn.shape != (4,):
-        return f"place {puppet.place.shape}, turn {puppet.turn.shape}"
+        return (
+            f"the placement of the puppet has wrong shapes: position {puppet.place.shape}, "
+            f"rotation {puppet.turn.shape}"
+        )
     if not np.isclose(np.linalg.norm(puppet.turn), 1.0, atol=1e-6):
-        return f"the turn {puppet.turn} is not a unit quaternion"
+        return f"the rotation {puppet.turn} of the puppet is not a unit quaternion"
     for point in puppet.points:
         if not point.name or not 0 <= point.vertex < len(puppet.mesh.vertices):
-            return f"control point {point.name!r} is vertex {point.vertex} of {len(puppet.mesh.vertices)}"
+            return (
+                f"the control point {point.name!r} has no name, or its vertex {point.vertex} is not "
+                f"among the {len(puppet.mesh.vertices)} vertices of the mesh"
+            )
     for number, pose in enumerate(puppet.poses):
         if pose.places.shape != (len(names), 3):
-            return f"key pose {number} has {len(pose.places)} places for {len(names)} control points"
+            return f"key pose {number} has {len(pose.places)} positions for {len(names)} control points"
         if not np.isfinite(pose.places).all() or not np.isfinite(pose.time):
-            return f"key pose {number} is not finite"
+            return f"a position or the time of key pose {number} is not a finite number"
     for layer in puppet.layers:
         missing = sorted(set(layer.points) - set(names))
         if missing:
-            return f"the layer of {layer.take!r} moves {missing[0]!r}, which is not there"
+            return (
+                f"the layer with the take {layer.take!r} moves the control point {missing[0]!r}, which "
+                "does not exist"
+            )
     return ""

@@ -156,8 +156,15 @@ class RigBase:
             missing = names - set(held[collection])
             if missing:
                 first_missing = min(missing)
-                problem = f"the {collection[:-1]} {first_missing!r} does not exist"
+                problem = (
+                    f"the project has no {collection[:-1]} {first_missing!r}, but the character needs it"
+                )
                 raise InputError(
-                    f"the bodies {first_missing!r} do not exist" if collection == "bodies" else problem,
+                    (
+                        f"the project has no recorded performers {first_missing!r}, but the character needs "
+                        "them"
+                    )
+                    if collection == "bodies"
+                    else problem,
                     where=self.where,
                 )

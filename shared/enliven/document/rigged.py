@@ -67,7 +67,7 @@ class RiggedCharacter(RigBase):
         problem = _describe_problem(self)
         missing = [] if problem else [name for name in layer_ids if name not in layers]
         if missing:
-            problem = f"the layer {missing[0]!r} does not exist"
+            problem = f"the shape refers to the layer {missing[0]!r}, which does not exist"
         if problem:
             raise InputError(problem, where=f"shape {self.id!r}", remedy="Build the shape again.")
 
@@ -120,15 +120,18 @@ class RiggedCharacter(RigBase):
             if layer.id == layer_id:
                 return layer
         names = ", ".join(layer.id for layer in self.layers)
-        advice = f"Known: {names}." if names else "Bind a chain first."
-        raise InputError(f"the layer {layer_id!r} does not exist", where=self.where, remedy=advice)
+        advice = f"Known layers: {names}." if names else "Bind a take to a chain of the shape first."
+        raise InputError(f"the shape has no layer {layer_id!r}", where=self.where, remedy=advice)
 
     def check(self, held: Mapping[str, Mapping[str, Any]]) -> None:
         """Raises InputError if a take does not exist, or lacks joints of a layer's chain."""
         super().check(held)
         for layer in self.layers:
             if max(layer.chain) >= len(held["takes"][layer.take].skeleton):
-                raise InputError("its chain names joints that the take lacks", where=f"layer {layer.id!r}")
+                raise InputError(
+                    "the layer's chain refers to joints that the take does not contain",
+                    where=f"layer {layer.id!r}",
+                )
 
 
 def layer_ids_in_spans(shape: RiggedCharacter) -> tuple[str, ...]:
@@ -189,22 +192,26 @@ def bones_to_draw(skeleton: Skeleton) -> Int32:
 def _describe_problem(shape: RiggedCharacter) -> str:
     count = len(shape.skeleton)
     if shape.modeling.shape != (count, 4) or len(shape.spans) != count or shape.place.shape != (3,):
-        return f"{count} joints, modeling {shape.modeling.shape}, {len(shape.spans)} spans"
+        return (
+            f"the arrays do not match: {count} joints, rotations {shape.modeling.shape}, spans of "
+            f"{len(shape.spans)} bones"
+        )
     if not np.allclose(np.linalg.norm(shape.modeling, axis=1), 1.0, atol=1e-6):
-        return "a modeling rotation is not a unit quaternion"
+        return "a modelled rotation of a bone is not a unit quaternion"
     if shape.travel_scale is not None and not 0.0 <= shape.travel_scale < 1e6:
-        return f"the scale of its travel is {shape.travel_scale}"
+        return f"the travel scale {shape.travel_scale} of the shape is not valid"
     for name, spans in zip(shape.skeleton.names, shape.spans, strict=True):
         shares = [span.share for span in spans]
         if not shares or min(shares) < 0.0 or abs(sum(shares) - 1.0) > 1e-9:
-            return f"the spans of bone {name!r} do not cover it"
+            return f"the spans of bone {name!r} do not cover the whole bone"
     if (shape.mesh is None) != (shape.skin is None):
-        return "a mesh needs skin weights, and skin weights a mesh"
+        return "a shape needs both a mesh and skin weights, or neither"
     if shape.mesh is not None and shape.skin is not None:
         if shape.skin.indices.shape != (len(shape.mesh.vertices), 4):
             return (
-                f"the skin is of {len(shape.skin.indices)} vertices, the mesh has {len(shape.mesh.vertices)}"
+                f"the skin weights are for {len(shape.skin.indices)} vertices, but the mesh has "
+                f"{len(shape.mesh.vertices)} vertices"
             )
         if shape.skin.indices.size and int(shape.skin.indices.max()) >= count:
-            return f"a vertex follows bone {int(shape.skin.indices.max())} of {count}"
+            return f"a vertex refers to bone {int(shape.skin.indices.max())}, but only {count} bones exist"
     return ""

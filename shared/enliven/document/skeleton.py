@@ -47,7 +47,9 @@ class Skeleton:
         problem = _describe_problem(self)
         if problem:
             raise InputError(
-                problem, where="skeleton", remedy="Build it with skeleton_from_links, or repair the file."
+                problem,
+                where="skeleton",
+                remedy="Build the skeleton with skeleton_from_links, or repair the file.",
             )
 
     def __len__(self) -> int:
@@ -82,7 +84,9 @@ class Skeleton:
         if name not in self.names:
             first_names = ", ".join(self.names[:12]) + (", ..." if len(self.names) > 12 else "")
             raise InputError(
-                f"the joint {name!r} does not exist", where="skeleton", remedy=f"Known: {first_names}."
+                f"the skeleton has no joint {name!r}",
+                where="skeleton",
+                remedy=f"Known joints: {first_names}.",
             )
         return self.names.index(name)
 
@@ -131,17 +135,19 @@ def skeleton_from_links(
     """
     where = "skeleton"
     if not names:
-        raise InputError("it has no joints", where=where, remedy="Give at least one.")
+        raise InputError("the skeleton has no joints", where=where, remedy="Pass at least one joint.")
     neighbours: list[list[int]] = [[] for _ in names]
     for a, b in links:
         if not (0 <= a < len(names) and 0 <= b < len(names)):
-            raise InputError(f"a link joins {a} and {b} of {len(names)} joints", where=where)
+            raise InputError(
+                f"a link refers to the joints {a} and {b}, but only {len(names)} joints exist", where=where
+            )
         neighbours[a].append(b)
         neighbours[b].append(a)
     order, parents = _depth_first_order(names, neighbours, root or 0)
     unlinked = [name for i, name in enumerate(names) if i not in parents]
     if unlinked:
-        advice = "Link them, or load them as a shape of their own."
+        advice = "Link these joints to the skeleton, or load them as a separate shape."
         raise InputError(
             f"these joints are not linked to the root: {', '.join(unlinked)}", where=where, remedy=advice
         )
@@ -169,7 +175,7 @@ def _depth_first_order(
             if other in parents:
                 cycle = _closed_cycle(parents, joint, other)
                 cycle_names = ", ".join(names[i] for i in cycle)
-                advice = "A skeleton is a tree: remove one of the links."
+                advice = "Remove one of the links, because a skeleton must be a tree."
                 raise InputError(f"these joints form a cycle: {cycle_names}", where="skeleton", remedy=advice)
             parents[other] = joint
             waiting.append(other)
@@ -191,18 +197,21 @@ def _closed_cycle(parents: dict[int, int], joint: int, other: int) -> list[int]:
 def _describe_problem(skeleton: Skeleton) -> str:
     count = len(skeleton.names)
     if count == 0:
-        return "it has no joints"
+        return "the skeleton has no joints"
     if skeleton.parents.shape != (count,) or skeleton.positions.shape != (count, 3):
-        return f"{count} names, parents {skeleton.parents.shape}, positions {skeleton.positions.shape}"
+        return (
+            f"the arrays of the skeleton do not match: {count} names, parents "
+            f"{skeleton.parents.shape}, positions {skeleton.positions.shape}"
+        )
     if len(set(skeleton.names)) != count:
         twice = sorted({name for name in skeleton.names if skeleton.names.count(name) > 1})
-        return f"these names occur more than once: {', '.join(twice[:5])}"
+        return f"these joint names occur more than once: {', '.join(twice[:5])}"
     if skeleton.parents[0] != -1 or (skeleton.parents[1:] < 0).any():
-        return "entry 0 must be the one root (parent -1)"
+        return "joint 0 must be the only root (parent -1)"
     misplaced = np.flatnonzero(skeleton.parents >= np.arange(count))
     if len(misplaced):
         return f"joint {skeleton.names[misplaced[0]]!r} is listed before its parent"
     if not np.isfinite(skeleton.positions).all():
         bad_joint = int(np.flatnonzero(~np.isfinite(skeleton.positions).all(1))[0])
-        return f"the position of joint {skeleton.names[bad_joint]!r} is not finite"
+        return f"the position of joint {skeleton.names[bad_joint]!r} is not a finite number"
     return ""

@@ -118,17 +118,19 @@ class TimeMap:
             object.__setattr__(self, name, tuple(getattr(self, name)))
         if problem := _describe_key_problem(self.weights, self.speeds):
             advice = (
-                f"Give weights from 0 to 1, speeds of at least {MIN_SPEED}, and each key a time of its own."
+                f"Use weights from 0 to 1, speeds of at least {MIN_SPEED}, and a different time for each key."
             )
             raise InputError(problem, where=where, remedy=advice)
         if self.speed == 0.0 or not (math.isfinite(self.offset) and math.isfinite(self.speed)):
-            message = f"offset {self.offset}, speed {self.speed} cannot be played"
-            raise InputError(message, where=where, remedy="Give seconds, and a speed that is not 0.")
+            message = f"the offset {self.offset} s or the speed {self.speed} of the layer is not valid"
+            raise InputError(
+                message, where=where, remedy="Set a finite offset in seconds, and a speed that is not 0."
+            )
         if not (0.0 <= self.ease < math.inf and 0.0 <= self.smooth < math.inf):
-            message = f"a fade of {self.ease} s or a smoothing of {self.smooth} s is not possible"
-            raise InputError(message, where=where, remedy="Give seconds from 0 on.")
+            message = f"the fade of {self.ease} s or the smoothing of {self.smooth} s is not valid"
+            raise InputError(message, where=where, remedy="Set durations of at least 0 s.")
         if problem := _describe_problem(self.segments):
-            raise InputError(problem, where=where, remedy="Move a clip away, or trim it.")
+            raise InputError(problem, where=where, remedy="Move one of the clips, or trim it.")
 
     def lane(self, length: float) -> tuple[Segment, ...]:
         """Returns the segments of the lane for a take of ``length`` seconds. There is at least one
@@ -280,7 +282,11 @@ class TimeMap:
             InputError: without segments, or if they are not in sequence.
         """
         if not clips:
-            raise InputError("nothing is left to be played", where="clip", remedy="Remove the layer instead.")
+            raise InputError(
+                "the last clip of a layer cannot be removed",
+                where="clip",
+                remedy="Remove the whole layer instead.",
+            )
         ordered = sorted(clips, key=lambda one: one.begin)
         first, start = ordered[0], ordered[0].begin
         low, high = sorted((first.first, first.last))
@@ -395,12 +401,20 @@ def find_clip_run(lane: Sequence[Segment], number: int) -> tuple[float, float]:
 def _describe_key_problem(weights: Sequence[CurveKey], speeds: Sequence[CurveKey]) -> str:
     for keys in (weights, speeds):
         if any(b.second - a.second < _MIN_KEY_INTERVAL_S for a, b in pairwise(keys)):
-            return "two keys of its weight or speed are at the same time, or keys are not in order"
+            return (
+                "two keys of the layer's weight or speed are at the same time, or the keys are not in "
+                "the order of time"
+            )
     if any(not 0.0 <= key.value <= 1.0 for key in weights):
-        return f"a key gives it the weight {max((key.value for key in weights), key=lambda v: abs(v - 0.5))}"
+        return (
+            "a key sets the layer's weight to "
+            f"{max((key.value for key in weights), key=lambda v: abs(v - 0.5))}, which is not "
+            "between 0 and 1"
+        )
     if any(not MIN_SPEED <= key.value <= MAX_SPEED for key in speeds):
         return (
-            f"a key plays it {min(key.value for key in speeds)} to {max(key.value for key in speeds)} times"
+            f"the keys set the layer's speed to values from {min(key.value for key in speeds)} to "
+            f"{max(key.value for key in speeds)}, outside {MIN_SPEED}..{MAX_SPEED}"
         )
     return ""
 
@@ -412,13 +426,13 @@ def _clamp_second(second: float, length: float) -> float:
 def _describe_problem(segments: Sequence[Segment]) -> str:
     numbers = [x for segment in segments for x in (segment.begin, segment.end, segment.first, segment.speed)]
     if not all(math.isfinite(x) for x in numbers) or any(segment.speed == 0.0 for segment in segments):
-        return "a clip of it has an invalid begin, end or speed"
+        return "a clip of the layer has an invalid start, end or speed"
     if any(segment.end <= segment.begin for segment in segments):
-        return "a clip of it has no length"
+        return "a clip of the layer has no duration"
     if segments and abs(segments[0].begin) > _TOUCHING_CLIPS_S:
-        return "its first clip does not begin at 0"
+        return "the first clip of the layer does not begin at 0 s"
     if any(b.begin <= a.begin or b.end <= a.end for a, b in pairwise(segments)):
-        return "one of its clips is within another clip"
+        return "a clip of the layer is completely inside another clip"
     if any(c.begin < a.end - _TOUCHING_CLIPS_S for a, c in zip(segments, segments[2:], strict=False)):
-        return "three of its clips play at the same time"
+        return "three clips of the layer play at the same time"
     return ""

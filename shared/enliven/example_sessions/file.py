@@ -35,11 +35,15 @@ class SessionFile:
                 remedy = (
                     f"Did you mean {similar_names[0]}?"
                     if similar_names
-                    else f"Known: {', '.join(_TABLE_NAMES)}."
+                    else f"Known tables: {', '.join(_TABLE_NAMES)}."
                 )
                 raise InputError(f"unknown table {name}", where=str(path), remedy=remedy)
         if "mesh" not in self._found:
-            raise InputError("it has no [mesh]", where=str(path), remedy='Add [mesh] file = "...".')
+            raise InputError(
+                "the session file has no table [mesh]",
+                where=str(path),
+                remedy='Add [mesh] with file = "PATH".',
+            )
 
     def has_table(self, name: str) -> bool:
         """Returns True if the file has a table of that name."""
@@ -49,8 +53,8 @@ class SessionFile:
         """Returns a table that may occur at most once. If it is missing, returns its default values."""
         value = self._found.get(name, {})
         if not isinstance(value, Mapping):
-            remedy = f"Write [{name}], once."
-            raise InputError(f"{name} must be one table", where=str(self._path), remedy=remedy)
+            remedy = f"Write exactly one table [{name}]."
+            raise InputError(f"[{name}] must be a single table", where=str(self._path), remedy=remedy)
         return self.parse_table(f"[{name}]", kind, value)
 
     def read_tables(self, name: str) -> list[tuple[str, Mapping[str, Any]]]:
@@ -89,14 +93,16 @@ class SessionFile:
         text = os.path.expandvars(file)
         unknown = re.search(r"\$\{?(\w+)", text)
         if unknown:
-            remedy = f"Set {unknown[1]} to a folder, or write its path."
-            raise InputError(f"{unknown[0].replace('{', '')} is not set", where=file, remedy=remedy)
+            remedy = f"Set {unknown[1]} to a folder, or write the full path of the file."
+            raise InputError(f"the environment variable {unknown[1]} is not set", where=file, remedy=remedy)
         return self._path.parent / Path(text).expanduser()
 
     def _table_list(self, tables: Mapping[str, Any], name: str, where: str) -> list[Mapping[str, Any]]:
         """Returns the tables of an array of tables, or an empty list if it is missing."""
         value = tables.get(name, [])
         if not isinstance(value, list) or not all(isinstance(item, Mapping) for item in value):
-            remedy = f"Write [[{name}]] for each."
-            raise InputError(f"{name} must be tables", where=f"{self._path}{where}", remedy=remedy)
+            remedy = f"Write one table [[{name}]] for each entry."
+            raise InputError(
+                f"{name} must be an array of tables", where=f"{self._path}{where}", remedy=remedy
+            )
         return value

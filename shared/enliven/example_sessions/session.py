@@ -151,8 +151,8 @@ class _Reader:
         clip, notes = read_take(path, table.animation, table.start, table.end)
         name = table.name or clip.id
         if name in self._takes:
-            remedy = "Give it another name."
-            raise InputError(f"there is a take {name!r} already", where=str(path), remedy=remedy)
+            remedy = "Set another name for this take."
+            raise InputError(f"the session already has a take {name!r}", where=str(path), remedy=remedy)
         self._project = self._project.with_takes(replace(clip, id=name))
         self._takes[name] = replace(table, name=name)
         self._notes += notes
@@ -160,7 +160,10 @@ class _Reader:
     def _read_point(self, table: PointTable) -> None:
         vertex = table.vertex
         if (vertex is None) == (table.at is None):
-            raise InputError("it needs a vertex or a place", remedy="Give vertex = 4711 or at = [x, y, z].")
+            raise InputError(
+                "the control point needs either a vertex or a position",
+                remedy="Set vertex = 4711 or at = [x, y, z].",
+            )
         if vertex is None:
             vertex = nearest_vertex(self._puppet.mesh, np.array(table.at))
         self._project = add_point(self._project, self._name, vertex, table.name, table.joint, table.foot)
@@ -170,9 +173,11 @@ class _Reader:
     def _read_pose(self, table: PoseTable) -> None:
         take = self._find_take_id(table.take)
         if (table.time is None) == (table.frame is None):
-            raise InputError("it needs a time or a frame", remedy="Give time = 3.2 or frame = 96.")
+            raise InputError(
+                "the key pose needs either a time or a frame", remedy="Set time = 3.2 or frame = 96."
+            )
         if table.places is not None and table.moves is not None:
-            raise InputError("it has places and moves", remedy="Give one of them.")
+            raise InputError("the key pose has both places and moves", remedy="Set only one of the two.")
         step = self._project.takes[take].step
         time = table.time if table.time is not None else (table.frame or 0) * step
         places = self._puppet.rest.copy()
@@ -187,8 +192,8 @@ class _Reader:
         if table.find:
             plane = plane_of_symmetry(self._puppet.mesh)
             if plane is None:
-                remedy = "Give a point and a normal, or leave [symmetry] out."
-                raise InputError("the mesh has no plane of symmetry", remedy=remedy)
+                remedy = "Set a point and a normal in [symmetry], or remove [symmetry]."
+                raise InputError("no symmetry plane of the mesh was found", remedy=remedy)
         self._project = set_symmetry(self._project, self._name, plane)
 
     def _read_settings(self) -> None:
@@ -213,7 +218,9 @@ class _Reader:
         if keys:
             name = name or unused(f"{self._name} keys", self._project.takes)
             if name in self._project.takes:
-                raise InputError(f"there is a take {name!r} already", remedy="Give it another name.")
+                raise InputError(
+                    f"the session already has a take {name!r}", remedy="Set another name for this take."
+                )
             self._project = self._project.with_takes(clip_from_keys(name, "root", keys))
         elif name not in known_takes:
             name = self._find_take_id(name)
@@ -236,9 +243,11 @@ class _Reader:
     def _find_take_id(self, name: str) -> str:
         """Returns the ID of the take with a name, or of the first take if the name is empty."""
         if not self._takes:
-            raise InputError("the session has no take", remedy='Add [[take]] file = "..." first.')
+            raise InputError("the session has no take", remedy='Add [[take]] with file = "PATH" first.')
         if name and name not in self._takes:
-            raise InputError(f"the take {name!r} does not exist", remedy=f"Known: {', '.join(self._takes)}.")
+            raise InputError(
+                f"the take {name!r} does not exist", remedy=f"Known takes: {', '.join(self._takes)}."
+            )
         return name or next(iter(self._takes))
 
     @property

@@ -29,7 +29,7 @@ class MeshTable:
 
     file: str = data_field(doc="Path of the mesh, or of an .enliven project that contains the puppet.")
     height: float | None = data_field(
-        None, "Height to which the mesh is scaled. None: its own height.", unit="m", low=1e-6
+        None, "Height of the mesh after scaling. None: the mesh is not scaled.", unit="m", low=1e-6
     )
     up: Literal["x", "y", "z"] = data_field("y", "Axis of the file that points up.")
     turned: float = data_field(
@@ -69,12 +69,14 @@ class PointTable:
     name: str = data_field("", "Name of the control point.")
     vertex: int | None = data_field(None, "Vertex number of the control point in the mesh.", low=0)
     at: Vector3 | None = data_field(
-        None, "Position instead of a vertex number: the nearest vertex is used.", unit="m"
+        None,
+        "Position of the control point, instead of a vertex number. The nearest vertex is used.",
+        unit="m",
     )
     joint: str = data_field("", "Joint of the performer that the control point follows.")
-    foot: bool = data_field(False, "The puppet can stand on this control point.")
+    foot: bool = data_field(False, "True if the puppet can stand on this control point.")
     weight: float | None = data_field(
-        None, "Weight of the control point. None: it is held exactly.", low=1e-9
+        None, "Weight of the control point. None: the surface meets the control point exactly.", low=1e-9
     )
 
 
@@ -86,7 +88,7 @@ class PoseTable:
     time: float | None = data_field(None, "Time of the performer's pose.", unit="s")
     frame: int | None = data_field(None, "Frame of the performer's pose, instead of a time.")
     places: dict[str, Vector3] | None = data_field(
-        None, "Positions of control points by name. Others stay at rest."
+        None, "Positions of control points by name. Other control points keep their rest positions."
     )
     moves: dict[str, Vector3] | None = data_field(
         None, "Displacements of control points from rest by name, instead of positions."
@@ -112,22 +114,24 @@ class LayerTable:
     speed: float = data_field(1.0, "Playback speed. Negative values play backwards.")
     loop: bool = data_field(False, "Repeats the take at its end.")
     hold: bool = data_field(
-        True, "Holds the first and last pose outside the take. If false, nothing plays there."
+        True,
+        "Holds the first pose before the take and the last pose after the take. If false, nothing "
+        "plays there.",
     )
-    ease: float = data_field(0.0, "Duration of fade-in and fade-out without `hold`.", unit="s", low=0.0)
+    ease: float = data_field(0.0, "Duration of fade-in and fade-out if `hold` is false.", unit="s", low=0.0)
     smooth: float = data_field(0.0, "Width of the time window that smooths the take.", unit="s", low=0.0)
     weight: float = data_field(
         1.0, "Blend weight of the layer: 0 keeps the layers below, 1 replaces them.", low=0.0, high=1.0
     )
     muted: bool = data_field(False, "Mutes the layer.")
-    travel: bool = data_field(True, "The puppet travels through the world.")
-    level_feet: bool = data_field(True, "Keeps feet at equal height when one foot takes over from another.")
-    mirrored: bool = data_field(
-        False, "Reverses the puppet's rotations as in a mirror. A mirrored puppet needs this."
+    travel: bool = data_field(True, "Moves the puppet through the world.")
+    level_feet: bool = data_field(
+        True, "Keeps both feet at the same height when the anchor changes from one foot to the other."
     )
+    mirrored: bool = data_field(False, "Mirrors the puppet's rotations. Set it for a mirrored puppet.")
     recorded: str = data_field("", "Name of the recording that the layer came from.")
     alternatives: str = data_field(
-        "", "Name of the group of alternative takes that the layer belongs to. Only one of them plays."
+        "", "Name of the layer's group of alternative takes. Only one take of a group plays."
     )
 
 
@@ -159,27 +163,31 @@ class RootTable:
     """
 
     take: str = data_field(
-        "", "Name of the take with the root's keys. Without keys: the take that moves the root."
+        "",
+        "Name of the take that contains the root's keys. Without keys: name of the take that moves the root.",
     )
     about: Vector3 = data_field((0.0, 0.0, 0.0), "World position about which the root turns.", unit="m")
     basis: tuple[float, float, float, float] = data_field(
-        (1.0, 0.0, 0.0, 0.0), "Rotation of the puppet after its keys were made, as a quaternion w, x, y, z."
+        (1.0, 0.0, 0.0, 0.0),
+        "Rotation of the puppet since its keys were created, as a quaternion w, x, y, z.",
     )
-    size: float = data_field(1.0, "Scale of the puppet after its keys were made.", low=1e-9)
+    size: float = data_field(1.0, "Scale of the puppet since its keys were created.", low=1e-9)
     offset: float = data_field(0.0, "Start time of the layer.", unit="s")
     speed: float = data_field(1.0, "Playback speed. Negative values play backwards.")
     loop: bool = data_field(False, "Repeats the take at its end.")
     hold: bool = data_field(
-        True, "Holds the first and last pose outside the take. If false, nothing plays there."
+        True,
+        "Holds the first pose before the take and the last pose after the take. If false, nothing "
+        "plays there.",
     )
-    ease: float = data_field(0.0, "Duration of fade-in and fade-out without `hold`.", unit="s", low=0.0)
+    ease: float = data_field(0.0, "Duration of fade-in and fade-out if `hold` is false.", unit="s", low=0.0)
     smooth: float = data_field(0.0, "Width of the time window that smooths the take.", unit="s", low=0.0)
     weight: float = data_field(1.0, "Strength of the layer, from 0 to 1.", low=0.0, high=1.0)
     muted: bool = data_field(False, "Mutes the layer.")
-    mirrored: bool = data_field(False, "States that the puppet was mirrored after its keys were made.")
+    mirrored: bool = data_field(False, "True if the puppet was mirrored after its keys were created.")
     recorded: str = data_field("", "Name of the recording that the layer came from.")
     alternatives: str = data_field(
-        "", "Name of the group of alternative takes that the layer belongs to. Only one of them plays."
+        "", "Name of the layer's group of alternative takes. Only one take of a group plays."
     )
 
 

@@ -32,8 +32,9 @@ from enliven.files import write_file
 from enliven.formats.project.file import write_project
 from enliven.settings import refuse_later_toml
 
-_FILE_HEADER = """# A mesh, its control points, what poses of a performer mean on it, and what it plays.
-# Metres, in the mesh's frame: upright, on the floor. Change what you like; see docs/examples.md.
+_FILE_HEADER = """# A puppet: a mesh, its control points, its key poses, and the takes that it plays.
+# Lengths are in metres, in the mesh's frame: upright, on the floor. You can edit this file; see
+# docs/examples.md.
 """
 
 
@@ -58,8 +59,10 @@ def write_session(
     """
     path, takes = Path(path), dict(takes or {})
     if path.suffix.lower() == ".enliven":
-        remedy = "Give it a name that ends in .toml; its project file gets the same name."
-        raise InputError("a session is not a project", where=str(path), remedy=remedy)
+        remedy = (
+            "Choose a name that ends in .toml. The project file gets the same name with the suffix .enliven."
+        )
+        raise InputError("a session file cannot have the suffix .enliven", where=str(path), remedy=remedy)
     refuse_later_toml(path)
     puppet = project.puppet(puppet_id)
     roots = {layer.take: project.takes[layer.take] for layer in puppet.root_layers}
@@ -75,7 +78,7 @@ def write_session(
     mesh = mesh or MeshTable(project_path.name, puppet=puppet.id)
     files = {name: takes.get(name) or TakeTable(project_path.name, animation=name) for name in used_names}
     keys = {name: clip.keys for name, clip in roots.items()}
-    write_file(path, session_text(puppet, mesh, files, keys), "Save it elsewhere.")
+    write_file(path, session_text(puppet, mesh, files, keys), "Save the session in another folder.")
 
 
 def session_text(

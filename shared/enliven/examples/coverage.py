@@ -35,8 +35,10 @@ class Coverage:
 
     def __str__(self) -> str:
         return (
-            f"{self.take}: the pose farthest from all examples is {self.gap:.3f} m away "
-            f"({self.share:.0%} of the farthest two examples), at {self.time:.2f} s (frame {self.frame})"
+            f"{self.take}: the pose that differs most from all examples is {self.gap:.3f} m from "
+            "the nearest example "
+            f"({self.share:.0%} of the largest distance between two examples), at {self.time:.2f} s "
+            f"(frame {self.frame})"
         )
 
 
@@ -65,4 +67,4 @@ def describe_unposed(puppet: ExampleCharacter) -> tuple[str, ...]:
         return ()
     tolerance = _SAME_POSE_DISTANCE * float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))
     are_equal = all(np.abs(pose.places - puppet.poses[0].places).max() <= tolerance for pose in puppet.poses)
-    return ("All key poses are alike: set the places of the control points.",) if are_equal else ()
+    return ("All key poses are equal: move the control points of the key poses.",) if are_equal else ()

@@ -31,7 +31,7 @@ class LiveExamples:
 
     def __init__(self, mapping: ExampleMap, step: float, lag: int = 3) -> None:
         if lag < 0:
-            raise InputError(f"a lag of {lag} frames is not possible", where="live examples")
+            raise InputError(f"the lag is {lag} frames, but must be at least 0", where="live examples")
         self.mapping, self.lag = mapping, lag
         self._step = step
         pairs = len(mapping.examples.points)

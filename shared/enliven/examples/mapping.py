@@ -76,16 +76,20 @@ class ExampleMap:
         pairs = len(self.examples.points)
         if poses.ndim != 3 or poses.shape[1:] != (pairs, 3) or len(poses) == 0:
             raise InputError(
-                f"there are {poses.shape} for {pairs} pairs", where=_ERROR_PLACE, remedy="Give (F, P, 3)."
+                f"the poses have the shape {poses.shape}, expected (frames, {pairs}, 3)",
+                where=_ERROR_PLACE,
+                remedy="Pass one position of each paired joint in each frame.",
             )
         is_bad = ~np.isfinite(poses).all((1, 2))
         if is_bad.any():
             frames_text = ", ".join(map(str, np.flatnonzero(is_bad)[:8])) + (
                 ", ..." if is_bad.sum() > 8 else ""
             )
-            advice = "Leave these frames out, or fill them."
+            advice = "Remove these frames, or fill in the missing positions."
             raise InputError(
-                f"{int(is_bad.sum())} frames are not finite: {frames_text}", where=_ERROR_PLACE, remedy=advice
+                f"{int(is_bad.sum())} frames contain numbers that are not finite: {frames_text}",
+                where=_ERROR_PLACE,
+                remedy=advice,
             )
         return poses
 

@@ -83,7 +83,7 @@ def match_performer(
             _check_joint(skeleton, name, take_name)
         else:
             own_joints.append(skeleton.names[counterpart])
-            notes.append(f"{take_name}: {name!r} is taken to be {own_joints[-1]!r}")
+            notes.append(f"{take_name}: the joint {own_joints[-1]!r} is used instead of {name!r}")
     factors = np.ones(len(joints))
     for k, (name, mine) in enumerate(zip(joints, own_joints, strict=True)):
         if name in reference.names:
@@ -130,9 +130,11 @@ def _leg_length(skeleton: Skeleton, anatomy: Anatomy) -> float:
 def _check_joint(skeleton: Skeleton, name: str, take_name: str) -> None:
     """Raises InputError if a skeleton has no joint with this name."""
     if name not in skeleton.names:
-        advice = f"Known: {', '.join(skeleton.names)}."
+        advice = f"Known joints: {', '.join(skeleton.names)}."
         raise InputError(
-            f"neither the joint {name!r} nor a similar one exists", where=f"take {take_name!r}", remedy=advice
+            f"the take has neither a joint {name!r} nor a similar joint",
+            where=f"take {take_name!r}",
+            remedy=advice,
         )
 
 

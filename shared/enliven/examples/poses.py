@@ -69,7 +69,7 @@ class Examples:
             InputError: if it does not exist. The message lists the existing control points.
         """
         if name not in self.points:
-            advice = f"Known: {', '.join(self.points)}."
+            advice = f"Known control points: {', '.join(self.points)}."
             raise InputError(f"the control point {name!r} does not exist", where=_ERROR_PLACE, remedy=advice)
         return self.points.index(name)
 
@@ -77,25 +77,39 @@ class Examples:
         pairs, count = len(self.points), len(self.sources)
         shape = (count, pairs, 3)
         if pairs == 0 or len(self.joints) != pairs:
-            problem = f"{len(self.joints)} joints are paired with {pairs} control points"
+            problem = (
+                f"the number of joints is {len(self.joints)}, but the number of control points is {pairs}"
+            )
             raise InputError(problem, where=_ERROR_PLACE, remedy="Pair each control point with one joint.")
         if len(set(self.points)) != pairs:
             repeated_names = sorted({name for name in self.points if self.points.count(name) > 1})
-            raise InputError(f"control points occur twice: {', '.join(repeated_names)}", where=_ERROR_PLACE)
+            raise InputError(
+                f"control points occur more than once: {', '.join(repeated_names)}", where=_ERROR_PLACE
+            )
         if self.sources.shape != shape or self.targets.shape != shape:
-            problem = f"poses {self.sources.shape} and {self.targets.shape} of {pairs} pairs"
-            raise InputError(problem, where=_ERROR_PLACE, remedy="Give (n, P, 3) of both.")
+            problem = (
+                f"the poses have the shapes {self.sources.shape} and {self.targets.shape}, expected (n, "
+                f"{pairs}, 3)"
+            )
+            raise InputError(
+                problem, where=_ERROR_PLACE, remedy="Pass n poses of the performer and n poses of the mesh."
+            )
         if count < 2:
             raise InputError(
-                f"there is {count} example, two are needed", where=_ERROR_PLACE, remedy="Pose one more."
+                f"the number of examples is {count}, but at least 2 are needed",
+                where=_ERROR_PLACE,
+                remedy="Pose one more example.",
             )
 
     def _check_values(self) -> None:
         is_bad = ~(np.isfinite(self.sources) & np.isfinite(self.targets)).all(2)
         if is_bad.any():
             example, pair = np.argwhere(is_bad)[0]
-            problem = f"example {example} is not finite at {self.points[pair]!r}"
-            raise InputError(problem, where=_ERROR_PLACE, remedy="Pose it again.")
+            problem = (
+                f"example {example} has a position that is not finite, at the control point "
+                f"{self.points[pair]!r}"
+            )
+            raise InputError(problem, where=_ERROR_PLACE, remedy="Pose this example again.")
         for a in range(len(self)):
             distances = np.sqrt(((self.sources[a + 1 :] - self.sources[a]) ** 2).mean((1, 2)))
             equal_examples = np.flatnonzero(distances <= _SAME_POSE_TOLERANCE * max(self.source_size, 1e-12))
@@ -104,7 +118,9 @@ class Examples:
                     f"examples {a} and {a + 1 + int(equal_examples[0])} have the same pose of the performer"
                 )
                 raise InputError(
-                    problem, where=_ERROR_PLACE, remedy="Remove one, or choose another frame for it."
+                    problem,
+                    where=_ERROR_PLACE,
+                    remedy="Remove one of these examples, or choose another frame for it.",
                 )
 
 

@@ -162,7 +162,9 @@ def reference_performer(project: Project, puppet: ExampleCharacter) -> Skeleton:
         InputError: if the puppet has no key poses.
     """
     if not puppet.poses:
-        raise InputError("it has no key pose", where=f"puppet {puppet.id!r}", remedy="Pose two examples.")
+        raise InputError(
+            "the puppet has no key pose", where=f"puppet {puppet.id!r}", remedy="Pose two examples."
+        )
     skeletons = [project.takes[pose.take].skeleton for pose in puppet.poses]
     return find_reference_skeleton(skeletons, tuple(point.joint for point in puppet.points))
 
@@ -205,7 +207,9 @@ def find_missing(
             find_partners(rest, np.array(symmetry.point), np.array(symmetry.normal), names=names)
         except InputError as error:
             sentence = error.what[0].upper() + error.what[1:]
-            sentences.append(f"{sentence}: add one there, or leave symmetry out.")
+            sentences.append(
+                f"{sentence}: add a control point at the mirrored position, or turn symmetry off."
+            )
     return tuple(sentences)
 
 
@@ -228,8 +232,10 @@ def find_nearest_frame(clip: Clip, seconds: float) -> int:
     frames = float(seconds) / float(clip.step)  # The division may overflow to infinity.
     frame = round(frames) if math.isfinite(frames) else -1
     if not 0 <= frame < len(clip.turns):
-        problem = f"{seconds:g} s is outside of the take"
-        raise InputError(problem, where=f"take {clip.id!r}", remedy=f"It has 0..{clip.duration:g} s.")
+        problem = f"the time {seconds:g} s is outside the take"
+        raise InputError(
+            problem, where=f"take {clip.id!r}", remedy=f"Choose a time from 0 to {clip.duration:g} s."
+        )
     return frame
 
 

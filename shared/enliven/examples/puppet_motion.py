@@ -121,7 +121,7 @@ def pose_of_state(puppet: ExampleCharacter, state: PuppetState, time_ns: int = 0
 def _find_layer(puppet: ExampleCharacter, number: int) -> PuppetLayer:
     if not 0 <= number < len(puppet.layers):
         problem = f"layer {number} does not exist"
-        advice = f"It has {len(puppet.layers)}."
+        advice = f"The puppet has {len(puppet.layers)} layers, counted from 0."
         raise InputError(problem, where=f"puppet {puppet.id!r}", remedy=advice)
     return puppet.layers[number]
 

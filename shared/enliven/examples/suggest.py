@@ -27,8 +27,9 @@ class SuggestSettings:
     most: int = parameter(12, "Maximum number of suggested key poses.", low=2, high=1000)
     enough: float = parameter(
         0.7,
-        "Examples suffice if every pose is nearer to one of them than this fraction of the first gap. "
-        "Lower it for more suggestions.",
+        "Key poses are enough if every pose is nearer to a key pose than this fraction of the "
+        "largest distance to the first key pose. "
+        "Lower values give more suggestions.",
         low=0.0,
         high=1.0,
     )
@@ -60,7 +61,7 @@ def suggest_poses(poses: Float, settings: SuggestSettings | None = None) -> Sugg
     poses = np.array(poses, np.float64)
     if len(poses) < 2 or not np.isfinite(poses).all():
         raise InputError(
-            f"{len(poses)} poses were given; at least two are needed, and all must be finite",
+            f"the motion has {len(poses)} poses, but at least two are needed, and all must be finite",
             where="key poses",
         )
     frames = [int(_pose_distance(poses, np.median(poses, axis=0)).argmin())]
@@ -74,7 +75,9 @@ def suggest_poses(poses: Float, settings: SuggestSettings | None = None) -> Sugg
         frames.append(farthest)
         distances = np.minimum(distances, _pose_distance(poses, poses[farthest]))
     if len(frames) < 2:
-        raise InputError("the performer never moves", where="key poses", remedy="Choose another part of it.")
+        raise InputError(
+            "the performer does not move", where="key poses", remedy="Choose another part of the take."
+        )
     few = [k + 1 for k, gap in enumerate(gaps) if gap <= settings.enough * gaps[0]]
     return SuggestedPoses(tuple(frames), tuple(gaps), max(2, few[0] if few else len(frames)))
 

@@ -39,7 +39,7 @@ def find_partners(
     extent = float(np.linalg.norm(np.ptp(rest, axis=0)))
     for p, other in enumerate(nearest):
         if distances[p, other] > tolerance * extent or nearest[other] != p:
-            advice = "Add one there, or leave symmetry out."
+            advice = "Add a control point at the mirrored position, or turn symmetry off."
             point_name = p if names is None else repr(names[p])
             raise InputError(
                 f"control point {point_name} has no mirror image", where="symmetry", remedy=advice
@@ -85,7 +85,11 @@ def add_mirror_images(
     """
     order = np.asarray(partners)
     if sorted(order) != list(range(len(examples.points))) or (order[order] != np.arange(len(order))).any():
-        raise InputError(f"partners {tuple(partners)} are not each other's", where="symmetry")
+        raise InputError(
+            f"the partners {tuple(partners)} are not mutual: each partner must have the first point "
+            "as its partner",
+            where="symmetry",
+        )
     axis = _left_right_axis(examples, order) if across is None else np.asarray(across, np.float64)
     sources = reflect_points(examples.sources[:, order], np.zeros(3), axis)
     targets = mirror_places(examples.targets, np.asarray(rest, np.float64), list(order), normal)
@@ -105,6 +109,8 @@ def _left_right_axis(examples: Examples, order: Int) -> Float:
     left = np.arange(len(order)) < order
     horizontal = offsets[:, left].reshape(-1, 3) * [1.0, 0.0, 1.0]
     if len(horizontal) == 0 or not horizontal.any():
-        advice = "Give the axis that goes from side to side."
-        raise InputError("no joint has a partner at the other side", where="symmetry", remedy=advice)
+        advice = "Pass the performer's left-right axis."
+        raise InputError(
+            "no joint has a partner on the other side of the body", where="symmetry", remedy=advice
+        )
     return np.asarray(np.linalg.eigh(horizontal.T @ horizontal)[1][:, -1])

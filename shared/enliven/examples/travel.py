@@ -105,7 +105,9 @@ def find_travel(project: Project, puppet: ExampleCharacter) -> PuppetTravel:
     """
     lacking = find_missing_examples(project, puppet)
     if lacking:
-        raise InputError("it cannot move yet", where=f"puppet {puppet.id!r}", remedy=" ".join(lacking))
+        raise InputError(
+            "the puppet is not ready to move", where=f"puppet {puppet.id!r}", remedy=" ".join(lacking)
+        )
     return layer_travel(collect_motion_inputs(project, puppet, PuppetLayer(puppet.poses[0].take)))
 
 

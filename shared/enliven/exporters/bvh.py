@@ -77,9 +77,9 @@ def write_bvh(
         ResourceError: if the file cannot be written.
     """
     if len(performances) != 1:
-        problem = f"a BVH file holds one character, not {len(performances)}"
-        raise InputError(problem, where=str(path), remedy="Choose one: --character NAME.")
-    write_file(Path(path), bvh_text(performances[0], unit), "Choose another place.")
+        problem = f"a BVH file can contain only one character, but {len(performances)} are selected"
+        raise InputError(problem, where=str(path), remedy="Choose one with --character NAME.")
+    write_file(Path(path), bvh_text(performances[0], unit), "Choose another output file.")
 
 
 BVH = Exporter(
@@ -91,9 +91,11 @@ def bvh_text(performance: Performance, unit: str = "m") -> str:
     """Returns the text of the file. See :func:`write_bvh`."""
     skeleton, location = performance.skeleton, f"character {performance.name!r}"
     if skeleton is None:
-        remedy = "Write a .glb instead: its joints carry any surface."
+        remedy = "Export a .glb file instead. It can contain a surface without a skeleton."
         raise InputError(
-            "it has no skeleton, and a BVH file holds nothing else", where=location, remedy=remedy
+            "the character has no skeleton, and a BVH file can contain only skeletons",
+            where=location,
+            remedy=remedy,
         )
     scale, times = units_per_metre(unit), performance.times
     turns = nearest_rotation(performance.linear)

@@ -27,7 +27,7 @@ from enliven.exporters.registry import Exporter
 from enliven.files import explain_write_errors, replace_file
 from enliven.rotation import from_matrix, nearest_rotation, remove_sign_jumps
 
-_REMEDY = "Choose another place."
+_REMEDY = "Choose another output file."
 _ROTATION_COLUMNS = ("qw", "qx", "qy", "qz", "stretch_x", "stretch_y", "stretch_z")
 
 

@@ -28,7 +28,7 @@ MAX_PAGE_MB = 256
 """Maximum size of a page in megabytes. A browser needs several times this size for the text, the unpacked
 take and the images. Phones do not have more memory.
 """
-_REMEDY = "Choose another place."
+_REMEDY = "Choose another output file."
 
 
 def write_html(
@@ -77,7 +77,7 @@ def _check_size(size: int, path: Path | str) -> None:
     """Raises InputError if a take is too large for browsers."""
     if size > MAX_PAGE_MB * 1_000_000:
         raise InputError(
-            f"the page would have more than {MAX_PAGE_MB} MB",
+            f"the page would be larger than {MAX_PAGE_MB} MB",
             where=str(path),
             remedy="Choose fewer characters (--character), a shorter range (--end) or a lower --rate.",
         )

@@ -68,7 +68,9 @@ def write_obj_sequence(
     """
     path, scale = Path(path), units_per_metre(unit)
     if not performances:
-        raise InputError("there is nothing to write", where=str(path), remedy="Give a character.")
+        raise InputError(
+            "no character was selected", where=str(path), remedy="Select at least one character."
+        )
     # Many readers use only the part of a file name before the first space.
     stem, title = "_".join(path.stem.split()), " ".join(name.split())
     times = max((performance.times for performance in performances), key=len)
@@ -81,7 +83,7 @@ def write_obj_sequence(
         parts.append(part)
         before, corners = before + part.count, corners + coordinates
     library = f"mtllib {stem}.mtl\n" if materials.lines else ""
-    with replace_folder(path, _is_own_file, "Choose another place.") as folder:
+    with replace_folder(path, _is_own_file, "Choose another output folder.") as folder:
         materials.write_into(folder)
         surfaces = [_surfaces_at(performance, times) for performance in performances]
         for number, time in enumerate(times, 1):

@@ -28,9 +28,9 @@ class ExportOption(Generic[Value]):
     choices: tuple[Value, ...] = ()
 
 
-SCALE = ExportOption("scale", 1.0, "Factor of all lengths.")
-UP = ExportOption("up", "y", "Vertical axis. Some formats fix it.", ("y", "z"))
-UNIT = ExportOption("unit", "m", "Unit of lengths. Some formats are always in metres.", ("m", "cm"))
+SCALE = ExportOption("scale", 1.0, "Scale factor for all lengths.")
+UP = ExportOption("up", "y", "Vertical axis of the file. Some formats allow only one axis.", ("y", "z"))
+UNIT = ExportOption("unit", "m", "Unit of lengths in the file. Some formats always use metres.", ("m", "cm"))
 IN_PLACE = ExportOption("in_place", False, "Remove the horizontal motion of each character's root.")
 SHARED_OPTIONS: tuple[ExportOption[float] | ExportOption[str] | ExportOption[bool], ...] = (
     SCALE,

@@ -140,8 +140,8 @@ class Performance:
             InputError: if the performance has no mesh.
         """
         if self.mesh is None or self.skin is None or not len(self.mesh.faces):
-            remedy = "Give it one, or leave it out."
-            raise InputError("it has no mesh", where=f"character {self.name!r}", remedy=remedy)
+            remedy = "Add a mesh to the character, or leave the character out."
+            raise InputError("the character has no mesh", where=f"character {self.name!r}", remedy=remedy)
         return self.mesh, self.skin
 
 

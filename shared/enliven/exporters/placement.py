@@ -30,9 +30,9 @@ def units_per_metre(unit: str = "m") -> float:
     """
     if unit not in _UNITS_PER_METRE:
         raise InputError(
-            f"the unit {unit!r} does not exist",
+            f"the unit {unit!r} is unknown",
             where="--unit",
-            remedy=f"Known: {', '.join(_UNITS_PER_METRE)}.",
+            remedy=f"Known units: {', '.join(_UNITS_PER_METRE)}.",
         )
     return _UNITS_PER_METRE[unit]
 
@@ -57,10 +57,10 @@ class ExportPlacement:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.scale) and 1.0 / MAX_SCALE <= self.scale <= MAX_SCALE):
-            remedy = f"Give a number from {1.0 / MAX_SCALE:g} to {MAX_SCALE:g}."
-            raise InputError(f"{self.scale:g} is not a scale", where="--scale", remedy=remedy)
+            remedy = f"Choose a number from {1.0 / MAX_SCALE:g} to {MAX_SCALE:g}."
+            raise InputError(f"the scale {self.scale:g} is not allowed", where="--scale", remedy=remedy)
         if self.up not in _UP_TURNS:
-            remedy = f"Known: {', '.join(_UP_TURNS)}."
+            remedy = f"Known vertical axes: {', '.join(_UP_TURNS)}."
             raise InputError(f"the axis {self.up!r} cannot be vertical", where="--up", remedy=remedy)
 
     def apply_to(self, performance: Performance) -> Performance:

@@ -45,7 +45,7 @@ from enliven.wire import (
 
 _REVISION = 1
 """Revision number of all characters. It is constant, because the characters do not change."""
-_REMEDY = "Choose another place."
+_REMEDY = "Choose another output file."
 _Write = Callable[[], Any]
 _Step = tuple[int, int, _Write]
 """A step of writing: time in nanoseconds, rank among steps of the same time, and a function that writes."""
@@ -69,8 +69,11 @@ def write_recording(
     """
     path = Path(path)
     if len(performances) > MAX_CHARACTERS:
-        problem = f"a recording holds at most {MAX_CHARACTERS} characters, not {len(performances)}"
-        raise InputError(problem, where=str(path), remedy="Choose some of them with --character.")
+        problem = (
+            f"a recording can contain at most {MAX_CHARACTERS} characters, but {len(performances)} are "
+            "selected"
+        )
+        raise InputError(problem, where=str(path), remedy="Choose fewer characters with --character.")
     characters = wire_characters(performances)
     seconds = max(float(performance.times[-1]) for performance in performances)
     with replace_file(path, _REMEDY) as part:

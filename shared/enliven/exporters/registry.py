@@ -43,7 +43,7 @@ _BUILT_IN = {
     "vrma": "enliven.exporters.vrm.animation:VRMA",
 }
 _REFUSALS = {
-    "up": "Leave it out: the format fixes the vertical axis.",
+    "up": "Remove the option. The format always uses the same vertical axis.",
 }
 """Advice in error messages about options that a format does not support. The default advice is to leave the
 option out."""
@@ -137,8 +137,10 @@ def exporter_of(path: Path | str, also: tuple[str, ...] = (), **options: Any) ->
     exporter = _load_exporter(path.suffix.lower().removeprefix("."), str(path), also)
     for option in options:
         if option not in exporter.options:
-            problem = f"{path.suffix.lower()} has no {option.replace('_', '-')!r} to choose"
-            raise InputError(problem, where=str(path), remedy=_REFUSALS.get(option, "Leave it out."))
+            problem = (
+                f"the format {path.suffix.lower()} does not support the option {option.replace('_', '-')!r}"
+            )
+            raise InputError(problem, where=str(path), remedy=_REFUSALS.get(option, "Remove the option."))
     require_folder(path)
     ExportPlacement(**{key: value for key, value in options.items() if key in PLACEMENTS})
     exporter.check(**exporter.own_options(options))
@@ -159,10 +161,14 @@ def _load_exporter(name: str, where: str, also: tuple[str, ...]) -> Exporter:
         if entry.name == name:
             loaded_exporter: Exporter = entry.load()
             return loaded_exporter
-    problem = f".{name} cannot be written" if name else "its name has no ending"
+    problem = f"the format .{name} cannot be written" if name else "the file name has no suffix"
     package = _IN_PACKAGES.get(name)
     endings = ", ".join(sorted({*suffixes(), *also}))
-    remedy = f"Install its package: pip install {package}." if package else f"Known: {endings}."
+    remedy = (
+        f"Install the package for this format: pip install {package}."
+        if package
+        else f"Known suffixes: {endings}."
+    )
     raise InputError(problem, where=where, remedy=remedy)
 
 
@@ -180,5 +186,7 @@ def find_sheet_function(kind: str) -> Callable[..., None]:
             draw_sheet: Callable[..., None] = entry.load()
             return draw_sheet
     raise ResourceError(
-        "a sheet cannot be drawn", where="--sheet", remedy="Install the viewer's package, enliven-viewer."
+        "contact sheets need the package enliven-viewer, which is not installed",
+        where="--sheet",
+        remedy="Install it: pip install enliven-viewer.",
     )

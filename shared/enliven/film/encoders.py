@@ -54,12 +54,14 @@ def choose_encoder(av: ModuleType, size: tuple[int, int] = (1280, 720), requeste
             return encoder
     if requested == AUTO:
         raise ResourceError(
-            "PyAV has no film encoder", where="film", remedy="Install it again: pip install av"
+            "the installed PyAV contains no film encoder",
+            where="film",
+            remedy="Install PyAV again: pip install av",
         )
     raise ResourceError(
-        f"the film encoder {requested} cannot be used here",
+        f"the film encoder {requested} is not available on this computer",
         where="film.encoder",
-        remedy='Choose another one, or "auto" for the first that can.',
+        remedy='Choose another encoder, or "auto" for the first available encoder.',
     )
 
 

@@ -25,7 +25,7 @@ _SOUND_BIT_RATE = 128_000
 """Bit rate of sound in bits per second. It is more than enough for one channel of music."""
 
 
-_OTHER_PLACE_ADVICE = "Choose another place for it."
+_OTHER_PLACE_ADVICE = "Choose another folder or name for the film."
 """The remedy if a film cannot be written."""
 
 
@@ -99,7 +99,7 @@ class FilmWriter:
         chosen = choose_encoder(self._av, (self.width, self.height), self._encoder)
         self.codec, self._options = chosen.name, dict(chosen.options)
         if self._encoder == AUTO and chosen.format != "H.264":
-            log.warning("no H.264 encoder was found, so %s is %s", self.path, chosen.format)
+            log.warning("no H.264 encoder was found, so %s is encoded as %s", self.path, chosen.format)
 
     def _begin_video(self) -> None:
         """Adds the video stream to the file."""
@@ -116,7 +116,7 @@ class FilmWriter:
         try:
             stream = self._file.add_stream(_SOUND_CODEC, rate=rate)
         except (ValueError, self._av.FFmpegError):  # PyAV may have been built without this codec.
-            log.warning("no encoder for sound was found, so %s is silent", self.path)
+            log.warning("no sound encoder was found, so %s has no sound", self.path)
             return
         stream.layout, stream.bit_rate = "mono", _SOUND_BIT_RATE
         self._sound_stream = stream

@@ -74,7 +74,7 @@ class WebhookTarget:
             raise InputError(
                 "alerts.webhook is not a web address",
                 where="alerts",
-                remedy="Write https://HOST/PATH, or leave it empty.",
+                remedy="Write https://HOST/PATH, or leave alerts.webhook empty.",
             )
         self._url = url
         self.name = f"webhook at {host}"
@@ -94,9 +94,11 @@ class WebhookTarget:
                 status = int(answer.status)
         except (OSError, HTTPException, ValueError) as error:
             reason = getattr(error, "reason", error)
-            raise ResourceError(f"it does not answer ({reason})", where=self.name) from None
+            raise ResourceError(
+                f"the receiver of the alert does not answer ({reason})", where=self.name
+            ) from None
         if not 200 <= status < 300:
-            raise ResourceError(f"it answers with status {status}", where=self.name)
+            raise ResourceError(f"the receiver refused the alert with HTTP status {status}", where=self.name)
 
 
 class CommandTarget:
@@ -114,10 +116,12 @@ class CommandTarget:
             self._words = shlex.split(command)
         except ValueError as error:
             raise InputError(
-                f"alerts.command cannot be read ({error})", where="alerts", remedy="Check its quotes."
+                f"the command in alerts.command is not valid ({error})",
+                where="alerts",
+                remedy="Check the quotes in the command.",
             ) from None
         if not self._words:
-            raise InputError("alerts.command is empty", where="alerts", remedy="Name a program.")
+            raise InputError("alerts.command is empty", where="alerts", remedy="Write the name of a program.")
         self.name = f"command {self._words[0]}"
 
     def deliver(self, alert: Alert) -> None:
@@ -128,7 +132,7 @@ class CommandTarget:
             )
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
-            raise ResourceError(f"it cannot be started ({reason})", where=self.name) from None
+            raise ResourceError(f"the alert command cannot be started ({reason})", where=self.name) from None
         try:
             # A command may end without reading its input. This is not an error.
             with contextlib.suppress(BrokenPipeError):
@@ -137,10 +141,11 @@ class CommandTarget:
         except subprocess.TimeoutExpired:
             _kill_group(process)
             raise ResourceError(
-                f"it did not end within {COMMAND_TIMEOUT_S:g} s, and was killed", where=self.name
+                f"the alert command did not end within {COMMAND_TIMEOUT_S:g} s, so it was killed",
+                where=self.name,
             ) from None
         if code != 0:
-            raise ResourceError(f"it ended with exit code {code}", where=self.name)
+            raise ResourceError(f"the alert command failed with exit code {code}", where=self.name)
 
 
 class AlertSender:
@@ -169,7 +174,9 @@ class AlertSender:
             self._alerts.put_nowait(alert)
         except queue.Full:
             log.warning(
-                "%s: an alert was dropped, since %d wait already.", self._target.name, _MAX_QUEUED_ALERTS
+                "%s: an alert was dropped, because %d alerts are already waiting.",
+                self._target.name,
+                _MAX_QUEUED_ALERTS,
             )
 
     def close(self) -> None:
@@ -195,16 +202,16 @@ class AlertSender:
                 self.failures += 1
                 self.fault = str(error)
                 if time.monotonic() + wait_s > end:
-                    log.warning("%s. The alert about %s is dropped.", error, alert.kind)
+                    log.warning("%s. The alert about %s was dropped.", error, alert.kind)
                     return
-                log.warning("%s. The alert about %s is sent again in %g s.", error, alert.kind, wait_s)
+                log.warning("%s. The alert about %s will be sent again in %g s.", error, alert.kind, wait_s)
                 self._is_closing.wait(wait_s)
                 wait_s = min(2.0 * wait_s, MAX_RETRY_S)
             except Exception:
                 # An unexpected error must not end the thread, which also delivers all later alerts.
                 self.failures += 1
-                self.fault = f"{self._target.name}: a fault of enliven"
-                log.exception("the alert about %s is dropped", alert.kind)
+                self.fault = f"{self._target.name}: an internal error of enliven occurred"
+                log.exception("The alert about %s was dropped because of an internal error.", alert.kind)
                 return
             else:
                 self.sent += 1

@@ -113,7 +113,7 @@ class GuardMiddleware:
         """Returns the response to a request with a wrong host or password. Returns None if the request is
         accepted."""
         if self._checks_host and not names_this_computer(request.headers.get("host", "")):
-            return PlainTextResponse("Use the address http://127.0.0.1.\n", 400)
+            return PlainTextResponse("Open this page by the address http://127.0.0.1.\n", 400)
         if self._gate is None:
             return None
         address = request.client.host if request.client else ""
@@ -125,9 +125,11 @@ class GuardMiddleware:
         if self._gate.admits(address, request.headers.get("authorization", "")):
             return None
         if self._gate.remaining_lockout_s(address) > 0.0:
-            log.warning("%s: too many wrong passwords; it has to wait.", address)
+            log.warning("%s sent too many wrong passwords and is blocked for some time.", address)
         headers = {"WWW-Authenticate": 'Basic realm="enliven health", charset="UTF-8"'}
-        return PlainTextResponse("The password is missing or wrong. Any user name will do.\n", 401, headers)
+        return PlainTextResponse(
+            "The password is missing or wrong. The user name does not matter.\n", 401, headers
+        )
 
 
 class HealthApplication:
@@ -216,7 +218,7 @@ class HealthApplication:
                     await loop.run_in_executor(self._executor, self._write_own_record)
             except Exception:
                 if not has_warned:
-                    log.exception("the state could not be refreshed")
+                    log.exception("The health page could not refresh its data.")
                 has_warned = True
                 await asyncio.sleep(1.0)
         self._stop()
@@ -225,7 +227,7 @@ class HealthApplication:
         """Passes new alerts to the threads that deliver them."""
         snapshot = self._collector.snapshot
         for alert in self._alert_rules.update(snapshot.problems, time.monotonic(), snapshot.at_s):
-            log.info("alert: %s: %s: %s", alert.event, alert.subject or "this computer", alert.message)
+            log.info("alert (%s) about %s: %s", alert.event, alert.subject or "this computer", alert.message)
             for courier in self._alert_senders:
                 courier.enqueue_alert(alert)
 
@@ -237,7 +239,8 @@ class HealthApplication:
                 "",
                 Severity.WARNING,
                 f"Alerts are not delivered: {escape_text(courier.fault)}.",
-                "Check [alerts] in the profile. Try it: enliven health PROFILE --test-alert",
+                "Check [alerts] in the profile. To send a test alert, type: enliven health PROFILE "
+                "--test-alert",
             )
             for courier in self._alert_senders
             if courier.fault
@@ -259,7 +262,7 @@ class HealthApplication:
         try:
             write_service(record)
         except (EnlivenError, OSError) as error:
-            log.warning("the program's own record cannot be written: %s", error)
+            log.warning("The status record of the health page cannot be written: %s", error)
 
     async def _serve_page(self, request: Request) -> Response:
         return HTMLResponse(await run_in_threadpool(self._write_page))
@@ -294,7 +297,9 @@ class HealthApplication:
         except (EnlivenError, OSError):
             data = b""
         if not data.startswith(_PNG_SIGNATURE):
-            return PlainTextResponse("No window has stored a picture on this computer.\n", 404)
+            return PlainTextResponse(
+                "No kiosk window has stored a picture of its screen on this computer.\n", 404
+            )
         return Response(data, media_type="image/png")
 
     async def _serve_confirmation(self, request: Request) -> Response:
@@ -302,21 +307,21 @@ class HealthApplication:
         action, subject = request.query_params.get("action", ""), request.query_params.get("subject", "")
         if action == "restart" and subject in self._read_program_pids():
             question = (
-                f"{subject} ends, and its supervisor starts it again within seconds. An edge learns the room "
-                "again. Visitors see an interruption."
+                f"{subject} ends, and its supervisor restarts it within seconds. If the program is an "
+                "edge, it learns the room again. Visitors see an interruption."
             )
             texts = (f"Restart {subject}?", question, "Restart", "/restart")
         elif action == "code" and subject in self._collector.endpoints:
-            question = f"{subject} accepts a new viewer with this code for some minutes."
+            question = f"With this code, a new viewer can be paired with {subject} for some minutes."
             texts = ("Show the pairing code?", question, "Show the code", "/code")
         elif action == "room" and subject in self._collector.endpoints:
             question = (
-                f"{subject} forgets the background and the floor, and learns both within seconds. Do this "
-                "when furniture was moved and the view of the camera is empty."
+                f"{subject} forgets the background and the floor, and learns both again within "
+                "seconds. Do this if furniture was moved and the view of the camera is empty."
             )
             texts = ("Learn the room again?", question, "Learn the room", "/room")
         else:
-            error = InputError("this program or edge is not known", remedy=_RELOAD_ADVICE)
+            error = InputError("the requested program or edge does not exist", remedy=_RELOAD_ADVICE)
             return self._create_failure_page(error, 404)
         token = self._tokens.make(action, subject)
         return HTMLResponse(self._writer.render_confirmation(*texts, subject, token))
@@ -327,13 +332,13 @@ class HealthApplication:
             subject = await self._read_action(request, "restart")
             pid = self._read_program_pids().get(subject)
             if pid is None:
-                raise InputError(f"{subject} is not known", remedy=_RELOAD_ADVICE)
+                raise InputError(f"the program {subject} does not exist", remedy=_RELOAD_ADVICE)
             await run_in_threadpool(terminate_program, subject, pid)
         except EnlivenError as error:
             return self._create_failure_page(error)
         address = request.client.host if request.client else "unknown"
-        log.warning("%s restarts %s", address, subject)
-        notice = f"{subject} was asked to restart by {address}."
+        log.warning("%s restarted the program %s", address, subject)
+        notice = f"{address} restarted the program {subject}."
         self._notices.append((time.monotonic(), escape_text(notice)))
         return Response(status_code=303, headers={"Location": "/"})
 
@@ -343,15 +348,22 @@ class HealthApplication:
             subject = await self._read_action(request, "code")
             endpoint = self._collector.endpoints.get(subject)
             if endpoint is None:
-                raise InputError(f"{subject} is not known", remedy=_RELOAD_ADVICE)
+                raise InputError(f"the edge {subject} does not exist", remedy=_RELOAD_ADVICE)
             code, seconds = await run_in_threadpool(show_pairing_code, endpoint)
         except EnlivenError as error:
             return self._create_failure_page(error)
-        log.warning("%s opens pairing on %s", request.client.host if request.client else "unknown", subject)
+        log.warning(
+            "%s requested the pairing code of %s",
+            request.client.host if request.client else "unknown",
+            subject,
+        )
         if not code:
-            text = f"There were too many tries. A new code follows in {seconds} s."
+            text = f"Too many wrong codes were entered. The edge shows a new code in {seconds} s."
             return HTMLResponse(self._writer.render_result(f"Pairing code of {subject}", text))
-        text = f"It expires in {seconds} s. On the viewer's computer: enliven pair {endpoint.host} {code}"
+        text = (
+            f"The code expires in {seconds} s. On the viewer's computer, type: enliven pair "
+            f"{endpoint.host} {code}"
+        )
         return HTMLResponse(
             self._writer.render_result(f"Pairing code of {subject}", text, code=escape_text(code))
         )
@@ -362,13 +374,13 @@ class HealthApplication:
             subject = await self._read_action(request, "room")
             endpoint = self._collector.endpoints.get(subject)
             if endpoint is None:
-                raise InputError(f"{subject} is not known", remedy=_RELOAD_ADVICE)
+                raise InputError(f"the edge {subject} does not exist", remedy=_RELOAD_ADVICE)
             await run_in_threadpool(send_order, endpoint, LearnRoom())
         except EnlivenError as error:
             return self._create_failure_page(error)
         address = request.client.host if request.client else "unknown"
-        log.warning("%s makes %s learn the room again", address, subject)
-        notice = f"{subject} learns the room again, as {address} asked."
+        log.warning("%s started learning of the room on %s", address, subject)
+        notice = f"{address} started learning of the room on {subject}."
         self._notices.append((time.monotonic(), escape_text(notice)))
         return Response(status_code=303, headers={"Location": "/"})
 
@@ -385,9 +397,11 @@ class HealthApplication:
             headers.get("host", ""), headers.get("origin", ""), headers.get("sec-fetch-site", "")
         )
         if not is_ours or not self._tokens.check(action, subject, token):
-            raise InputError("this form is outdated", remedy="Load the page again, and repeat.")
+            raise InputError("this form has expired", remedy="Load the page again, and repeat the action.")
         if time.monotonic() - self._acted_s < _MIN_ACTION_INTERVAL_S:
-            raise InputError("this follows another action too soon", remedy="Wait for some seconds.")
+            raise InputError(
+                "another action was started a moment ago", remedy="Wait some seconds, and repeat the action."
+            )
         self._acted_s = time.monotonic()
         return subject
 
@@ -415,9 +429,9 @@ async def _read_form(request: Request) -> dict[str, str]:
     async for part in request.stream():
         data += part
         if len(data) > _MAX_FORM_BYTES:
-            raise InputError("the form is too long", remedy=_RELOAD_ADVICE)
+            raise InputError("the submitted form is too long", remedy=_RELOAD_ADVICE)
     try:
         fields = parse_qs(data.decode("utf-8", "replace"), keep_blank_values=True, max_num_fields=8)
     except ValueError:
-        raise InputError("the form has too many fields", remedy=_RELOAD_ADVICE) from None
+        raise InputError("the submitted form has too many fields", remedy=_RELOAD_ADVICE) from None
     return {name: values[0] for name, values in fields.items()}

@@ -160,8 +160,8 @@ class HealthCollector:
                     ProblemKind.NO_RECORDS,
                     "",
                     Severity.WARNING,
-                    f"The records of the programs cannot be read ({reason}).",
-                    "Check the runtime folder: ENLIVEN_RUNTIME must be the same for all programs.",
+                    f"The status records of the programs cannot be read ({reason}).",
+                    "Check that ENLIVEN_RUNTIME (the runtime folder) is the same for all programs.",
                 )
             )
             return [], [], False
@@ -210,7 +210,7 @@ class HealthCollector:
             self.history.save(self._history_path)
         except (EnlivenError, OSError) as error:
             if not self._has_warned:
-                log.warning("the charts of the last day are not kept: %s", error)
+                log.warning("The values for the charts of the last day cannot be stored: %s", error)
             self._has_warned = True
 
 

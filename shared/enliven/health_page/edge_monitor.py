@@ -182,8 +182,8 @@ class EdgeMonitor:
             return False
         except MalformedMessageError as error:
             link.fault = (
-                f"its heartbeat is damaged ({escape_text(error.why)[:200]})",
-                "Check that an edge of enliven answers at this address.",
+                f"the heartbeat of the edge is damaged ({escape_text(error.why)[:200]})",
+                "Check that the program at this address is an edge of enliven.",
             )
             return False
         link.status, link.status_s, link.fault = message, time.monotonic(), ("", "")

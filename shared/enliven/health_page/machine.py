@@ -96,7 +96,9 @@ def terminate_program(name: str, pid: int) -> None:
         InputError: if the process has ended, or another program has the same process id now.
         ResourceError: if this user may not terminate it.
     """
-    ended = InputError(f"{name} is not running", remedy="Wait until its supervisor starts it again.")
+    ended = InputError(
+        f"the program {name} is not running", remedy="Wait until the supervisor restarts the program."
+    )
     if pid <= 1 or not is_running(pid):
         raise ended
     # The descriptor refers to this process only, so a later process with the same id cannot be terminated by
@@ -111,7 +113,7 @@ def terminate_program(name: str, pid: int) -> None:
         ):
             raise InputError(
                 f"process {pid} is not a program of enliven",
-                remedy=f"Restart {name} with its supervisor: systemd or enliven kiosk.",
+                remedy=f"Restart {name} by its supervisor (systemd or enliven kiosk).",
             )
         if descriptor >= 0:
             signal.pidfd_send_signal(descriptor, signal.SIGTERM)
@@ -119,7 +121,8 @@ def terminate_program(name: str, pid: int) -> None:
             os.kill(pid, signal.SIGTERM)
     except PermissionError:
         raise ResourceError(
-            f"{name} belongs to another user", remedy="Run the health page as the same user."
+            f"the program {name} belongs to another user",
+            remedy="Run the health page as the same user as the program.",
         ) from None
     except (ProcessLookupError, FileNotFoundError):
         raise ended from None

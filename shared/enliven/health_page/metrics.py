@@ -31,40 +31,61 @@ class HealthMetric:
 
 
 METRICS = (
-    HealthMetric("enliven_info", "info", ("version", "installation"), "Version and name."),
-    HealthMetric("enliven_status", "gauge", (), "0: all is well. 1: a warning. 2: an error."),
-    HealthMetric("enliven_problems", "gauge", ("severity",), "Number of present problems."),
-    HealthMetric("enliven_problem", "gauge", ("kind", "subject", "severity"), "1 for each present problem."),
-    HealthMetric("enliven_edge_up", "gauge", ("edge",), "1 if a heartbeat arrived in the last 5 seconds."),
-    HealthMetric("enliven_edge_heartbeat_age_seconds", "gauge", ("edge",), "Time since the last heartbeat."),
-    HealthMetric("enliven_edge_frame_age_seconds", "gauge", ("edge",), "Time since the last frame."),
-    HealthMetric("enliven_edge_frames_per_second", "gauge", ("edge",), "Published frames per second."),
+    HealthMetric(
+        "enliven_info",
+        "info",
+        ("version", "installation"),
+        "Version of enliven, and name of the installation.",
+    ),
+    HealthMetric("enliven_status", "gauge", (), "0: no warning and no error. 1: a warning. 2: an error."),
+    HealthMetric("enliven_problems", "gauge", ("severity",), "Number of current problems."),
+    HealthMetric("enliven_problem", "gauge", ("kind", "subject", "severity"), "1 for each current problem."),
+    HealthMetric(
+        "enliven_edge_up", "gauge", ("edge",), "1 if the edge sent a heartbeat in the last 5 seconds."
+    ),
+    HealthMetric(
+        "enliven_edge_heartbeat_age_seconds", "gauge", ("edge",), "Time since the last heartbeat of the edge."
+    ),
+    HealthMetric(
+        "enliven_edge_frame_age_seconds", "gauge", ("edge",), "Time since the last frame of the edge."
+    ),
+    HealthMetric(
+        "enliven_edge_frames_per_second", "gauge", ("edge",), "Frames that the edge publishes per second."
+    ),
     HealthMetric(
         "enliven_edge_latency_seconds",
         "gauge",
         ("edge", "quantile"),
-        "Time from reading a frame to publishing its poses: median (0.5) and 99th percentile (0.99).",
+        "Delay from reading a frame to publishing its poses: median (0.5) and 99th percentile (0.99).",
     ),
     HealthMetric("enliven_edge_people", "gauge", ("edge",), "Number of people in view."),
     HealthMetric(
-        "enliven_edge_dropped_frames_total", "counter", ("edge",), "Frames dropped since the edge's start."
+        "enliven_edge_dropped_frames_total",
+        "counter",
+        ("edge",),
+        "Frames dropped since the start of the edge.",
     ),
     HealthMetric(
-        "enliven_edge_temperature_celsius", "gauge", ("edge",), "Temperature of the sensor, if it is known."
+        "enliven_edge_temperature_celsius", "gauge", ("edge",), "Temperature of the sensor, if known."
     ),
     HealthMetric("enliven_program_up", "gauge", ("program",), "1 if the program's process exists."),
     HealthMetric(
-        "enliven_program_start_time_seconds", "gauge", ("program",), "Unix time of the program's start."
+        "enliven_program_start_time_seconds", "gauge", ("program",), "Unix time of the start of the program."
     ),
     HealthMetric(
-        "enliven_program_progress_age_seconds", "gauge", ("program",), "Time since its last visible progress."
+        "enliven_program_progress_age_seconds",
+        "gauge",
+        ("program",),
+        "Time since the program last reported progress.",
     ),
-    HealthMetric("enliven_program_resident_memory_bytes", "gauge", ("program",), "Resident memory."),
+    HealthMetric(
+        "enliven_program_resident_memory_bytes", "gauge", ("program",), "Resident memory of the program."
+    ),
     HealthMetric(
         "enliven_program_restarts_total",
         "counter",
         ("program",),
-        "Restarts since the start of the health page.",
+        "Restarts of the program since the start of the health page.",
     ),
     HealthMetric("enliven_machine_temperature_celsius", "gauge", (), "Highest temperature of the computer."),
     HealthMetric("enliven_machine_memory_bytes", "gauge", (), "Size of the computer's memory."),
@@ -72,15 +93,19 @@ METRICS = (
         "enliven_machine_memory_available_bytes", "gauge", (), "Memory that programs can still allocate."
     ),
     HealthMetric("enliven_machine_load", "gauge", (), "Mean number of running processes in the last minute."),
-    HealthMetric("enliven_disk_bytes", "gauge", (), "Size of the disk of the recordings."),
-    HealthMetric("enliven_disk_free_bytes", "gauge", (), "Free space on the disk of the recordings."),
+    HealthMetric("enliven_disk_bytes", "gauge", (), "Size of the disk that stores the recordings."),
+    HealthMetric(
+        "enliven_disk_free_bytes", "gauge", (), "Free space on the disk that stores the recordings."
+    ),
     HealthMetric(
         "enliven_certificate_expiry_time_seconds",
         "gauge",
         ("use",),
-        "Unix time of the end of a TLS certificate: of the page (health) or of the souvenirs (souvenirs).",
+        "Unix time at which a TLS certificate expires: of the page (health) or of the souvenirs (souvenirs).",
     ),
-    HealthMetric("enliven_alerts_sent_total", "counter", (), "Alerts delivered since the start of the page."),
+    HealthMetric(
+        "enliven_alerts_sent_total", "counter", (), "Alerts delivered since the start of the health page."
+    ),
     HealthMetric("enliven_alert_failures_total", "counter", (), "Failed attempts to deliver an alert."),
 )
 """All metrics, in the order of the output."""

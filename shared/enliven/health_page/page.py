@@ -140,7 +140,7 @@ class PageWriter:
     def render_error(self, error: EnlivenError) -> str:
         """Returns the page for an action that failed."""
         text = f"{error.where}: {error.what}." if error.where else f"{error.what}."
-        return self.render_result("This did not work", escape_text(text), escape_text(error.remedy))
+        return self.render_result("The action failed", escape_text(text), escape_text(error.remedy))
 
     def _render_template(self, template: str, **values: Any) -> str:
         return self._environment.get_template(template).render(**values)
@@ -212,7 +212,7 @@ def _draw_groups(snapshot: HealthSnapshot, history: DayHistory) -> list[tuple[st
 def _summarise_problems(problems: int) -> str:
     """Returns a summary of the state in a few words."""
     if problems == 0:
-        return "All is well"
+        return "No problems"
     return "1 problem" if problems == 1 else f"{problems} problems"
 
 

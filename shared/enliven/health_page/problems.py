@@ -66,7 +66,7 @@ def find_edge_problems(edge: MonitoredEdge) -> Iterator[Problem]:
             edge.name,
             Severity.ERROR,
             "The edge has ended.",
-            "Start it again.",
+            "Start the edge again.",
             alerts=True,
         )
     elif _lacks_frames(edge) and not any(state.kind in _NO_FRAME_KINDS for state in states):
@@ -74,9 +74,9 @@ def find_edge_problems(edge: MonitoredEdge) -> Iterator[Problem]:
             ProblemKind.NO_FRAMES,
             edge.name,
             Severity.ERROR,
-            f"The edge runs, but it has not published a frame for {_describe_age(edge.frame_age_s)}."
+            f"The edge is running, but it has published no frame for {_describe_age(edge.frame_age_s)}."
             if edge.frame_age_s is not None
-            else "The edge runs, but it has not published a frame since its start.",
+            else "The edge is running, but it has published no frame since its start.",
             "Check the camera and its cable. Then restart the edge.",
             alerts=True,
         )
@@ -106,8 +106,9 @@ def find_program_problems(
                 ProblemKind.PROGRAM_ENDED,
                 record.name,
                 Severity.ERROR,
-                f"The program has ended (process {record.pid}).",
-                "Its supervisor starts it again. If it does not, read the log below.",
+                f"The program (process {record.pid}) has ended.",
+                "Wait until the supervisor restarts the program. If the program does not start, read "
+                "the log below.",
                 alerts=True,
             )
         elif record.progress_s > 0.0 and idle_s > frozen_after_s + RECORD_INTERVAL_S:
@@ -115,8 +116,8 @@ def find_program_problems(
                 ProblemKind.PROGRAM_FROZEN,
                 record.name,
                 Severity.ERROR,
-                f"The program runs, but it has made no progress for {_describe_age(idle_s)}.",
-                "Restart it.",
+                f"The program is running, but it has made no progress for {_describe_age(idle_s)}.",
+                "Restart the program.",
                 alerts=True,
             )
     newest = {restart.name: restart for restart in restarts}
@@ -126,8 +127,8 @@ def find_program_problems(
                 ProblemKind.PROGRAM_RESTARTED,
                 restart.name,
                 Severity.WARNING,
-                f"The program was restarted: {escape_text(restart.cause) or 'the cause is unknown'}.",
-                "Nothing, if it happens rarely. If it happens again, read the log.",
+                f"The program was restarted. Cause: {escape_text(restart.cause) or 'unknown'}.",
+                "A rare restart needs no action. If restarts are frequent, read the log.",
                 alerts=True,
             )
 
@@ -140,9 +141,9 @@ def find_machine_problems(machine: MachineState, keep_free_gb: float) -> Iterato
             ProblemKind.DISK_FULL,
             machine.disk_folder,
             Severity.WARNING,
-            f"The disk has {free / _BYTES_PER_GIGABYTE:.2f} GB left, and {keep_free_gb:g} GB "
-            f"should stay free.",
-            "Delete files that are not needed, or move recordings to another disk.",
+            f"The disk has {free / _BYTES_PER_GIGABYTE:.2f} GB of free space, but at least "
+            f"{keep_free_gb:g} GB should be free.",
+            "Delete unnecessary files, or move recordings to another disk.",
             alerts=True,
         )
     if machine.temperature_c is not None and machine.temperature_c > MIN_HOT_TEMPERATURE_C:
@@ -150,8 +151,8 @@ def find_machine_problems(machine: MachineState, keep_free_gb: float) -> Iterato
             ProblemKind.MACHINE_HOT,
             "",
             Severity.WARNING,
-            f"The computer has {machine.temperature_c:.0f} °C, so it runs more slowly.",
-            "Clean its fan and filters, and let air reach it.",
+            f"The computer is {machine.temperature_c:.0f} °C hot, so it may run more slowly.",
+            "Clean the fan and the filters of the computer, and check that air can flow.",
             alerts=True,
         )
 
@@ -166,28 +167,30 @@ def find_certificate_problems(certificate: CertificateState, at_s: float) -> Ite
     kind, severity = ProblemKind.CERTIFICATE_EXPIRES, Severity.WARNING
     if certificate.end_s is None:
         kind = ProblemKind.CERTIFICATE_UNREADABLE
-        message = f"The TLS certificate of {certificate.use} cannot be read: {certificate.fault}."
+        message = f"The TLS certificate of the {certificate.use} server cannot be read: {certificate.fault}."
     else:
         days = (certificate.end_s - at_s) / _SECONDS_PER_DAY
         if days > CERTIFICATE_WARNING_DAYS:
             return
         date = datetime.fromtimestamp(certificate.end_s, tz=UTC).strftime("%Y-%m-%d")
-        message = f"The TLS certificate of {certificate.use} expires on {date}."
+        message = f"The TLS certificate of the {certificate.use} server expires on {date}."
         if days <= 0.0:
             # Use a separate kind of problem, so that an alert is sent although the warning already caused
             # one.
             kind, severity = ProblemKind.CERTIFICATE_EXPIRED, Severity.ERROR
-            message = f"The TLS certificate of {certificate.use} expired on {date}."
-    remedy = f"Renew it, and restart {program}."
+            message = f"The TLS certificate of the {certificate.use} server expired on {date}."
+    remedy = f"Renew the certificate, and restart {program}."
     yield Problem(kind, certificate.path, severity, message, remedy, alerts=True)
 
 
 def _create_silence_problem(edge: MonitoredEdge) -> Problem:
     """Returns the problem of an edge without heartbeats, with the reason if it is known."""
-    message = f"No heartbeat for {_describe_age(edge.waiting_s)} from {edge.address}."
+    message = f"The edge at {edge.address} has sent no heartbeat for {_describe_age(edge.waiting_s)}."
     if edge.fault:
         message = f"{message[:-1]}: {edge.fault}."
-    remedy = edge.remedy or "Check that the edge runs, its address, the network and the firewall."
+    remedy = (
+        edge.remedy or "Check that the edge is running, and check its address, the network and the firewall."
+    )
     return Problem(ProblemKind.EDGE_SILENT, edge.name, Severity.ERROR, message, remedy, alerts=True)
 
 

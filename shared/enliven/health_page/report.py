@@ -172,20 +172,32 @@ def fetch_report(url: str, password: str = "", authority: Path | None = None) ->
     except (OSError, HTTPException, ValueError) as error:
         raise _connection_error(url, error.reason if isinstance(error, URLError) else error) from None
     if status in (401, 429):
-        reason = "the password is missing or wrong" if status == 401 else "too many wrong passwords"
-        remedy = f"Set {PASSWORD_VARIABLE}, or give --password-file." if status == 401 else "Wait a minute."
+        reason = (
+            "the password of the health page is missing or wrong"
+            if status == 401
+            else "too many wrong passwords were sent to the health page"
+        )
+        remedy = (
+            f"Set the variable {PASSWORD_VARIABLE}, or use --password-file."
+            if status == 401
+            else "Wait a minute."
+        )
         raise InputError(reason, where=url, remedy=remedy)
     if status not in (200, _UNAVAILABLE):
-        raise ResourceError(f"it answers with status {status}", where=url, remedy="Check the address.")
+        raise ResourceError(
+            f"the server answers with HTTP status {status} instead of a health report",
+            where=url,
+            remedy="Check the address of the health page.",
+        )
     try:
         if len(data) > _MAX_REPORT_BYTES:
-            raise msgspec.ValidationError("it is too large")
+            raise msgspec.ValidationError("the health report is too large")
         return msgspec.json.decode(data, type=HealthReport)
     except DECODE_ERRORS:
         raise ResourceError(
-            "the answer is not a health report",
+            "the server's answer is not a health report",
             where=url,
-            remedy="Check the address, and that both machines have the same version of enliven.",
+            remedy="Check the address, and check that both computers have the same version of enliven.",
         ) from None
 
 
@@ -201,9 +213,9 @@ def _report_url(url: str, has_password: bool) -> str:
         raise InputError(f"{url!r} is not the address of a health page", remedy="Write https://HOST:PORT.")
     if has_password and parts.scheme == "http" and not is_loopback(host):
         raise InputError(
-            "the password would be sent without encryption",
+            "the password would be sent over the network without encryption",
             where=url,
-            remedy="Write https:// in the address.",
+            remedy="Write https:// at the start of the address.",
         )
     return f"{parts.scheme}://{parts.netloc}{REPORT_PATH}"
 
@@ -215,9 +227,11 @@ def _client_context(authority: Path | None) -> ssl.SSLContext:
     try:
         return ssl.create_default_context(cafile=authority)
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", "") or "it does not contain a certificate"
+        reason = getattr(error, "strerror", "") or "the file does not contain a certificate"
         raise InputError(
-            f"it cannot be used ({reason})", where=str(authority), remedy="Name a certificate (PEM)."
+            f"the certificate file cannot be used ({reason})",
+            where=str(authority),
+            remedy="Choose a certificate file (PEM).",
         ) from None
 
 
@@ -225,12 +239,13 @@ def _connection_error(url: str, reason: object) -> ResourceError:
     """Returns the error that describes a failed connection."""
     if isinstance(reason, ssl.SSLCertVerificationError):
         return ResourceError(
-            f"its certificate is not trusted ({reason.verify_message})",
+            f"the certificate of the health page is not trusted ({reason.verify_message})",
             where=url,
-            remedy="Name the page's own certificate: --certificate FILE.",
+            remedy="To trust the page's own certificate, use --certificate FILE.",
         )
     return ResourceError(
         f"the health page does not answer ({reason})",
         where=url,
-        remedy="Start it there: enliven health PROFILE. Check address, port and firewall.",
+        remedy="Start the health page on that computer: enliven health PROFILE. Check the address, "
+        "the port and the firewall.",
     )

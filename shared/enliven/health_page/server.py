@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 
 LIBRARIES = ("starlette", "uvicorn", "prometheus_client", "jinja2", "cryptography")
 """Libraries of the optional dependency group ``enliven[health]``."""
-_PORT_ADVICE = "Another health page may be running: stop it, or choose another health.port."
+_PORT_ADVICE = "Another health page may be running. Stop it, or choose another health.port."
 """The remedy for a port that is in use."""
 
 
@@ -61,15 +61,15 @@ def check_access(settings: HealthPageSettings) -> PageAccess:
         missing.append("TLS (health.certificate and health.certificate_key)")
     if bool(settings.certificate) != bool(settings.certificate_key):
         raise InputError(
-            "health.certificate and health.certificate_key belong together",
+            "only one of health.certificate and health.certificate_key is set",
             where="health",
-            remedy="Name both files, or none.",
+            remedy="Set both files, or neither.",
         )
     if missing and not is_local:
         raise InputError(
-            f"beyond this computer the health page needs {' and '.join(missing)}",
+            f"to serve other computers, the health page needs {' and '.join(missing)}",
             where=f"health.host = {settings.host}",
-            remedy="Add it (docs/health.md shows how), or use host = 127.0.0.1.",
+            remedy="Set these values (see docs/health.md), or use host = 127.0.0.1.",
         )
     gate = PasswordGate(read_password(Path(settings.password_file))) if settings.password_file else None
     certificate = None
@@ -86,9 +86,9 @@ def require_libraries() -> None:
     missing = [name for name in LIBRARIES if importlib.util.find_spec(name) is None]
     if missing:
         raise ResourceError(
-            f"the libraries {', '.join(missing)} are not installed",
+            f"these libraries are not installed: {', '.join(missing)}",
             where="enliven health",
-            remedy='pip install "enliven[health]" (from a checkout: pip install "./shared[health]").',
+            remedy='Type: pip install "enliven[health]" (in a checkout: pip install "./shared[health]").',
         )
 
 
@@ -135,7 +135,7 @@ def serve_health(profile: KioskProfile, should_stop: Callable[[], bool] = lambda
         scheme = "http" if certificate is None else "https"
         host = f"[{settings.host}]" if ":" in settings.host else settings.host
         address = f"{scheme}://{host}:{listener.getsockname()[1]}"
-        log.info("the health page is at %s", address)
+        log.info("The health page is at %s", address)
         notifier.report_ready(f"at {address}")
         try:
             server.run(sockets=[listener])
@@ -156,11 +156,11 @@ def send_test_alert(profile: KioskProfile) -> list[str]:
     targets = alert_targets(profile.alerts)
     if not targets:
         raise InputError(
-            "the profile names no receiver of alerts",
+            "the profile contains no receiver of alerts",
             where="alerts",
-            remedy="Set alerts.webhook or alerts.command.",
+            remedy="Set alerts.webhook or alerts.command in the profile.",
         )
-    problem = Problem("test", "", Severity.NOTE, "This is a test.", "Nothing is to be done.")
+    problem = Problem("test", "", Severity.NOTE, "This is a test alert.", "No action is needed.")
     faults = deliver_once(targets, make_alert("test", profile.name, problem, time.time()))
     if faults:
         raise ResourceError("; ".join(faults), remedy="Check [alerts] in the profile.")

@@ -202,7 +202,9 @@ def _firmware_configs() -> Path:
             if (root / "firmware_configs" / "systemd").is_dir():
                 return root / "firmware_configs"
     raise ResourceError(
-        "the units of systemd are missing", where="enliven-edge", remedy="Type: pip install enliven-edge"
+        "the systemd units were not found",
+        where="enliven-edge",
+        remedy="Install the package: pip install enliven-edge",
     )
 
 

@@ -89,7 +89,7 @@ class Installer:
             else:
                 self._say(f"# copy {file.source} -> {file.place}")
         if plan.recordings is not None:
-            self._say(f"# make {plan.recordings}, which belongs to {KIOSK_USER}")
+            self._say(f"# create {plan.recordings}, which belongs to {KIOSK_USER}")
         for words in self._all_commands(plan):
             self._say(command_line(words))
 
@@ -132,7 +132,7 @@ class Installer:
                     raise
                 # These commands apply new rules and limits immediately. If they fail, a restart of the
                 # computer applies them.
-                self._say(f"not done: {error.what}. Restart the computer.")
+                self._say(f"The command failed: {error.what}. Restart the computer to apply the change.")
 
     def remove(self) -> list[str]:
         """Stops the units, and restores every file. Recordings stay.
@@ -199,13 +199,13 @@ class Installer:
         try:
             completed = subprocess.run(words, capture_output=True, text=True, check=False)
         except OSError as error:
-            raise ResourceError(error.strerror or "it cannot be run", where=words[0]) from None
+            raise ResourceError(error.strerror or "the command cannot be run", where=words[0]) from None
         if completed.returncode:
             lines = completed.stderr.strip().splitlines() or [f"exit code {completed.returncode}"]
             raise ResourceError(
                 lines[-1],
                 where=command_line(words),
-                remedy="enliven install-kiosk --remove undoes all steps.",
+                remedy="To undo all steps, run: enliven install-kiosk --remove",
             )
 
     def _disable_units(self, units: list[str]) -> None:
@@ -272,7 +272,7 @@ class Installer:
             fields = line.split(":")
             if fields[0] == KIOSK_USER:
                 return int(fields[2]), int(fields[3])
-        raise ResourceError(f"the user {KIOSK_USER} could not be made", where="systemd-sysusers")
+        raise ResourceError(f"the user {KIOSK_USER} could not be created", where="systemd-sysusers")
 
     def _has_user(self) -> bool:
         """Returns True if the kiosk's user exists."""
@@ -340,5 +340,5 @@ class Installer:
             raise InputError(
                 "the record of the installation is damaged",
                 where=str(path),
-                remedy=f"Delete it and {CONFIGURATION_FOLDER}, and install the kiosk again.",
+                remedy=f"Delete this file and {CONFIGURATION_FOLDER}, and install the kiosk again.",
             ) from None

@@ -26,9 +26,13 @@ def list_profile_files(profile: Path) -> Iterator[tuple[Path, bool]]:
         InputError: if the folder is a home directory or the root, or is too large for a kiosk.
     """
     folder = profile.absolute().parent
-    remedy = "Put the profile and its files into a folder of their own."
+    remedy = "Move the profile and its files to a separate folder."
     if folder in (Path("/"), Path.home()) or folder.parent == Path("/home"):
-        raise InputError("all of a profile's folder is installed", where=str(folder), remedy=remedy)
+        raise InputError(
+            "the installation would copy this whole folder, because the profile is in it",
+            where=str(folder),
+            remedy=remedy,
+        )
     count = size = 0
     for path in sorted(folder.rglob("*")):
         if not path.is_file() or any(part.startswith(".") for part in path.relative_to(folder).parts):
@@ -36,7 +40,9 @@ def list_profile_files(profile: Path) -> Iterator[tuple[Path, bool]]:
         status = path.stat()
         count, size = count + 1, size + status.st_size
         if count > MAX_FILES or size > MAX_BYTES:
-            raise InputError("its folder is too large for a kiosk", where=str(profile), remedy=remedy)
+            raise InputError(
+                "the folder of the profile is too large for a kiosk", where=str(profile), remedy=remedy
+            )
         yield path, not stat.S_IMODE(status.st_mode) & _SECRET_MODE_MASK
 
 
@@ -59,8 +65,10 @@ def find_outside_files(settings: KioskProfile, profile: Path) -> list[InputError
         if not name or name in BUILT_IN_MESHES:
             continue
         if Path(name).is_absolute() or not (folder / name).resolve().is_relative_to(folder):
-            remedy = f"Move it into {folder}, and name it relative to that folder."
+            remedy = f"Move the file into {folder}, and write its path relative to that folder."
             mistakes.append(
-                InputError(f"{key} is outside of the profile's folder", where=str(profile), remedy=remedy)
+                InputError(
+                    f"the file in {key} is outside the profile's folder", where=str(profile), remedy=remedy
+                )
             )
     return mistakes

@@ -22,15 +22,15 @@ def find_lacks(root: Path, python: str = sys.executable) -> list[EnlivenError]:
     problems: list[EnlivenError] = []
     is_running = root == Path("/")
     if is_running and os.geteuid() != 0:
-        remedy = "Type: sudo enliven install-kiosk PROFILE"
+        remedy = "Run: sudo enliven install-kiosk PROFILE"
         problems.append(ResourceError("only root can install services", remedy=remedy))
     if is_running and not Path("/run/systemd/system").is_dir():
-        remedy = "Use enliven kiosk PROFILE, which supervises the programs itself."
+        remedy = "Run: enliven kiosk PROFILE. This command supervises the programs without systemd."
         problems.append(ResourceError("this computer does not run systemd", remedy=remedy))
-    for program, use in (("cage", "shows the window"), ("seatd", "gives it the screen")):
+    for program, use in (("cage", "shows the window"), ("seatd", "gives the window access to the screen")):
         if find_program(program, root) is None:
-            remedy = f"Type: sudo apt-get install {program}"
-            problems.append(ResourceError(f"{program} is missing, which {use}", remedy=remedy))
+            remedy = f"Run: sudo apt-get install {program}"
+            problems.append(ResourceError(f"the program {program} is missing, which {use}", remedy=remedy))
     if is_running:
         problems += _find_unreadable(Path(python))
     return problems
@@ -48,7 +48,12 @@ def _find_unreadable(python: Path) -> list[EnlivenError]:
     for folder in python.parents:
         if not stat.S_IMODE(folder.stat().st_mode) & stat.S_IXOTH:
             remedy = (
-                "Make its environment elsewhere: python3 -m venv /opt/enliven, and install enliven there."
+                "Create an environment in another folder: python3 -m venv /opt/enliven. Install enliven "
+                "there."
             )
-            return [ResourceError("the kiosk's user cannot run it", where=str(python), remedy=remedy)]
+            return [
+                ResourceError(
+                    "the kiosk's user cannot run this Python interpreter", where=str(python), remedy=remedy
+                )
+            ]
     return []

@@ -85,7 +85,11 @@ class KernelCache(_Cache):  # type: ignore[misc]
         """Saves a compiled kernel, unless the code contains addresses of this process or the disk is full."""
         if data.lifted or data.library.has_dynamic_globals:
             name = self._kernel.py_func.__qualname__
-            warnings.warn(f"{name} is not cached: it uses large global arrays or pointers", NumbaWarning, 2)
+            warnings.warn(
+                f"the kernel {name} is not cached, because it uses large global arrays or pointers",
+                NumbaWarning,
+                2,
+            )
             return
         target = data.codegen.magic_tuple()
         save_kernel(self.file_name(sig, target), data._reduce())

@@ -65,7 +65,9 @@ class _CompilationCounter(event.Listener):  # type: ignore[misc]
         """Logs once that kernels are being compiled, unless a caller shows the progress itself."""
         if self._seconds > _MAX_UNEXPLAINED_S and not self._has_explained and not self.callbacks:
             self._has_explained = True
-            log.info("compiling kernels; this takes a minute or two, once on this machine")
+            log.info(
+                "compiling kernels; this takes one or two minutes, and happens only once on this computer"
+            )
 
 
 _compilations = _CompilationCounter()

@@ -105,7 +105,7 @@ class CompilationSchedule:
             try:
                 code = self._compile(used_kernels)
             except Exception as error:  # An error in this thread must not affect the program.
-                log.warning("no native code is compiled in the background: %s", error)
+                log.warning("native code cannot be compiled in the background: %s", error)
                 return
             if code == 0:
                 count = len(used_kernels)

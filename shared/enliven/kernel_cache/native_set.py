@@ -113,8 +113,11 @@ class NativeSet:
         processor = host_processor()[0]
         count, total = len(self.kernels) - len(self.missing), len(self.kernels)
         if self.is_complete:
-            return f"{self.program} uses code for {processor} ({total} kernels)"
-        return f"{self.program} compiles code for {processor} in the background ({count} of {total} kernels)"
+            return f"{self.program} uses native code for {processor} ({total} kernels)"
+        return (
+            f"{self.program} compiles native code for {processor} in the background ({count} of {total} "
+            "kernels)"
+        )
 
 
 def list_stored_sets() -> list[NativeSet]:

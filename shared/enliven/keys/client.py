@@ -65,7 +65,7 @@ def find_client_keys(host: str, control_port: int, folder: Path | None = None) -
     own_keys = store.load_own_pair()
     if own_keys is None:
         raise InputError(
-            f"the edge at {host} is paired, but the own keys are missing",
+            f"the edge at {host} is paired, but the keys of this computer are missing",
             where=str(store.own_path),
             remedy="Restore the file, or pair again: enliven pair HOST CODE.",
         )
@@ -127,11 +127,12 @@ def handshake_advice(problem: HandshakeProblem, host: str) -> str:
 _STATUS_PROBLEMS: dict[int, HandshakeProblem] = {400: "not paired", 500: "other key"}
 """The problem for each status that the edge sends. See :mod:`enliven.keys.curve`."""
 _ADVICE: dict[str, str] = {
-    "not paired": "does not know this viewer's key. Pair it: enliven pair {host} CODE",
-    "other key": "has another key than the one that this viewer expects. If enliven was installed again "
-    "there, pair again: enliven pair {host} CODE. Otherwise another program may answer at its address",
-    "needs keys": "answers paired viewers only. Pair this one with the code that the edge shows: "
+    "not paired": "does not know this viewer's key. Pair the viewer: enliven pair {host} CODE",
+    "other key": "has another key than this viewer expects. If enliven was installed again "
+    "on the edge's computer, pair again: enliven pair {host} CODE. Otherwise another program may "
+    "answer at this address",
+    "needs keys": "accepts only paired viewers. Pair this viewer with the code that the edge shows: "
     "enliven pair {host} CODE",
-    "has no keys": "uses no keys, and this viewer has a key for it. Start the edge again without "
-    "--insecure, or remove its key here: enliven keys forget {host}",
+    "has no keys": "uses no keys, but this viewer has a key of the edge. Start the edge again without "
+    "--insecure, or remove the edge's key on this computer: enliven keys forget {host}",
 }

@@ -102,13 +102,13 @@ class CurveChannel:
             if self._cookie and data.startswith(_INITIATE):
                 return self._answer_initiate(data, metadata)
         except CryptoError:
-            raise CurveError("a box of the handshake cannot be opened") from None
-        raise CurveError("not the expected command of the handshake")
+            raise CurveError("an encrypted part of the handshake cannot be decrypted") from None
+        raise CurveError("the peer sent an unexpected command in the handshake")
 
     def _answer_hello(self, data: bytes) -> bytes:
         """Answers HELLO, which contains the viewer's short-term key, with the edge's short-term key."""
         if len(data) != _HELLO_BYTES or data[6:8] != b"\x01\x00":
-            raise CurveError("HELLO has another form")
+            raise CurveError("the HELLO command is malformed")
         client_once, count = data[80:112], data[112:120]
         self._check_count(count)
         secret = self._server.keys.secret
@@ -117,7 +117,7 @@ class CurveChannel:
         except CryptoError:
             raise CurveError("the viewer expects another key of this edge", OTHER_EDGE_KEY_STATUS) from None
         if zeros != bytes(64):
-            raise CurveError("HELLO has another form")
+            raise CurveError("the HELLO command is malformed")
         self._client_once = client_once
         self._public_once, self._secret_once = sodium.crypto_box_keypair()
         # In the specification, the cookie contains the encrypted state, so that a server need not store it.
@@ -129,7 +129,7 @@ class CurveChannel:
     def _answer_initiate(self, data: bytes, metadata: bytes) -> bytes:
         """Answers INITIATE, which proves that the viewer has the secret key for its public key."""
         if len(data) < _MIN_INITIATE_BYTES:
-            raise CurveError("INITIATE has another form")
+            raise CurveError("the INITIATE command is malformed")
         if not hmac.compare_digest(data[9 : 9 + _COOKIE_BYTES], self._cookie):
             raise CurveError("the handshake's cookie does not match")
         vouch_box = data[9 + _COOKIE_BYTES :]
@@ -141,7 +141,7 @@ class CurveChannel:
         vouch = plain[KEY_BYTES + _LONG_NONCE_BYTES : KEY_BYTES + _VOUCH_BYTES]
         proof = sodium.crypto_box_open(vouch, b"VOUCH---" + nonce, client, self._secret_once)
         if not hmac.compare_digest(proof, self._client_once + self._server.keys.public):
-            raise CurveError("the viewer vouches for another connection")
+            raise CurveError("the viewer's proof of its key (vouch) belongs to another connection")
         if not self._server.admits(client):
             raise CurveError("the viewer is not paired", UNKNOWN_VIEWER_STATUS)
         self.client, self._shared = client, shared_key
@@ -172,13 +172,13 @@ class CurveChannel:
             CurveError: if the message was changed, repeated or reordered, or is not a message.
         """
         if not data.startswith(_MESSAGE) or len(data) < OVERHEAD_BYTES:
-            raise CurveError("this is not a sealed message")
+            raise CurveError("the message is not encrypted")
         count = data[8:16]
         self._check_count(count)
         try:
             plain = sodium.crypto_box_open_afternm(data[16:], b"CurveZMQMESSAGEC" + count, self._shared)
         except CryptoError:
-            raise CurveError("a message was changed on its way") from None
+            raise CurveError("a message was changed in transit") from None
         return plain[0], plain[1:]
 
     def _encrypt(self, plain: bytes, nonce: bytes) -> bytes:
@@ -190,5 +190,5 @@ class CurveChannel:
         """
         (number,) = struct.unpack(">Q", count)
         if not self._received < number < _MAX_COUNT:
-            raise CurveError("a message was repeated")
+            raise CurveError("a message was received twice")
         self._received = number

@@ -48,7 +48,9 @@ _NEW_FILE_FLAGS = (
     os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0)
 )
 """Flags that create a new file. They prevent opening an existing file and following a link."""
-_NEW_KEYS_ADVICE = "Make new keys with: enliven keys make --overwrite. Then pair again with each peer."
+_NEW_KEYS_ADVICE = (
+    "Create new keys: enliven keys make --overwrite. Then pair again with each viewer and edge."
+)
 
 
 @dataclass(frozen=True)
@@ -143,7 +145,7 @@ class KeyStore:
         )
         if zmq.curve_public(_z85_text(keys.secret)) != _z85_text(keys.public):
             raise InputError(
-                "its secret key does not belong to its public key",
+                "the secret key does not belong to the public key",
                 where=str(self.own_path),
                 remedy=_NEW_KEYS_ADVICE,
             )
@@ -261,9 +263,11 @@ class KeyStore:
             or (start and fingerprint(peer.public).replace("-", "").startswith(start))
         ]
         if len({peer.public for peer in matches}) != 1:
-            problem = "several peers match" if matches else "no paired viewer or edge matches"
+            problem = (
+                "several paired viewers or edges match" if matches else "no paired viewer or edge matches"
+            )
             raise InputError(
-                problem, where=repr(which), remedy="Give a fingerprint that enliven keys list shows."
+                problem, where=repr(which), remedy="Use a fingerprint from the output of: enliven keys list"
             )
         for peer in matches:
             self._remove("viewers" if isinstance(peer, PairedViewer) else "edges", peer.public)
@@ -290,7 +294,7 @@ class KeyStore:
         """Returns the path and the content of each file in a folder."""
         tables = []
         for path in sorted((self.folder / folder).glob("*.toml"))[:_MAX_PEERS]:
-            remedy = f"Remove it with: rm {path}. Then pair again."
+            remedy = f"Remove the file: rm {path}. Then pair again."
             table = _read_checked(path, problems, lambda p=path, m=remedy: _read_private(p, m))
             if table is not None:
                 tables.append((path, table))
@@ -319,7 +323,7 @@ def _viewer_from_table(table: dict[str, Any], path: Path) -> PairedViewer:
 def _edge_from_table(table: dict[str, Any], path: Path) -> PairedEdge:
     host, port = table.get("host"), table.get("control_port")
     if not isinstance(host, str) or not isinstance(port, int) or not 0 < port < 65536:
-        raise _damaged_file_error(path, "its address is missing or invalid")
+        raise _damaged_file_error(path, "the address is missing or invalid")
     peer = _viewer_from_table(table, path)
     return PairedEdge(peer.public, peer.name, host, port, peer.role, peer.paired)
 
@@ -327,14 +331,14 @@ def _edge_from_table(table: dict[str, Any], path: Path) -> PairedEdge:
 def _name_from_table(table: dict[str, Any], path: Path) -> str:
     name = table.get("name")
     if not isinstance(name, str) or not 0 < len(name) <= _MAX_NAME_LENGTH:
-        raise _damaged_file_error(path, "its name is missing or too long")
+        raise _damaged_file_error(path, "the name is missing or too long")
     return name
 
 
 def _role_from_table(table: dict[str, Any], path: Path) -> Role:
     role = table.get("role")
     if role not in ROLES:
-        raise _damaged_file_error(path, f"its role is {role!r:.40}, expected one of {', '.join(ROLES)}")
+        raise _damaged_file_error(path, f"the role is {role!r:.40}, expected one of {', '.join(ROLES)}")
     return role
 
 
@@ -346,7 +350,7 @@ def _key_from_table(table: dict[str, Any], name: str, path: Path) -> bytes:
             key = _from_z85(text.encode())
             if len(key) == KEY_BYTES:
                 return key
-    raise _damaged_file_error(path, f"its {name} key is missing or invalid")
+    raise _damaged_file_error(path, f"the {name} key is missing or invalid")
 
 
 def _damaged_file_error(path: Path, what: str) -> InputError:
@@ -354,7 +358,7 @@ def _damaged_file_error(path: Path, what: str) -> InputError:
     return InputError(
         f"this is not a key file, or it is damaged ({what})",
         where=str(path),
-        remedy=_NEW_KEYS_ADVICE if is_own else f"Remove it with: rm {path}. Then pair again.",
+        remedy=_NEW_KEYS_ADVICE if is_own else f"Remove the file: rm {path}. Then pair again.",
     )
 
 
@@ -372,16 +376,16 @@ def _read_private(path: Path, remedy: str) -> dict[str, Any] | None:
     except OSError as error:
         raise file_fault(error, path) from None
     if not stat.S_ISREG(state.st_mode):
-        raise InputError("it is not a regular file", where=str(path), remedy=remedy)
+        raise InputError("the key file is not a regular file", where=str(path), remedy=remedy)
     if sys.platform != "win32":
         if state.st_uid != os.getuid():
-            raise InputError("it belongs to another user", where=str(path), remedy=remedy)
+            raise InputError("the key file belongs to another user", where=str(path), remedy=remedy)
         if state.st_mode & _OTHER_USERS_MODE_MASK:
             raise InputError(
                 f"other users may read or change this key file (mode {stat.S_IMODE(state.st_mode):04o})",
                 where=str(path),
-                remedy=f"If only you have read it: chmod 600 {path}. "
-                f"Otherwise others may know the key. {remedy}",
+                remedy=f"If no other user has read the file: chmod 600 {path}. "
+                f"Otherwise other users may know the key. {remedy}",
             )
     try:
         return read_toml(path)
@@ -417,9 +421,10 @@ def _write_private(path: Path, text: str, *, overwrite: bool) -> None:
                 part.unlink(missing_ok=True)
     except FileExistsError:
         raise InputError(
-            "there are keys already",
+            "this computer already has keys",
             where=str(path),
-            remedy="They stay unchanged. To replace them: enliven keys make --overwrite. All paired peers "
+            remedy="The keys stay unchanged. To replace the keys: enliven keys make --overwrite. All "
+            "paired viewers and edges "
             "must then pair again.",
         ) from None
     except OSError as error:

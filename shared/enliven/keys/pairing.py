@@ -48,8 +48,8 @@ MESSAGE_BYTES = 33
 
 _VIEWER, _EDGE = b"enliven viewer", b"enliven edge"
 _WRONG_CODE = {
-    _VIEWER: "the code is wrong",
-    _EDGE: "the code is wrong, or another program answers in place of the edge",
+    _VIEWER: "the pairing code is wrong",
+    _EDGE: "the pairing code is wrong, or another program answers instead of the edge",
 }
 """The reason why an encrypted introduction (a box) cannot be decrypted, by the sender of the box."""
 _KEY_LABELS = {_VIEWER: b"enliven pairing: viewer to edge", _EDGE: b"enliven pairing: edge to viewer"}
@@ -88,7 +88,7 @@ class ViewerPairing:
 
         digits = "".join(c for c in code if c not in " -")
         if len(digits) != CODE_DIGITS or not (digits.isascii() and digits.isdecimal()):
-            raise PairingError(f"a code has {CODE_DIGITS} digits")
+            raise PairingError(f"a pairing code must have {CODE_DIGITS} digits")
         self._spake = SPAKE2_A(digits.encode(), idA=_VIEWER, idB=_EDGE)
         self.message: bytes = self._spake.start()
         self._key = b""
@@ -210,9 +210,9 @@ class PairingCodes:
 
     def _closed_reason(self) -> str:
         if self.pause_s and self._clock() < self._until:
-            return f"too many tries: the edge shows a new code in {self.pause_s:.0f} s"
+            return f"too many attempts: the edge shows a new code in {self.pause_s:.0f} s"
         return (
-            "pairing is closed. Start the edge again, or open it on the edge's computer: "
+            "pairing is closed. Start the edge again, or open pairing on the edge's computer: "
             "enliven pair 127.0.0.1 --show-code"
         )
 
@@ -249,7 +249,7 @@ def _decrypt_box(key: bytes, sender: bytes, box: bytes) -> Introduction:
     except (CryptoError, ValueError, TypeError, msgspec.MsgspecError):
         raise PairingError(_WRONG_CODE[sender]) from None
     if len(public) != KEY_BYTES or role not in ROLES:
-        raise PairingError("the introduction is not valid")
+        raise PairingError("the key or the role in the pairing message is not valid")
     return Introduction(public, clean_name(name), role)  # type: ignore[arg-type]
 
 

@@ -74,8 +74,8 @@ def _find_profile_mistakes(profile: KioskProfile, path: Path, starts_here: bool)
     for kind, names in (("an edge", profile.edges), ("a character", profile.characters)):
         for name in names:
             if not _NAME_PATTERN.fullmatch(name):
-                remedy = "Use up to 40 letters, digits, '-' and '_'."
-                yield InputError(f"{name!r} cannot be the name of {kind}", where=str(path), remedy=remedy)
+                remedy = "Use 1 to 40 letters, digits, '-' and '_'."
+                yield InputError(f"{name!r} is not a valid name for {kind}", where=str(path), remedy=remedy)
     for name, character in profile.characters.items():
         yield from _find_character_mistakes(name, character, path)
     yield from _find_edge_mistakes(profile, path)
@@ -94,9 +94,10 @@ def _find_character_mistakes(name: str, character: KioskCharacter, path: Path) -
     """Yields the mistakes in the settings of one character."""
     if character.mesh not in BUILT_IN_MESHES and not is_file(path.parent / character.mesh):
         yield InputError(
-            f"the mesh {character.mesh} of characters.{name} does not exist",
+            f"the mesh file {character.mesh} in characters.{name} does not exist",
             where=str(path),
-            remedy=f"Paths are relative to {path.parent}. Built in are {', '.join(sorted(BUILT_IN_MESHES))}.",
+            remedy=f"Relative paths start at the folder {path.parent}. Built-in meshes: "
+            f"{', '.join(sorted(BUILT_IN_MESHES))}.",
         )
     from enliven.person import parse_parts
 
@@ -115,9 +116,9 @@ def _find_edge_mistakes(profile: KioskProfile, path: Path) -> Iterator[EnlivenEr
         settings = path.parent / edge.settings
         if not is_file(settings):
             yield InputError(
-                f"the settings file {edge.settings} of edges.{name} does not exist",
+                f"the settings file {edge.settings} in edges.{name} does not exist",
                 where=str(path),
-                remedy=f"Paths are relative to {path.parent}.",
+                remedy=f"Relative paths start at the folder {path.parent}.",
             )
         elif importlib.util.find_spec("enliven_edge") is not None:
             kind = importlib.import_module("enliven_edge.settings").EdgeSettings
@@ -138,14 +139,16 @@ def _find_missing_files(profile: KioskProfile, path: Path) -> Iterator[EnlivenEr
     for key, name in files:
         if name and not is_file(folder / name):
             yield InputError(
-                f"the file {name} of {key} does not exist",
+                f"the file {name} in {key} does not exist",
                 where=str(path),
-                remedy=f"Paths are relative to {folder}.",
+                remedy=f"Relative paths start at the folder {folder}.",
             )
     for name in dict.fromkeys((health.password_file, health.certificate_key, souvenir.certificate_key)):
         secret = folder / name
         if name and is_file(secret) and stat.S_IMODE(secret.stat().st_mode) & 0o077:
-            yield InputError("other users can read it", where=str(secret), remedy=f"Type: chmod 600 {secret}")
+            yield InputError(
+                "other users can read this secret file", where=str(secret), remedy=f"Type: chmod 600 {secret}"
+            )
 
 
 def _find_space_mistakes(profile: KioskProfile, path: Path) -> Iterator[EnlivenError]:
@@ -162,9 +165,10 @@ def _find_space_mistakes(profile: KioskProfile, path: Path) -> Iterator[EnlivenE
     missing = [name for name in local_edges(profile) if name not in places]
     if missing and len(profile.edges) > 1:
         yield InputError(
-            f"it has no place for {', '.join(f'edges.{name}' for name in missing)}",
+            f"the space file has no position for {', '.join(f'edges.{name}' for name in missing)}",
             where=str(file),
-            remedy=f"It has places for {', '.join(places)}. Give the edges these names, or calibrate them.",
+            remedy=f"The file has positions for these names: {', '.join(places)}. Use these names for the "
+            "edges, or calibrate the edges.",
         )
 
 
@@ -174,11 +178,17 @@ def _find_wrong_words(profile: KioskProfile, path: Path) -> Iterator[EnlivenErro
     if language and importlib.util.find_spec("enliven_viewer") is not None:
         languages = importlib.import_module("enliven_viewer.language").LANGUAGES
         if language not in languages:
-            remedy = f"Known: {', '.join(languages)}."
-            yield InputError(f"story.language is {language!r}", where=str(path), remedy=remedy)
+            remedy = f"Known languages: {', '.join(languages)}."
+            yield InputError(
+                f"the language {language!r} in story.language is not known", where=str(path), remedy=remedy
+            )
     size = profile.screen.size
     if size and not _SIZE_PATTERN.fullmatch(size):
-        yield InputError(f"screen.size is {size!r}", where=str(path), remedy="Write it as 1920x1080.")
+        yield InputError(
+            f"the size {size!r} in screen.size is not valid",
+            where=str(path),
+            remedy="Write the size like 1920x1080.",
+        )
     if profile.care.restart_at:
         error = _catch_error(lambda: parse_time_of_day(profile.care.restart_at))
         if error is not None:
@@ -192,19 +202,21 @@ def _find_recording_mistakes(profile: KioskProfile, folder: Path) -> Iterator[En
         return
     recordings = folder / profile.care.recordings
     if not recordings.is_dir():
-        problem = "this folder for recordings does not exist"
+        problem = "the folder for recordings does not exist"
         yield ResourceError(problem, where=str(recordings), remedy=f"Type: mkdir -p {recordings}")
         return
     if not os.access(recordings, os.W_OK):
         yield ResourceError(
-            "recordings cannot be written here", where=str(recordings), remedy="Give this user the folder."
+            "this user cannot write recordings to the folder",
+            where=str(recordings),
+            remedy="Give this user write permission for the folder.",
         )
     mount = find_mount(recordings)
     if mount is not None and mount.is_volatile:
         yield ResourceError(
-            f"recordings here are lost at power off ({mount.kind} on {mount.place})",
+            f"recordings in this folder are lost at power off ({mount.kind} on {mount.place})",
             where=str(recordings),
-            remedy="Put them on a partition of their own, which is not part of the read-only root.",
+            remedy="Store recordings on a separate partition that is not part of the read-only root.",
         )
 
 
@@ -219,17 +231,18 @@ def _find_taken_ports(profile: KioskProfile) -> Iterator[EnlivenError]:
     for port, host, key in pages:
         if port in wanted:
             yield ResourceError(
-                f"{key} and {wanted[port][1]} are the same",
+                f"{key} and {wanted[port][1]} use the same port",
                 where=f"port {port}",
-                remedy="Choose another one.",
+                remedy="Choose another port.",
             )
         wanted[port] = (host, key)
     for port, (host, key) in wanted.items():
         if not _is_free(host, port):
             yield ResourceError(
-                f"another program uses the port of {key}",
+                f"another program already uses the port in {key}",
                 where=f"port {port}",
-                remedy=f"End that program (ss -tlnp 'sport = {port}' names it), or choose another port.",
+                remedy=f"End the other program (ss -tlnp 'sport = {port}' shows its name), or choose another "
+                "port.",
             )
 
 

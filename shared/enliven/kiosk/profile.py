@@ -21,15 +21,19 @@ MAX_SOUVENIR_AGE_S = 86_400.0
 
 @dataclass(frozen=True)
 class KioskEdge:
-    """One edge of a kiosk: ``[edges.NAME]``. If it has an address, it runs on another computer."""
+    """One edge of a kiosk: ``[edges.NAME]``. If an address is set, the edge runs on another computer."""
 
-    settings: str = setting("", "File of the edge's settings (TOML). Empty: the defaults.")
-    arguments: tuple[str, ...] = setting((), "More arguments of `enliven edge`, such as `--sensor`, `oak`.")
+    settings: str = setting("", "Settings file of the edge (TOML). Empty: the defaults.")
+    arguments: tuple[str, ...] = setting(
+        (), "Additional command-line arguments of `enliven edge`, such as `--sensor`, `oak`."
+    )
     address: str = setting(
-        "", "Address of an edge on another computer, HOST or HOST:PORT. Empty: it is started on this one."
+        "",
+        "Address of an edge on another computer, as HOST or HOST:PORT. Empty: the edge is "
+        "started on this computer.",
     )
     port: int = setting(
-        5580, "Network port of its pose stream. Commands use the next one.", low=1, high=65534
+        5580, "Network port of the edge's pose stream. Commands use the next port.", low=1, high=65534
     )
 
 
@@ -38,31 +42,38 @@ class KioskCharacter:
     """One character that visitors can choose: ``[characters.NAME]``."""
 
     mesh: str = setting("chair", "Path of a mesh, session or project, or 'chair', 'lamp' or 'cactus'.")
-    title: str = setting("", "Its name on the screen. Empty: the name of its table.")
-    parts: str = setting(
-        "", "Body parts that hold it, such as 'all' or 'legs'. Empty: chosen to suit the mesh."
+    title: str = setting(
+        "", "Name of the character on the screen. Empty: the name of its table in the profile."
     )
-    drive: Literal["", "graph", "skeleton"] = setting("", "How it is driven. Empty: chosen to suit the mesh.")
+    parts: str = setting(
+        "",
+        "Body parts that possess the character, such as 'all' or 'legs'. Empty: chosen "
+        "automatically for the mesh.",
+    )
+    drive: Literal["", "graph", "skeleton"] = setting(
+        "", "Rig that moves the character. Empty: chosen automatically for the mesh."
+    )
 
 
 @dataclass(frozen=True)
 class ZoneSettings:
-    """The zone of the floor in which visitors are noticed, and the spot at which they take a character."""
+    """The zone of the floor in which visitors are noticed, and the spot at which they possess a character."""
 
     center: tuple[float, float] = setting(
         (0.0, -2.5),
         "Center of the spot on the floor (x, z). A camera at the origin looks along -z.",
         unit="m",
     )
-    width: float = setting(3.0, "Width of the zone.", unit="m", low=0.5, high=20.0)
-    depth: float = setting(3.0, "Depth of the zone.", unit="m", low=0.5, high=20.0)
+    width: float = setting(3.0, "Width of the zone for detecting visitors.", unit="m", low=0.5, high=20.0)
+    depth: float = setting(3.0, "Depth of the zone for detecting visitors.", unit="m", low=0.5, high=20.0)
     space: str = setting(
         "",
-        "File with the places of several edges, from enliven calibrate. The zone is in the world of the "
-        "first edge. Empty: all edges have one world.",
+        "File with the positions of several edges, written by enliven calibrate. The zone is "
+        "in the coordinate system of the first edge. Empty: all edges have the same "
+        "coordinate system.",
     )
     spot: float = setting(
-        0.5, "Radius of the spot where a visitor takes a character.", unit="m", low=0.2, high=3.0
+        0.5, "Radius of the spot at which a visitor possesses a character.", unit="m", low=0.2, high=3.0
     )
 
 
@@ -71,38 +82,53 @@ class StorySettings:
     """The actions of the kiosk for its visitors, and their durations."""
 
     attract: tuple[str, ...] = setting(
-        (), "Recorded performances that play without visitors (.mcap). Empty: the shipped ones."
+        (),
+        "Recorded performances (.mcap) that are shown if there are no visitors. Empty: the "
+        "performances that come with enliven.",
     )
     dwell: float = setting(
-        1.5, "Time on the spot until the visitor takes the character.", unit="s", low=0.3, high=10.0
+        1.5,
+        "Time that a visitor must stay on the spot to possess the character.",
+        unit="s",
+        low=0.3,
+        high=10.0,
     )
-    lost: float = setting(2.0, "Time without a visitor until the farewell.", unit="s", low=0.2, high=30.0)
+    lost: float = setting(
+        2.0, "Time without a visitor after which the farewell starts.", unit="s", low=0.2, high=30.0
+    )
     session: float = setting(
-        120.0, "Longest time with a character. 0: no limit.", unit="s", low=0.0, high=3600.0
+        120.0,
+        "Maximum time that a visitor possesses a character. 0: no limit.",
+        unit="s",
+        low=0.0,
+        high=3600.0,
     )
     farewell: float = setting(4.0, "Duration of the farewell.", unit="s", low=0.5, high=30.0)
     choose: Literal["", "step", "hand", "button"] = setting(
         "step",
-        "How visitors change the character: a step to the side, a raised hand, or a button. Empty: never.",
+        "How visitors choose another character: by a step to the side, a raised hand, or a "
+        "button. Empty: never.",
     )
     performers: int = setting(
-        1, "Number of visitors that can have a character at the same time.", low=1, high=6
+        1, "Maximum number of visitors that possess a character at the same time.", low=1, high=6
     )
-    language: str = setting("", "Language of the words on the screen. Empty: the computer's.")
-    sound: bool = setting(False, "Plays sounds when a visitor is noticed, takes a character and leaves it.")
+    language: str = setting("", "Language of the texts on the screen. Empty: the language of the computer.")
+    sound: bool = setting(
+        False, "Plays a sound when a visitor is noticed, possesses a character or releases the character."
+    )
 
 
 @dataclass(frozen=True)
 class ScreenSettings:
     """The screen of the kiosk."""
 
-    number: int = setting(0, "Number of the monitor, from 0.", low=0, high=15)
+    number: int = setting(0, "Number of the monitor. The first monitor is 0.", low=0, high=15)
     size: str = setting("", "Size of the window, such as 1920x1080. Empty: the whole monitor.")
     turn: Literal[0, 90, 180, 270] = setting(
-        0, "Rotation of the picture, for an upright monitor.", unit="degrees"
+        0, "Rotation of the image, for a monitor in portrait orientation.", unit="degrees"
     )
     settings: str = setting(
-        "", "File of the viewer's settings (TOML) for light, backdrop and floor. Empty: the defaults."
+        "", "Settings file of the viewer (TOML) for light, backdrop and floor. Empty: the defaults."
     )
 
 
@@ -115,40 +141,54 @@ class SouvenirSettings:
     """
 
     kind: Literal["", "photo", "film"] = setting(
-        "", "Souvenir of each session: a photo or a film. Empty: none is made or kept."
+        "", "Souvenir of each session: a photo or a film. Empty: no souvenirs."
     )
     keep: float = setting(
-        30.0, "Time until a souvenir is deleted.", unit="minutes", low=1.0, high=MAX_SOUVENIR_AGE_S / 60.0
+        30.0,
+        "Time after which a souvenir is deleted.",
+        unit="minutes",
+        low=1.0,
+        high=MAX_SOUVENIR_AGE_S / 60.0,
     )
     space: float = setting(
-        200.0, "Largest size of all souvenirs. The oldest are deleted.", unit="MB", low=50.0, high=10000.0
+        200.0,
+        "Maximum total size of all souvenirs. Above this size, the oldest are deleted.",
+        unit="MB",
+        low=50.0,
+        high=10000.0,
     )
-    length: float = setting(6.0, "Longest duration of a film.", unit="s", low=2.0, high=30.0)
+    length: float = setting(6.0, "Maximum duration of a film.", unit="s", low=2.0, high=30.0)
     code: float = parameter(20.0, "Time for which the QR code is shown.", unit="s", low=5.0, high=120.0)
     host: str = setting(
         "127.0.0.1",
-        "Network address to listen on, such as 0.0.0.0. Phones cannot reach 127.0.0.1.",
+        "Network address at which phones get souvenirs, such as 0.0.0.0. Phones cannot reach 127.0.0.1.",
     )
-    port: int = setting(5592, "Network port.", low=1, high=65535)
+    port: int = setting(5592, "Network port of the souvenir server.", low=1, high=65535)
     address: str = setting(
         "",
-        "Start of the address in the QR code, such as http://kiosk.example:5592/. Empty: this computer's "
-        "address in its network.",
+        "Start of the address in the QR code, such as http://kiosk.example:5592/. Empty: the "
+        "network address of this computer.",
     )
-    certificate: str = setting("", "TLS certificate (PEM). Empty: souvenirs are sent without encryption.")
-    certificate_key: str = setting("", "Key of the TLS certificate (PEM), readable for its owner only.")
+    certificate: str = setting(
+        "", "File with the TLS certificate (PEM). Empty: souvenirs are sent without encryption."
+    )
+    certificate_key: str = setting(
+        "", "File with the key of the TLS certificate (PEM). Only its owner may have read permission."
+    )
 
 
 @dataclass(frozen=True)
 class AlertSettings:
     """Settings for alerts, which inform operators about problems."""
 
-    webhook: str = setting("", "Address (URL) that receives each alert as JSON. Empty: none.")
+    webhook: str = setting("", "Address (URL) that receives each alert as JSON. Empty: no webhook.")
     command: str = setting(
-        "", "Command that is run for each alert, with the alert as JSON on its standard input."
+        "",
+        "Command that is run for each alert. It receives the alert as JSON on its standard "
+        "input. Empty: no command.",
     )
     quiet: float = setting(
-        600.0, "Shortest time between two alerts about the same problem.", unit="s", low=10.0, high=86400.0
+        600.0, "Minimum time between two alerts about the same problem.", unit="s", low=10.0, high=86400.0
     )
 
 
@@ -157,31 +197,37 @@ class HealthPageSettings:
     """The health page."""
 
     host: str = setting(
-        "127.0.0.1", "Network address to listen on. Beyond loopback it needs a password and TLS."
+        "127.0.0.1",
+        "Network address of the health page. An address that other computers can "
+        "reach needs a password and TLS.",
     )
-    port: int = setting(5590, "Network port.", low=1, high=65535)
-    password_file: str = setting("", "File with the password, readable for its owner only.")
-    certificate: str = setting("", "TLS certificate (PEM).")
-    certificate_key: str = setting("", "Key of the TLS certificate (PEM), readable for its owner only.")
+    port: int = setting(5590, "Network port of the health page.", low=1, high=65535)
+    password_file: str = setting("", "File with the password. Only its owner may have read permission.")
+    certificate: str = setting("", "File with the TLS certificate (PEM).")
+    certificate_key: str = setting(
+        "", "File with the key of the TLS certificate (PEM). Only its owner may have read permission."
+    )
 
 
 @dataclass(frozen=True)
 class CareSettings:
     """Maintenance settings for a computer that runs for weeks."""
 
-    restart_at: str = setting("", "Time of a nightly restart of all programs, such as 04:00. Empty: none.")
+    restart_at: str = setting(
+        "", "Time of day at which all programs are restarted, such as 04:00. Empty: never."
+    )
     recordings: str = setting(
-        "", "Folder for recordings of the visits (bodies and poses). Empty: none are made."
+        "", "Folder for recordings of the visits (bodies and poses). Empty: visits are not recorded."
     )
     keep_free: float = setting(
         1.0,
-        "Space that is kept free on the disk. Oldest recordings are deleted.",
+        "Minimum free space on the disk. If less is free, the oldest recordings are deleted.",
         unit="GB",
         low=0.1,
         high=10000.0,
     )
     frozen_after: float = setting(
-        10.0, "Time without visible progress until a program is restarted.", unit="s", low=2.0, high=600.0
+        10.0, "Time without progress after which a program is restarted.", unit="s", low=2.0, high=600.0
     )
 
 
@@ -189,12 +235,14 @@ class CareSettings:
 class KioskProfile:
     """All settings of a kiosk."""
 
-    name: str = setting("kiosk", "Name of the kiosk, for operators.")
+    name: str = setting("kiosk", "Name of the kiosk. Operators see it on the health page and in alerts.")
     edges: dict[str, KioskEdge] = field(
-        default_factory=dict, metadata={"doc": "The edges, by name. None: one with the defaults."}
+        default_factory=dict,
+        metadata={"doc": "The edges, by name. Without this table, one edge with the defaults is used."},
     )
     characters: dict[str, KioskCharacter] = field(
-        default_factory=dict, metadata={"doc": "The characters, by name. None: the chair."}
+        default_factory=dict,
+        metadata={"doc": "The characters, by name. Without this table, the chair is used."},
     )
     zone: ZoneSettings = group(ZoneSettings)
     story: StorySettings = group(StorySettings)
@@ -219,8 +267,8 @@ def load_profile(path: Path) -> KioskProfile:
     for (port, name), (other_port, other) in zip(sorted(ports), sorted(ports)[1:], strict=False):
         if other_port - port < 2:
             raise InputError(
-                f"the edges {name} and {other} have the ports {port} and {other_port}",
+                f"the ports {port} and {other_port} of the edges {name} and {other} are too close",
                 where=str(path),
-                remedy="Give each edge a port at least 2 above the one before: it also uses the next one.",
+                remedy="Use ports that differ by at least 2, because each edge also uses the next port.",
             )
     return replace(profile, edges=dict(edges), characters=dict(characters))

@@ -39,9 +39,9 @@ class ScreenLock:
         except OSError:
             os.close(self._file)
             raise ResourceError(
-                f"another kiosk is on screen {number}",
+                f"another kiosk already uses screen {number}",
                 where="kiosk",
-                remedy="Stop it, or give this one another monitor: number under [screen].",
+                remedy="Stop the other kiosk, or set another monitor in this profile: number under [screen].",
             ) from None
 
     def close(self) -> None:

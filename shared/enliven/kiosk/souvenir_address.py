@@ -13,10 +13,13 @@ from .profile import SouvenirSettings
 _MAX_ADDRESS_LENGTH = 100
 """Maximum length of the start of an address. With a longer address, phones cannot read the QR code from 2
 m."""
-_ADDRESS_ADVICE = "Write it as http://kiosk.example:5592/, without a question mark, a hash or a password."
+_ADDRESS_ADVICE = (
+    "Write an address like http://kiosk.example:5592/, without a question mark, a hash or a password."
+)
 """The remedy for an invalid address."""
 _REACHABILITY_ADVICE = (
-    'Set souvenir.host = "0.0.0.0", and souvenir.address if phones reach this computer by another address.'
+    'Set souvenir.host = "0.0.0.0". If phones reach this computer by another address, '
+    "also set souvenir.address."
 )
 """The remedy for an address that no phone can open."""
 
@@ -32,20 +35,22 @@ def check_souvenir_address(settings: SouvenirSettings, where: str) -> None:
         return
     if bool(settings.certificate) != bool(settings.certificate_key):
         raise InputError(
-            "souvenir.certificate and souvenir.certificate_key belong together",
+            "only one of souvenir.certificate and souvenir.certificate_key is set",
             where=where,
-            remedy="Name both files, or none.",
+            remedy="Set both files, or neither.",
         )
     if settings.certificate and settings.address.startswith("http://"):
         raise InputError(
-            f"souvenir.address is {settings.address[:_MAX_ADDRESS_LENGTH]}, but the server uses TLS",
+            f"souvenir.address {settings.address[:_MAX_ADDRESS_LENGTH]} starts with http://, but "
+            "the server uses TLS",
             where=where,
-            remedy="Write the address with https://.",
+            remedy="Write https:// at the start of the address.",
         )
     if not settings.address:
         if is_loopback(settings.host):
             raise InputError(
-                f"phones cannot open souvenir.host = {settings.host}, which is only this computer",
+                f"phones cannot reach souvenir.host = {settings.host}, because only this computer can "
+                "use this address",
                 where=where,
                 remedy=_REACHABILITY_ADVICE,
             )
@@ -53,14 +58,16 @@ def check_souvenir_address(settings: SouvenirSettings, where: str) -> None:
     name = _host_of(settings.address)
     if not name:
         raise InputError(
-            f"souvenir.address is {settings.address[:_MAX_ADDRESS_LENGTH]!r}, which is not the "
-            f"start of an address",
+            f"souvenir.address {settings.address[:_MAX_ADDRESS_LENGTH]!r} is not a valid start of an address",
             where=where,
             remedy=_ADDRESS_ADVICE,
         )
     if is_loopback(name):
-        problem = f"phones cannot open souvenir.address = {settings.address}, which is only this computer"
-        raise InputError(problem, where=where, remedy="Name the address of this computer in the network.")
+        problem = (
+            f"phones cannot reach souvenir.address = {settings.address}, because only this "
+            "computer can use this address"
+        )
+        raise InputError(problem, where=where, remedy="Write the network address of this computer.")
 
 
 def find_souvenir_address(settings: SouvenirSettings) -> str:

@@ -291,9 +291,11 @@ class Story:
     def _find_problem(self, frame: StoryInput) -> str:
         """Returns a sentence about a problem of the stage for operators, or an empty string."""
         if not frame.is_connected:
-            return "the edge or its camera delivers nothing"
+            return "the edge or its camera sends no frames"
         missing = [name for name in self._characters if name not in frame.available]
         if missing:
-            return f"characters that are not on the stage: {', '.join(missing)}"
+            return f"these characters are not on the stage of the edge: {', '.join(missing)}"
         refusing = [spot.character for spot in self._spots if spot.refusals >= _MAX_REFUSALS]
-        return f"the edge refuses {', '.join(refusing)}" if refusing else ""
+        return (
+            f"the edge refuses the possession of these characters: {', '.join(refusing)}" if refusing else ""
+        )

@@ -25,15 +25,15 @@ class Event(StrEnum):
     ENTERED = "a visitor is in the zone"
     ZONE_EMPTY = "the zone is empty"
     ON_SPOT = "a visitor is on the spot"
-    OFF_SPOT = "the visitor has left the spot, and the ring is empty"
-    CHARACTER_CHANGED = "the visitor has changed the character"
-    CHOICE_OVER = "the character was not changed for a while"
-    HELD = "the edge reports that the visitor has the character"
+    OFF_SPOT = "the visitor has left the spot, and the progress ring is empty"
+    CHARACTER_CHANGED = "the visitor has chosen another character"
+    CHOICE_OVER = "the visitor did not choose another character for a while"
+    HELD = "the edge reports that the visitor possesses the character"
     LOST = "the visitor has left"
-    SESSION_OVER = "the longest time with a character is over"
+    SESSION_OVER = "the maximum time with a character has passed"
     RELEASED = "the character was released"
     FAREWELL_OVER = "the farewell is over"
-    EDGE_GONE = "the edge is gone"
+    EDGE_GONE = "the connection to the edge is lost"
 
 
 _UNHELD_PHASES = (Phase.ATTRACT, Phase.NOTICED, Phase.DWELL, Phase.CHOOSE)

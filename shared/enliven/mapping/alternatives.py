@@ -70,7 +70,7 @@ def _other_mappings(retargeted: RetargetedShape, shape: RiggedCharacter) -> Iter
     plan, clip = retargeted.plan, retargeted.clip
     soft = soften_plan(plan, clip, shape)
     if soft != plan:
-        yield "moved less where it stretches", soft
+        yield "with less motion where the surface stretches", soft
     for mode in ("move", "pose"):
         chains = tuple(replace(chain, mode=mode) for chain in plan.chains)
         if chains != plan.chains:
@@ -79,7 +79,7 @@ def _other_mappings(retargeted: RetargetedShape, shape: RiggedCharacter) -> Iter
         chain if "whole" in chain.role else replace(chain, weight=_GENTLE_WEIGHT * chain.weight)
         for chain in plan.chains
     )
-    yield f"with limbs moved by {_GENTLE_WEIGHT:.0%}", replace(plan, chains=chains)
+    yield f"with limb motion reduced to {_GENTLE_WEIGHT:.0%}", replace(plan, chains=chains)
     if stands_on_floor(shape):
         yield ("with --no-steps" if plan.steps else "with --steps"), replace(plan, steps=not plan.steps)
         if not plan.floor:

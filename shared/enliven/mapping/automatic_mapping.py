@@ -392,7 +392,9 @@ def play_own_take(shape: RiggedCharacter, clip: Clip, project: Project | None = 
     """
     if not is_own_take(clip, shape):
         raise InputError(
-            "the clip has another skeleton than the model", where=f"clip {clip.id!r}", remedy="Retarget it."
+            "the clip has another skeleton than the model",
+            where=f"clip {clip.id!r}",
+            remedy="Retarget the clip.",
         )
     plan = replace(create_automatic_plan(clip, shape), travel=True, floor=False)
     new_project, _ = play_clip(project or Project(), shape, clip)
@@ -422,7 +424,7 @@ def retarget(
     """
     plan = create_automatic_plan(clip, shape) if plan is None else plan
     if not plan.chains:
-        remedy = "Write a mapping file: --write-map writes one that you can edit."
+        remedy = "Write a mapping file with --write-map, and edit it."
         raise InputError("no chain of the take matches a chain of the model", where="mapping", remedy=remedy)
     stepping, posed = legs_that_step(shape, clip, plan), posed_legs_that_step(shape, clip, plan)
     # A body with the performer's skeleton moves exactly as in the take, unless its feet are planted.

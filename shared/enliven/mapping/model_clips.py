@@ -99,7 +99,7 @@ def play_own_clip(project: Project, shape_id: str, name: str | None) -> Project:
     shape = project.shape(shape_id)
     clips, joint_layers = own_clips(project, shape), _joint_layers(project, shape)
     if name is not None and name not in clips:
-        remedy = f"Known: {', '.join(clips) or 'none'}."
+        remedy = f"Known clips: {', '.join(clips) or 'none'}."
         raise InputError(f"{name!r} is not a clip of {shape_id!r}", where="project", remedy=remedy)
     if joint_layers:
         return _replace_clip(project, shape, joint_layers, name)

@@ -23,11 +23,12 @@ class ChainPlan:
 
     source: tuple[str, ...] = data_field(
         (),
-        "Joints of the take's chain: first and last, or all. The first joint stays in place; a single "
-        "joint gives only its own rotation.",
+        "Joints of the take's chain: the first and the last, or all. The first joint stays in "
+        "place. A single "
+        "joint transfers only its own rotation.",
     )
     target: tuple[str, ...] = data_field(
-        (), "Joints of the model's chain: first and last, or all. The first joint stays in place."
+        (), "Joints of the model's chain: the first and the last, or all. The first joint stays in place."
     )
     role: str = data_field(
         "",
@@ -36,8 +37,9 @@ class ChainPlan:
     )
     mode: Mode = data_field(
         "move",
-        '"pose": the model\'s bones point in the performer\'s directions. "move": they keep their rest '
-        "pose and add the performer's movement from theirs.",
+        '"pose": the model\'s bones point in the directions of the performer\'s bones. "move": the '
+        "model's bones keep their rest "
+        "pose and add the movement of the performer's bones from their own rest pose.",
     )
     flip: bool = data_field(False, "Rotates the movement by half a turn about the chain's axis.")
     weight: float = data_field(1.0, "Fraction of the movement that is transferred.", low=0.0, high=1.0)
@@ -60,18 +62,19 @@ class Plan:
     rest: Rest | float = data_field(
         "auto",
         'Reference pose of the take: "mean", "first", "zero" (rest pose of the file), or a time in '
-        'seconds. "auto": hanging limbs for two-legged performers, else "mean".',
+        'seconds. "auto": a pose with hanging limbs for two-legged performers, otherwise "mean".',
     )
     turn: bool = data_field(
-        True, "Turns the whole model with the performer, by chains that drive only its root."
+        True, "Turns the whole model with the performer. Chains that drive only the model's root do this."
     )
     travel: bool = data_field(False, "Moves the whole model through the world with the performer.")
     level: bool = data_field(
-        False, "Keeps the model level: as a whole, it follows only the performer's heading."
+        False, "Keeps the model upright: the whole model follows only the performer's heading."
     )
     floor: bool = data_field(True, "Keeps the lowest point of a standing model on the floor.")
     steps: bool = data_field(
-        True, "Legs that are not posed directly follow the steps of the performer's feet. Needs `floor`."
+        True,
+        "Makes legs that are not posed directly follow the steps of the performer's feet. Needs `floor`.",
     )
     stretch: bool = data_field(
         False,

@@ -46,7 +46,7 @@ def read_plan(path: Path | str) -> Plan:
     document = read_toml(path)
     listed = document.pop("chain", [])
     if not isinstance(listed, list) or not all(isinstance(entry, Mapping) for entry in listed):
-        raise InputError("chain must be tables: [[chain]]", where=str(path))
+        raise InputError("chain must be an array of tables: [[chain]]", where=str(path))
     if "chains" in document:
         raise InputError("unknown key chains", where=str(path), remedy="Did you mean [[chain]]?")
     plan = load_settings(Plan, document, where=str(path))
@@ -56,15 +56,17 @@ def read_plan(path: Path | str) -> Plan:
         values = {k: _parse_joints(v) if k in ("source", "target") else v for k, v in table.items()}
         chain = load_settings(ChainPlan, values, where=location)
         if not chain.source or not chain.target:
-            remedy = 'Give "first .. last" for both, with the names of joints.'
+            remedy = 'Set both to "FIRST .. LAST", with the names of joints.'
             raise InputError("the chain needs a source and a target", where=location, remedy=remedy)
         if chain.speed == 0.0:
             raise InputError(
-                "a speed of 0 never plays the chain", where=location, remedy="Give 1, or -1 for backwards."
+                "the chain never plays, because its speed is 0",
+                where=location,
+                remedy="Set 1, or -1 to play backwards.",
             )
         chains.append(chain)
     if not chains:
-        remedy = "Use --write-map to write a mapping file that you can edit."
+        remedy = "Write a mapping file with --write-map, and edit it."
         raise InputError("the mapping file has no [[chain]]", where=str(path), remedy=remedy)
     return dataclasses.replace(plan, chains=tuple(chains))
 
@@ -77,7 +79,7 @@ def write_plan(plan: Plan, path: Path | str) -> None:
         ResourceError: if the file cannot be written.
     """
     refuse_later_toml(Path(path))
-    write_file(Path(path), plan_text(plan), "Choose another place with --write-map.")
+    write_file(Path(path), plan_text(plan), "Choose another file with --write-map.")
 
 
 def plan_text(plan: Plan) -> str:

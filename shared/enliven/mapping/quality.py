@@ -159,16 +159,18 @@ class MotionQuality:
                 f"within {p90:.0f}\u00b0)"
             )
         phrases.append(
-            f"edges stretch {self.stretch:.2f} at the 99th percentile, {self.stretch_most:.1f} at most"
+            f"edges stretch by a factor of {self.stretch:.2f} at the 99th percentile, and of "
+            f"{self.stretch_most:.1f} at most"
         )
         if self.sunk is not None and self.afloat is not None:
             phrases.append(
-                f"the lowest point is at most {self.sunk:.1%} of the height below the floor, "
-                f"{self.afloat:.1%} above it while the performer stands"
+                f"the lowest point is at most {self.sunk:.1%} of the model's height below the "
+                "floor, and at most "
+                f"{self.afloat:.1%} above the floor while the performer stands"
             )
         if self.slide is not None:
             phrases.append(f"feet slide {self.slide:.1f} cm/s")
-        return "; ".join([*phrases, f"{self.through:.1%} of the surface goes through another part at most"])
+        return "; ".join([*phrases, f"at most {self.through:.1%} of the surface is inside another part"])
 
 
 def visible_edges(shape: RiggedCharacter) -> tuple[Int32, Float]:

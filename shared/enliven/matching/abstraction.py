@@ -58,7 +58,7 @@ def abstract_joint_tree(
     pairs = [(int(a), int(b)) for a, b in links]
     if root is not None and not 0 <= root < len(joint_positions):
         raise InputError(
-            f"joint {root} does not exist; the skeleton has {len(joint_positions)}",
+            f"joint {root} does not exist; the skeleton has {len(joint_positions)} joints",
             where="skeleton",
             remedy=f"Choose a root from 0 to {len(joint_positions) - 1}.",
         )

@@ -39,7 +39,7 @@ class PickingSettings:
     )
     browsing: float = parameter(
         5.0,
-        "Time after browsing by hand before the shown match follows the pose again.",
+        "Time after a manual choice before the shown match follows the pose again.",
         unit="s",
         low=0.0,
     )

@@ -40,17 +40,20 @@ class RankingSettings:
     )
     measure: Literal["cosine", "dot"] = parameter(
         "cosine",
-        "Similarity of two branches: the cosine, or the dot product of branches scaled by the longest "
-        'one. With "dot", short branches count little.',
+        "Similarity of two branches: the cosine of the angle between them, or their dot product "
+        "divided by the longest "
+        'branch. With "dot", short branches have little effect.',
     )
     blur: float = parameter(
         0.2,
-        "Branches with a smaller visible fraction, which point at the viewer, lose weight gradually. "
+        "Branches with a smaller visible fraction point towards the viewer and lose weight gradually. "
         'Applies to "cosine" only.',
         low=1e-6,
         high=1.0,
     )
-    tie: float = parameter(1e-9, "Scores that differ by less than this are equal.", low=0.0, high=0.1)
+    tie: float = parameter(
+        1e-9, "Scores that differ by less than this value count as equal.", low=0.0, high=0.1
+    )
     exhaustive: int = parameter(
         50_000,
         "Maximum number of branch combinations in a sub-tree that are all scored. Beyond it, only the "

@@ -47,9 +47,13 @@ class ScreenView:
         right = np.cross(forward, up)
         right_length = float(np.linalg.norm(right))
         if not np.isfinite(right_length) or right_length <= 1e-9 * length * float(np.linalg.norm(up)):
-            remedy = "Give a direction that is not zero, and an up vector that is not parallel to it."
+            remedy = (
+                "Pass a direction that is not zero, and an up vector that is not parallel to the direction."
+            )
             raise InputError(
-                f"direction {self.direction} with up {self.up} defines no view", where="view", remedy=remedy
+                f"the direction {self.direction} and the up vector {self.up} define no view",
+                where="view",
+                remedy=remedy,
             )
         forward, right = forward / length, right / right_length
         object.__setattr__(self, "direction", forward)

@@ -43,7 +43,7 @@ def load_mesh(path: Path | str) -> LoadedMesh:
     """
     path = Path(path)
     suffix = path.suffix.lower()
-    known_formats = f"Known formats: {', '.join(s[1:] for s in READABLE)}."
+    known_formats = f"Known mesh formats: {', '.join(s[1:] for s in READABLE)}."
     if suffix not in READABLE and is_file(path):
         raise InputError(
             f"{suffix or 'a file without an extension'} is not a known mesh format",
@@ -60,7 +60,10 @@ def load_mesh(path: Path | str) -> LoadedMesh:
         # STL never shares vertices between faces, so duplicate positions are not shading seams. Weld them.
         welded, _ = weld(mesh)
         notes = [note for note in notes if "repeat a position" not in note]
-        notes.append(f"welded {len(mesh.vertices)} STL corners to {len(welded.vertices)} vertices")
+        notes.append(
+            f"{len(mesh.vertices)} triangle corners of the STL file were welded to "
+            f"{len(welded.vertices)} vertices"
+        )
         mesh = welded
     return LoadedMesh(mesh, notes)
 
@@ -100,12 +103,14 @@ def _read_unrepaired(path: Path, suffix: str, known: str) -> tuple[Mesh, list[st
         raise InputError(error.what, where=str(path), remedy="Export the mesh again.") from None
     except Exception as error:  # Third-party readers may raise any exception for damaged data.
         # Show only messages that were written for users.
-        reason = str(error) if isinstance(error, DamagedMeshError) else plain_reason(error, "it is damaged")
-        problem = f"it cannot be read as {suffix[1:]}: {reason[:_MAX_REASON_LETTERS]}"
+        reason = (
+            str(error) if isinstance(error, DamagedMeshError) else plain_reason(error, "the file is damaged")
+        )
+        problem = f"the file cannot be read as {suffix[1:]}: {reason[:_MAX_REASON_LETTERS]}"
         raise InputError(
             problem,
             where=str(path),
-            remedy="Check that it is complete and that its file extension is correct. " + known,
+            remedy="Check that the file is complete and has the correct file extension. " + known,
         ) from None
 
 
@@ -133,7 +138,9 @@ def save_mesh(mesh: Mesh, path: Path | str) -> None:
     if path.suffix.lower() not in WRITABLE:
         known_formats = ", ".join(s[1:] for s in WRITABLE)
         raise InputError(
-            f"cannot write {path.suffix or 'no'} files", where=str(path), remedy=f"Known: {known_formats}."
+            f"meshes cannot be written to {path.suffix or 'extensionless'} files",
+            where=str(path),
+            remedy=f"Known formats: {known_formats}.",
         )
     require_folder(path)
     kind = path.suffix.lower()[1:]

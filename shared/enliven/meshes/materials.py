@@ -34,7 +34,9 @@ class Texture:
 
     def __post_init__(self) -> None:
         if not self.kind:
-            raise InputError("a texture is neither PNG nor JPEG", where="materials", remedy=_EXPORT_ADVICE)
+            raise InputError(
+                "a texture is neither a PNG nor a JPEG image", where="materials", remedy=_EXPORT_ADVICE
+            )
         if self.sampler:
             _material_object(self.sampler)
 
@@ -77,15 +79,18 @@ class MeshMaterials:
         for material in self.definitions:
             texture_numbers = textures_in(_material_object(material))
             if texture_numbers and not 0 <= min(texture_numbers) <= max(texture_numbers) < len(self.textures):
-                problem = f"a material refers to texture {max(texture_numbers)} of {len(self.textures)}"
+                problem = (
+                    f"a material refers to texture {max(texture_numbers)}, but only {len(self.textures)} "
+                    "textures exist"
+                )
         if self.uvs.ndim != 4 or self.uvs.shape[:2] != (faces, 3) or self.uvs.shape[3] != 2:
-            problem = f"the texture coordinates are {self.uvs.shape}, expected ({faces}, 3, S, 2)"
+            problem = f"the texture coordinates have the shape {self.uvs.shape}, expected ({faces}, 3, S, 2)"
         elif self.tints is not None and self.tints.shape != (faces, 3, 4):
-            problem = f"the tints are {self.tints.shape}, expected ({faces}, 3, 4)"
+            problem = f"the corner colours have the shape {self.tints.shape}, expected ({faces}, 3, 4)"
         elif faces and not -1 <= self.of.min() <= self.of.max() < len(self.definitions):
             problem = f"a face refers to a material outside 0..{len(self.definitions) - 1}"
         elif not (np.isfinite(self.uvs).all() and (self.tints is None or np.isfinite(self.tints).all())):
-            problem = "a texture coordinate or a tint is not finite"
+            problem = "a texture coordinate or a corner colour is not a finite number"
         if problem:
             raise InputError(problem, where="materials", remedy=_EXPORT_ADVICE)
 
@@ -183,7 +188,9 @@ def _replace_texture_numbers(value: Any, number: Callable[[int], int]) -> None:
         if isinstance(key, str) and key.endswith("Texture") and isinstance(item, dict):
             texture_number = item.get("index")
             if not isinstance(texture_number, int) or isinstance(texture_number, bool):
-                raise InputError(f"a material's {key} refers to no texture", where="materials")
+                raise InputError(
+                    f"the property {key} of a material does not contain a texture number", where="materials"
+                )
             item["index"] = number(texture_number)
         if isinstance(item, (dict, list)):
             _replace_texture_numbers(item, number)

@@ -66,15 +66,19 @@ class Mesh:
         object.__setattr__(self, "faces", np.ascontiguousarray(self.faces, np.int32))
         problem = ""
         if self.vertices.ndim != 2 or self.vertices.shape[1] != 3:
-            problem = f"the vertices are {self.vertices.shape}, expected (V, 3)"
+            problem = f"the vertices have the shape {self.vertices.shape}, expected (V, 3)"
         elif self.faces.ndim != 2 or self.faces.shape[1] != 3:
-            problem = f"the faces are {self.faces.shape}, expected (F, 3)"
+            problem = f"the faces have the shape {self.faces.shape}, expected (F, 3)"
         elif self.faces.size and not 0 <= self.faces.min() <= self.faces.max() < len(self.vertices):
             problem = f"a face refers to a vertex outside 0..{len(self.vertices) - 1}"
         elif self.colours is not None and self.colours.shape != (len(self.vertices), 3):
-            problem = f"the colours are {self.colours.shape}, expected ({len(self.vertices)}, 3)"
+            problem = (
+                f"the vertex colours have the shape {self.colours.shape}, expected ({len(self.vertices)}, 3)"
+            )
         elif self.materials is not None and len(self.materials.of) != len(self.faces):
-            problem = f"{len(self.materials.of)} faces have materials, expected {len(self.faces)}"
+            problem = (
+                f"{len(self.materials.of)} faces have a material, but the mesh has {len(self.faces)} faces"
+            )
         elif self.stiffness is not None:
             problem = stiffness_error(self.stiffness, len(self.vertices))
         if problem:
@@ -145,8 +149,12 @@ def stiffness_error(stiffness: Float32, count: int) -> str:
     """Checks the stiffness of ``count`` vertices. Returns a description of the error, or "" if the stiffness
     is valid."""
     if stiffness.shape != (count,):
-        return f"the stiffness is {stiffness.shape}, expected ({count},)"
-    return "" if (np.isfinite(stiffness) & (stiffness > 0)).all() else "a stiffness is not above 0"
+        return f"the stiffness has the shape {stiffness.shape}, expected ({count},)"
+    return (
+        ""
+        if (np.isfinite(stiffness) & (stiffness > 0)).all()
+        else "the stiffness of a vertex is not finite or not above 0"
+    )
 
 
 def weld(mesh: Mesh) -> tuple[Mesh, Int]:
@@ -185,7 +193,11 @@ def refine(mesh: Mesh, longest: float, most_vertices: int = 400_000) -> Mesh:
     stops early if the next pass would exceed ``most_vertices``.
     """
     if not longest > 0:
-        raise InputError(f"the longest edge is {longest} m", where="refine", remedy="Give a length above 0.")
+        raise InputError(
+            f"the maximum edge length {longest} m is not valid",
+            where="refine",
+            remedy="Pass a length above 0.",
+        )
     while True:
         vertices, faces, parents, origin = split_long_edges(mesh.vertices, mesh.faces, longest)
         if len(parents) == 0 or len(vertices) > most_vertices:
@@ -217,10 +229,12 @@ def guess_up(mesh: Mesh) -> tuple[Axis, str]:
     size = high - low
     stands = (np.abs(low) <= _MAX_STANDING_OFFSET * size) & (size > 0)
     if stands[2] and not stands[1]:
-        return "z", "it stands on z = 0, so z is taken as up; use --up y to leave it unchanged"
+        return "z", (
+            "the mesh stands on the plane z = 0, so +Z is used as the up axis; if +Y is up, use --up y"
+        )
     if max(size[0], size[2]) > _LYING_RATIO * size[1]:
         times = max(size[0], size[2]) / max(size[1], 1e-9)
-        return "y", f"it is {times:.0f} times as long as high with y up; if it lies on its side, use --up z"
+        return "y", f"the mesh is {times:.0f} times longer than high if +Y is up; if +Z is up, use --up z"
     return "y", ""
 
 
@@ -238,12 +252,14 @@ def fit_height(mesh: Mesh, height: float, up: Axis = "y") -> Mesh:
         InputError: if the mesh has no extent along ``up``, or ``height`` is not positive.
     """
     if not (np.isfinite(height) and height > 0):
-        raise InputError(f"the height is {height} m", where=mesh.name, remedy="Give a height above 0.")
+        raise InputError(
+            f"the height {height} m is not valid", where=mesh.name, remedy="Pass a height above 0."
+        )
     rotated_vertices = rotate_upright(mesh, up).vertices
     low, high = rotated_vertices.min(0), rotated_vertices.max(0)
     if not high[1] - low[1] > 1e-9 * max(1e-30, float((high - low).max())):
         raise InputError(
-            f"the mesh is flat along {up}, it has no height to fit",
+            f"the mesh is flat along the {up} axis, so it cannot be scaled to a height",
             where=mesh.name,
             remedy="Choose another up axis.",
         )

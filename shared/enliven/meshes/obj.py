@@ -107,11 +107,14 @@ def _read_mesh(text: bytes, beside: ReferencedFiles, name: str) -> tuple[Mesh, l
     faces = _read_faces(text)
     corners, sizes = _concatenate_parts(faces.corners, (0, 3)), _concatenate_parts(faces.sizes, (0,))
     if not (sizes > 2).any():
-        raise InputError("it has no faces")
+        raise InputError("the file has no faces")
     invalid_corners = np.flatnonzero(corners[:, 0] >= faces.vertex_count)
     if len(invalid_corners):
         polygon = np.searchsorted(np.cumsum(sizes), invalid_corners[0], "right")
-        problem = f"a face refers to vertex {corners[invalid_corners[0], 0] + 1} of {faces.vertex_count}"
+        problem = (
+            f"a face refers to vertex {corners[invalid_corners[0], 0] + 1}, but only "
+            f"{faces.vertex_count} vertices exist"
+        )
         raise _LineError(int(_concatenate_parts(faces.offsets, (0,))[polygon]), problem)
     is_used = np.zeros(faces.vertex_count, bool)
     is_used[corners[:, 0]] = True
@@ -120,7 +123,9 @@ def _read_mesh(text: bytes, beside: ReferencedFiles, name: str) -> tuple[Mesh, l
     notes = list[str]()
     if len(vertices) < faces.vertex_count:
         unused_count = faces.vertex_count - len(vertices)
-        notes.append(f"dropped {unused_count} of {faces.vertex_count} vertices that no face uses")
+        notes.append(
+            f"{unused_count} of {faces.vertex_count} vertices were removed, because no face uses them"
+        )
     palette = _read_palette(faces, beside, notes)
     materials = _concatenate_parts(faces.materials, (0,))
     _, used_corners = triangulate(vertices, corners[:, 0], sizes)
@@ -235,10 +240,14 @@ def _read_polygons(chunk: bytes, offsets: Int, element_counts: Int) -> tuple[Int
         wrong = corners[:, 0] < 0 if column == 0 else np.zeros(0, bool)
         if wrong.any():
             wrong_corner = int(np.argmax(wrong))
-            problem = "numbers begin at 1" if indices[wrong_corner] == 0 else "fewer vertices precede it"
+            problem = (
+                "vertex numbers begin at 1"
+                if indices[wrong_corner] == 0
+                else "fewer vertices precede this face"
+            )
             raise _LineError(
                 int(offsets[polygon[wrong_corner]]),
-                f"a face refers to vertex {indices[wrong_corner]}, and {problem}",
+                f"a face refers to vertex {indices[wrong_corner]}, but {problem}",
             )
     return corners, np.bincount(polygon, minlength=len(offsets))
 
@@ -263,7 +272,7 @@ def _read_vertices(text: bytes, is_used: Bool, in_block: list[int]) -> tuple[Flo
         starts = word_starts(chunk)
         counts = np.bincount(word_lines(chunk, starts), minlength=len(offsets))
         if counts.min() < 3:
-            problem = f"a vertex has {counts.min()} numbers, expected 3"
+            problem = f"a vertex has only {counts.min()} numbers, expected 3 or more"
             raise _LineError(int(offsets[np.argmin(counts)]), problem)
         try:
             numbers = parse_numbers(chunk)
@@ -302,7 +311,7 @@ def _read_palette(faces: _Faces, beside: ReferencedFiles, notes: list[str]) -> U
         try:
             colours_by_name.update(_read_materials(decode_text(beside.read_named_file(decode_text(library)))))
         except InputError as error:
-            notes.append(f"its materials are not read: {error.what}")
+            notes.append(f"the materials of the mesh are ignored: {error.what}")
     palette = np.full((len(faces.names) + 1, 3), _DEFAULT_GREY, np.uint8)
     has_colour = False
     for name, number in faces.names.items():

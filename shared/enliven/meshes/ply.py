@@ -62,11 +62,12 @@ def read_ply(data: bytes, name: str = "mesh") -> tuple[Mesh, list[str]]:
     extra = tables.pop("", None)
     if extra is not None:
         notes.append(
-            f"ignored {len(extra['rest'])} {'numbers' if kind == 'ascii' else 'bytes'} after its last element"
+            f"{len(extra['rest'])} {'numbers' if kind == 'ascii' else 'bytes'} after the last "
+            "element of the file were ignored"
         )
     vertex, face = tables.get("vertex", {}), tables.get("face", {})
     if not all(axis in vertex for axis in "xyz"):
-        raise DamagedMeshError("its header has no vertices with x, y and z")
+        raise DamagedMeshError("the header does not declare vertices with x, y and z")
     vertices = np.stack([vertex[axis] for axis in "xyz"], 1).astype(np.float64)
     key = next((word for word in _CORNER_PROPERTIES if word in face), "")
     corners = face[key].astype(np.int64) if key else np.empty(0, np.int64)
@@ -75,7 +76,8 @@ def read_ply(data: bytes, name: str = "mesh") -> tuple[Mesh, list[str]]:
         bad_corner = int(np.argmax((corners < 0) | (corners >= len(vertices))))
         polygon = int(np.searchsorted(np.cumsum(sizes), bad_corner, "right"))
         raise DamagedMeshError(
-            f"face {polygon} refers to vertex {corners[bad_corner]}, but there are 0..{len(vertices) - 1}"
+            f"face {polygon} refers to vertex {corners[bad_corner]}, but the vertices are numbered "
+            f"0..{len(vertices) - 1}"
         )
     faces, _ = triangulate(vertices, corners, sizes)
     return Mesh(vertices, faces, name, _vertex_colours(vertex)), notes
@@ -88,12 +90,14 @@ def _read_head(data: bytes) -> tuple[str, list[_Element], bytes]:
         data = text_bytes(data)
     end = _HEADER_END.search(data, 0, _MAX_HEAD_BYTES)
     if not data[:16].lstrip().lower().startswith(b"ply") or end is None:
-        raise DamagedMeshError("it has no header of a PLY file")
+        raise DamagedMeshError("the file has no PLY header")
     kind, elements = "", list[_Element]()
     lines = text_bytes(data[: end.start()]).decode("utf-8", "replace").split("\n")
     count = sum(line.split()[:1] == ["property"] for line in lines)
     if count > _MAX_PROPERTIES:
-        raise DamagedMeshError(f"it has {count} properties, and no more than {_MAX_PROPERTIES} are read")
+        raise DamagedMeshError(
+            f"the header declares {count} properties, but at most {_MAX_PROPERTIES} are allowed"
+        )
     for line in lines:
         match line.split():
             case ["format", "ascii" | "binary_little_endian" | "binary_big_endian" as kind, *_]:
@@ -105,16 +109,21 @@ def _read_head(data: bytes) -> tuple[str, list[_Element], bytes]:
             case ["property", of, word] if elements and of in _NUMPY_TYPES:
                 elements[-1].properties.append((word, _NUMPY_TYPES[of], ""))
             case ["property" | "element" | "format", *_]:
-                raise DamagedMeshError(f"its header says {line.strip()[:80]!r}, and it has {len(data)} bytes")
+                raise DamagedMeshError(
+                    f"this line of the header is not valid for a file of {len(data)} bytes: "
+                    f"{line.strip()[:80]!r}"
+                )
             case _:
                 pass  # The line is "ply", a comment, or the object information of a scanner.
     if not kind:
-        raise DamagedMeshError("its header declares no format")
+        raise DamagedMeshError("the header declares no format")
     return kind, elements, data[end.end() :]
 
 
 def _early_end_error(element: _Element) -> DamagedMeshError:
-    return DamagedMeshError(f"it ends early: its header declares {element.count} rows of {element.name!r}")
+    return DamagedMeshError(
+        f"the file ends early: the header declares {element.count} rows of {element.name!r}"
+    )
 
 
 def _ascii_tables(elements: list[_Element], body: bytes) -> dict[str, dict[str, AnyArray]]:
@@ -184,7 +193,7 @@ def _list_length(count: float) -> int:
         DamagedMeshError: if it is not an integer, negative or too large for a polygon.
     """
     if not 0 <= count <= _MAX_SIDES or count != int(count):
-        raise DamagedMeshError(f"a list has {count:g} entries")
+        raise DamagedMeshError(f"a list declares an invalid number of entries: {count:g}")
     return int(count)
 
 

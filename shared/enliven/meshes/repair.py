@@ -29,8 +29,8 @@ def repair(mesh: Mesh) -> tuple[Mesh, list[str]]:
     mesh = _remove_broken_vertices(mesh, notes)
     mesh = _remove_useless_faces(mesh, notes)
     if len(mesh.faces) == 0:
-        problem = "no usable face is left" if notes else "it has no faces"
-        advice = "Give a triangle mesh. A point cloud must be meshed first."
+        problem = "after the repair, the mesh has no faces" if notes else "the mesh has no faces"
+        advice = "Use a triangle mesh. Convert a point cloud to a mesh first."
         raise InputError("; ".join([problem, *notes]), where=mesh.name, remedy=advice)
     mesh, winding_notes = repair_winding(mesh)
     notes += winding_notes
@@ -38,7 +38,7 @@ def repair(mesh: Mesh) -> tuple[Mesh, list[str]]:
     used[mesh.faces] = True
     unused_count = int((~used).sum())
     if unused_count:
-        notes.append(f"dropped {unused_count} of {count} vertices that no face uses")
+        notes.append(f"{unused_count} of {count} vertices were removed, because no face uses them")
         mesh = extract_submesh(mesh, np.ones(len(mesh.faces), bool))
     _describe_oddities(mesh, notes)
     return mesh, notes
@@ -54,7 +54,8 @@ def _remove_broken_vertices(mesh: Mesh, notes: list[str]) -> Mesh:
         return mesh
     face_mask = np.asarray(is_valid[mesh.faces].all(1))
     notes.append(
-        f"removed {int((~is_valid).sum())} vertices that are not finite, with {int((~face_mask).sum())} faces"
+        f"{int((~is_valid).sum())} vertices with invalid positions and "
+        f"{int((~face_mask).sum())} faces that use them were removed"
     )
     vertices = np.where(is_valid[:, None], mesh.vertices, 0.0)
     return replace(mesh, vertices=vertices).with_faces(face_mask)
@@ -66,11 +67,11 @@ def _remove_useless_faces(mesh: Mesh, notes: list[str]) -> Mesh:
         return mesh
     flat = ~(np.linalg.norm(mesh.face_vectors(), axis=1) > 0)
     if flat.any():
-        notes.append(f"dropped {int(flat.sum())} degenerate faces (no area)")
+        notes.append(f"{int(flat.sum())} faces without area were removed")
         mesh = mesh.with_faces(~flat)
     repeated = _repeated_faces(mesh)
     if repeated.any():
-        notes.append(f"dropped {int(repeated.sum())} duplicate faces")
+        notes.append(f"{int(repeated.sum())} duplicate faces were removed")
         mesh = mesh.with_faces(~repeated)
     return mesh
 
@@ -93,12 +94,13 @@ def _describe_oddities(mesh: Mesh, notes: list[str]) -> None:
     duplicate_count = len(mesh.vertices) - len(welded.vertices)
     if duplicate_count:
         notes.append(
-            f"{duplicate_count} vertices have duplicate positions: kept for shading, welded for deformation"
+            f"{duplicate_count} vertices have the same position as another vertex: they are kept "
+            "for shading, and joined for deformation"
         )
     shell_count = int(shells(welded.faces, len(welded.vertices)).max()) + 1
     if shell_count > 1:
-        notes.append(f"it has {shell_count} separate shells, all kept")
+        notes.append(f"the mesh has {shell_count} separate shells, and all of them are kept")
     low, high = mesh.bounds
     extent = np.sort(high - low)
     if extent[0] <= 1e-6 * extent[2]:
-        notes.append("it is flat: it has no volume")
+        notes.append("the mesh is flat and has no volume")

@@ -88,7 +88,7 @@ def parse_pcd(data: bytes, where: str) -> tuple[Float, Float]:
     """
     head = re.search(rb"^DATA[ \t]+(\w+)[ \t]*\r?\n", data[:4096], re.MULTILINE)
     if head is None:
-        raise InputError("it has no DATA line, so it is not a PCD file", where=where)
+        raise InputError("the file has no DATA line, so it is not a PCD file", where=where)
     lines = [line.split() for line in data[: head.start()].decode("ascii", "replace").splitlines()]
     header = {line[0]: line[1:] for line in lines if len(line) > 1 and line[0].isupper()}
     kind, body = head[1].decode(), data[head.end() :]
@@ -104,18 +104,22 @@ def parse_pcd(data: bytes, where: str) -> tuple[Float, Float]:
             rows = np.array(body.split(), np.float64).reshape(-1, sum(counts))
             return rows[:count, starts[columns]], viewpoint
         if kind != "binary" or any(sizes[a] not in (4, 8) or header["TYPE"][a] != "F" for a in columns):
-            raise InputError(f"its points are stored as {kind} {header['TYPE']}", where=where)
+            raise InputError(f"points of the type {kind} {header['TYPE']} are not supported", where=where)
         kinds = [f"V{size * repeats}" for size, repeats in zip(sizes, counts, strict=True)]
         for a in columns:
             kinds[a] = f"<f{sizes[a]}"
         table = np.frombuffer(body, np.dtype([(f"{k}", kind) for k, kind in enumerate(kinds)]), count)
     except (KeyError, ValueError, IndexError, TypeError, OverflowError):
-        raise InputError("its points do not match its header", where=where, remedy="Copy it again.") from None
+        raise InputError(
+            "the points of the file do not match its header",
+            where=where,
+            remedy="Copy or export the file again.",
+        ) from None
     return np.stack([table[f"{a}"] for a in columns], -1).astype(np.float64), viewpoint
 
 
 def _too_few_points_error(count: int, name: str) -> InputError:
-    return InputError(f"{count} points are too few for a surface", where=name, remedy="Give a denser scan.")
+    return InputError(f"{count} points are too few for a surface", where=name, remedy="Record a denser scan.")
 
 
 def _unoccluded_points(seen: Float, spacing: float) -> Float:
@@ -128,7 +132,8 @@ def _unoccluded_points(seen: Float, spacing: float) -> Float:
     pixels -= pixels.min(0) - 1
     if np.prod(pixels.max(0) + 2.0) > _MAX_PIXELS:
         problem = (
-            f"its points are spread over {pixels.max(0)[0]} x {pixels.max(0)[1]} spacings of {spacing:g} m"
+            f"the scanned points cover too large an area: {pixels.max(0)[0]} x {pixels.max(0)[1]} "
+            f"times the point spacing of {spacing:g} m"
         )
         raise InputError(
             problem, where="scan", remedy="Remove the points that are far from the scanned object."

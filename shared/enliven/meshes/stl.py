@@ -34,10 +34,13 @@ def read_stl(data: bytes) -> tuple[Float, Int32, list[str]]:
     if text is not None:
         corners = _read_ascii(text)
     elif len(data) < _BINARY_HEADER_BYTES:
-        raise DamagedMeshError(f"it has {len(data)} bytes, and its header alone has {_BINARY_HEADER_BYTES}")
+        raise DamagedMeshError(
+            f"the file has {len(data)} bytes, but the header alone needs {_BINARY_HEADER_BYTES}"
+        )
     elif len(data) < expected or triangle_count == 0:
         raise DamagedMeshError(
-            f"its header says {triangle_count} triangles, which need {expected} bytes, but it has {len(data)}"
+            f"the header declares {triangle_count} triangles, which need {expected} bytes, but the "
+            f"file has {len(data)} bytes"
         )
     else:
         corners = (
@@ -46,7 +49,7 @@ def read_stl(data: bytes) -> tuple[Float, Int32, list[str]]:
             .astype(np.float64)
         )
         if len(data) > expected:
-            notes.append(f"ignored {len(data) - expected} bytes after its last triangle")
+            notes.append(f"{len(data) - expected} bytes after the last triangle of the file were ignored")
     return corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3), notes
 
 
@@ -66,9 +69,11 @@ def _read_ascii(text: bytes) -> Float:
         text.rfind(b"endsolid"), text.rfind(b"ENDSOLID"), text.lower().rfind(b"endsolid", -_SEARCHED_BYTES)
     )
     if last < max(text.rfind(b"vertex"), text.rfind(b"VERTEX")):
-        raise DamagedMeshError("it ends early: the last line is not endsolid")
+        raise DamagedMeshError("the file ends early: the last line is not endsolid")
     if len(corners) % 3:
-        raise DamagedMeshError(f"it has {len(corners)} corners, which is not a multiple of three")
+        raise DamagedMeshError(
+            f"the file has {len(corners)} triangle corners, which is not a multiple of three"
+        )
     return corners
 
 

@@ -42,25 +42,27 @@ def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
     head = _OFF_HEADER.match(text)
     kind = (head["kind"] or b"").upper() if head else b""
     if head is None or not (kind or head["vertices"]):
-        raise DamagedMeshError("the first word is not OFF")
+        raise DamagedMeshError("the first word of the file is not OFF")
     if head["binary"] or b"4" in kind or b"nOFF" in head[0]:
-        problem = "it is binary" if head["binary"] else "its vertices do not have three coordinates"
-        raise DamagedMeshError(f"{problem}: write it as text, with three coordinates for each vertex")
+        problem = "the file is binary" if head["binary"] else "the vertices do not have three coordinates"
+        raise DamagedMeshError(
+            f"{problem}. Only text files with three coordinates for each vertex can be read"
+        )
     if head["vertices"] is None:
-        raise DamagedMeshError("the counts of vertices and faces are missing")
+        raise DamagedMeshError("the numbers of vertices and faces are missing")
     count, face_count = int(head["vertices"]), int(head["faces"] or head["lower"])
-    stated = f"it says {count} vertices and {face_count} faces"
+    stated = f"the header declares {count} vertices and {face_count} faces"
     if count < 0 or face_count < 0:
         raise DamagedMeshError(stated)
     body = text[head.end() :]
-    problem = f"it ends early: {stated}"
+    problem = f"the file ends early: {stated}"
     for vertices, faces_start in _off_vertices(body, count, kind):
         walked = _walk_faces(body[faces_start:], face_count, count)
         if not isinstance(walked, str):
             corners, sizes, rest = walked
-            notes = [f"ignored {rest} words after its last face"] if rest else []
+            notes = [f"{rest} words after the last face of the file were ignored"] if rest else []
             if b"C" in kind.removesuffix(b"OFF"):
-                notes.append("the colours of its vertices are left out; PLY and OBJ files keep them")
+                notes.append("the vertex colours of the file are ignored; use a PLY or OBJ file for colours")
             return vertices, triangulate(vertices, corners, sizes)[0], notes
         problem = f"{stated}, and {walked}"
     raise DamagedMeshError(problem)
@@ -147,7 +149,7 @@ def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, i
             return np.array(corners, np.int64), np.array(sizes, np.int64), len(words) - offset
         problem = f"face {len(sizes)} is truncated or invalid"
         if wrong is not None:
-            problem = f"a face refers to vertex {wrong} of 0..{vertex_count - 1}"
+            problem = f"a face refers to vertex {wrong}, but the vertices are numbered 0..{vertex_count - 1}"
     return problem
 
 
@@ -173,19 +175,19 @@ def read_medit(data: bytes) -> tuple[Float, Int32, list[str]]:
     """
     words = decode_text(remove_comments(text_bytes(data))).split()
     if not words or words[0] != "MeshVersionFormatted":
-        raise DamagedMeshError("the first word is not MeshVersionFormatted")
+        raise DamagedMeshError("the first word of the file is not MeshVersionFormatted")
     tables: dict[str, Float] = {}
     for i, word in enumerate(words[:-1]):
         if word in _MEDIT_COLUMNS:
             columns = _MEDIT_COLUMNS[word]
             if int(words[i + 1]) < 0:
-                raise DamagedMeshError(f"it says {words[i + 1]} {word}")
+                raise DamagedMeshError(f"the file declares a negative number of {word}: {words[i + 1]}")
             values = words[i + 2 : i + 2 + int(words[i + 1]) * columns]
             if len(values) < int(words[i + 1]) * columns:
-                raise DamagedMeshError(f"it ends early, in {word}")
+                raise DamagedMeshError(f"the file ends early, in the list of {word}")
             tables[word] = np.array(values, np.float64).reshape(-1, columns)[:, :-1]
     if "Vertices" not in tables:
-        raise DamagedMeshError("it has no Vertices")
+        raise DamagedMeshError("the file has no list of Vertices")
     triangles = [tables[t].astype(np.int64) - 1 for t in ("Triangles",) if t in tables]
     if "Quadrilaterals" in tables:
         quads = tables["Quadrilaterals"].astype(np.int64) - 1

@@ -78,11 +78,11 @@ def repair_winding(mesh: Mesh) -> tuple[Mesh, list[str]]:
     notes = list[str]()
     if turned_faces:
         notes.append(
-            f"turned {turned_faces} of {len(faces)} faces that were wound differently from neighbours"
+            f"{turned_faces} of {len(faces)} faces had another winding than their neighbours and were flipped"
         )
     if turned_parts:
-        subject = "it was" if count == 1 else f"{turned_parts} of its {count} parts were"
-        notes.append(f"{subject} inside out: turned to face outwards")
+        subject = "the mesh" if count == 1 else f"{turned_parts} of the {count} parts of the mesh"
+        notes.append(f"the faces of {subject} pointed inwards and were flipped")
     return mesh.turned(flip), notes
 
 

@@ -119,8 +119,10 @@ class RigEdits(ABC):
         self, project: Project, character: Any, handle: int, place: Float, time: float, /
     ) -> Project:
         """Poses the character by hand: moves a handle to ``place`` (3,), metres in the world, at a time."""
-        remedy = "Move or rotate the whole character, or perform it again."
-        raise InputError("a recorded motion cannot be posed by hand", where=character.where, remedy=remedy)
+        remedy = "Move or rotate the whole character, or record the performance again."
+        raise InputError(
+            "the handles of a recorded motion cannot be dragged", where=character.where, remedy=remedy
+        )
 
     def key_layer(self, project: Project, character: Any, handle: int, /) -> int | None:
         """Returns the index of the layer that plays the keys of a handle or node, or None if no layer plays
@@ -130,8 +132,10 @@ class RigEdits(ABC):
     def with_key_layer(self, project: Project, character: Any, handle: int, key: MotionKey, /) -> Project:
         """Adds the first key of a handle or node: a new take, and a layer that plays it on top of all
         others."""
-        remedy = "Choose the whole character: keys rotate and move it. A puppet is posed by its key poses."
-        raise InputError("its handles cannot have keys", where=character.where, remedy=remedy)
+        remedy = "Set keys for the whole character, or change the key poses of a puppet."
+        raise InputError(
+            "the handles of this character cannot have keys", where=character.where, remedy=remedy
+        )
 
     def handle_motion(
         self, character: Any, player: Player, handle: int | None, layer: int | None, /
@@ -196,4 +200,8 @@ def check_names(changes: dict[str, Any], kind: Any, where: str) -> None:
     names = [field.name for field in fields(kind)]
     for name in changes:
         if name not in names:
-            raise InputError(f"it has no {name!r}", where=where, remedy=f"Known: {', '.join(names)}.")
+            raise InputError(
+                f"the attribute {name!r} does not exist",
+                where=where,
+                remedy=f"Known attributes: {', '.join(names)}.",
+            )

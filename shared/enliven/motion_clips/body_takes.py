@@ -129,7 +129,7 @@ def body_take_from_frames(frames: Iterable[Frame], id: str) -> BodyTake:
     people = sorted({body.id for frame in used_frames for body in frame.bodies})
     if not people:
         advice = "Track the depth first: enliven track TAKE.mcap -o bodies.mcap"
-        raise InputError("they contain no performer", where=f"take {id!r}", remedy=advice)
+        raise InputError("the take contains no performer", where=f"take {id!r}", remedy=advice)
     shape = (len(used_frames), len(people))
     joints, confidence = np.zeros((*shape, len(Joint), 3)), np.zeros((*shape, len(Joint)))
     present, stature = np.zeros(shape, np.bool_), np.zeros(shape)

@@ -58,7 +58,7 @@ def clip_of_capture(
     else:
         frame = 0 if rest == "first" else rest
         if not isinstance(frame, int) or not 0 <= frame < len(positions):
-            advice = f'Give "auto", "zero", "first" or 0..{len(positions) - 1}.'
+            advice = f'Choose "auto", "zero", "first" or a frame from 0 to {len(positions) - 1}.'
             raise InputError(f"the rest pose {rest!r} does not exist", where=f"clip {id!r}", remedy=advice)
         at_rest = rigid_pose(parents, offsets, positions[frame], rotations[frame])
         frame_turns = turns[frame]
@@ -83,7 +83,9 @@ def find_moving_root(capture: Capture, id: str) -> tuple[tuple[str, ...], list[i
     """
     if sum(parent < 0 for parent in capture.parents) != 1 or capture.parents[0] != -1:
         raise InputError(
-            "it has more than one root", where=f"clip {id!r}", remedy="Keep one of its skeletons."
+            "the motion capture has more than one root joint",
+            where=f"clip {id!r}",
+            remedy="Keep only one skeleton.",
         )
     names, parents = capture.names, list(capture.parents)
     positions, rotations = capture.positions, capture.rotations
@@ -167,11 +169,13 @@ def metres_per_unit(unit: str | float | None, at_rest: Float, where: str) -> flo
     if isinstance(unit, str):
         if unit not in UNITS:
             raise InputError(
-                f"the unit {unit!r} does not exist", where=where, remedy=f"Known: {', '.join(UNITS)}."
+                f"the unit {unit!r} is unknown", where=where, remedy=f"Known units: {', '.join(UNITS)}."
             )
         return UNITS[unit]
     if not 0.0 < unit < 1e6:
         raise InputError(
-            f"a unit of {unit} m is not valid", where=where, remedy="Give the length of one unit in metres."
+            f"a unit of {unit} m is not valid",
+            where=where,
+            remedy="Pass the length of one unit in metres, above 0.",
         )
     return float(unit)

@@ -102,9 +102,9 @@ def _matching_pair(capture: Capture, names: list[str], parts: tuple[str, ...], r
 
 def _missing_role_error(capture: Capture, role: str) -> InputError:
     return InputError(
-        f"there is no {role} among the joints",
+        f"no joint is named as a {role}",
         where="motion capture",
-        remedy=f"The joints are called {', '.join(capture.names[:40])}.",
+        remedy=f"Names of the joints: {', '.join(capture.names[:40])}.",
     )
 
 

@@ -58,7 +58,7 @@ def read_capture(path: Path) -> Capture:
     upright_capture = turn_upright(capture)
     if upright_capture is capture:
         return capture
-    note = f"its {_up_axis(capture)} axis points up: turned upright"
+    note = f"the {_up_axis(capture)} axis of the file points up, so the motion was turned upright"
     return replace(upright_capture, notes=(*capture.notes, note))
 
 

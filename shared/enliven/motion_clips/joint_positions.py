@@ -58,8 +58,10 @@ def clip_of_bodies(
     times: Float = np.asarray(seconds, np.float64)
     where = f"clip {id!r}"
     if not bodies or times.shape != (len(bodies),) or (np.diff(times) <= 0).any():
-        advice = "Give one time for each body, each after the one before."
-        raise InputError(f"{len(bodies)} bodies at {times.shape} times", where=where, remedy=advice)
+        advice = "Pass one time for each body, in ascending order."
+        raise InputError(
+            f"{len(bodies)} bodies do not match times of the shape {times.shape}", where=where, remedy=advice
+        )
     joints = np.stack([body.joints for body in bodies])
     is_seen = np.stack([body.confidence > 0 for body in bodies])
     joints = fill_unseen(np.array(PARENTS), joints, is_seen)

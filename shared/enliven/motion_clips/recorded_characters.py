@@ -94,7 +94,9 @@ def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
         project = add_character_motion(project, key, character, own_poses, begin, messages, holds)
     if not project.graphs:
         advice = "Possess a mesh and record it: enliven run."
-        raise InputError("it contains no motion of a possessed mesh", where=str(path), remedy=advice)
+        raise InputError(
+            "the recording contains no motion of a possessed mesh", where=str(path), remedy=advice
+        )
     return project
 
 
@@ -117,8 +119,8 @@ def read_possession(path: str | Path, character: str = "") -> tuple[Project, str
         project = read_possessed(path)
         possessions = {k: p.possession for k, g in project.graphs.items() for p in g.parts if p.possession}
         if character and character not in possessions:
-            advice = f"Known: {', '.join(possessions) or 'none'}."
-            raise InputError(f"nobody possessed {character!r}", where=str(path), remedy=advice)
+            advice = f"Possessed characters: {', '.join(possessions) or 'none'}."
+            raise InputError(f"no performer possessed {character!r}", where=str(path), remedy=advice)
         for name, possession in possessions.items():
             if not character or name == character:
                 return project, name, project.bodies[possession.take], possession
@@ -213,7 +215,7 @@ def _bake_puppet(
     surface = bake_surface(
         puppet.mesh, SurfaceFrames(puppet, places, MAX_CACHED_FRAMES_MB), places, point_vertices, settings
     )
-    notes.append(f"The surface of {character.id!r} was baked, {surface.error}.")
+    notes.append(f"The baked surface of {character.id!r} is {surface.error}.")
     roots, step = interpolate_linearly(world[:, 0], seconds, grid), float(grid[1] - grid[0])
     return graph_from_baked_surface(puppet.mesh, surface, turns, roots, step, ids, float(seconds[0]))
 
@@ -270,8 +272,10 @@ def skeleton_from_bones(character: Character) -> Skeleton:
         if parents[bone] < 0:
             begins = np.flatnonzero((positions[:bone] == pivots[bone]).all(1))
             if not len(begins):
-                problem = f"its bone {bone} has no parent"
-                raise InputError(problem, where=f"character {character.id!r}", remedy="Record it again.")
+                problem = f"bone {bone} of the character has no parent"
+                raise InputError(
+                    problem, where=f"character {character.id!r}", remedy="Record the character again."
+                )
             parents[bone] = begins[0]
     for bone in np.flatnonzero(np.isnan(positions[:, 0])):
         positions[bone] = _limb_end(character, int(bone), pivots[bone], positions[parents[parents[bone]]])

@@ -23,8 +23,8 @@ from enliven.motion_clips.tracked_people import read_recorded_clips
 
 _MODEL_SUFFIXES = ", ".join(GLTF_SUFFIXES)
 _KNOWN_FORMATS_ADVICE = (
-    "Known: .bvh, .txt (CMU's exponential maps), .mcap, .enliven with takes; "
-    f"with animations {_MODEL_SUFFIXES}."
+    "Known formats: .bvh, .txt (CMU's exponential maps), .mcap, .enliven with takes, and "
+    f"{_MODEL_SUFFIXES} with animations."
 )
 
 
@@ -47,7 +47,7 @@ def read_take(
         return clip, notes
     stop = clip.duration if end is None else end
     if start > clip.duration or stop <= start:
-        problem = f"it lasts {clip.duration:.2f} s: there is no motion from {start:g} s to {stop:g} s"
+        problem = f"the motion lasts {clip.duration:.2f} s: there is no motion from {start:g} s to {stop:g} s"
         raise InputError(problem, where=str(path), remedy="Choose another start and end.")
     return trim_clip(clip, start, stop), notes
 
@@ -94,11 +94,11 @@ def _find_clip(clips: Sequence[Clip], path: Path, requested: str | None) -> Clip
     The requested name may also be the part of a glTF name after the last vertical bar ("|").
     """
     if not clips:
-        raise InputError("it has no animation", where=str(path), remedy=_KNOWN_FORMATS_ADVICE)
+        raise InputError("the file has no animation", where=str(path), remedy=_KNOWN_FORMATS_ADVICE)
     for clip in clips:
         if requested is None or requested in (clip.id, clip.id.rpartition("|")[2]):
             return clip
     names = ", ".join(clip.id for clip in clips)
     raise InputError(
-        f"the animation {requested!r} does not exist", where=str(path), remedy=f"Known: {names}."
+        f"the animation {requested!r} does not exist", where=str(path), remedy=f"Known animations: {names}."
     )

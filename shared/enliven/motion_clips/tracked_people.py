@@ -37,13 +37,13 @@ class TakeSettings:
 
     gap: float = parameter(
         0.5,
-        "A person that is away for longer than this starts a new take.",
+        "If a person is away for longer than this, a new take starts.",
         unit="s",
         low=0.0,
         high=60.0,
     )
     shortest: float = parameter(
-        0.5, "Minimum length of a take. Shorter ones are discarded.", unit="s", low=0.0, high=600.0
+        0.5, "Minimum length of a take. Shorter takes are discarded.", unit="s", low=0.0, high=600.0
     )
 
 
@@ -74,12 +74,14 @@ def read_recorded_clips(
         chosen, frames = replace(chosen, gap=math.inf), iter(merge_performers(observed).frames)
     clips = clips_of_frames(frames, path.stem, chosen)
     if not clips and DEPTH_TOPIC in recording.info.topics:
-        advice = f"Find the people in it first: enliven track {path.name} -o bodies.mcap"
-        raise InputError("it contains depth images, but no bodies", where=str(path), remedy=advice)
+        advice = f"Track the people in the depth images first: enliven track {path.name} -o bodies.mcap"
+        raise InputError(
+            "the recording contains depth images, but no tracked bodies", where=str(path), remedy=advice
+        )
     if not clips:
         advice = "Record a performance that lasts longer."
         raise InputError(
-            "no performer is in it for long enough to make a take", where=str(path), remedy=advice
+            "no performer is in the recording for long enough to make a take", where=str(path), remedy=advice
         )
     return clips
 

@@ -26,5 +26,9 @@ def mesh_at(project: Project, character: str, time: float) -> Mesh:
     """
     mesh = project.character(character).mesh
     if mesh is None:
-        raise InputError("it has no mesh", where=f"character {character!r}", remedy="Give it one.")
+        raise InputError(
+            "the character has no mesh",
+            where=f"character {character!r}",
+            remedy="Add a mesh to the character.",
+        )
     return replace(mesh, vertices=compute_vertices(project, character, time))

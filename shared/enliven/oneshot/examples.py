@@ -48,5 +48,7 @@ def fit_examples(
     for seconds, places in poses.items():
         project = add_key_pose(project, name, take.id, seconds, places)
     if sentences := find_missing_examples(project, project.puppets[name]):
-        raise InputError("the examples do not determine a motion", where=name, remedy=" ".join(sentences))
+        raise InputError(
+            "the examples are incomplete, so they define no motion", where=name, remedy=" ".join(sentences)
+        )
     return play_take(project, name, (plays or take).id), name

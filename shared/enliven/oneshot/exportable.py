@@ -93,10 +93,12 @@ def find_exportables(path: Path | str) -> Exportables:
         clip, notes = read_take(path)
         exportables = [_exportable_from_clip(clip)]
     if not exportables:
-        remedy = "Record a performance that lasts longer." if kind == ".mcap" else "Animate something first."
+        remedy = (
+            "Record a performance that lasts longer." if kind == ".mcap" else "Animate a character first."
+        )
         if kind == ".mcap" and DEPTH_TOPIC in Recording(path).info.topics:
-            remedy = f"Find the people in its depth first: enliven track {path.name} -o bodies.mcap"
-        raise InputError("nothing in it moves", where=str(path), remedy=remedy)
+            remedy = f"Track the people in the depth images first: enliven track {path.name} -o bodies.mcap"
+        raise InputError("the file contains no motion", where=str(path), remedy=remedy)
     return Exportables(exportables, notes, sounds)
 
 
@@ -193,7 +195,7 @@ def _sample_clip(clip: Clip, start: float, end: float | None, rate: float | None
     """Samples frames of a clip. Raises InputError if the range contains no frames."""
     stop_s = clip.duration if end is None else end
     if start > clip.duration or stop_s < start:
-        problem = f"it lasts {clip.duration:.2f} s: there is no motion from {start:g} s to {stop_s:g} s"
+        problem = f"the clip lasts {clip.duration:.2f} s: there is no motion from {start:g} s to {stop_s:g} s"
         raise InputError(problem, where=f"clip {clip.id!r}", remedy="Choose another start and end.")
     trimmed_clip = trim_clip(clip, start, stop_s)
     return performance_of_clip(trimmed_clip if rate is None else resample_clip(trimmed_clip, 1 / rate))

@@ -57,7 +57,11 @@ def possess(
     where = f"mesh {mesh.name or 'mesh'!r}"
     count = len(bodies.seconds if isinstance(bodies, BodyTake) else bodies)
     if count < 2:
-        raise InputError(f"{count} bodies do not move", where=where, remedy="Give two or more.")
+        raise InputError(
+            f"a motion needs at least two bodies, but {count} were passed",
+            where=where,
+            remedy="Pass more bodies.",
+        )
     take = bodies if isinstance(bodies, BodyTake) else _take_from_bodies(bodies, step, mesh.name)
     for part in [parts, *(change.parts for change in holds)]:
         parse_parts(part)

@@ -40,32 +40,46 @@ _MAX_DEFAULT_RATE_HZ = 60.0
 class RetargetOptions:
     """Options of the transfer of a motion to a model."""
 
-    mapping: str = setting("", "A mapping file. Empty: a mapping is computed.")
+    mapping: str = setting("", "Path of a mapping file. Empty: the mapping is computed automatically.")
     start: float = setting(0.0, "Start time in the take.", unit="s", low=0.0)
-    end: float | None = setting(None, "End time in the take; by default its end.", unit="s", low=0.0)
+    end: float | None = setting(
+        None, "End time in the take. By default, the end of the take.", unit="s", low=0.0
+    )
     rest: str = setting(
-        "", 'Reference pose of the take: "mean", "first", "zero", or seconds. Empty: as in the mapping.'
+        "",
+        'Reference pose of the take: "mean", "first", "zero", or a time in seconds. Empty: as set '
+        "in the mapping.",
     )
     mode: Literal["auto", "pose", "move"] = setting(
-        "auto", "Take the performer's pose, or move the model from its own. auto: the likelier."
+        "auto",
+        '"pose": copy the performer\'s pose. "move": add the performer\'s movement to the model\'s '
+        'rest pose. "auto": choose automatically.',
     )
-    travel: bool = setting(False, "Let the model go where the performer goes.")
-    pin: bool = setting(False, "With travel: hold feet where they stand, against sliding.")
-    floor: bool = setting(True, "Keep a standing model on the floor, by its lowest point.")
-    steps: bool = setting(True, "Let differently built legs step where the performer's feet step.")
-    stretch: bool = setting(False, "Stretch the model's bones as the take stretches its bones.")
+    travel: bool = setting(False, "Move the model through the world with the performer.")
+    pin: bool = setting(False, "With travel: lock feet that stand still, so that they do not slide.")
+    floor: bool = setting(True, "Keep the lowest point of a standing model on the floor.")
+    steps: bool = setting(
+        True, "Make legs that are built differently follow the steps of the performer's feet."
+    )
+    stretch: bool = setting(False, "Transfer changes of bone length from the take to the model.")
     limits: bool = setting(True, "Limit an animal's joints to the range of its own clips, plus a margin.")
-    soften: bool = setting(False, "Move limbs less, down to 40 %, where the surface would stretch.")
-    turn: bool = setting(True, "Let the model turn as the performer turns.")
+    soften: bool = setting(
+        False, "Reduce the motion of limbs, down to 40 %, where the surface would stretch."
+    )
+    turn: bool = setting(True, "Turn the model with the performer.")
     rate: float | None = setting(
         None,
-        "Frames per second of the output; by default the take's, at most 60.",
+        "Frames per second of the output. By default, the rate of the take, at most 60.",
         unit="1/s",
         low=1.0,
         high=240.0,
     )
-    height: float | None = setting(None, "Height of the model; by default unchanged.", unit="m")
-    animation: str = setting("", "Animation of a .glb or person of an .mcap. Empty: the first.")
+    height: float | None = setting(
+        None, "Height of the model. By default, the height is unchanged.", unit="m"
+    )
+    animation: str = setting(
+        "", "Name of an animation in a .glb file or of a person in an .mcap file. Empty: the first one."
+    )
 
 
 @dataclass(frozen=True)
@@ -92,9 +106,9 @@ class RetargetedFile:
         if self.quality is None:
             return []
         idle = list_idle_limbs(self.retargeted.clip, self.retargeted.plan)
-        return [f"the performer's {limb} drives nothing" for limb in idle] + describe_exceeded_bounds(
-            self.quality, self.retargeted.plan.pin
-        )
+        return [
+            f"the performer's {limb} drives no part of the model" for limb in idle
+        ] + describe_exceeded_bounds(self.quality, self.retargeted.plan.pin)
 
 
 def retarget_file(
@@ -144,13 +158,14 @@ def describe_exceeded_bounds(quality: MotionQuality, pinned: bool) -> list[str]:
     limbs = ", ".join(f"{limb.limb} {limb.median:.0f}\u00b0" for limb in quality.worst_limbs[:4])
     faults = {
         f"limbs point away from the performer's: {limbs}": bool(limbs),
-        f"the surface stretches at {', '.join(quality.joints)} (--soften moves limbs less)": quality.stretch
+        f"the surface stretches at {', '.join(quality.joints)} (--soften reduces the motion)": quality.stretch
         > MAX_STRETCH,
-        f"it goes below the floor at {feet}": sunk > MAX_FLOOR_DISTANCE,
-        f"it is above the floor at {feet} while the performer stands": afloat > max(MAX_FLOOR_DISTANCE, sunk),
-        f"feet slide at {feet}{'' if pinned else ' (--pin holds them)'}": (quality.slide or 0.0)
+        f"the model goes below the floor at {feet}": sunk > MAX_FLOOR_DISTANCE,
+        f"the model is above the floor at {feet} while the performer stands": afloat
+        > max(MAX_FLOOR_DISTANCE, sunk),
+        f"feet slide at {feet}{'' if pinned else ' (--pin locks the feet)'}": (quality.slide or 0.0)
         > MAX_SLIDE_CM_S,
-        f"parts go through one another: {', '.join(quality.parts)}": quality.through > MAX_INTERSECTION,
+        f"parts of the surface intersect: {', '.join(quality.parts)}": quality.through > MAX_INTERSECTION,
     }
     return [words for words, is_present in faults.items() if is_present]
 

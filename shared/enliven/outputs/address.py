@@ -54,17 +54,19 @@ def parse_address(text: str, default_ports: Mapping[str, int], where: str) -> Ou
     """
     match = _ADDRESS.fullmatch(text.strip())
     if match is None or not match["host"].strip("[]"):
-        raise InputError(f"{text!r} is not the address of an output", where=where, remedy=f"Write {FORM}.")
+        raise InputError(
+            f"{text!r} is not the address of an output", where=where, remedy=f"Use the form {FORM}."
+        )
     scheme, port = match["scheme"].lower(), match["port"]
     if scheme not in default_ports:
         near = difflib.get_close_matches(scheme, default_ports, n=1)
         guess = f"Did you mean {near[0]}? " if near else ""
         schemes = ", ".join(default_ports)
-        problem = f"{match['scheme']!r} is not a known protocol of outputs"
-        raise InputError(problem, where=where, remedy=f"{guess}Known: {schemes}.")
+        problem = f"the output protocol {match['scheme']!r} is unknown"
+        raise InputError(problem, where=where, remedy=f"{guess}Known protocols: {schemes}.")
     if port is not None and not (port.isascii() and port.isdecimal() and 1 <= int(port[:6]) <= MAX_PORT):
-        remedy = f"Write a number from 1 to {MAX_PORT}, or leave it out for {default_ports[scheme]}."
-        raise InputError(f"{port!r} is not a port", where=where, remedy=remedy)
+        remedy = f"Write a number from 1 to {MAX_PORT}, or leave the port out to use {default_ports[scheme]}."
+        raise InputError(f"{port!r} is not a valid port", where=where, remedy=remedy)
     number = default_ports[scheme] if port is None else int(port)
     return OutputAddress(scheme, match["host"].strip("[]"), number, match["source"] or "")
 
@@ -78,8 +80,8 @@ def resolve(address: OutputAddress, where: str) -> tuple[socket.AddressFamily, P
     try:
         rows = socket.getaddrinfo(address.host, address.port, type=socket.SOCK_DGRAM)
     except (OSError, UnicodeError) as error:
-        why = getattr(error, "strerror", None) or "it is not a valid name"
-        remedy = "Check its spelling and the network, or give the IP address of the computer."
+        why = getattr(error, "strerror", None) or "the name is not valid"
+        remedy = "Check the spelling and the network, or use the IP address of the computer."
         raise InputError(
             f"the host {address.host!r} was not found ({why})", where=where, remedy=remedy
         ) from None

@@ -52,10 +52,18 @@ _PROP: _Leaves = (("position", "fff"),)
 class OscAddressFile:
     """The content of a mapping file."""
 
-    others: bool = setting(True, "Also sends the addresses that the file does not list, unchanged.")
+    others: bool = setting(
+        True,
+        "Also sends messages with addresses that the file does not list. These addresses stay unchanged.",
+    )
     addresses: dict[str, str] = field(
         default_factory=dict,
-        metadata={"doc": "New address of each address. * stands for one part. An empty text drops it."},
+        metadata={
+            "doc": (
+                "New address for each original address. * stands for one part of an address. An empty "
+                "text drops the message."
+            )
+        },
     )
 
 
@@ -104,13 +112,18 @@ def read_address_map(path: Path) -> OscAddressMap:
 def _pattern(old: str, new: str, where: str) -> tuple[re.Pattern[str], str]:
     if not old.startswith(f"{ROOT}/") or (new and not new.startswith("/")) or _encode_names(new) != new:
         remedy = (
-            f'Write "{ROOT}/..." = "/...", or = "" to drop the address. The new address has only printable '
+            f'Write "{ROOT}/..." = "/...", or = "" to drop the message. The new address may contain '
+            "only printable "
             "ASCII characters, without spaces and # , ? [ ] { }."
         )
-        raise InputError(f"{old!r} = {new!r} does not rename an address", where=where, remedy=remedy)
+        raise InputError(f"the line {old!r} = {new!r} does not rename an address", where=where, remedy=remedy)
     if new.count("*") > old.count("*"):
-        remedy = "Every * of the new address needs one in the old address."
-        raise InputError(f"{new!r} has more * than {old!r}", where=where, remedy=remedy)
+        remedy = "Every * of the new address needs a * in the old address."
+        raise InputError(
+            f"the new address {new!r} contains more * than the old address {old!r}",
+            where=where,
+            remedy=remedy,
+        )
     return re.compile("([^/]+)".join(map(re.escape, _encode_names(old).split("*")))), new
 
 

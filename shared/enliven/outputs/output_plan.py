@@ -98,7 +98,7 @@ def plan_outputs(
         family, place = resolve(address, where)
         key = (address.scheme, *place)
         if key in taken:
-            remedy = "Remove one of them, or give it another port."
+            remedy = "Remove one of the two outputs, or choose another port for one."
             raise InputError(f"{address} is the same output as {taken[key]}", where=where, remedy=remedy)
         taken[key] = where
         need(protocol.library, protocol.extra, where, package="enliven")
@@ -126,7 +126,7 @@ def check_port(name: str, host: str, port: int) -> None:
             attempt.listen(1)
         except OSError as error:
             reason = os.strerror(error.errno or errno.EADDRINUSE)
-            remedy = "End the other program that listens there, or give another port: foxglove:HOST:PORT."
+            remedy = "End the other program that uses this port, or choose another port: foxglove:HOST:PORT."
             problem = f"port {port} of {host} cannot be opened ({reason})"
             raise ResourceError(problem, where=name, remedy=remedy) from None
 
@@ -141,7 +141,8 @@ def _check_reach(host: str, insecure: bool, address: OutputAddress, where: str) 
         "set insecure = true in the settings of this output, or start the edge with --insecure."
     )
     problem = (
-        f"everyone that reaches {host} could watch the performers and the room, because {address.scheme} has "
+        f"every computer that reaches {host} could watch the performers and the room, because "
+        f"{address.scheme} has "
         "no keys"
     )
     raise InputError(problem, where=where, remedy=remedy)
@@ -154,7 +155,7 @@ def _check_source(address: OutputAddress, protocol: Protocol, where: str) -> Non
         return
     is_performer = _PERFORMER_NAME.fullmatch(source) is not None
     if protocol.sources == "none":
-        remedy = f"Leave out /{source}: this protocol sends everything on the stage."
+        remedy = f"Remove /{source} from the address. This protocol sends everything on the stage."
         raise InputError(
             f"{address.scheme} always sends everything, so no source can be chosen",
             where=where,
@@ -164,8 +165,12 @@ def _check_source(address: OutputAddress, protocol: Protocol, where: str) -> Non
         remedy = f"Write {PERFORMER}1 for the first performer, {PERFORMER}2 for the second, and so on."
         raise InputError(f"{source!r} is not the name of a performer", where=where, remedy=remedy)
     if protocol.sources == "performers" and not is_performer:
-        remedy = f"Write {PERFORMER}1 for the first performer, or leave it out."
-        raise InputError(f"{address.scheme} sends performers, not {source!r}", where=where, remedy=remedy)
+        remedy = f"Write {PERFORMER}1 for the first performer, or remove /{source} from the address."
+        raise InputError(
+            f"{address.scheme} can send only performers, and {source!r} is not a performer",
+            where=where,
+            remedy=remedy,
+        )
 
 
 def _refuse_other_keys(wanted: LiveOutputSettings, scheme: str, protocol: Protocol, where: str) -> None:
@@ -173,5 +178,7 @@ def _refuse_other_keys(wanted: LiveOutputSettings, scheme: str, protocol: Protoc
     own = {"to", *protocol.keys}
     for item in dataclasses.fields(wanted):
         if item.name not in own and getattr(wanted, item.name) != item.default:
-            remedy = f"An output of {scheme} has the keys {', '.join(sorted(own))}."
-            raise InputError(f"{item.name} is not a key of {scheme}", where=where, remedy=remedy)
+            remedy = f"Outputs with the protocol {scheme} have the keys {', '.join(sorted(own))}."
+            raise InputError(
+                f"the key {item.name} does not apply to the protocol {scheme}", where=where, remedy=remedy
+            )

@@ -75,4 +75,4 @@ class Sender(Closeable):
         self._reason, self._failed_at = reason, now
         if now - self._logged_at >= _MAX_LOG_INTERVAL_S:
             self._logged_at = now
-            log.warning("output %s: %s. Lost packets: %d.", self.name, reason, self.errors)
+            log.warning("live output %s: %s. Lost packets: %d.", self.name, reason, self.errors)

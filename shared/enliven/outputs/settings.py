@@ -17,17 +17,20 @@ class LiveOutputSettings:
     )
     height: float = setting(
         0.0,
-        "vrchat: height of the user as set in VRChat. Positions are scaled to it. 0: the performer's own.",
+        "vrchat: height of the user as set in VRChat. Positions are scaled to this height. 0: the "
+        "performer's own height.",
         unit="m",
         low=0.0,
         high=3.0,
     )
-    map: str = setting("", "osc: path of a TOML file that renames addresses, relative to this file.")
+    map: str = setting("", "osc: path of a TOML file that renames addresses, relative to the settings file.")
     compress: bool = setting(
         True, "rokoko: compresses packets as LZ4 frames, as Rokoko Studio does. False: plain JSON."
     )
     insecure: bool = setting(
-        False, "foxglove: allows an address that other computers reach. Everyone there can then watch."
+        False,
+        "foxglove: allows an address that other computers can reach. Everyone on that network can "
+        "then watch.",
     )
 
 

@@ -52,12 +52,12 @@ class UdpSender(Sender):
             except ConnectionRefusedError:
                 # The error is the response to an earlier packet. The receiver may have started since then, so
                 # send again.
-                self._fail("no program listens there")
+                self._fail("no program receives packets at this address")
                 self._socket.send(packet)
         except ConnectionRefusedError:
             pass
         except BlockingIOError:
-            self._fail("the network takes fewer packets than are sent")
+            self._fail("the network is too slow for the packets")
         except OSError as error:
             self._is_connected = False
             self._fail(error.strerror or str(error))

@@ -56,7 +56,7 @@ class VmcOutput(LiveOutput):
     def check(self, characters: Mapping[str, CharacterInfo]) -> None:
         if self._source in characters and characters[self._source].humanoid is None:
             remedy = (
-                "Leave the character out of the address: it is then sent as a tracker. Or give a rigged "
+                "Remove the character from the address to send it as a tracker. Or use a rigged "
                 "human with --drive skeleton."
             )
             where = f"vmc output of {self._source!r}"

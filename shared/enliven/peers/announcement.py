@@ -59,7 +59,10 @@ class Announcement:
         """The reason why this release cannot connect to the announced edge. Empty if it can."""
         if self.wire_version == VERSION:
             return ""
-        return f"uses version {self.wire_version} of the network protocol, this program version {VERSION}"
+        return (
+            f"uses version {self.wire_version} of the network protocol, but this program uses version "
+            f"{VERSION}"
+        )
 
 
 def pack_announcement(announcement: Announcement) -> dict[str, str]:
@@ -85,7 +88,7 @@ def parse_announcement(port: int | None, properties: Mapping[bytes, bytes | None
     """
     name = _clean_text(properties, "name")
     if not name.strip():
-        raise InputError("an announced edge has no name", where="network")
+        raise InputError("an edge was announced without a name", where="network")
     return Announcement(
         name,
         _number_in_range("port", str(port), 1, 65535),
@@ -120,4 +123,4 @@ def _number_in_range(key: str, text: str, low: int, high: int) -> int:
     """
     if text.isascii() and text.isdecimal() and len(text) < 8 and low <= int(text) <= high:
         return int(text)
-    raise InputError(f"an announced edge has the {key} {text!r:.40}", where="network")
+    raise InputError(f"an edge was announced with an invalid value of {key!r}: {text!r:.40}", where="network")

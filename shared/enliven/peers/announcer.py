@@ -69,14 +69,17 @@ class Announcer:
             self._announce()
         except Exception as error:
             # The network may be down, or another program may own the port of multicast DNS.
-            log.warning("%s is not announced on the network (%s)", self._announcement.name, error)
+            log.warning("the edge %s cannot be announced on the network: %s", self._announcement.name, error)
 
     def _announce(self) -> None:
         from zeroconf import InterfaceChoice, Zeroconf
 
         addresses = own_addresses(self._host)
         if not addresses:
-            log.warning("%s is not announced: this computer has no network", self._announcement.name)
+            log.warning(
+                "the edge %s is not announced, because this computer has no network connection",
+                self._announcement.name,
+            )
             return
         everywhere = self._host in _ALL_ADDRESSES
         zeroconf = Zeroconf(interfaces=InterfaceChoice.All if everywhere else addresses)
@@ -85,7 +88,7 @@ class Announcer:
             info = _service_info(announced, _find_free_name(zeroconf, announced.instance), addresses)
             zeroconf.register_service(info, allow_name_change=True)
             self.name = info.name.removesuffix("." + SERVICE_TYPE)
-            log.info("announced on the network as %s", self.name)
+            log.info("the edge is announced on the network as %s", self.name)
             while not self._closed.is_set():
                 self._changed.wait()
                 self._changed.clear()

@@ -96,7 +96,7 @@ class ClockProbe:
                 keys = self._endpoint.find_keys()
             except EnlivenError as error:
                 # The viewer's main connection reports this error to the user.
-                log.debug("no probes to %s: %s", self._endpoint, error)
+                log.debug("clock probes to %s cannot start: %s", self._endpoint, error)
                 self._closed.wait(1.0)
                 continue
             self._probe(keys)
@@ -118,7 +118,7 @@ class ClockProbe:
                 failed = min(failed, self.sync.failed_bursts)
                 self._step(socket)
         except zmq.ZMQError as error:
-            log.debug("probes to %s ended (%s)", self._endpoint, error)
+            log.debug("clock probes to %s ended: %s", self._endpoint, error)
             self._closed.wait(1.0)
         finally:
             socket.close(linger=0)

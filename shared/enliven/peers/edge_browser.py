@@ -106,9 +106,9 @@ class EdgeBrowser:
             self._browser = ServiceBrowser(self._zeroconf, SERVICE_TYPE, listener=_Listener(self))
         except (OSError, ValueError) as error:
             raise ResourceError(
-                f"the network cannot be searched ({error})",
+                f"the network cannot be searched for edges ({error})",
                 where="search for edges",
-                remedy="Give the address of the edge with --edge.",
+                remedy="Pass the address of the edge with --edge.",
             ) from None
         self._checker = threading.Thread(target=self._check_until_closed, name="edge browser", daemon=True)
         self._checker.start()
@@ -136,7 +136,7 @@ class EdgeBrowser:
         try:
             announcement = parse_announcement(info.port, info.properties)
         except InputError as error:
-            log.debug("%r is not listed: %s", service, error)
+            log.debug("the announcement %r is ignored: %s", service, error)
             return
         texts = [address for address in info.parsed_scoped_addresses() if is_on_local_network(address)]
         addresses = tuple(sorted(texts, key=lambda a: ":" in a))[:_MAX_ADDRESSES]
@@ -224,11 +224,11 @@ def describe_edge(edge: DiscoveredEdge) -> tuple[str, str]:
     if not edge.problem:
         return line, ""
     if announced.problem:
-        remedy = "Install the same release of enliven on both."
+        remedy = "Install the same release of enliven on both computers."
     elif not edge.host:
-        remedy = "Check that it runs, and its firewall."
+        remedy = "Check that the edge runs, and check the firewall of its computer."
     else:
-        remedy = f"Pair with it: enliven pair {address} CODE, with the code that it shows."
+        remedy = f"Pair this computer with the edge: enliven pair {address} CODE. The edge shows the code."
     return f"{line}: {edge.problem}", remedy
 
 
@@ -273,5 +273,5 @@ def _is_paired(edge: DiscoveredEdge, host: str) -> bool:
     try:
         return store.server_key(host or edge.addresses[0], edge.announcement.control_port) is not None
     except EnlivenError as error:
-        log.debug("the keys cannot be read: %s", error)
+        log.debug("the keys of this computer cannot be read: %s", error)
         return False

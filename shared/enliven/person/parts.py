@@ -92,5 +92,5 @@ def _parse_part(name: str) -> frozenset[Joint]:
     raise InputError(
         f"no part of the body is called {wrong_name!r}",
         where="parts",
-        remedy=f"{guess}Known: {', '.join(PARTS)}; join them with '+'.",
+        remedy=f"{guess}Known parts: {', '.join(PARTS)}. Combine several parts with '+'.",
     )

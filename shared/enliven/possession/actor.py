@@ -112,9 +112,11 @@ class Actor:
         Raises:
             InputError: if the size of this character cannot change.
         """
-        advice = "Scale it in the project."
+        advice = "Scale the character in the project."
         raise InputError(
-            "its size cannot change on the stage", where=f"sizing {self.character.id!r}", remedy=advice
+            "the size of this character cannot change on the stage",
+            where=f"sizing {self.character.id!r}",
+            remedy=advice,
         )
 
     def exaggerate(self, exaggeration: float | None) -> None:
@@ -125,7 +127,7 @@ class Actor:
         """
         where = f"exaggerating {self.character.id!r}"
         raise InputError(
-            "no part of it can swing freely, because performers cannot attach to it",
+            "no part of this character can swing freely, because performers cannot attach to the character",
             where=where,
             remedy="Choose a mesh that performers can possess.",
         )
@@ -168,5 +170,8 @@ class Actor:
         """
         if body is not None and all(hold.body != body for hold in self.holds):
             holders = ", ".join(str(hold.body) for hold in self.holds) or "nobody"
-            problem, advice = f"performer {body} does not {verb[0]} it", f"It is {verb[1]} by: {holders}."
+            problem, advice = (
+                f"performer {body} does not {verb[0]} this character",
+                f"The character is {verb[1]} by: {holders}.",
+            )
             raise InputError(problem, where=f"releasing {self.character.id!r}", remedy=advice)

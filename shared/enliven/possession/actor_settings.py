@@ -42,7 +42,9 @@ class ActorSettings:
     """Settings of a character's approach to its performers, and of the transfer of their motion."""
 
     place: Literal["meet", "fixed"] = setting(
-        "meet", "'meet' puts the mesh at the performer's position; 'fixed' leaves it as modelled."
+        "meet",
+        "'meet' moves the mesh to the performer's position. 'fixed' leaves the mesh at its modelled "
+        "position.",
     )
     stand: Literal["fitted", "modelled"] = setting(
         "fitted",
@@ -51,8 +53,10 @@ class ActorSettings:
     )
     how: Literal["inside", "beside", "mapped"] = setting(
         "inside",
-        "'inside': the performer stands in the mesh; 'beside': the mesh stays in place and moves as if "
-        "they did. 'mapped': like 'beside', but limb drives limb for any shape.",
+        "'inside': the performer stands in the mesh. 'beside': the mesh stays next to the performer "
+        "and moves as if the "
+        "performer stood in it. 'mapped': like 'beside', but each limb drives a limb of the mesh, "
+        "for any shape.",
     )
     aside: float = setting(
         1.2,
@@ -62,7 +66,7 @@ class ActorSettings:
         high=20.0,
     )
     travel: float = setting(
-        1.0, "Factor on the performer's travel over the floor that the mesh also makes.", low=0.0, high=10.0
+        1.0, "Travel of the mesh over the floor, as a multiple of the performer's travel.", low=0.0, high=10.0
     )
     scaled: Literal["mesh", "performer", "nobody"] = setting(
         "mesh",
@@ -76,35 +80,39 @@ class ActorSettings:
     meets: bool = setting(
         True,
         "Aligns the limbs of a human-like mesh with those of the performer inside it. If false, bones "
-        "hold whatever is near.",
+        "attach to the nearest parts of the mesh.",
     )
     ahead: bool = setting(
         True,
-        "Poses such a mesh like its next performer before the first hold. If false, it waits as modelled.",
+        "Poses a human-like mesh like its next performer before the performer attaches. If false, "
+        "the mesh keeps its modelled pose.",
     )
     height_ratio: float = setting(
         1.0, "Height of the mesh divided by the performer's height.", low=0.05, high=20.0
     )
     fade: float = setting(
         0.5,
-        "Duration of the blend after any change of the performers that hold the mesh.",
+        "Duration of the blend after a performer attaches to or releases the mesh.",
         unit="s",
         low=0.0,
         high=10.0,
     )
     fade_pace: float = parameter(
-        2.5, "Maximum speed of this blend: large changes take longer.", unit="m/s", low=0.01
+        2.5,
+        "Maximum speed of the blend after such a change. Large changes take longer.",
+        unit="m/s",
+        low=0.01,
     )
     patience: float = parameter(
         0.2,
-        "A performer out of sight for longer than this releases the mesh until they return.",
+        "A performer who is out of sight for longer than this releases the mesh until the performer returns.",
         unit="s",
         low=0.0,
         high=10.0,
     )
     hand_over: float = setting(
         60.0,
-        "If a performer is away for longer, the only idle performer in view takes over their hold. 0 "
+        "If a performer is away for longer than this, the only idle performer in view takes over the mesh. 0 "
         "turns this off.",
         unit="s",
         low=0.0,
@@ -113,7 +121,11 @@ class ActorSettings:
         0.5, "Fraction of a limb's bones that must attach before its reach stops growing.", low=0.0, high=1.0
     )
     farthest_reach: float = parameter(
-        0.45, "Longest reach of a bone that is tried.", unit="m", low=0.0, high=5.0
+        0.45,
+        "Maximum distance from a bone to the mesh at which the bone can attach.",
+        unit="m",
+        low=0.0,
+        high=5.0,
     )
     attachment: AttachmentSettings = group(AttachmentSettings, "Attachment of bones to the mesh.")
     stiffness: tuple[tuple[float, float, float, float, float], ...] = setting(
@@ -123,7 +135,7 @@ class ActorSettings:
     )
     exaggeration: float = setting(
         1.0,
-        "How far soft parts (painted, or `stiffness` below 1) swing past the motion. 0 turns it off.",
+        "How far soft parts (painted, or `stiffness` below 1) swing past the motion. 0 turns the swing off.",
         low=0.0,
         high=4.0,
     )

@@ -193,6 +193,8 @@ def _joint_array(joints: tuple[tuple[float, float, float], ...], character: str)
         InputError: if their number is not 20.
     """
     if len(joints) != J:
-        advice = f"Name all {J} in their order, or none."
-        raise InputError(f"there are {len(joints)} joints, expected {J}", where=character, remedy=advice)
+        advice = f"Set all {J} joints in their fixed order, or none."
+        raise InputError(
+            f"the number of joints is {len(joints)}, expected {J}", where=character, remedy=advice
+        )
     return np.array(joints, np.float64)

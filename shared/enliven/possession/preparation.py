@@ -114,10 +114,16 @@ def prepare_mesh(
             person = find_person_in_mesh(mesh, mesh.vertices[list(ends)])
         if person is not None and (person.is_certain or len(ends)):
             mesh = _align_with_figure(mesh, person)
-            log.info("%s: moved so that the back of a standing person is in its back", mesh.name)
+            log.info(
+                "%s: the mesh was moved so that its back is at the back of a standing performer", mesh.name
+            )
         else:
             mesh, fit = fit_standing_person(mesh)
-            log.info("%s: moved to where a standing person fits into it (%.0f %%)", mesh.name, 100 * fit)
+            log.info(
+                "%s: the mesh was moved so that a standing performer fits into it (fit: %.0f %%)",
+                mesh.name,
+                100 * fit,
+            )
     return refine(mesh, _MAX_EDGE_M), size
 
 

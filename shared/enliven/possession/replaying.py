@@ -31,9 +31,9 @@ def settings_from_possession(possession: Possession) -> ActorSettings:
     try:
         values = json.loads(possession.settings)
     except ValueError:
-        problem = "the settings are not JSON"
+        problem = "the recorded settings are not valid JSON"
         where = f"take {possession.take!r}"
-        raise InputError(problem, where=where, remedy="Record it again.") from None
+        raise InputError(problem, where=where, remedy="Record the take again.") from None
     where = f"the settings of take {possession.take!r}"
     return load_settings(ActorSettings, values, where=where, own_file=True)
 
@@ -102,7 +102,7 @@ def _apply_change(actor: EmbeddedActor, change: HoldChange, bodies: list[Body]) 
     body = next((candidate for candidate in bodies if change.performer in (None, candidate.id)), None)
     if body is None:
         performer = "a performer" if change.performer is None else f"performer {change.performer}"
-        advice = "Give the take of the performers that possessed it."
+        advice = "Use the take of the performers who possessed the character."
         raise InputError(
             f"{performer} is not in view", where=f"possessing {actor.character.id!r}", remedy=advice
         )

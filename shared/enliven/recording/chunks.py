@@ -75,7 +75,7 @@ def read_chunk(file: BinaryIO, ref: ChunkRef) -> list[Any]:
         data = file.read(ref.length)
         opcode, length = RECORD.unpack_from(data)
         if opcode != Opcode.CHUNK or length + RECORD.size != len(data):
-            raise Damage("the position of a chunk contains other data")
+            raise Damage("no chunk begins at the position of a chunk")
         chunk = records.Chunk.read(ReadDataStream(BytesIO(data[RECORD.size :])))
         content = _decompressed_chunk(chunk)
         if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
@@ -85,7 +85,7 @@ def read_chunk(file: BinaryIO, ref: ChunkRef) -> list[Any]:
         raise Damage(plain_reason(error)) from None
     except _DecompressionBombError as error:
         where = f"{getattr(file, 'name', 'recording')}, byte {ref.offset}"
-        remedy = "Ask for the recording again: no recorder writes such a part."
+        remedy = "Get a new copy of the recording. No recorder writes such a part."
         raise InputError(str(error), where=where, remedy=remedy) from None
 
 
@@ -98,11 +98,13 @@ def _decompressed_chunk(chunk: Any) -> bytes:
     if chunk.compression == "":
         return bytes(chunk.data)
     if chunk.compression != "zstd":
-        raise Damage(f"a chunk is compressed with {chunk.compression!r}")
+        raise Damage(f"a chunk uses the unsupported compression {chunk.compression!r}")
     if zstandard.frame_content_size(chunk.data) not in (size, -1):
         raise Damage("a chunk states two different sizes")
     if size > min(_MAX_CHUNK_BYTES, _MIN_CHUNK_BYTE_LIMIT + _MAX_COMPRESSION_RATIO * packed_bytes):
-        raise _DecompressionBombError(f"a part of {packed_bytes} bytes states that it unpacks to {size}")
+        raise _DecompressionBombError(
+            f"a part of {packed_bytes} bytes states an unpacked size of {size} bytes"
+        )
     return zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size)
 
 

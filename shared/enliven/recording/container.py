@@ -93,7 +93,7 @@ def check_version(container: Container) -> None:
     """Raises InputError if a recording has a later version, or its version is not a number."""
     stated = container.metadata.get(ABOUT_NAME, {}).get(VERSION_KEY, "1")
     if not (stated.isdecimal() and stated.isascii()):
-        problem, remedy = f"it states the version {stated[:20]!r}, which is not a number", "Record it again."
+        problem, remedy = f"the version {stated[:20]!r} of the recording is not a number", "Record again."
         raise InputError(problem, where=str(container.path), remedy=remedy)
     refuse_later_version(int(stated), RECORDING_VERSION, str(container.path), container.library)
 
@@ -101,14 +101,14 @@ def check_version(container: Container) -> None:
 def _read_indexed(path: Path, file: BinaryIO, size: int) -> Container:
     """Reads the container from the summary at the end of a file that was closed properly."""
     if size < len(MAGIC) + _FOOTER_BYTES:
-        raise Damage("no footer")
+        raise Damage("the file has no footer")
     file.seek(size - _FOOTER_BYTES)
     tail = file.read(_FOOTER_BYTES)
     if tail[-len(MAGIC) :] != MAGIC or tail[0] != Opcode.FOOTER:
-        raise Damage("no footer")
+        raise Damage("the file has no footer")
     start, _, crc = _FOOTER.unpack_from(tail, RECORD.size)
     if not len(MAGIC) < start < size - _FOOTER_BYTES:
-        raise Damage("no summary")
+        raise Damage("the file has no summary")
     file.seek(start)
     summary = file.read(size - _FOOTER_BYTES - start)
     if not crc or zlib.crc32(tail[: RECORD.size + 16], zlib.crc32(summary)) != crc:
@@ -198,7 +198,7 @@ def _read_record(file: BinaryIO, size: int) -> Any:
     """Returns the record at the file's position."""
     opcode, length = RECORD.unpack(file.read(RECORD.size))
     if length > min(size, _MAX_METADATA_BYTES):
-        raise Damage("a record states more bytes than the file has")
+        raise Damage("a record states a larger size than the file has")
     return parse_record(opcode, file.read(length))
 
 
@@ -215,10 +215,13 @@ def _parse_summary(data: bytes) -> list[Any]:
 
 
 def _foreign_file_error(path: Path, start: bytes) -> InputError:
-    problem = "the file is empty" if not start else "it is not a recording (an MCAP file)"
+    problem = "the file is empty" if not start else "the file is not a recording (MCAP file)"
     remedy = (
         "Record again."
         if not start
-        else "Use `enliven import` for other recordings; `enliven import --list-readers` shows which."
+        else (
+            "Import other recordings with `enliven import`. `enliven import --list-readers` lists the "
+            "known formats."
+        )
     )
     return InputError(problem, where=str(path), remedy=remedy)

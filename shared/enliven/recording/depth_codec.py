@@ -113,7 +113,7 @@ def decode_depth(payload: bytes, *, max_pixels: int = MAX_PIXELS) -> UInt16:
         values, residuals = _unpack_zstd(compressed, width, height, levels)
         is_complete = restore_image(residuals, values, len(values) - 1, depth)
     if not is_complete:
-        raise _damage_error("a level is outside the table of levels")
+        raise _damage_error("a pixel refers to a depth level that does not exist")
     return depth
 
 
@@ -127,9 +127,13 @@ def _unpack_zstd(packed: bytes, width: int, height: int, levels: int) -> tuple[U
 
 def _check_shape(depth: UInt16) -> tuple[int, int]:
     if depth.dtype != np.uint16 or depth.ndim != 2:
-        raise InputError(f"the image is {depth.dtype} {depth.shape}, expected (H, W) uint16", where="depth")
+        raise InputError(
+            f"the depth image is {depth.dtype} {depth.shape}, expected (H, W) uint16", where="depth"
+        )
     if not depth.size or depth.size > MAX_PIXELS or max(depth.shape) > 65535:
-        raise InputError(f"the image is {depth.shape}, expected 1 to {MAX_PIXELS} pixels", where="depth")
+        raise InputError(
+            f"the depth image has the shape {depth.shape}, expected 1 to {MAX_PIXELS} pixels", where="depth"
+        )
     return depth.shape[0], depth.shape[1]
 
 
@@ -150,12 +154,12 @@ def _check_header(payload: bytes, max_pixels: int) -> tuple[int, int, int, int]:
     """Checks the header and the checksum of a payload. Returns its packing, width, height and number of
     levels."""
     if len(payload) < _CONTENT_OFFSET:
-        raise _damage_error(f"it is {len(payload)} bytes long")
+        raise _damage_error(f"its data has only {len(payload)} bytes")
     version, packing, width, height, levels = _HEADER.unpack_from(payload)
     refuse_later_version(version, 1, "depth payload")
     if version != 1 or packing not in (_ZSTD_PACKING, _ARITHMETIC_PACKING):
         raise InputError(
-            f"the encoding is version {version}, packing {packing}, which is not known here",
+            f"this version of enliven does not know the encoding (version {version}, packing {packing})",
             where="depth payload",
             remedy="Update enliven, or record again.",
         )
@@ -163,7 +167,7 @@ def _check_header(payload: bytes, max_pixels: int) -> tuple[int, int, int, int]:
     if zlib.crc32(memoryview(payload)[_CONTENT_OFFSET:], zlib.crc32(payload[: _HEADER.size])) != check:
         raise _damage_error("its checksum is wrong")
     if not 0 < width * height <= max_pixels or levels > 65535:
-        raise _damage_error(f"it states {width}x{height} pixels and {levels} levels")
+        raise _damage_error(f"its header states {width}x{height} pixels and {levels} depth levels")
     return packing, width, height, levels
 
 
@@ -172,12 +176,12 @@ def _unpack_content(packed: bytes, size: int) -> UInt8:
     try:
         stated = zstandard.frame_content_size(packed)
         if stated != size:
-            raise _damage_error(f"its content has {stated} bytes where {size} belong")
+            raise _damage_error(f"its content has {stated} bytes, expected {size}")
         content = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
     except zstandard.ZstdError:
-        raise _damage_error("it cannot be unpacked") from None
+        raise _damage_error("its content cannot be unpacked") from None
     if len(content) != size:
-        raise _damage_error(f"its content has {len(content)} bytes where {size} belong")
+        raise _damage_error(f"its content has {len(content)} bytes, expected {size}")
     return np.frombuffer(content, np.uint8)
 
 
@@ -188,7 +192,7 @@ def _level_depths(table: UInt8, levels: int) -> UInt16:
     steps = table.reshape(2, -1).T.copy().view("<u2").ravel().astype(np.int64)
     values = np.concatenate([[0], np.cumsum(steps)])
     if steps.min() < 1 or values[-1] > 65535:
-        raise _damage_error("its table of levels does not ascend")
+        raise _damage_error("its depth levels are not in ascending order")
     return values.astype(np.uint16)
 
 
@@ -196,5 +200,5 @@ def _damage_error(damage: str) -> InputError:
     return InputError(
         f"the depth image is damaged: {damage}",
         where="depth payload",
-        remedy="Record or import it again; the other frames can still be read.",
+        remedy="Record or import the recording again. The other frames can still be read.",
     )

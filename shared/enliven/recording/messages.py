@@ -58,7 +58,7 @@ def unpack_depth(data: bytes) -> DepthFrame:
         InputError: if the bytes are not a depth frame, or have a later version.
     """
     if not data or data[0] < _VERSION:
-        raise _damage_error("it does not begin like a depth frame")
+        raise _damage_error("it does not begin with the header of a depth frame")
     refuse_later_version(data[0], _VERSION, "recording, a depth frame")
     if len(data) < _DEPTH_HEADER.size:
         raise _damage_error("it is too short")
@@ -103,7 +103,7 @@ def _unpack_colour(data: bytes) -> UInt8:
     compressed = data[_COLOUR_SIZE.size :]
     try:
         if not 0 < size <= 3 * MAX_PIXELS or zstandard.frame_content_size(compressed) != size:
-            raise _damage_error(f"the colour image states {width}x{height} pixels")
+            raise _damage_error(f"the colour image states a wrong size, {width}x{height} pixels")
         content = zstandard.ZstdDecompressor().decompress(compressed, max_output_size=size)
     except zstandard.ZstdError:
         raise _damage_error("the colour image cannot be unpacked") from None
@@ -164,7 +164,7 @@ def unpack_bodies(data: bytes) -> BodyFrame:
         message = _bodies_decoder.decode(data)
         bodies = [_decode_body(body) for body in message.bodies]
     except (msgspec.MsgspecError, ValueError, OverflowError, RecursionError):
-        raise _damage_error("its entries are not bodies") from None
+        raise _damage_error("its entries are not tracked bodies") from None
     return BodyFrame(bodies, message.time_ns, message.sensor)
 
 
@@ -184,11 +184,15 @@ def _shaped_values(values: AnyArray | list[Any], shape: tuple[int, ...]) -> Floa
     """Converts ``values`` to a float64 array of this shape. None becomes NaN."""
     array = np.asarray(values, np.float64)
     if array.shape != shape:
-        raise InputError(f"an array of a body is {array.shape}, expected {shape}", where="body frame")
+        raise InputError(
+            f"an array of a body has the shape {array.shape}, expected {shape}", where="body frame"
+        )
     return array
 
 
 def _damage_error(damage: str) -> InputError:
     return InputError(
-        f"the message cannot be read: {damage}", where="recording", remedy="Record or import it again."
+        f"the message cannot be read: {damage}",
+        where="recording",
+        remedy="Record or import the recording again.",
     )

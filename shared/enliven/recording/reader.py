@@ -139,8 +139,8 @@ class Recording:
                         heapq.heappush(waiting, (record.log_time, count, record))
                         count, buffered = count + 1, buffered + len(record.data)
                 if buffered > _MAX_WAITING_BYTES:
-                    problem = f"{buffered} bytes of its messages are out of order"
-                    raise InputError(problem, where=str(self.path), remedy="Record it again.")
+                    problem = f"{buffered} bytes of messages in the recording are out of order"
+                    raise InputError(problem, where=str(self.path), remedy="Record again.")
         while waiting:
             message = heapq.heappop(waiting)[2]
             yield names[message.channel_id], message
@@ -160,7 +160,7 @@ class Recording:
             skipped_text = "".join(" " + problem for problem in self.problems)
             self._report_problem(
                 f"{self.path}: the recording was cut off or is damaged at byte {self._container.cut_at}; "
-                f"the {count} whole messages before are read.{skipped_text}"
+                f"the {count} complete messages before this position are read.{skipped_text}"
             )
 
     def _report_damage(self, problem: str) -> None:
@@ -189,9 +189,9 @@ def _check_profile(container: Container) -> None:
     if container.profile == PROFILE or (not container.complete and not container.profile):
         return
     raise InputError(
-        f"it is an MCAP file of another program (profile {container.profile!r}, {container.library!r})",
+        f"the file is an MCAP file of another program (profile {container.profile!r}, {container.library!r})",
         where=str(container.path),
-        remedy="Only recordings of enliven can be read; `enliven import` takes depth as 16-bit PNG.",
+        remedy="Only recordings of enliven can be read. `enliven import` imports depth as 16-bit PNG images.",
     )
 
 

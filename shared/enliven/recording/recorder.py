@@ -175,7 +175,7 @@ class Recorder:
         """Raises InputError if a time is outside the range of MCAP or of enliven."""
         if not 0 <= time_ns <= LATEST_NS:
             raise InputError(
-                f"the time {time_ns} ns is outside 0..2^63",
+                f"the time {time_ns} ns is outside the range from 0 to 2^63 ns",
                 where=f"{self.path}, {what}",
                 remedy="Check the clock of the sensor.",
             )
@@ -233,11 +233,13 @@ def _create_file(path: Path, overwrite: bool) -> WholeFile:
         raise InputError(
             "the file exists already",
             where=str(path),
-            remedy="Choose another name, or allow it to be overwritten (--overwrite).",
+            remedy="Choose another name, or replace the file with --overwrite.",
         ) from None
     except FileNotFoundError:
         raise InputError(
-            "its folder does not exist", where=str(path), remedy=f"Make the folder {path.parent}."
+            "the folder of the file does not exist",
+            where=str(path),
+            remedy=f"Create the folder {path.parent}.",
         ) from None
     except OSError as error:
         raise file_fault(error, path, "written") from None

@@ -96,7 +96,9 @@ def recover(path: Path, output: Path) -> Recovery:
     """
     container = _open_damaged(path)
     if container.profile not in (PROFILE, ""):
-        raise InputError(f"it is an MCAP file of another program ({container.profile!r})", where=str(path))
+        raise InputError(
+            f"the file is an MCAP file of another program ({container.profile!r})", where=str(path)
+        )
     check_version(container)
     recovery = Recovery(cut=not container.complete)
     with open_file(path) as file:
@@ -112,7 +114,9 @@ def recover(path: Path, output: Path) -> Recovery:
                 _copy_messages(container, file, refs, recorder, recovery)
             if not recovery.kept:
                 raise InputError(
-                    "it contains no whole message", where=str(path), remedy="It cannot be recovered."
+                    "the recording contains no complete message",
+                    where=str(path),
+                    remedy="The recording cannot be recovered.",
                 )
         except BaseException:
             output.unlink(missing_ok=True)

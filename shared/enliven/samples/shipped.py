@@ -53,7 +53,9 @@ def load_sample(name: Literal["chair", "lamp", "cactus"]) -> Mesh:
         return cactus_project().puppet(name).mesh
     if not (SAMPLES_FOLDER / f"{name}.npz").is_file():
         raise InputError(
-            f"the sample {name!r} does not exist", where="samples", remedy="Known: chair, lamp, cactus."
+            f"the sample {name!r} does not exist",
+            where="samples",
+            remedy="Known samples: chair, lamp, cactus.",
         )
     with np.load(SAMPLES_FOLDER / f"{name}.npz") as stored:
         steps, faces = (stored[key].cumsum(1, np.int32).T for key in ("vertices", "faces"))

@@ -149,7 +149,11 @@ def cut_out(mesh: Mesh, ground: GroundPlane, focus: Float, settings: CutOutSetti
         )
     if s.number > len(parts):
         problem = f"object number {s.number} does not exist; the camera looked at {len(parts)} objects"
-        raise InputError(problem, where="scan", remedy="Choose one of them, or look at it while you scan.")
+        raise InputError(
+            problem,
+            where="scan",
+            remedy="Choose one of these objects, or point the camera at the object while you scan.",
+        )
     chosen_part = parts[s.number - 1]
     vertices = level_mesh(chosen_part, ground).vertices
     # Extend the feet down again by the clearance that the cut has removed.

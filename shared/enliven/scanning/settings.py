@@ -66,7 +66,7 @@ class VolumeSettings:
     )
     memory: int = setting(
         1500,
-        "Maximum memory for voxels, in megabytes. When it is full, the scan stops growing.",
+        "Maximum memory for voxels, in megabytes. When this memory is full, the scan stops growing.",
         low=16,
         high=100_000,
     )
@@ -86,7 +86,7 @@ class TrackingSettings:
     )
     independent: float = parameter(
         0.02,
-        "Fraction of the points that count as having independent noise. Neighbouring pixels share theirs.",
+        "Fraction of the points that count as independent. Neighbouring pixels share their noise.",
         low=1e-4,
         high=1,
     )
@@ -120,7 +120,7 @@ class CutOutSettings:
     least_area: float = parameter(0.02, "Minimum surface area of an object.", unit="m^2", low=1e-4, high=1)
     number: int = setting(
         1,
-        "Number of the object on the floor to cut out. 1 is the one that the camera looked at most.",
+        "Number of the object on the floor to cut out. 1 is the object that the camera looked at most.",
         low=1,
         high=100,
     )
@@ -136,7 +136,8 @@ class ObjectSettings:
 
     known_after: int = parameter(
         30,
-        "Number of images after which the resting object is first segmented. This is repeated each "
+        "Number of images after which the resting object is first segmented. The segmentation is "
+        "repeated each "
         "time the number doubles.",
         low=5,
         high=1000,

@@ -28,7 +28,7 @@ class Place:
         _UNIT, "(4, 4) world pose of the level frame in which the sensor reports bodies."
     )
     world_from_camera: _Rows | None = data_field(
-        None, "(4, 4) world pose of the depth camera. Omit it for a sensor without one."
+        None, "(4, 4) world pose of the depth camera. Omit this key for a sensor without a depth camera."
     )
     clock_offset_ns: int = data_field(
         0, "Nanoseconds to add to the sensor's clock to match the first sensor's clock."
@@ -69,11 +69,17 @@ def load_space(path: Path) -> Space:
     """
     where = str(path)
     if not path.exists():
-        raise InputError("this file is missing", where=where, remedy="Make it: enliven calibrate.")
+        raise InputError(
+            "the space file is missing", where=where, remedy="Create the file: enliven calibrate."
+        )
     read = read_toml(path)
     sensors = read.get("sensors")
     if not isinstance(sensors, Mapping) or not sensors:
-        raise InputError("it names no sensors", where=where, remedy="Make it again: enliven calibrate.")
+        raise InputError(
+            "the space file contains no sensors",
+            where=where,
+            remedy="Create the file again: enliven calibrate.",
+        )
     sensor_places = {}
     for name, values in sensors.items():
         if not isinstance(values, Mapping):

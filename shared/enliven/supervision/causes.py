@@ -10,7 +10,7 @@ from pathlib import Path
 INTERRUPTED_EXIT_CODE = 130
 """Exit code of a program that was ended by Ctrl-C or SIGTERM: 128 + SIGINT (2), by the convention of
 shells."""
-OUT_OF_MEMORY_CAUSE = "killed by the kernel, because the memory was used up"
+OUT_OF_MEMORY_CAUSE = "killed by the operating system, because the memory was full"
 """Cause of a program that Linux killed to free memory."""
 _CGROUP_ROOT = Path("/sys/fs/cgroup")
 """Mount point of Linux's control groups (version 2), which limit the memory of services."""

@@ -246,7 +246,9 @@ def _bind_socket(path: Path) -> tuple[socket.socket | None, str]:
         endpoint.bind(str(path))
     except OSError as error:
         # The path of a temporary folder may be longer than the 100 bytes that such a socket allows.
-        log.warning("programs are restarted when they end, but not when they freeze (%s: %s)", path, error)
+        log.warning(
+            "frozen programs cannot be detected and restarted, only programs that end (%s: %s)", path, error
+        )
         endpoint.close()
         return None, ""
     return endpoint, str(path)

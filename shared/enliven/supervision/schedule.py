@@ -88,6 +88,8 @@ def parse_time_of_day(text: str) -> int:
     match = _TIME_OF_DAY_PATTERN.fullmatch(text)
     if match is None:
         raise InputError(
-            f"{text!r} is not a time of day", where="care.restart_at", remedy="Write it as 04:00."
+            f"{text!r} is not a time of day",
+            where="care.restart_at",
+            remedy="Write the time as HH:MM, such as 04:00.",
         )
     return int(match[1]) * 60 + int(match[2])

@@ -163,7 +163,7 @@ class Supervisor:
             child.start(now_s)
         except OSError as error:
             child.exit_code = _FAILED_START_CODE
-            self._handle_end(child, f"cannot be started ({error.strerror or error})", now_s)
+            self._handle_end(child, f"the program cannot be started ({error.strerror or error})", now_s)
             return
         self._wake_at_end(child)
 
@@ -192,7 +192,7 @@ class Supervisor:
             return
         wait_s = child.plan_restart(now_s, is_failure=cause != NIGHTLY_CAUSE)
         wait_text = f"in {wait_s:g} s" if wait_s else "at once"
-        log.warning("the %s has ended: %s. It starts again %s.", program.name, cause, wait_text)
+        log.warning("the %s has ended: %s. The program starts again %s.", program.name, cause, wait_text)
         self._write_record("restart", lambda folders: _append_restart(folders, program.name, cause))
 
     def _end_run_if_needed(self, child: SupervisedProcess, cause: str) -> None:
@@ -247,7 +247,7 @@ class Supervisor:
             self._unwritable.discard(kind)
         except (EnlivenError, OSError) as error:
             if kind not in self._unwritable:
-                log.warning("a %s cannot be recorded: %s", kind, error)
+                log.warning("the %s of a program cannot be recorded: %s", kind, error)
             self._unwritable.add(kind)
 
     def _end_all(self) -> None:

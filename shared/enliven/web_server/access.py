@@ -61,12 +61,12 @@ def read_secret_file(path: Path, content: str, max_bytes: int) -> bytes:
     except (OSError, ValueError) as error:
         if isinstance(error, OSError):
             raise file_fault(error, path) from None
-        raise InputError("no file can have that name", where=str(path)) from None
+        raise InputError("this file name is not valid", where=str(path)) from None
     try:
         state = os.fstat(descriptor)
         if not stat.S_ISREG(state.st_mode):
             raise InputError(
-                "it is not a regular file", where=str(path), remedy=f"Give the path of the {content}."
+                "this is not a regular file", where=str(path), remedy=f"Set the path of the {content}."
             )
         if sys.platform != "win32":
             _refuse_other_users(path, content, state)
@@ -76,7 +76,9 @@ def read_secret_file(path: Path, content: str, max_bytes: int) -> bytes:
         os.close(descriptor)
     if len(data) > max_bytes:
         raise InputError(
-            f"it has more than {max_bytes} bytes", where=str(path), remedy=f"Give the path of the {content}."
+            f"the file has more than {max_bytes} bytes",
+            where=str(path),
+            remedy=f"Set the path of the {content}.",
         )
     return data
 
@@ -85,7 +87,7 @@ def _refuse_other_users(path: Path, content: str, state: os.stat_result) -> None
     """Raises InputError if a file belongs to another user, or other users may read or change it."""
     if state.st_uid not in (os.getuid(), 0):
         raise InputError(
-            "it belongs to another user", where=str(path), remedy=f"Make a {content} of your own."
+            "the file belongs to another user", where=str(path), remedy=f"Create your own {content}."
         )
     if state.st_mode & _OTHER_USERS_MODE_MASK:
         raise InputError(
@@ -106,13 +108,13 @@ def read_password(path: Path) -> str:
         password = (data.decode().splitlines() or [""])[0].strip()
     except UnicodeDecodeError:
         raise InputError(
-            "it is not UTF-8 text", where=str(path), remedy="Write the password again."
+            "the password is not UTF-8 text", where=str(path), remedy="Write the password again."
         ) from None
     if len(password) < MIN_PASSWORD_LENGTH:
         raise InputError(
-            f"the password has {len(password)} characters, and needs {MIN_PASSWORD_LENGTH}",
+            f"the password has {len(password)} characters, but needs at least {MIN_PASSWORD_LENGTH}",
             where=str(path),
-            remedy="Write a longer one into its first line.",
+            remedy="Write a longer password into the first line of the file.",
         )
     return password
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _MAX_PEM_BYTES = 1 << 20
 """Maximum size in bytes of a file with certificates or a key. A certificate chain has about 10,000 bytes."""
-_NEW_CERTIFICATE_ADVICE = "docs/health.md shows how to make a new one."
+_NEW_CERTIFICATE_ADVICE = "docs/health.md shows how to create a new certificate."
 """The remedy for an invalid certificate."""
 
 
@@ -59,7 +59,8 @@ def load_certificate(path: Path, key: Path, at_s: float) -> ServerCertificate:
         raise InputError(
             f"the certificate is not valid before {_format_date(valid_from)}",
             where=str(path),
-            remedy=f"Check the clock: it is {_format_date(datetime.fromtimestamp(at_s, tz=UTC))} here.",
+            remedy="Check the clock. The time of this computer is "
+            f"{_format_date(datetime.fromtimestamp(at_s, tz=UTC))}.",
         )
     return ServerCertificate(path, end.timestamp(), _load_context(path, key))
 
@@ -82,7 +83,7 @@ def _read_certificate(path: Path) -> Certificate:
         return x509.load_pem_x509_certificate(pem)
     except ValueError:
         raise InputError(
-            "it does not contain a certificate (PEM)", where=str(path), remedy=_NEW_CERTIFICATE_ADVICE
+            "the file does not contain a certificate (PEM)", where=str(path), remedy=_NEW_CERTIFICATE_ADVICE
         ) from None
 
 
@@ -103,11 +104,14 @@ def _load_context(path: Path, key: Path) -> ssl.SSLContext:
         context.load_cert_chain(path, key, password=refuse_passphrase)
     except (ssl.SSLError, ValueError, OSError) as error:
         if has_passphrase:
-            problem, remedy = "the key has a passphrase", f"Remove it: openssl pkey -in {key} -out NEW_KEY"
+            problem, remedy = (
+                "the key has a passphrase",
+                f"Remove the passphrase: openssl pkey -in {key} -out NEW_KEY",
+            )
         elif getattr(error, "reason", "") == "KEY_VALUES_MISMATCH":
             problem, remedy = f"the key does not belong to the certificate {path}", _NEW_CERTIFICATE_ADVICE
         else:
-            problem, remedy = "it does not contain a key (PEM)", _NEW_CERTIFICATE_ADVICE
+            problem, remedy = "the file does not contain a private key (PEM)", _NEW_CERTIFICATE_ADVICE
         raise InputError(problem, where=str(key), remedy=remedy) from None
     return context
 

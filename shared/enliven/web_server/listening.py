@@ -46,7 +46,7 @@ def bind_port(host: str, port: int, remedy: str) -> socket.socket:
         listener = socket.socket(family, kind, protocol)
     except OSError as error:
         raise ResourceError(
-            f"it cannot be used ({error.strerror})", where=where, remedy=_HOST_ADVICE
+            f"the address cannot be used ({error.strerror})", where=where, remedy=_HOST_ADVICE
         ) from None
     try:
         if sys.platform != "win32":

@@ -155,4 +155,4 @@ def _check_materials(materials: MaterialsMessage, faces: int) -> None:
         check_length("tints", materials.tints, 48 * faces)
     size = sum(len(texture.image) for texture in materials.textures)
     if size > MAX_TEXTURE_BYTES:
-        raise ValueError(f"the textures have {size} bytes, at most {MAX_TEXTURE_BYTES} go on the wire")
+        raise ValueError(f"the textures have {size} bytes, but at most {MAX_TEXTURE_BYTES} bytes can be sent")

@@ -177,7 +177,7 @@ def cues_to_message(
     """
     if state not in ("free", "preview", "possessed"):
         raise InputError(
-            f"the state is {state!r}", where=f"cues of {character!r}", remedy="Use free or possessed."
+            f"the state {state!r} is unknown", where=f"cues of {character!r}", remedy="Use free or possessed."
         )
     nodes = np.asarray(nodes).astype("<u2")
     strength = np.rint(np.clip(np.nan_to_num(np.asarray(strengths, np.float64)), 0, 1) * 255).astype(np.uint8)
@@ -247,7 +247,7 @@ def message_to_props(message: PropsMessage) -> Props:
     shapes = np.frombuffer(message.shapes, np.uint8)
     if not np.isin(shapes, (BOX, BALL)).all():
         raise InputError(
-            f"a prop has the shape {int(shapes.max())}", where="props", remedy="Update the viewer."
+            f"a prop has the unknown shape {int(shapes.max())}", where="props", remedy="Update the viewer."
         )
     return Props(
         message.time_ns,

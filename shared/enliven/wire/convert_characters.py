@@ -124,14 +124,14 @@ def _surface_message(settings: ArapSettings) -> SurfaceMessage:
 def _check_size(character: Character) -> None:
     if not 1 <= len(character.id) <= 64:
         raise InputError(
-            f"the id has {len(character.id)} characters, 1 to 64 go on the wire",
+            f"the id has {len(character.id)} characters, but must have 1 to 64",
             where=f"character {character.id[:80]!r}",
-            remedy="Give it a shorter name.",
+            remedy="Choose an id with 1 to 64 characters.",
         )
     if len(character.vertices) > MAX_VERTICES or len(character.faces) > MAX_FACES:
         raise InputError(
-            f"it has {len(character.vertices)} vertices and {len(character.faces)} faces, at most "
-            f"{MAX_VERTICES} and {MAX_FACES} go on the wire",
+            f"the mesh has {len(character.vertices)} vertices and {len(character.faces)} faces, but at most "
+            f"{MAX_VERTICES} vertices and {MAX_FACES} faces can be sent",
             where=f"character {character.id!r}",
             remedy="Simplify the mesh.",
         )

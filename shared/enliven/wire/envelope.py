@@ -35,7 +35,7 @@ _ID_KEY = b"\xa2id"
 _NUMBER_BYTES = {0xCC: 2, 0xCD: 3, 0xCE: 5, 0xCF: 9}
 """Total size in bytes of a MessagePack integer, by its first byte. All other integers take one byte."""
 
-_UNENCODABLE_REASON = "a name or a number in it cannot be sent"
+_UNENCODABLE_REASON = "a name or a number in the data cannot be sent"
 """Reason for refusing text with lone surrogates, and integers of more than 64 bits."""
 
 _ENCODER = msgspec.msgpack.Encoder()
@@ -56,7 +56,9 @@ class OtherVersionError(MalformedMessageError):
 
     def __init__(self, version: int) -> None:
         super().__init__(
-            "version", f"the sender speaks version {version} of the wire, this program {VERSION}"
+            "version",
+            f"the sender uses version {version} of the network protocol, but this program uses "
+            f"version {VERSION}",
         )
         self.version = version
 
@@ -89,7 +91,7 @@ def pack_checked(message: Any) -> bytes:
     try:
         data = pack_stream(message)
     except (OverflowError, ValueError):
-        raise MalformedMessageError(topic.name, "it cannot be encoded") from None
+        raise MalformedMessageError(topic.name, "the message cannot be encoded") from None
     _decode_checked(topic, data[len(topic.name) + 1 :])
     return data
 
@@ -105,10 +107,10 @@ def check_request(body: Any) -> None:
         unpack_control(pack_control(Request(0, body)), REQUEST)
     except MalformedMessageError as error:
         raise InputError(
-            _reason_sentence(error.why), where=where, remedy="Give a value in its range."
+            _reason_sentence(error.why), where=where, remedy="Use a value in the allowed range."
         ) from None
     except (OverflowError, ValueError):
-        raise InputError(_UNENCODABLE_REASON, where=where, remedy="Give another name or number.") from None
+        raise InputError(_UNENCODABLE_REASON, where=where, remedy="Use another name or number.") from None
 
 
 def check_character(character: Character) -> None:
@@ -118,7 +120,7 @@ def check_character(character: Character) -> None:
         InputError: for a field that is out of its range. The message names the field and the range.
     """
     message = character_to_message(character, 1)
-    where, remedy = f"character {character.id!r}", "Change it in the project."
+    where, remedy = f"character {character.id!r}", "Change the value in the project."
     try:
         data = pack_payload(message)
     except (OverflowError, ValueError):
@@ -198,17 +200,17 @@ def reply_number(data: bytes) -> int:
         MalformedMessageError: for bytes that do not start like a reply of this version.
     """
     if not data:
-        raise MalformedMessageError(REPLY.name, "it is empty")
+        raise MalformedMessageError(REPLY.name, "the message is empty")
     if data[0] != VERSION:
         raise OtherVersionError(data[0])
     # A reply is a short map. Its first key is "id", and an integer of variable length follows.
     number = data[5 : 5 + _NUMBER_BYTES.get(data[5], 1)] if len(data) > 5 else b""
     if not number or data[1] & 0xF0 != 0x80 or data[2:5] != _ID_KEY:
-        raise MalformedMessageError(REPLY.name, "it has no number")
+        raise MalformedMessageError(REPLY.name, "the reply has no number")
     try:
         return msgspec.msgpack.decode(number, type=int)
     except DECODE_ERRORS:
-        raise MalformedMessageError(REPLY.name, "its number cannot be read") from None
+        raise MalformedMessageError(REPLY.name, "the number of the reply cannot be read") from None
 
 
 def unpack_control(data: bytes, topic: Topic) -> Any:
@@ -223,11 +225,13 @@ def unpack_control(data: bytes, topic: Topic) -> Any:
 def _decode_checked(topic: Topic, data: bytes) -> Any:
     """Checks the version byte, the size, the types and the lengths of a message, and decodes it."""
     if not data:
-        raise MalformedMessageError(topic.name, "it is empty")
+        raise MalformedMessageError(topic.name, "the message is empty")
     if data[0] != VERSION:
         raise OtherVersionError(data[0])
     if len(data) - 1 > topic.max_bytes:
-        raise MalformedMessageError(topic.name, f"{len(data) - 1} bytes are more than {topic.max_bytes}")
+        raise MalformedMessageError(
+            topic.name, f"the message has {len(data) - 1} bytes, but at most {topic.max_bytes} are allowed"
+        )
     try:
         requests = tuple(REQUESTS) if topic is REQUEST else ()
         return _create_checking_decoder(topic.type, requests).decode(memoryview(data)[1:])
@@ -266,5 +270,8 @@ class RejectCounter:
         self.counts[kind] += 1
         if self.counts[kind] == 1:
             log.warning(
-                "%s: dropped a malformed message (%s); more of this kind are only counted", self.where, error
+                "%s: dropped a malformed message (%s); further messages of this kind are counted, "
+                "but not logged",
+                self.where,
+                error,
             )

@@ -84,7 +84,7 @@ programs accept."""
 def check_length(name: str, data: bytes, length: int) -> None:
     """Raises ValueError if the number of bytes of an array does not match its declared count."""
     if len(data) != length:
-        raise ValueError(f"{name} has {len(data)} bytes, expected {length}")
+        raise ValueError(f"the array {name} has {len(data)} bytes, expected {length}")
 
 
 def to_bytes(array: AnyArray | Sequence[int], dtype: str) -> bytes:

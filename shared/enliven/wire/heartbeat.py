@@ -61,7 +61,10 @@ def receive_heartbeat(endpoint: Endpoint, seconds: float) -> StatusMessage:
         raise ResourceError(f"the edge {problem}", where=where, remedy=f"{remedy}.")
     if other_version:
         raise ResourceError(
-            other_version, where=where, remedy="Install the same version of enliven on both machines."
+            other_version, where=where, remedy="Install the same version of enliven on both computers."
         )
-    remedy = "Start it there: enliven edge, with --host for other machines. Check address and firewall."
+    remedy = (
+        "Start the edge: enliven edge, with --host for viewers on other computers. Check the address "
+        "and the firewall."
+    )
     raise ResourceError(f"no edge sent a heartbeat for {seconds:g} s", where=where, remedy=remedy)

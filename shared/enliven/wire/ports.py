@@ -34,6 +34,6 @@ def free_ports(count: int = 2, host: str = "127.0.0.1") -> tuple[int, ...]:
     if len(ports) < count:
         raise ResourceError(
             f"fewer than {count} ports from {PORTS[0]} to {PORTS[-1]} are free on {host}",
-            remedy="End programs that listen there, or name the ports.",
+            remedy="End programs that use these ports, or choose the ports.",
         )
     return tuple(ports)

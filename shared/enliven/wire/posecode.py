@@ -67,7 +67,7 @@ class PoseCodec:
         count = len(character.pivots)
         if count > MAX_TRANSFORMS:
             raise InputError(
-                f"it has {count} transforms, at most {MAX_TRANSFORMS} go on the wire",
+                f"the character has {count} transforms, but at most {MAX_TRANSFORMS} can be sent",
                 where=f"character {character.id!r}",
                 remedy="Use a coarser deformation graph.",
             )
@@ -91,9 +91,10 @@ class PoseCodec:
         count = len(self._pivots)
         if pose.linear.shape != (count, 3, 3) or pose.positions.shape != (count, 3):
             raise InputError(
-                f"it has {pose.linear.shape} linear parts and {pose.positions.shape} positions, not {count}",
+                f"the pose has {pose.linear.shape} linear parts and {pose.positions.shape} "
+                f"positions, expected {count}",
                 where=f"pose of {pose.character!r}",
-                remedy="Publish the character again after a change of its graph.",
+                remedy="After a change of the deformation graph, publish the character again.",
             )
         linear, positions = pose.linear.astype(np.float64), pose.positions.astype(np.float64)
         table, clamped = _prediction_residuals(
@@ -117,14 +118,16 @@ class PoseCodec:
 
 
 def warm_up() -> None:
-    """Compiles the decoder, or loads it from the cache.
+    """Compiles the encoder and the decoder, or loads them from the cache.
 
     Call it before the first frame, because compilation takes seconds.
     """
-    table = np.empty((1, COLUMNS), np.int32)
+    pivots, order, parents = np.zeros((1, 3)), np.zeros(1, np.int64), np.full(1, -1)
+    table, _ = _prediction_residuals(np.eye(3)[None], pivots, pivots, order, parents, False)
+    encode_columns(table)
     # Decode bytes as in a message. They become a read-only array, for which Numba compiles separate code.
     decode_columns(np.frombuffer(b"\xff" * (COLUMNS // 2), np.uint8), table)
-    _restore_pose(table, np.zeros((1, 3)), np.zeros(1, np.int64), np.full(1, -1), False)
+    _restore_pose(table, pivots, order, parents, False)
 
 
 def spanning_tree(pivots: Float, edges: AnyArray) -> tuple[Int, Int]:

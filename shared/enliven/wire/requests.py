@@ -256,9 +256,11 @@ class Scan(Order, frozen=True):
     def __post_init__(self) -> None:
         self._complete_mode()
         if (len(self.box), len(self.stage_from_scan)) not in ((0, 0), (6, 12)):
-            raise ValueError("a box needs 6 numbers and the pose of the scan 12; or give neither")
+            raise ValueError("box must contain 6 numbers and stage_from_scan 12, or both must be empty")
         if any(low > high for low, high in zip(self.box[:3], self.box[3:], strict=True)):
-            raise ValueError("the lowest corner of the box is above the highest corner")
+            raise ValueError(
+                "a coordinate of the box's lowest corner is larger than that of the highest corner"
+            )
 
     def _complete_mode(self) -> None:
         """Sets ``mode`` from the flags of an older viewer, and the flags for an older edge from ``mode``."""
@@ -270,10 +272,12 @@ class Scan(Order, frozen=True):
         if self.mode is not ScanMode.AROUND:
             requested.add(self.mode)
         if len(requested) > 1:
-            raise ValueError(f"a scan has one mode, not {' and '.join(sorted(requested))}: leave one out")
+            raise ValueError(
+                f"a scan can have only one mode, but {' and '.join(sorted(requested))} are requested"
+            )
         mode = next(iter(requested), ScanMode.AROUND)
         if mode is ScanMode.NEAR and self.within is None:
-            raise ValueError("the mode near needs a distance: add within, in metres")
+            raise ValueError("the scan mode near needs a maximum distance: set within, in metres")
         force_setattr(self, "mode", mode)
         if mode in _MODE_FLAGS:
             force_setattr(self, mode, True)

@@ -84,9 +84,9 @@ class ScanMessage(Struct, array_like=True, frozen=True):
 
     def __post_init__(self) -> None:
         if len(self.ends) not in (0, 15) or len(self.joints) not in (0, 60):
-            raise ValueError("five ends have 15 numbers and 20 joints 60, or there are none")
+            raise ValueError("ends must contain 15 numbers or none, and joints 60 numbers or none")
         if len(self.stage_from_camera) not in (0, 12) or len(self.view) not in (0, 6):
-            raise ValueError("a camera has 12 numbers and a view 6, or none")
+            raise ValueError("stage_from_camera must contain 12 numbers or none, and view 6 numbers or none")
 
 
 class ScanPieceMessage(Struct, array_like=True, frozen=True):
@@ -119,4 +119,6 @@ class ScanPieceMessage(Struct, array_like=True, frozen=True):
         if self.colours:
             check_length("colours", self.colours, 3 * len(self.seen))
         if self.faces and int(np.frombuffer(self.faces, "<u2").max()) >= len(self.seen):
-            raise ValueError(f"a triangle has a corner beyond the {len(self.seen)} vertices")
+            raise ValueError(
+                f"a triangle refers to a vertex that does not exist: the block has {len(self.seen)} vertices"
+            )

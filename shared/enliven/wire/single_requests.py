@@ -99,7 +99,9 @@ def send_order(endpoint: Endpoint, order: Order) -> str:
         return asker.request(order, Done).note
 
 
-_TRANSIENT_ERRORS = "Read the code on the edge again: it changes after three tries and after five minutes."
+_TRANSIENT_ERRORS = (
+    "Read the code on the edge again. The code changes after three tries and after five minutes."
+)
 
 
 class _RequestSocket:
@@ -135,9 +137,10 @@ class _RequestSocket:
                 raise InputError(reply.body.reason, where=f"the edge at {self._endpoint}")
             if isinstance(reply.body, kind):
                 return reply.body
-            raise ResourceError("it sent an unexpected answer", where=f"the edge at {self._endpoint}")
+            raise ResourceError("the edge sent an unexpected answer", where=f"the edge at {self._endpoint}")
         raise ResourceError(
             f"no edge answered for {_ANSWER_TIMEOUT_S:g} s",
             where=str(self._endpoint),
-            remedy="Start it there: enliven edge --host 0.0.0.0. Check address and firewall.",
+            remedy="Start the edge on its computer: enliven edge --host 0.0.0.0. Check the address and the "
+            "firewall.",
         )

@@ -77,7 +77,8 @@ def parse_endpoint(text: str) -> Endpoint:
     valid = has_valid_ports and 0 < pose < 65536 and 0 < control < 65536
     if not host or not valid or any(c.isspace() or c in "/;" for c in host):
         raise InputError(
-            f"{text!r} is not an address of an edge", remedy="Give HOST, HOST:PORT or HOST:PORT:CONTROL_PORT."
+            f"{text!r} is not an address of an edge",
+            remedy="Write HOST, HOST:PORT or HOST:PORT:CONTROL_PORT.",
         )
     return Endpoint(host, pose, control)
 

@@ -124,7 +124,8 @@ class CuesMessage(Struct, array_like=True, frozen=True):
             check_length("owners", self.owners, len(self.strengths))
             if max(self.owners) >= len(self.performers):
                 raise ValueError(
-                    f"owner number {max(self.owners)} does not exist in {len(self.performers)} performers"
+                    f"a node has the owner number {max(self.owners)}, but there are only "
+                    f"{len(self.performers)} performers"
                 )
 
 

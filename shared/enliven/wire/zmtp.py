@@ -119,11 +119,11 @@ class ZmtpSession:
         if flags & _COMMAND_FLAG:
             return self._handle_command(data)
         if not self.is_ready:
-            raise ZmtpError("a message before the introduction")
+            raise ZmtpError("a message arrived before the end of the handshake")
         self._parts.append(data)
         if flags & _MORE_FLAG:
             if len(self._parts) >= _MAX_PARTS or sum(map(len, self._parts)) > self._most:
-                raise ZmtpError(f"a message of more than {_MAX_PARTS} parts or {self._most} bytes")
+                raise ZmtpError(f"a message has more than {_MAX_PARTS} parts or {self._most} bytes")
             return []
         parts, self._parts = self._parts, []
         return parts
@@ -134,14 +134,14 @@ class ZmtpSession:
         if (greeting and greeting[0] != 0xFF) or (
             len(greeting) > 10 and (not greeting[9] & 1 or greeting[10] < 3)
         ):
-            raise ZmtpError("this is not ZMTP 3")
+            raise ZmtpError("the peer does not use ZMTP 3")
         if len(greeting) < len(GREETING):
             return None
         without_keys = greeting[12:32] == GREETING[12:32]
         if without_keys and self._kind == "ROUTER":
             self._greeting = GREETING
         if greeting[12:32] != self._greeting[12:32]:
-            raise ZmtpError("another security mechanism")
+            raise ZmtpError("the peer uses another security mechanism")
         self.answers += self._greeting[self._unsent_from :]
         self._at, self._greeted = len(GREETING), True
         if self._curve is not None and not without_keys:
@@ -190,7 +190,7 @@ class ZmtpSession:
             return None
         flags, length, start = self._bytes[self._at], self._bytes[self._at + 1], self._at + 2
         if flags & ~(_MORE_FLAG | _LONG_FLAG | _COMMAND_FLAG):
-            raise ZmtpError(f"a frame with the flags {flags}")
+            raise ZmtpError(f"a frame has the invalid flags {flags}")
         if flags & _LONG_FLAG:
             if have < 9:
                 return None
@@ -199,7 +199,7 @@ class ZmtpSession:
         if self.channel is not None:
             most = most + _MIN_SEALED_BYTES if self.is_ready else _MAX_HANDSHAKE_BYTES
         if length > most:
-            raise ZmtpError(f"a frame of {length} bytes, the limit is {most}")
+            raise ZmtpError(f"a frame has {length} bytes, but the limit is {most}")
         self.missing = max(start + length - len(self._bytes), 0)
         if self.missing:
             return None
@@ -212,7 +212,7 @@ class ZmtpSession:
         if name == b"READY" and not self.is_ready:
             self.is_ready = True
         elif name == b"ERROR" or not self.is_ready:
-            raise ZmtpError("no introduction")
+            raise ZmtpError("the peer did not complete the handshake")
         elif name == b"PING":
             context = rest[_TTL_BYTES : _TTL_BYTES + _MAX_CONTEXT_BYTES]
             pong = b"\x04PONG" + context

@@ -19,12 +19,14 @@ if TYPE_CHECKING:
 
 def synthesize(
     output: Annotated[Path, typer.Option("--output", "-o", help="Output recording.")],
-    choreography: Annotated[str, typer.Option(help="chair, walk, wave, idle or wander.")] = "chair",
-    profile: Annotated[str, typer.Option(help="The camera: a name, or a .toml file.")] = "kinect1",
+    choreography: Annotated[str, typer.Option(help="Motion: chair, walk, wave, idle or wander.")] = "chair",
+    profile: Annotated[str, typer.Option(help="Camera: the name of a profile, or a .toml file.")] = "kinect1",
     seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 0,
-    width: Annotated[int, typer.Option(help="Width in pixels; 0 for the camera's own width.")] = 320,
-    noise: Annotated[bool, typer.Option(help="With the camera's faults, or a perfect image.")] = True,
-    level: Annotated[int, typer.Option(min=1, max=22, help="Compression: 1 fast, 19 small.")] = 19,
+    width: Annotated[int, typer.Option(help="Width in pixels. 0: the camera's own width.")] = 320,
+    noise: Annotated[bool, typer.Option(help="Simulate the noise and the faults of the camera.")] = True,
+    level: Annotated[
+        int, typer.Option(min=1, max=22, help="Compression level: 1 is fast, 19 gives small files.")
+    ] = 19,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
 ) -> None:
     """Make a depth recording of a synthetic performer, with the true joints.

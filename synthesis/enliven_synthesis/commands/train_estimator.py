@@ -17,26 +17,29 @@ from enliven.settings import load_settings
 
 
 def train_estimator(
-    output: Annotated[Path, typer.Option("--output", "-o", help="Output network, an .onnx file.")],
-    pictures: Annotated[int, typer.Option(help="Rendered pictures to learn from.")] = 110_000,
-    steps: Annotated[int, typer.Option(help="Steps of the training.")] = 12_000,
-    batch: Annotated[int, typer.Option(help="Pictures per step.")] = 128,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Path of the trained network, an .onnx file.")
+    ],
+    pictures: Annotated[int, typer.Option(help="Number of rendered training pictures.")] = 110_000,
+    steps: Annotated[int, typer.Option(help="Number of training steps.")] = 12_000,
+    batch: Annotated[int, typer.Option(help="Number of pictures per training step.")] = 128,
     seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 0,
     start: Annotated[
         Path | None,
-        typer.Option(help="A network from this command; training continues from it."),
+        typer.Option(help="A network from this command, as the start of the training."),
     ] = None,
     share: Annotated[
         float,
         typer.Option(
             min=0.0,
             max=1.0,
-            help="With --start, weight of the new network: 0 keeps the old one, 1 takes the new one.",
+            help="With --start, weight of the new network: 0 keeps the old network, 1 uses only the new "
+            "network.",
         ),
     ] = 1.0,
     album: Annotated[
         Path | None,
-        typer.Option(help="A folder for the rendered pictures; they are reused if they exist."),
+        typer.Option(help="Folder for the rendered pictures. Existing pictures in it are reused."),
     ] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
@@ -56,16 +59,22 @@ def train_estimator(
     """
     if output.suffix != ".onnx":
         raise InputError(
-            "a network is an .onnx file", where=str(output), remedy="Give a name that ends in .onnx."
+            "the network file must have the suffix .onnx",
+            where=str(output),
+            remedy="Choose a name that ends in .onnx.",
         )
     if output.exists() and not overwrite:
         raise InputError(
             "the file exists already", where=str(output), remedy="Add --overwrite to replace it."
         )
     if not output.absolute().parent.is_dir():
-        raise InputError("this folder does not exist", where=str(output.parent), remedy="Make it first.")
+        raise InputError(
+            "this folder does not exist", where=str(output.parent), remedy="Create the folder first."
+        )
     if start is not None and not start.is_file():
-        raise InputError("this network does not exist", where=str(start), remedy="Name an .onnx file.")
+        raise InputError(
+            "this network file does not exist", where=str(start), remedy="Choose an existing .onnx file."
+        )
     try:
         for package in ("torch", "onnx", "onnxscript"):
             import_module(package)
@@ -114,6 +123,8 @@ def train_estimator(
         output.write_bytes(small.read_bytes())
     typer.echo(f"{output}: {output.stat().st_size / 1e6:.2f} MB")
     typer.echo(
-        f"joints within 10 cm: {scores.within[0]:.3f} told how people face, {scores.within[1]:.3f} not told; "
-        f"facing told rightly {scores.facing:.3f}, parts {scores.parts:.3f}, people {scores.persons:.3f}"
+        f"fraction of joints within 10 cm: {scores.within[0]:.3f} with known facing, "
+        f"{scores.within[1]:.3f} without; "
+        f"fraction of correct results: facing {scores.facing:.3f}, parts {scores.parts:.3f}, people "
+        f"{scores.persons:.3f}"
     )

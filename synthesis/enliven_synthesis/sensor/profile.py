@@ -176,7 +176,8 @@ def load_profile(name_or_path: str | Path) -> SensorProfile:
             raise InputError(
                 f"unknown sensor profile {str(name_or_path)!r}",
                 where="sensor profile",
-                remedy=f"{hint}Known: {', '.join(names)}; or give the path of a .toml file.",
+                remedy=f"{hint}Known profiles: {', '.join(names)}. You can also use the path of a .toml "
+                "file.",
             )
         path = profiles_folder() / f"{name_or_path}.toml"
     return _check_profile(load_settings(SensorProfile, path), str(path))
@@ -186,7 +187,7 @@ def _check_profile(profile: SensorProfile, where: str) -> SensorProfile:
     """Returns the profile if its values are consistent."""
     r, c = profile.range, profile.camera
     if r.near >= r.far:
-        raise InputError(f"range.near is {r.near} m, not below range.far, {r.far} m", where=where)
+        raise InputError(f"range.near ({r.near} m) must be smaller than range.far ({r.far} m)", where=where)
     if not (c.cx < c.width and c.cy < c.height):
         raise InputError(f"the principal point ({c.cx}, {c.cy}) is outside the image", where=where)
     triangulates = profile.kind != "time of flight"
@@ -195,6 +196,6 @@ def _check_profile(profile: SensorProfile, where: str) -> SensorProfile:
             f"range.baseline is {r.baseline} m and range.disparity_step {r.disparity_step} px "
             f"for a sensor of kind {profile.kind!r}",
             where=where,
-            remedy="Structured light and stereo have both, a time-of-flight camera neither.",
+            remedy="Set both for structured light and stereo. Set both to 0 for a time-of-flight camera.",
         )
     return profile

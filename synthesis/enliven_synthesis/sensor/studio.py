@@ -130,8 +130,9 @@ def _check_width(profile: SensorProfile, width: int) -> int | None:
         return None
     if width < 16 or width * profile.camera.height % profile.camera.width:
         raise InputError(
-            f"{width} pixels across is not an even scale of {profile.camera.width}x{profile.camera.height}",
+            f"the width {width} does not divide the image size "
+            f"{profile.camera.width}x{profile.camera.height} evenly",
             where=profile.name,
-            remedy=f"Give {profile.camera.width}, or its half or quarter.",
+            remedy=f"Use the width {profile.camera.width}, half of this width or a quarter of this width.",
         )
     return width

@@ -77,12 +77,15 @@ class Dataset:
             raise InputError(
                 "the data set was not rendered completely",
                 where=str(folder),
-                remedy="Remove the folder to render it again, or name another one.",
+                remedy="Remove the folder to render the data set again, or choose another folder.",
             )
         try:
             self.arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="c") for name in _ARRAYS}
         except (OSError, ValueError, EOFError, OverflowError) as error:
-            problem, remedy = f"an array of it is damaged ({error})", "Remove the folder to render it again."
+            problem, remedy = (
+                f"an array of the data set is damaged ({error})",
+                "Remove the folder to render the data set again.",
+            )
             raise InputError(problem, where=str(folder), remedy=remedy) from None
 
     def __len__(self) -> int:
@@ -118,7 +121,7 @@ def render_dataset(
             for shard in done:
                 rendered(shard.result())
     (folder / _COMPLETION_FILE).write_text(
-        f"{count} lessons, seed {seed}, {frontal} of them facing the sensor\n"
+        f"{count} samples, seed {seed}, {frontal} of the people face the sensor\n"
     )
     return Dataset(folder)
 

@@ -1,16 +1,17 @@
-"""Run the tracker on the sequences and print its scores, one line per sequence.
+"""Runs the tracker on the sequences and prints its scores, one line per sequence.
 
     python tests/benchmarks/tracking/tracking_evaluation.py --set tuning
     python tests/benchmarks/tracking/tracking_evaluation.py --set tuning --only kneel --per-joint
     python tests/benchmarks/tracking/tracking_evaluation.py --set tuning --kind recovery
     python tests/benchmarks/tracking/tracking_evaluation.py --set tuning --starts 0 3 7
 
-A single run depends on chance: whether an arm is found in the first frame, or a person next to a cupboard.
-With several starts, every sequence is tracked once from each of those frames, which averages out luck.
+The result of a single run depends on chance, such as whether an arm is found in the first frame. With several
+starts, every sequence is tracked once from each of these frames, which averages the effect of chance.
 
 "within" is the fraction of visible joints found within 10 cm. Joints of an untracked person count as not
-found, from half a second after the person came into view. "missed" is the fraction of these. "sure" is the
-fraction within 10 cm among all joints, visible or not, with a confidence of at least 0.9.
+found, from half a second after the person came into view. "missed" is the fraction of joints of untracked
+people. "sure" is the fraction within 10 cm among all joints, visible or not, with a confidence of at least
+0.9.
 """
 
 from __future__ import annotations

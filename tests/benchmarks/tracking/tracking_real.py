@@ -1,23 +1,25 @@
 """Real recordings in the form that the tracker receives, with the joints that come with them.
 
-- ``bodyscanner_kinect2``: a person's scan drawn into the depth image of its own camera (a Kinect v2 with
-known tilt), with the sensor maker's joints of the same moment. Joints that do not project onto the scan do
-  not count (the feet are cut off), nor do the right wrist and hand, which the maker's tracker put in front of
-  the belly although the scan shows that arm held aside, more than 20 cm away. Distances are in the image
-  plane: scan and joints do not match in depth. Both elbows, a wrist and a knee are 3 to 9 cm in front of the
-  scanned surface, and the scan leans about 7 degrees relative to the joints.
-- ``js6450_kinect2``: about thirty depth samples around every joint, drawn as discs of 6 px and eroded by half
-as much (morphological closing), so that gaps close and bodies do not grow. The distance to the sensor is not
-recorded; it is chosen so that people are 1.70 m tall. The sensor's height is chosen so that their soles are
-on the floor, which is not visible. A joint's depth is that of the surface in front of it, so distances are in
-the image plane. Only joints with measured depth count. This sequence shows whether a body is found in sparse
-depth, within a few centimetres of another tracker's result. - In both, SpineShoulder is used as the shoulder
-centre. Hip centre and spine are put on the line from SpineBase to it, at this project's positions: the
-maker's are between the hips and on the belly. - Both are tracked several times, each time from a later frame.
-With so few samples, and with joints about 10 cm away, a single run's score depends on its first frame. -
-``skeltrack_kinect1``: single shots with joints marked by eye (:mod:`tracking_marks`): distances are in the
-image plane, at the measured depth. - ``uva_person_turn``: no joints; the score is how often the upper body's
-joints are within the person's mask.
+- ``bodyscanner_kinect2``: a person's scan, drawn into the depth image of its own camera (a Kinect v2 with
+  known tilt). The joints of the same moment are those of the sensor's maker. Joints that do not project onto
+  the scan do not count, because the feet are cut off. The right wrist and hand do not count either. The
+  maker's tracker put them in front of the belly, but the scan shows this arm more than 20 cm away. Distances
+  are in the image plane, because scan and joints do not match in depth. Both elbows, a wrist and a knee are
+  3 to 9 cm in front of the scanned surface, and the scan leans about 7 degrees relative to the joints.
+- ``js6450_kinect2``: about thirty depth samples around every joint. They are drawn as discs of 6 px, and
+  eroded by half as much (morphological closing), so that gaps close and bodies do not grow. The distance to
+  the sensor is not recorded. It is chosen so that people are 1.70 m tall. The sensor's height is chosen so
+  that their soles are on the floor, which is not visible. A joint's depth is that of the surface in front of
+  the joint, so distances are in the image plane. Only joints with measured depth count. This sequence shows
+  whether a body is found in sparse depth, within a few centimetres of another tracker's result.
+- ``skeltrack_kinect1``: single shots with joints marked by eye (:mod:`tracking_marks`). Distances are in the
+  image plane, at the measured depth.
+- ``uva_person_turn``: no joints. The score is how often the upper body's joints are within the person's mask.
+
+In the first two recordings, SpineShoulder is used as the shoulder centre. Hip centre and spine are moved to
+this project's positions on the line from SpineBase to SpineShoulder, because the maker's positions are
+between the hips and on the belly. Both recordings are tracked several times, each time from a later frame.
+With few samples, and with joints about 10 cm away, the score of a single run depends on its first frame.
 """
 
 from __future__ import annotations

@@ -101,7 +101,7 @@ def test_doctors_advice_gives_access_to_cameras_only():
         remedy
         for *_, troubles in listed
         for trouble, remedy in troubles
-        if trouble == "your user may not open it"
+        if trouble == "your user may not open the camera"
     }
     assert len(mends) == 1, "each of them is closed to an ordinary user, for one reason"
     line = mends.pop().removeprefix("Type: ").replace("sudo ", "")
@@ -137,15 +137,20 @@ def test_attached_cameras_are_listed_with_speed_and_problems():
     }
     print(json.dumps(listed, indent=1))
     assert listed[f"{REALSENSE} 012345678901"][:2] == ("RealSense", 5000.0)
-    assert "it is on USB 2" not in listed[f"{REALSENSE} 012345678901"][2]
-    assert listed[f"{REALSENSE} 98765"][1] == 480.0 and "it is on USB 2" in listed[f"{REALSENSE} 98765"][2]
+    assert "the camera is on USB 2" not in listed[f"{REALSENSE} 012345678901"][2]
+    assert (
+        listed[f"{REALSENSE} 98765"][1] == 480.0
+        and "the camera is on USB 2" in listed[f"{REALSENSE} 98765"][2]
+    )
     name, mbit, troubles = listed["Movidius MyriadX 03e72485"]
-    assert (name, mbit) == ("OAK", 480.0) and "it is on USB 2" not in troubles, "it has no firmware yet"
+    assert (name, mbit) == ("OAK", 480.0) and "the camera is on USB 2" not in troubles, (
+        "it has no firmware yet"
+    )
     assert "depthai is not installed" in troubles
-    assert listed["Xbox NUI Camera A0"][2] == ["no driver ships for it"], (
+    assert listed["Xbox NUI Camera A0"][2] == ["enliven has no driver for this camera"], (
         "a Kinect v1 has no other link than USB 2"
     )
-    assert all("your user may not open it" not in troubles for _, _, troubles in listed.values())
+    assert all("your user may not open the camera" not in troubles for _, _, troubles in listed.values())
 
 
 def test_command_lists_attached_cameras():
@@ -154,5 +159,5 @@ def test_command_lists_attached_cameras():
     assert done.returncode == 0, done.stderr
     output = " ".join(done.stdout.split())
     assert "Movidius MyriadX 03e72485" in output and "depthai is not installed" in output
-    assert "98765: " in output and "it is on USB 2" in output and '"enliven-edge[oak]"' in output
+    assert "98765: " in output and "the camera is on USB 2" in output and '"enliven-edge[oak]"' in output
     print(done.stdout)

@@ -55,7 +55,7 @@ def opened(port: Port):
 def test_a_port_is_no_panel_before_it_has_greeted(port, monkeypatch, caplog):
     monkeypatch.setattr(serial_panel, "_GREETING_TIMEOUT_S", 0.3)
     with opened(port) as controls:
-        wait_until(lambda: "the panel does not answer. Is its firmware on it" in caplog.text)
+        wait_until(lambda: "the panel does not answer. Check that the panel has the firmware" in caplog.text)
         port.send(b"AT+GMM\r\n\xff\x00$P0000\n$H01P*0000\n")
         assert controls.missing == ["panel"] and "is connected" not in caplog.text
         assert port.edge_says() == [], "what may be a modem or a boot loader is not spoken to"
@@ -79,12 +79,12 @@ def test_panel_of_another_protocol_is_ignored_and_reported_once(port, caplog):
         return caplog.text
 
     with opened(port) as controls:
-        wait_until(lambda: "the panel speaks protocol 07, and this edge 01" in greeted())
+        wait_until(lambda: "the panel uses version 07 of the protocol, but this edge uses 01" in greeted())
         assert controls.missing == ["panel"]
         for _ in range(20):
             greeted()
             port.edge_says()
-    assert caplog.text.count("speaks protocol 07") == 1
+    assert caplog.text.count("uses version 07 of the protocol") == 1
 
 
 class Ear:
@@ -108,7 +108,7 @@ def test_lamp_states_are_repeated_while_the_edge_runs(port, caplog):
         wait_until(lambda: ear.hears(Lamps(fault="flashing"), "L---F", 3))
     after = ear.said.index("L---F")
     assert set(ear.said[after:]) == {"L---F"} and "L----" not in ear.said
-    assert "controls.panel was started again: it had no power" in caplog.text
+    assert "controls.panel was restarted: the panel had no power" in caplog.text
 
 
 def test_a_change_of_the_lamps_waits_for_no_beat(port, monkeypatch):

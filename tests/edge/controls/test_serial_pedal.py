@@ -59,7 +59,7 @@ def test_a_line_is_a_press(pedal, caplog):
         pedal.send(b"\n")
         wait_until(lambda: ear.heard(3))
     assert ear.words == ["possess", "join", "next"]
-    assert "sent 'nobody', which is not in its map" in caplog.text
+    assert "sent 'nobody', which is not in the map of this control" in caplog.text
 
 
 def test_a_byte_is_a_press(pedal, caplog):
@@ -136,10 +136,13 @@ def test_noise_without_an_end_is_no_press_and_takes_no_room():
     [
         (ControlSettings("serial", {"A": "posess"}, port="x"), "Did you mean 'possess'"),
         (ControlSettings("serial", {"A": "zzz"}, port="x"), "Known: possess, join"),
-        (ControlSettings("serial"), "needs a port"),
-        (ControlSettings("serial", port="x", vendor=3), "vendor is of kind 'hid', and this is 'serial'"),
-        (ControlSettings("voice"), "a voice needs phrases"),
-        (ControlSettings("hid", vendor=3), "needs its vendor and product"),
+        (ControlSettings("serial"), "the serial control has no port"),
+        (
+            ControlSettings("serial", port="x", vendor=3),
+            "vendor is a setting of kind 'hid', but this control is of kind 'serial'",
+        ),
+        (ControlSettings("voice"), "the voice control has no phrases"),
+        (ControlSettings("hid", vendor=3), "the settings vendor and product"),
     ],
 )
 def test_invalid_settings_are_refused(settings, message):

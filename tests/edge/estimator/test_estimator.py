@@ -173,14 +173,18 @@ def test_the_file_is_small():
 
 
 def test_missing_network_file_is_reported_with_advice(tmp_path):
-    with pytest.raises(InputError, match=r"none\.onnx: the network cannot be read.*tracker\.estimator"):
+    with pytest.raises(
+        InputError, match=r"none\.onnx: the neural network cannot be read.*tracker\.estimator"
+    ):
         PoseEstimator(tmp_path / "none.onnx")
 
 
 @pytest.mark.parametrize("keep", [0, 10, 4000, -30])
 def test_damaged_network_file_is_refused_with_advice(tmp_path, keep):
     (tmp_path / "cut.onnx").write_bytes(ESTIMATOR.read_bytes()[:keep])
-    with pytest.raises(InputError, match=r"cut\.onnx: the network cannot be read.*Install enliven again"):
+    with pytest.raises(
+        InputError, match=r"cut\.onnx: the neural network cannot be read.*Install enliven again"
+    ):
         PoseEstimator(tmp_path / "cut.onnx")
 
 

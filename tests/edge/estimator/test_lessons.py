@@ -151,7 +151,7 @@ def test_inconsistent_album_arrays_are_refused(tmp_path):
     head = "{'descr': '<f4', 'fortran_order': False, 'shape': (1000000000,), }".ljust(117) + "\n"
     for name in dataset._ARRAYS:
         (tmp_path / f"{name}.npy").write_bytes(b"\x93NUMPY\x01\x00\x76\x00" + head.encode())
-    with pytest.raises(InputError, match="an array of it is damaged"):
+    with pytest.raises(InputError, match="an array of the data set is damaged"):
         Dataset(tmp_path)
 
 

@@ -156,7 +156,7 @@ def test_straight_walk_is_not_enough_and_gives_advice():
     calibration = calibrate(streams([Walker(WalkPath(16, 1.6, 0.0))], [A, B], noise=0.01))
     assert not calibration.is_good
     assert calibration.pairs[0].quality.verdict is Verdict.WALK_ON
-    assert "walk on, to the " in calibration.advice[0] and "of sensor b" in calibration.advice[0]
+    assert "keep walking, to the " in calibration.advice[0] and "of sensor b" in calibration.advice[0]
     # Sensor b sees the walk along its viewing direction only, without data to its left or right.
     assert calibration.pairs[0].quality.length == pytest.approx(1.6, abs=0.1)
     assert calibration.pairs[0].quality.breadth < 0.1

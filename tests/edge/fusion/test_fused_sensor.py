@@ -112,7 +112,7 @@ def test_unplugged_sensor_is_reported_and_the_other_continues():
     frames, sensor = watched({"a": Reel("a", streams["a"], breaks=30), "b": Reel("b", streams["b"])})
     assert sensor.states == {"a": SensorState.LOST, "b": SensorState.ENDED}
     lost = next(w for w in sensor.warnings if w.state is SensorState.LOST)
-    assert lost.sensor == "a" and "the others continue" in lost.what
+    assert lost.sensor == "a" and "the other sensors continue" in lost.what
     assert frames[-1].time_ns > 2.8e9
     assert all(len(frame.bodies) == 1 for frame in frames[6:])
     assert any(ail.kind == HealthKind.NO_FRAMES for ail in sensor.health_states)
@@ -121,7 +121,7 @@ def test_unplugged_sensor_is_reported_and_the_other_continues():
 def test_losing_all_sensors_is_an_error():
     streams = seen()
     reels = {name: Reel(name, stream, breaks=5) for name, stream in streams.items()}
-    with pytest.raises(ResourceError, match=r"every sensor was lost.*unplugged"):
+    with pytest.raises(ResourceError, match=r"the connections to all sensors were lost.*unplugged"):
         watched(reels)
 
 
@@ -155,7 +155,7 @@ def test_restarted_live_clock_is_aligned_by_arrival(caplog):
     streams = seen(walker)
     late = [BodyFrame(f.bodies, f.time_ns + 1000 * 10**9, "b") for f in streams["b"]]
     frames, _ = watched({"a": Reel("a", streams["a"], live=1.0), "b": Reel("b", late, live=1.0)})
-    assert "set by arrival" in caplog.text
+    assert "set by the arrival times" in caplog.text
     counts = [len(frame.bodies) for frame in frames[-30:]]
     assert counts == [1] * 30
 

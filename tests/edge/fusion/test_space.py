@@ -56,13 +56,13 @@ def test_failed_write_keeps_the_old_file(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "names no sensors"),
-        ("sensors = 3", "names no sensors"),
+        ("", "contains no sensors"),
+        ("sensors = 3", "contains no sensors"),
         ('[sensors."a"]\nworld_from_sensr = 1', "Did you mean world_from_sensor"),
         ('[sensors."a"]\nworld_from_sensor = [[1,0,0,0],[0,1,0,0],[0,0,1,0]]', "world_from_sensor"),
         ('[sensors."a"]\nworld_from_sensor = [[2,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]', "not a rigid"),
         ('[sensors."a"]\nworld_from_sensor = [[-1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]', "not a rigid"),
-        ("[sensors", "not readable TOML"),
+        ("[sensors", "not valid TOML"),
     ],
 )
 def test_a_wrong_file_is_refused(tmp_path, text, message):

@@ -95,7 +95,9 @@ def test_one_of_two_cameras_is_chosen_by_its_number(tmp_path):
             row = (topic + 100, time_ns, other)
             database.execute("INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)", row)
         database.commit()
-    with pytest.raises(InputError, match=f"2 depth cameras. Choose one: --device {SERIAL} or {SERIAL[::-1]}"):
+    with pytest.raises(
+        InputError, match=f"2 depth cameras. Choose one camera: --device {SERIAL} or {SERIAL[::-1]}"
+    ):
         read(path)
     _, frames = read(path, device=SERIAL[::-1])
     assert len(frames) == IMAGES and frames[0].sensor == f"realsense-{SERIAL[::-1]}"
@@ -153,8 +155,8 @@ def test_depth_steps_of_orbbec_cameras_are_applied(tmp_path, orbbec, monkeypatch
     ("about", "words"),
     [
         ({0: struct.pack("<d", 1.0)}, "only version 2"),
-        ({0: struct.pack("<d", 2.0), 85: b"\0\0\0\0"}, "disparities in place of depth"),
-        ({0: struct.pack("<d", 2.0), 176: struct.pack("<f", float("nan"))}, "step of depth is nan"),
+        ({0: struct.pack("<d", 2.0), 85: b"\0\0\0\0"}, "disparities instead of depth"),
+        ({0: struct.pack("<d", 2.0), 176: struct.pack("<f", float("nan"))}, "depth unit of nan mm"),
     ],
 )
 def test_unsupported_orbbec_recording_is_refused(tmp_path, orbbec, monkeypatch, about, words):
@@ -184,7 +186,7 @@ def test_images_that_only_the_library_understands_are_refused(
         assert with_properties(tmp_path, orbbec, monkeypatch, about)
     else:
         with pytest.raises(
-            InputError, match=r"only Orbbec's library understands .*\. Let Orbbec's library play it"
+            InputError, match=r"only Orbbec's library can decode .*\. Use Orbbec's library instead"
         ):
             with_properties(tmp_path, orbbec, monkeypatch, about)
 
@@ -249,11 +251,11 @@ def test_truncated_recording_leaves_no_output(orbbec, tmp_path, share, which):
     content = (orbbec if which == "orbbec" else OLD_BAG).read_bytes()
     cut = tmp_path / "cut.bag"
     cut.write_bytes(content[: round(share * len(content))])
-    with pytest.raises(InputError, match=r"ends in the middle|not describe its depth camera"):
+    with pytest.raises(InputError, match=r"ends in the middle|description of the depth camera is missing"):
         run("import", cut, "-o", tmp_path / "cut.mcap")
     assert not list(tmp_path.glob("*.mcap*"))
 
 
 def test_several_recordings_are_imported_one_by_one(orbbec):
-    with pytest.raises(InputError, match="these are 2 recordings"):
+    with pytest.raises(InputError, match="the 2 files are separate recordings"):
         list(BagReader().read([orbbec, OLD_BAG]))

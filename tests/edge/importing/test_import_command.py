@@ -50,7 +50,7 @@ def folder(tmp_path):
 def test_import_reports_findings_and_assumptions(folder, tmp_path):
     output = run("import", folder, "-o", tmp_path / "take.mcap", "--fps", 10)
     assert "4 frames of 320x240 depth, 0.3 s, sensor kinect1 (plain-depth" in output
-    assert "Note: no camera in the files" in output
+    assert "Note: the files contain no camera" in output
     recording = Recording(tmp_path / "take.mcap")
     assert [frame.time_ns for frame in recording.frames()] == [0, 10**8, 2 * 10**8, 3 * 10**8]
     assert recording.info.metadata["import"]["reader"] == "plain-depth"
@@ -86,8 +86,8 @@ def test_failed_import_leaves_no_file_and_keeps_the_old_one(folder, tmp_path):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        ([], "nothing to import"),
-        (["{folder}"], "is not named"),
+        ([], "no input file is named"),
+        (["{folder}"], "no output file is named"),
         (["nowhere", "-o", "{out}"], "nowhere: there is no such file"),
         (["{folder}", "-o", "{out}", "--reader", "plane-depth"], "Did you mean plain-depth"),
         (["{folder}", "-o", "{folder}/no/such/folder.mcap"], "no/such' does not exist"),

@@ -93,7 +93,7 @@ def test_realsense_takes_the_device_of_the_file_name(tmp_path):
     assert (camera.fx, camera.fy) == (480.0, 480.5)
     assert (camera.cx, camera.cy) == (315.0, 175.0)
     save(tmp_path / "1_M99_depth_0.png", depth_image(0, 360, 640))
-    with pytest.raises(InputError, match=r"M99 is not in the list.*Known: M11, M7"):
+    with pytest.raises(InputError, match=r"M99 is not in the list.*Known devices: M11, M7"):
         read(tmp_path)
 
 
@@ -153,7 +153,7 @@ def test_plain_depth_of_the_usual_size_is_read(tmp_path):
     assert np.array_equal(frames[0].depth, depth_image(9, 240, 320))
     assert frames[0].intrinsics.fx == 262.5
     save(tmp_path / "a11.png", depth_image(1, 50, 50))
-    with pytest.raises(InputError, match="50x50, and no file describes its camera"):
+    with pytest.raises(InputError, match="50x50 pixels, and no file describes its camera"):
         read(tmp_path)
 
 
@@ -167,7 +167,7 @@ def test_a_damaged_image_is_named(tmp_path):
         read(tmp_path)
     for i in range(2):
         save(tmp_path / f"{i}_depth.png", np.zeros((48, 64), np.uint8))
-    with pytest.raises(InputError, match=r"0_depth.png: .*256 greys, not of one 16-bit channel"):
+    with pytest.raises(InputError, match=r"0_depth.png: .*256 greys, not an image with one 16-bit channel"):
         read_with("opencv-depth", tmp_path)
 
 
@@ -213,7 +213,11 @@ def test_files_folders_and_patterns_are_expanded(tmp_path):
     assert len(find_files([str(tmp_path)])) == 3
     assert len(find_files([str(tmp_path / "*.txt"), str(tmp_path / "a.txt")])) == 2
     (tmp_path / "empty").mkdir()
-    for name, expected in (("none", "no such file"), ("*.png", "no such file"), ("empty", "holds no files")):
+    for name, expected in (
+        ("none", "no such file"),
+        ("*.png", "no such file"),
+        ("empty", "contains no files"),
+    ):
         with pytest.raises(InputError, match=expected):
             find_files([str(tmp_path / name)])
 
@@ -288,7 +292,7 @@ def spoil(path, how):
 @pytest.mark.parametrize(
     ("how", "words"),
     [
-        ("empty", "it is empty"),
+        ("empty", "the file is empty"),
         ("colour", "a PNG image in colour"),
         ("8 bits", "256 greys"),
         ("a web page", "not a PNG"),
@@ -305,7 +309,7 @@ def test_an_image_without_depth_is_reported_and_leaves_a_gap(tmp_path, how, word
     assert [frame.time_ns for frame in frames] == [i * 10**8 for i in readable]
     for i, frame in zip(readable, frames, strict=True):
         assert np.array_equal(frame.depth, depth_image(i, 240, 320))
-    (warning,) = [note for note in notes if "left out" in note]
+    (warning,) = [note for note in notes if "skipped" in note]
     assert f"depth_{at}.png" in warning and words in warning
 
 
@@ -316,8 +320,8 @@ def test_many_images_without_depth_are_counted(tmp_path):
             spoil(tmp_path / f"{i}.png", "empty")
     frames, notes = read_with(None, tmp_path)
     assert len(frames) == 10
-    assert len([note for note in notes if "is left out" in note]) == 5
-    assert "5 more images are left out, the last one 19.png" in notes
+    assert len([note for note in notes if "is skipped" in note]) == 5
+    assert "5 more images are skipped; the last is 19.png" in notes
 
 
 def wall(units, metres=2.0, height=240, width=320):
@@ -335,7 +339,7 @@ def test_a_stated_unit_gives_millimetres(tmp_path, units):
 def test_the_assumed_unit_is_noted_and_doubted_if_it_is_far(tmp_path):
     save(tmp_path / "a_0.png", wall(1000))
     _, notes = read_with(None, tmp_path)
-    assert notes == ["depth values are taken as millimetres; --units-per-metre states another"]
+    assert notes == ["depth values are read as millimetres; --units-per-metre sets another unit"]
     save(tmp_path / "a_0.png", wall(5000))
     _, notes = read_with(None, tmp_path)
     assert "beyond 10.0 m" in notes[1] and "5000" in notes[1]
@@ -404,12 +408,12 @@ def test_a_tum_sequence_without_lists_or_with_a_gap(tmp_path):
 def test_a_tum_list_is_checked(tmp_path):
     tum(tmp_path)
     (tmp_path / "depth.txt").write_text("1305031453.374112 ../secret.png\n")
-    with pytest.raises(InputError, match="outside of its folder"):
+    with pytest.raises(InputError, match="outside the folder of the list"):
         read(tmp_path)
     tum(tmp_path / "b")
     with (tmp_path / "b" / "groundtruth.txt").open("a") as file:
         file.write("1305031453 1 2\n")
-    with pytest.raises(InputError, match="line 6 is not a time"):
+    with pytest.raises(InputError, match="line 6 does not consist of a time"):
         read(tmp_path / "b")
 
 
@@ -426,5 +430,5 @@ def test_seven_scenes_are_read_as_they_come(tmp_path):
     assert frame.intrinsics.fx == 585.0 and any("7-Scenes" in note for note in notes)
     assert (frame.depth[:10] == 0).all() and (frame.depth[10:] == 2000).all()
     assert frame.colour is not None and frame.world_from_camera is not None
-    with pytest.raises(InputError, match=r"1 sequences.*seq-01"):
+    with pytest.raises(InputError, match=r"1 separate recordings.*seq-01"):
         find_files([str(tmp_path / "chess")])

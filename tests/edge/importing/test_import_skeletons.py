@@ -136,7 +136,7 @@ def test_multitrack_takes_the_kinect_that_is_named(tmp_path):
     frames = read(path, device="b")[1]
     assert [len(frame.bodies) for frame in frames] == [1, 0]
     assert_person(frames[0].bodies[0], person(0.7))
-    with pytest.raises(InputError, match="Known: a, b"):
+    with pytest.raises(InputError, match="Kinects in the file: a, b"):
         read(path, device="c")
 
 
@@ -322,8 +322,8 @@ def test_damaged_labanotation_is_reported_with_the_place(tmp_path, name, damage,
 
 def test_damaged_skeleton_files_are_reported_with_the_place(tmp_path):
     cases = {
-        "msr-action3d": (msr_rows(person(), False)[:-60], "not 80 for each frame"),
-        "kinect-gait": ("Head;0;1;2\nTail;0;1;2\n", "line 2 names the joint 'Tail'"),
+        "msr-action3d": (msr_rows(person(), False)[:-60], "not a multiple of 80"),
+        "kinect-gait": ("Head;0;1;2\nTail;0;1;2\n", "line 2 names the unknown joint 'Tail'"),
         "flow-room": ('[[{"bodyIndex":0,"joints":[{"x":1,"y":2,"z":3}]}]]', "body of 1 joints"),
         "body-scanner": ("Joints,X,Y,Z\nDegree,1,1,1\nHead,0,1,2\n", "the row SpineBase is missing"),
         "multitrack": (MULTI_KEYS + ", SpineBase_X\n", "column SpineBase_Y is missing"),
@@ -388,7 +388,7 @@ def test_recording_without_upright_person_is_reported(tmp_path):
     path = tmp_path / "a.json"
     joints = ",".join(['{"x":-500,"y":-500,"z":-500}'] * 21)
     path.write_text('[[],[{"bodyIndex":0,"joints":[' + joints + "]}]]")
-    with pytest.raises(InputError, match="no person stands upright"):
+    with pytest.raises(InputError, match="no person who stands upright"):
         list(find_reader([path], "flow-room").read([path]))
 
 

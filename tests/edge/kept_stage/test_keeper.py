@@ -177,7 +177,7 @@ def test_damaged_character_is_left_out_and_the_others_come_back(tmp_path, caplog
     with caplog.at_level(logging.WARNING):
         parts = start(tmp_path)
     assert list(parts.stage.actors) == ["chair", "lamp", "other"]
-    assert "the kept character guest is not restored" in caplog.text
+    assert "the saved character guest is not restored" in caplog.text
     assert data.with_name(f"{data.name}.aside").exists() == (harm != "missing")
     parts.keeper.close()
 

@@ -363,7 +363,7 @@ def test_a_link_in_the_place_of_a_name_is_not_followed(own_folder: Path) -> None
     precious = own_folder / "precious"
     precious.write_text("years of work")
     (own_folder / "enliven-edge-stage.lock").symlink_to(precious)
-    with pytest.raises(ResourceError, match="Remove that file"):
+    with pytest.raises(ResourceError, match="Remove the lock file"):
         NameLock("stage")
     assert precious.read_text() == "years of work"
 
@@ -381,5 +381,5 @@ def test_names_are_kept_in_a_folder_that_only_the_user_writes_to(
     assert (folder / "enliven-edge-stage.lock").exists() and folder.stat().st_mode & 0o777 == 0o700
     lock.close()
     folder.chmod(0o777)
-    with pytest.raises(ResourceError, match=r"not this user's own.*XDG_RUNTIME_DIR"):
+    with pytest.raises(ResourceError, match=r"belongs to another user.*XDG_RUNTIME_DIR"):
         NameLock("stage")

@@ -76,7 +76,7 @@ def test_replay_sends_outputs(monkeypatch):
     ("words", "message"),
     [
         (["--out", "vcm:127.0.0.1"], "Did you mean vmc?"),
-        (["--out", "vmc:127.0.0.1:0"], "is not a port"),
+        (["--out", "vmc:127.0.0.1:0"], "is not a valid port"),
         (["--out", "vmc:no-such-host.invalid"], "was not found"),
         (["--out", "vmc:127.0.0.1", "--out", "vmc:127.0.0.1"], "same output"),
         (["--out", "vmc:127.0.0.1/chair"], "no humanoid bones"),

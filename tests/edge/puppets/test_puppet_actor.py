@@ -352,7 +352,7 @@ def test_puppet_motion_is_independent_of_performer_height() -> None:
     ("asked", "words"),
     [
         (("cactus", 1, "trunk"), "no part of the body"),
-        (("cactus", 1, "left foot"), "no control point goes with 'left foot'"),
+        (("cactus", 1, "left foot"), "no control point of the puppet follows the body parts 'left foot'"),
         (("cactus", 5, "all"), "performer 5 is not in view"),
         (("lamp", 1, "all"), "no character 'lamp'"),
     ],

@@ -84,9 +84,9 @@ def test_incomplete_puppet_reports_missing_parts(
 
 
 def test_a_project_without_a_puppet_and_a_file_that_is_none(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="it has no puppet"):
+    with pytest.raises(InputError, match="the project has no puppet"):
         create_puppet_actor(written(tmp_path / "p.enliven", Project().with_takes(CACTUS.takes[TAKE])))
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="the file does not exist"):
         create_puppet_actor(str(tmp_path / "gone.toml"))
     (tmp_path / "odd.toml").write_text("[mesh\n")
     with pytest.raises(InputError, match="TOML"):

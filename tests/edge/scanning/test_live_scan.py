@@ -74,7 +74,7 @@ def test_last_of_several_commands_wins(busy):
     free.set()
     threading.Event().wait(0.3)
     assert scan.phase == "scanning"
-    with pytest.raises(InputError, match="nothing can be undone"):
+    with pytest.raises(InputError, match="there is nothing to undo"):
         scan.queue_order(Scan("undo"))
 
 

@@ -156,7 +156,7 @@ def test_incremental_surface_has_the_objects_final_pose(scanned):
 
 def test_summary_reports_places_and_losses_of_the_object(scanned):
     summary = " ".join(describe_objects(scanned.scanner))
-    assert f"It was found in {len(scanned.scanner.rests)} places" in summary
+    assert f"The object was found in {len(scanned.scanner.rests)} places" in summary
     lost = [step.scan_step.state is ScanState.LOST for step in scanned.steps]
     assert lost == [step.state is ObjectState.LOST for step in scanned.steps] and any(lost)
 
@@ -167,7 +167,9 @@ def test_incompatible_options_are_refused(other, tmp_path):
     app.command()(scan)
     words = ["--sensor", "none", "-o", str(tmp_path / "x.glb"), "--moved", *other]
     refused = CliRunner().invoke(app, words).exception
-    assert isinstance(refused, InputError) and f"--moved and {other[0]} do not go together" in str(refused)
+    assert isinstance(refused, InputError) and f"--moved and {other[0]} cannot be used together" in str(
+        refused
+    )
 
 
 def complete(mesh, points):

@@ -161,7 +161,7 @@ def test_recording_without_a_person_is_refused(scene, tmp_path):
     empty = write((scene.frame(n, seen=False) for n in range(6)), tmp_path / "empty.mcap")
     with pytest.raises(InputError, match=r"no person was seen.* Stand"):
         run("--recording", empty, "-o", tmp_path / "no.glb", "--person")
-    with pytest.raises(InputError, match="--person and --within do not go together"):
+    with pytest.raises(InputError, match="--person and --within cannot be used together"):
         run("--recording", empty, "-o", tmp_path / "no.glb", "--person", "--within", 1.5)
 
 

@@ -83,5 +83,5 @@ def test_a_copy_is_scanned_on_by_itself_with_the_same_tracker():
 
 def test_a_person_and_something_that_is_moved_are_refused():
     for other in ({"moved": True}, {"turned": True}, {"within": 1.5}):
-        with pytest.raises(ValueError, match="a scan has one mode, not"):
+        with pytest.raises(ValueError, match="a scan can have only one mode"):
             Scan("start", mode=ScanMode.PERSON, **other)

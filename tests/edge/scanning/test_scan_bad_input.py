@@ -30,7 +30,7 @@ def carried(tmp_path_factory):
 def test_unmoved_camera_gives_advice(tmp_path):
     frame = take_of().frame(0)
     still = write((replace(frame, time_ns=n * 33_000_000) for n in range(5)), tmp_path / "still.mcap")
-    with pytest.raises(InputError, match=r"the camera moved 0 cm only\. Carry it round"):
+    with pytest.raises(InputError, match=r"the camera moved only 0 cm\. Carry the camera around"):
         run("--recording", still, "-o", tmp_path / "no.glb", "--voxel", 16)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["still.mcap"]
 
@@ -50,7 +50,7 @@ def test_partly_too_fast_scan_keeps_the_rest_and_reports_it(carried, tmp_path):
     output = run(
         "--recording", write(frames, tmp_path / "part.mcap"), "-o", tmp_path / "part.glb", "--voxel", 16
     )
-    assert "frames are not in the mesh: the camera was lost. Carry it more slowly" in output
+    assert "frames are not in the mesh, because tracking was lost. Carry the camera more slowly" in output
     assert load_mesh(tmp_path / "part.glb").mesh.bounds[1, 1] == pytest.approx(0.5, abs=0.04)
 
 
@@ -100,7 +100,7 @@ def test_missing_object_is_reported_and_sensor_recording_is_kept(tmp_path):
         "--reach",
         1.6,
     ]
-    with pytest.raises(InputError, match=r"The recorded images were kept: --recording .*no\.scan\.mcap"):
+    with pytest.raises(InputError, match=r"The images were saved\. .* --recording .*no\.scan\.mcap"):
         run(*sensor, "-o", target)
     assert not target.exists()
     run("--recording", tmp_path / "no.scan.mcap", "-o", target, "--voxel", 16, "--whole")
@@ -112,7 +112,7 @@ def test_centred_object_is_taken_and_the_other_can_be_selected(tmp_path):
     both = recorded(tmp_path / "both.mcap", last=60, room=(*STUDIO, low))
     words = ["--recording", both, "--voxel", 8, "--no-keep"]
     output = run(*words, "-o", tmp_path / "first.glb")
-    assert re.search(r"2 objects stand there \(1: .*, 2: .* cm\); number 1 was taken, see --thing", output)
+    assert re.search(r"2 objects are on the floor \(1: .*, 2: .* cm\)\. Number 1 was kept; --thing", output)
     run(*words, "-o", tmp_path / "second.glb", "--thing", 2)
     tall, short = (load_mesh(tmp_path / f"{name}.glb").mesh.bounds[1, 1] for name in ("first", "second"))
     assert tall == pytest.approx(0.5, abs=0.04) and short == pytest.approx(0.3, abs=0.04)
@@ -122,14 +122,14 @@ def test_centred_object_is_taken_and_the_other_can_be_selected(tmp_path):
 
 def test_recording_without_colours_gives_a_plain_mesh_and_a_note(carried, tmp_path):
     output = run("--recording", carried, "-o", tmp_path / "plain.glb", "--voxel", 16)
-    assert "The camera gave no colours, so the mesh has none" in output
+    assert "The camera sent no colours, so the mesh has no colours" in output
     assert load_mesh(tmp_path / "plain.glb").mesh.colours is None
 
 
 def test_a_full_memory_ends_the_scan_and_all_until_then_is_kept(carried, tmp_path):
     target = tmp_path / "part.glb"
     output = run("--recording", carried, "-o", target, "--voxel", 4, "--memory", 30, "--whole")
-    assert "The memory for voxels was full: later images were not added" in output and "--memory" in output
+    assert "The memory for voxels was full, so later images were not added" in output and "--memory" in output
     assert int(re.search(r"of (\d+) frames", output)[1]) < 15, "it does not go on to the end"
     assert len(load_mesh(target).mesh.faces) > 10_000
 
@@ -172,7 +172,9 @@ def test_full_disk_keeps_the_scan_and_the_old_file(carried, tmp_path, monkeypatc
     target.write_bytes(b"before")
     monkeypatch.setenv("HOME", str(home))
     full_disk(monkeypatch, disk)
-    with pytest.raises(ResourceError, match=r"No space left on device.*so it is in .*Make room") as refused:
+    with pytest.raises(
+        ResourceError, match=r"No space left on device.*so the scan was saved as .*Free some disk space"
+    ) as refused:
         run("--recording", carried, "-o", target, "--voxel", 16, "--overwrite", "--no-keep")
     assert refused.value.where == str(target) and target.read_bytes() == b"before"
     saved = home / f"thing.saved.{ending}"

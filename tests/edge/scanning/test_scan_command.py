@@ -45,7 +45,7 @@ def test_budget_is_kept_and_reported_and_a_project_opens(carried, tmp_path):
     target = tmp_path / "box.enliven"
     words = ["--recording", carried, "-o", target, "--voxel", 12, "--seconds", 2]
     output = run(*words, "--triangles", 900)
-    assert re.search(r"(8\d\d|900) triangles \(within \d+\.\d mm of the full scan\)", output)
+    assert re.search(r"(8\d\d|900) triangles \(at most \d+\.\d mm from the full scan\)", output)
     (character,) = read_project(target).characters.values()
     assert character.id == "box" and len(character.mesh.faces) <= 900 and character.mesh.colours is not None
     full = run(*words, "--triangles", 0, "--overwrite")
@@ -67,7 +67,7 @@ def test_all_that_was_scanned_is_level_on_the_floor(carried, tmp_path):
 
 def test_invalid_scan_arguments_are_refused(carried, tmp_path):
     target = tmp_path / "made.glb"
-    with pytest.raises(InputError, match="give a recording or a sensor"):
+    with pytest.raises(InputError, match="a scan needs either a recording or a sensor"):
         run("-o", target)
     with pytest.raises(InputError, match=r"files with the extension"):
         run("--recording", carried, "-o", tmp_path / "made.doc")

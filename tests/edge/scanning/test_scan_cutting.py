@@ -63,7 +63,7 @@ def test_box_option_equals_the_whole_scan_inside_it(folder, tmp_path):
     (character,) = read_project(half).characters.values()
     assert np.ptp(character.mesh.vertices[:, 1]) == pytest.approx(0.25, abs=0.02)
     assert not (tmp_path / "half.scan.mcap").exists()
-    with pytest.raises(InputError, match=r"no surface .* The scanned surface reaches from"):
+    with pytest.raises(InputError, match=r"no surface .* The scanned surface extends from"):
         run("--recording", kept_recording, "-o", tmp_path / "far.glb", "--voxel", 16, "--box=5,0,5,6,1,6")
 
 
@@ -123,8 +123,10 @@ def test_added_scan_completes_the_earlier_one(tmp_path):
     assert len(list(Recording(tmp_path / "box.scan.mcap").frames())) > 18 + 25
     (tmp_path / "box.scan.mcap").unlink()
     before = target.read_bytes()
-    with pytest.raises(InputError, match=r"its scan was not kept: box\.scan\.mcap is missing"):
+    with pytest.raises(
+        InputError, match=r"the images of this scan were not saved: box\.scan\.mcap is missing"
+    ):
         run("--recording", back, "--add", target, "-o", target)
     assert target.read_bytes() == before
-    with pytest.raises(InputError, match="do not go together"):
+    with pytest.raises(InputError, match="cannot be used together"):
         run("--recording", back, "--add", target, "--before", front, "-o", tmp_path / "no.glb")

@@ -12,6 +12,8 @@ from enliven_edge.commands.scan import scan
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "scanning.md").read_text(encoding="utf-8")
+SENTENCES = " ".join(PAGE.split())
+"""The page without line breaks."""
 app = typer.Typer(pretty_exceptions_enable=False)
 app.command()(scan)
 
@@ -58,17 +60,17 @@ def test_error_messages_of_the_page_exist():
 def test_numbers_of_the_page_are_the_defaults():
     settings = VolumeSettings()
     assert "Voxels of 4 mm" in PAGE and settings.voxel == 0.004
-    assert "4 voxels before a surface and\n   3 behind it" in PAGE
+    assert "4 voxels in front of the surface to 3 voxels behind it" in SENTENCES
     assert settings.reach == 2.2
     assert (tsdf_volume._TRUNCATION_VOXELS, tsdf_volume._TRUNCATION_BEHIND_VOXELS) == (4.0, 3.0)
 
 
 def test_search_numbers_of_the_page_are_the_defaults():
-    assert "off by 15 mm, or\n   tilted by 15 mrad" in PAGE
+    assert "displaced by 15 mm or tilted by 15 mrad" in SENTENCES
     assert (rest._MIN_MOVED_DISTANCE_M, rest._MIN_MOVED_ANGLE_RAD) == (0.015, 0.015)
-    assert "from 900 turns" in PAGE and "24 best answers" in PAGE
+    assert "from 900 rotations" in SENTENCES and "24 best results" in SENTENCES
     assert (registration._START_ROTATIONS, registration._REFINED_CANDIDATES) == (900, 24)
-    assert "half of its points agree, at most one in 25" in PAGE
+    assert "half of its points agree" in SENTENCES and "at most one point in 25" in SENTENCES
     shares = (registration._MIN_AGREEING_FRACTION, registration._MAX_SEEN_THROUGH_FRACTION)
     assert shares == (0.5, 0.04)
-    assert moved_scanner._MIN_REST_IMAGES == 10 and "from ten images on" in PAGE
+    assert moved_scanner._MIN_REST_IMAGES == 10 and "begins after ten images" in SENTENCES

@@ -65,7 +65,11 @@ def test_missing_parts_of_a_camera_are_reported_with_the_command(usb, monkeypatc
     assert usb.found()[0].find_problems() == []
     usb("8086", "0b07", "Intel(R) RealSense(TM) Depth Camera 435", speed="480", mode=0)
     troubles = dict(usb.found()[1].find_problems())
-    assert set(troubles) == {"pyrealsense2 is not installed", "your user may not open it", "it is on USB 2"}
+    assert set(troubles) == {
+        "pyrealsense2 is not installed",
+        "your user may not open the camera",
+        "the camera is on USB 2",
+    }
     mends = " ".join(troubles.values())
     assert 'pip install "enliven-edge[realsense]"' in mends and "60-enliven-cameras.rules" in mends
     versions["depthai"] = "3.8.0"

@@ -107,7 +107,7 @@ def test_a_call_that_hangs_is_noticed_by_the_edge_s_own_timer(live):
     before, at = time.process_time(), time.monotonic()
     live.signal(signal.SIGSTOP)
     waits, last = 0, live.last.time_ns
-    with pytest.raises(SensorFault, match="no image for 1 s"):
+    with pytest.raises(SensorFault, match="no image arrived for 1 s"):
         while True:
             try:
                 live.last, waits = live.sensor.read(TURN), 0

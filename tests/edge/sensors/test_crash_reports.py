@@ -33,7 +33,7 @@ def crashed(folder) -> None:
 
 
 def test_library_crash_is_located_and_repeats_are_counted(tmp_path):
-    assert doctor._list_crash_reports().detail == "none kept"
+    assert doctor._list_crash_reports().detail == "none stored"
     for name in ("first", "second"):
         crashed(tmp_path / name)
     (report,) = crash_reports.stored_reports()

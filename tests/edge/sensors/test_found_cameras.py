@@ -77,7 +77,7 @@ def test_several_of_one_make_are_chosen_by_serial_and_a_slow_link_is_no_obstacle
     first, second, oak, kinect = find_cameras()
     assert first.options == {"serial": "S1"} and second.options == {"serial": "S2"} and not oak.options
     assert not first.trouble and "USB 3" in first.hint and not second.hint
-    assert kinect.trouble == "no driver ships for it" and kinect.remedy and not kinect.sensor
+    assert kinect.trouble == "enliven has no driver for this camera" and kinect.remedy and not kinect.sensor
 
 
 def test_the_command_prints_the_cameras_as_json(capsys, monkeypatch):

@@ -187,8 +187,10 @@ def test_inspect_reports_gaps_temperature_and_losses(tmp_path, capsys):
     assert facts["missing"] == "9 images in 2 gaps; the longest 7 at 0.37 s", (
         "not what passed while it was lost"
     )
-    assert facts["temperature"] == "41 to 93 degrees; it switches off at 105"
-    assert facts["lost"] == "1 times, for 1.0 s in all" and facts["unusable"] == "1 frames, left out"
+    assert facts["temperature"] == "41 to 93 degrees; the sensor switches off at 105"
+    assert (
+        facts["lost"] == "1 times, for 1.0 s in total" and facts["unusable"] == "1 frames, which were skipped"
+    )
     assert ["at", "0.37 s: the cable is out (4)"] in lines
     film = tmp_path / "a.mp4"
     assert cli.run(["inspect", str(tmp_path / "a.mcap"), "-o", str(film)]) == 0

@@ -57,7 +57,7 @@ def test_an_unknown_name_names_the_nearest() -> None:
 @pytest.mark.parametrize(
     ("before", "after", "message"),
     [
-        ("near = 0.8", "near = 9.0", "not below range.far"),
+        ("near = 0.8", "near = 9.0", "must be smaller than range.far"),
         ("baseline = -0.075", "baseline = 0.0", "baseline"),
         ("cx = 319.5", "cx = 900.0", "principal point"),
         ("constant =", "constnat =", "Did you mean noise.constant"),
@@ -79,5 +79,5 @@ def test_custom_profile_is_found_by_its_path(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_bytes((profiles_folder() / "tof.toml").read_bytes())
     assert load_profile(path) == load_profile(str(path)) == load_profile("tof")
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="the file does not exist"):
         load_profile(tmp_path / "other.toml")

@@ -57,7 +57,10 @@ AT_PORTS = [
     ("", ["imx708 /base/i2c@88000/imx708@1a: --sensor libcamera --set left=0", "@60: --sensor", "left=1"]),
     ("os.abort()", ["libcamera cannot list its cameras (exit code -6", "rpicam-hello --list-cameras"]),
     ("time.sleep(60)", ["libcamera has not listed its cameras within"]),
-    ("import nothing_of_the_kind", ["libcamera does not load (No module named", "apt install python3-lib"]),
+    (
+        "import nothing_of_the_kind",
+        ["libcamera cannot be loaded (No module named", "apt install python3-lib"],
+    ),
 ]
 """A line to add to the binding, and the expected output. libcamera may end or block its process."""
 
@@ -103,7 +106,10 @@ def test_accelerometer_is_shown_next_to_the_floor():
 
     tilted = np.array([0.0, np.cos(0.3), np.sin(0.3)])
     facts = dict(_describe_condition(Condition("USB 2", True, 61.0, 90.0, (0.0, 9.8, 0.0)), tilted))
-    assert facts["gravity"] == "0 degrees down by the accelerometer, 17 degrees from the floor's normal"
+    assert (
+        facts["gravity"]
+        == "sensor tilted down by 0 degrees, by its accelerometer; 17 degrees from the floor's normal"
+    )
     assert "slow" in facts["link"] and facts["temperature"] == "61 degrees"
 
 

@@ -204,9 +204,9 @@ def test_a_port_in_use_is_refused(name):
     [
         ("vmc", {"port": 70_000}, "70000 is not a UDP port"),
         ("rokoko", {"port": -1}, "-1 is not a UDP port"),
-        ("vmc", {"height": 17.0}, "outside 0.5..2.5 m"),
+        ("vmc", {"height": 17.0}, "outside the range 0.5..2.5 m"),
         ("osc-trackers", {"order": "hip, nose"}, "'nose' is not a place.*left foot"),
-        ("osc-trackers", {"order": "hip, " * 8 + "hip"}, "9 places, at most 8"),
+        ("osc-trackers", {"order": "hip, " * 8 + "hip"}, "9 places are named, but at most 8"),
     ],
 )
 def test_wrong_options_are_refused(name, options, message):

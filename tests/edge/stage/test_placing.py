@@ -309,5 +309,5 @@ def test_unreachable_part_is_refused_with_advice(tmp_path):
     own = ActorSettings(scaled="nobody", fade=0.0)
     low = Stage([create_actor(saved(tmp_path / "low.obj", 0.15), 32, own)])
     low.perform([person()], 0)
-    with pytest.raises(InputError, match="Hold it with the whole body"):
+    with pytest.raises(InputError, match="Attach with the whole body"):
         low.possess("low", None, "head")

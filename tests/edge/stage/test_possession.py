@@ -326,13 +326,13 @@ def test_distant_or_unseen_performer_gets_advice(chair):
     house = stage(chair)
     house.perform([person(), person(id=2, x=3.0)], 0)
     house.possess("chair", 1)
-    with pytest.raises(InputError, match=r"the nearest is 2\.\d m away.*Step into the mesh"):
+    with pytest.raises(InputError, match=r"the nearest part is 2\.\d m away.*Step into the mesh"):
         house.possess("chair", 2, "all", "join")
     assert [h.body for h in house.actors["chair"].holds] == [1]
     unseen = person(id=2)
     unseen.joints[:] = np.nan
     house.perform([unseen], FRAME)
-    with pytest.raises(InputError, match="no joint is seen"):
+    with pytest.raises(InputError, match="no joint is tracked"):
         house.possess("chair", 2, "all", "join")
 
 

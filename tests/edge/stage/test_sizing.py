@@ -159,7 +159,8 @@ def test_rigid_mesh_refuses_follow_through():
     play = Play()
     play.stage.place_actor(Stiff(CHAIR, GRAPH, ActorSettings()))
     with pytest.raises(
-        InputError, match=r"exaggerating 'chair': no part of it can swing freely, .*\. Choose a mesh"
+        InputError,
+        match=r"exaggerating 'chair': no part of this character can swing freely, .*\. Choose a mesh",
     ):
         play.sizing.handle(Resize("exaggerate", "chair", exaggeration=2.0))
 

@@ -104,8 +104,8 @@ def test_registry_opens_the_synthetic_sensor() -> None:
     [
         ({"profile": "kinekt"}, "Did you mean 'kinect"),
         ({"choreography": "tango"}, "Known: chair"),
-        ({"width": 321}, "not an even scale"),
-        ({"width": 4}, "not an even scale"),
+        ({"width": 321}, "does not divide the image size"),
+        ({"width": 4}, "does not divide the image size"),
         ({"width": -5}, "outside"),
         ({"camera_hight": 1.0}, "Did you mean camera_height"),
         ({"camera_height": 99.0}, "outside"),

@@ -116,5 +116,5 @@ def test_same_floor_keeps_the_pose():
 def test_sensor_that_tracks_people_itself_has_no_room():
     tracker = Tracker()
     tracker.track(BodyFrame([], 0, "suit", np.eye(4), 0))
-    with pytest.raises(InputError, match="no room is learnt"):
+    with pytest.raises(InputError, match="learns no room"):
         tracker.learn_room()

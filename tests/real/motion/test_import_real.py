@@ -140,8 +140,8 @@ def assert_bones(joints):
 
 @pytest.mark.parametrize(("pattern", "reader", "count", "people"), SKELETONS)
 def test_left_is_the_performers_own(pattern, reader, count, people):
-    """The toes point along up x left, which is forward. For a mirrored skeleton, this direction is
-    backward.
+    """The toes point forward. The test computes forward as the cross product of up and left, which would
+    point backward for a mirrored skeleton.
     """
     if reader == "flow-room":
         pytest.skip("the depth of its feet is too coarse to tell; the next test looks at the shoulders")
@@ -178,7 +178,7 @@ def test_left_side_of_person_facing_the_sensor_is_at_positive_x(pattern):
     ("action", "limb"), [("a01", "HAND"), ("a02", "HAND"), ("a06", "HAND"), ("a14", "FOOT")]
 )
 def test_msr_subjects_act_with_the_right_side(action, limb):
-    """The data set's authors instructed the subjects so, which determines the left and right columns."""
+    """The data set's authors asked for the right side, so the test shows which columns are left and right."""
     frames = read(f"skeletons/msr_action3d/{action}_s01_e01_skeleton3D.txt")[1]
     joints = np.array([frame.bodies[0].joints for frame in frames])
     moved = {side: joints[:, Joint[f"{limb}_{side}"]].std(0).sum() for side in ("LEFT", "RIGHT")}

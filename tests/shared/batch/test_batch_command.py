@@ -117,7 +117,7 @@ def test_ctrl_c_ends_a_batch_without_a_traceback_and_the_next_run_continues(libr
     _, errors = process.communicate(timeout=_MAX_WAIT_S)
     assert process.returncode == 130
     assert "Traceback" not in errors
-    assert "stopped before its end" in (out / "report.html").read_text(encoding="utf-8")
+    assert "stopped early" in (out / "report.html").read_text(encoding="utf-8")
     plan = BatchPlan((str(library / "motions"),), (str(library / "characters"),), str(out))
     done = [job for job in plan_jobs(plan) if find_finished_result(job)]
     written = list(out.rglob("*.glb"))

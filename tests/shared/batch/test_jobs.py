@@ -80,7 +80,7 @@ def test_a_file_or_folder_in_the_place_of_a_result_is_named(library: Path, place
     obstacle.write_text("taken")
     result = run_job(job)
     assert str(library / "out" / "horse") in result.problem
-    assert "Move the file" in result.problem or "Choose another place" in result.problem
+    assert "Move the file" in result.problem or "Choose another output file" in result.problem
     assert obstacle.read_text() == "taken"
     assert find_finished_result(job) is None
 
@@ -118,7 +118,7 @@ def test_a_deleted_character_is_named_even_if_it_was_read_before(library: Path) 
     job = _first_job(library)
     run_job(job)
     Path(job.character).unlink()
-    assert "horse.glb: there is no such file" in run_job(job).problem
+    assert "horse.glb: the file does not exist" in run_job(job).problem
 
 
 def test_a_changed_character_is_read_again(library: Path) -> None:
@@ -137,7 +137,7 @@ def test_a_job_with_relative_paths_becomes_absolute(library: Path, monkeypatch: 
     plan = BatchPlan(("motions/walk.bvh",), ("characters/horse.glb",), "out")
     (job,) = plan_jobs(plan)
     monkeypatch.chdir("/")
-    assert "there is no such file" in run_job(job).problem
+    assert "the file does not exist" in run_job(job).problem
     monkeypatch.chdir(library)
     absolute = job.with_absolute_paths()
     monkeypatch.chdir("/")
@@ -167,4 +167,4 @@ def test_the_report_names_failures_first_and_escapes_names(library: Path) -> Non
     assert "2 of 3 pairs, running" in page
     assert 'http-equiv="refresh"' in page
     write_report(report, [good, failed], 3)
-    assert "stopped before its end" in report.read_text(encoding="utf-8")
+    assert "stopped early" in report.read_text(encoding="utf-8")

@@ -64,23 +64,26 @@ def test_the_number_of_named_files_is_limited(library: Path) -> None:
     ("text", "part"),
     [
         ('motions = ["motions"]', "has no characters"),
-        ('characters = ["characters"]', "has no motions"),
+        ('characters = ["characters"]', "has neither a plan"),
         ('motions = ["motions"]\ncharacters = ["characters"]\nformat = "fbx"', ".fbx cannot be written"),
         ('motion = ["motions"]', "did you mean motions"),
         ('motions = ["motions"]\ncharacters = ["characters"]\n[options]\nrate = 1000', "options.rate"),
         ("version = 99", "version"),
         ('motions = "motions"\ncharacters = ["characters"]', "expected a list in square brackets"),
         ("motions:\n  - walks\ncharacters:\n  - models", "at line 1"),
-        ('motions = ["motions"]\ncharacters = ["characters"]\noutput = "a\\u0000b"', "no file can have"),
+        (
+            'motions = ["motions"]\ncharacters = ["characters"]\noutput = "a\\u0000b"',
+            "file name is not valid",
+        ),
         (
             'motions = ["motions"]\ncharacters = ["characters"]\n[heights]\nhorse = -1.0',
             "the height of horse",
         ),
-        ('motions = ["empty"]\ncharacters = ["characters"]', "empty (the folder has no .bvh"),
+        ('motions = ["empty"]\ncharacters = ["characters"]', "empty (this folder contains no .bvh"),
     ],
     ids=[
         "no characters",
-        "no motions",
+        "neither a plan",
         "format",
         "key",
         "range",
@@ -139,7 +142,7 @@ def test_results_in_the_folder_of_motions_are_not_motions(library: Path, output:
 def test_a_file_in_the_place_of_the_output_folder_is_named(library: Path, output: str) -> None:
     (library / "file").write_text("taken")
     plan = BatchPlan((str(library / "motions"),), (str(library / "characters"),), str(library / output))
-    with pytest.raises(ResourceError, match="a file has this name") as caught:
+    with pytest.raises(ResourceError, match="a folder above it is a file") as caught:
         plan_jobs(plan)
     assert str(library / output) in str(caught.value)
 

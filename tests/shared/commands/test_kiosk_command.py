@@ -87,7 +87,9 @@ def test_missing_library_for_souvenirs_is_named(profile: Path, monkeypatch, caps
         with contextlib.suppress(typer.Exit):
             kiosk(profile, window=False, check=True)
         printed = capsys.readouterr().err
-        assert ("souvenirs need no_such_library" in printed and "[web]" in printed) == (code == 4)
+        assert (
+            "the libraries for souvenirs are not installed: no_such_library" in printed and "[web]" in printed
+        ) == (code == 4)
 
 
 def test_mistakes_are_printed_and_nothing_starts(profile: Path, monkeypatch, capsys) -> None:
@@ -118,7 +120,7 @@ def test_unknown_edge_is_refused(profile: Path) -> None:
         check=False,
     )
     assert run.returncode == 3
-    assert "it has no edge 'cellar'" in run.stderr and "edge, stairs" in run.stderr
+    assert "the profile has no edge 'cellar'" in run.stderr and "edge, stairs" in run.stderr
 
 
 def test_edge_runs_in_the_process_that_systemd_started(profile: Path, monkeypatch) -> None:

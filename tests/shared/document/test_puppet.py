@@ -80,12 +80,12 @@ def test_the_wire_keeps_its_character():
     [
         (
             {"points": (ControlPoint("a", 0), ControlPoint("a", 1)), "poses": (), "layers": ()},
-            "one name: a, a",
+            "the same name in this list: a, a",
         ),
-        ({"points": (ControlPoint("a", 10**6),), "poses": (), "layers": ()}, "vertex 1000000 of"),
-        ({"poses": (KeyPose("wave", 0.0, np.zeros((3, 3))),)}, "3 places for 2"),
-        ({"poses": (KeyPose("wave", 0.0, np.full((2, 3), np.nan)),)}, "pose 0 is not finite"),
-        ({"layers": (PuppetLayer("wave", ("nose",)),)}, "'nose', which is not there"),
+        ({"points": (ControlPoint("a", 10**6),), "poses": (), "layers": ()}, "vertex 1000000 is not among"),
+        ({"poses": (KeyPose("wave", 0.0, np.zeros((3, 3))),)}, "3 positions for 2"),
+        ({"poses": (KeyPose("wave", 0.0, np.full((2, 3), np.nan)),)}, "key pose 0 is not a finite number"),
+        ({"layers": (PuppetLayer("wave", ("nose",)),)}, "'nose', which does not exist"),
         ({"turn": np.ones(4)}, "not a unit quaternion"),
     ],
 )
@@ -95,12 +95,12 @@ def test_inconsistent_puppet_is_refused(changes, said):
 
 
 def test_missing_takes_are_named():
-    with pytest.raises(InputError, match="the take 'wave' does not exist"):
+    with pytest.raises(InputError, match="no take 'wave'"):
         Project().with_characters(puppet())
 
 
 def test_missing_puppet_and_point_are_reported():
     with pytest.raises(InputError, match="no puppet 'horse'"):
         project().puppet("horse")
-    with pytest.raises(InputError, match="control point 'tail' does not exist"):
+    with pytest.raises(InputError, match="no control point 'tail'"):
         puppet().index("tail")

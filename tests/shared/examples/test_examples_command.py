@@ -47,7 +47,7 @@ def test_from_a_mesh_and_a_motion_to_a_film_of_it(folder, capsys):
         examples(folder, "new", "stool.ply", "walk.enliven", "-o", "s/made.toml", "--points", 8, "--poses", 3)
         == 0
     )
-    assert "control points and 3 key poses are in" in capsys.readouterr().out
+    assert "control points and 3 key poses" in capsys.readouterr().out
     read = read_session(folder / "s" / "made.toml")
     puppet = read.project.puppets["stool"]
     assert len(puppet.poses) == 3 and len(puppet.points) >= 8 and len(puppet.layers) == 1
@@ -56,10 +56,10 @@ def test_from_a_mesh_and_a_motion_to_a_film_of_it(folder, capsys):
         np.testing.assert_array_equal(pose.places, puppet.rest)
     # Nothing is posed yet, which is reported.
     assert examples(folder, "check", "s/made.toml") == 3
-    assert "All key poses are alike: set the places of the control points." in capsys.readouterr().out
+    assert "All key poses are equal: move the control points of the key poses." in capsys.readouterr().out
     # No film of the unposed, sliding mesh is made. The project can be posed in the studio.
     assert examples(folder, "fit", "s/made.toml", "-o", "out.glb", "--end", 1) == 3
-    assert "All key poses are alike" in capsys.readouterr().err and not (folder / "out.glb").exists()
+    assert "All key poses are equal" in capsys.readouterr().err and not (folder / "out.glb").exists()
     assert examples(folder, "fit", "s/made.toml", "-o", "unposed.enliven") == 0
     capsys.readouterr()
     text = (folder / "s" / "made.toml").read_text()
@@ -69,9 +69,9 @@ def test_from_a_mesh_and_a_motion_to_a_film_of_it(folder, capsys):
     (folder / "s" / "made.toml").write_text(posed)
     assert examples(folder, "check", "s/made.toml") == 0
     output = capsys.readouterr().out
-    assert "the pose farthest from all examples is" in output and f"{name} - " in output
+    assert "the pose that differs most from all examples is" in output and f"{name} - " in output
     assert examples(folder, "fit", "s/made.toml", "-o", "out.glb", "--end", 1, "--rate", 10) == 0
-    assert "3 key poses, 1.00 s are in" in capsys.readouterr().out
+    assert "contains 1.00 s of motion from 3 key poses" in capsys.readouterr().out
     document = checked_glb((folder / "out.glb").read_bytes())
     assert document["animations"]
 
@@ -142,25 +142,37 @@ def test_coverage_is_the_farthest_pose_found_by_looking_at_each(folder):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("fit", "nowhere.toml", "-o", "out.glb"), "there is no such file"),
+        (("fit", "nowhere.toml", "-o", "out.glb"), "the file does not exist"),
         (
             ("fit", "full.toml", "-o", "out.abc"),
-            ".abc cannot be written. Known: .bvh, .csv, .enliven, .glb",
+            ".abc cannot be written. Known suffixes: .bvh, .csv, .enliven, .glb",
         ),
         (
             ("fit", "full.toml", "-o", "out.glb", "--start", 5, "--end", 2),
-            "the range from 5 s to 2 s is empty",
+            "the time range from 5 s to 2 s is empty",
         ),
-        (("fit", "full.toml", "-o", "out.glb", "--puppet", "chair"), "no puppet 'chair'. Known: stool."),
-        (("fit", "walk.enliven", "-o", "out.glb"), "it has no puppet. Make one of a mesh first."),
+        (
+            ("fit", "full.toml", "-o", "out.glb", "--puppet", "chair"),
+            "no puppet 'chair'. The project contains: stool.",
+        ),
+        (
+            ("fit", "walk.enliven", "-o", "out.glb"),
+            "the project has no puppet. Make a puppet from a mesh first.",
+        ),
         (("fit", "bare.toml", "-o", "out.glb"), "Put control points on the mesh."),
-        (("fit", "still.toml", "-o", "out.glb"), "it plays nothing. Add the motion to play: [[layer]]."),
+        (
+            ("fit", "still.toml", "-o", "out.glb"),
+            "the puppet plays no motion. Add a [[layer]] with the motion that the puppet plays.",
+        ),
         (
             ("new", "stool.ply", "walk.enliven", "-o", "new.toml", "--up", "w"),
-            "'w' is not an axis. Give x, y or z.",
+            "'w' is not an axis. Write x, y or z.",
         ),
         (("new", "stool.ply", "stool.ply", "-o", "new.toml"), "ply is not a motion file"),
-        (("new", "stool.ply", "walk.enliven", "-o", "new.enliven"), "a session is not a project"),
+        (
+            ("new", "stool.ply", "walk.enliven", "-o", "new.enliven"),
+            "a session file cannot have the suffix .enliven",
+        ),
         (
             ("new", "stool.ply", "walk.enliven", "-o", "new.toml", "--start", 9),
             "there is no motion from 9 s to 3 s",
@@ -185,7 +197,7 @@ def test_missing_input_is_reported_before_solving(folder, capsys):
     for sentence in (
         "Pair 'point 1' with a joint.",
         "Pose two examples.",
-        "Add the motion to play: [[layer]].",
+        "Add a [[layer]] with the motion that the puppet plays.",
     ):
         assert sentence in output
 
@@ -207,4 +219,4 @@ def test_muted_layer_does_not_set_the_length(folder, capsys):
     muted = change_layers(project, "stool", [1], muted=True)
     write_project(folder / "muted.enliven", muted)
     assert examples(folder, "fit", "muted.enliven", "-o", "out.mcap") == 0
-    assert "3.00 s are in" in capsys.readouterr().out
+    assert "contains 3.00 s of motion" in capsys.readouterr().out

@@ -97,7 +97,7 @@ def test_couplings_make_the_change_of_anchors_level():
 @pytest.mark.parametrize("frames", [[], [3], [0, 50, 40], [0, 500]])
 def test_switches_must_be_in_order(frames):
     places, yaw = walker(120)
-    with pytest.raises(InputError, match="switches at frames"):
+    with pytest.raises(InputError, match="switches have invalid frames"):
         place_motion(places, yaw, STEP, [Switch(f, "contact") for f in frames], [0, 1])
 
 

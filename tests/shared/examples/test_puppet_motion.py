@@ -320,7 +320,7 @@ def test_child_drives_key_poses_of_an_adult(seed, front, names):
     # Strides are the mesh's own.
     np.testing.assert_allclose(theirs.root, mine.root, atol=1e-5)
     notes = " ".join(theirs.notes)
-    assert ("'LeftHand' is taken to be 'hand.L'" in notes) == (names is ODD)
+    assert ("'hand.L' is used instead of 'LeftHand'" in notes) == (names is ODD)
 
 
 def test_key_poses_may_be_of_two_performers():
@@ -341,7 +341,7 @@ def test_a_joint_that_nobody_has_is_named_with_those_that_there_are():
     with pytest.raises(InputError) as refused:
         play_take(project.with_takes(pole), "stool", "pole")
     assert "'pole'" in str(refused.value) and "'LeftFoot'" in str(refused.value)
-    assert "Known: j0, j1, j2" in str(refused.value)
+    assert "Known joints: j0, j1, j2" in str(refused.value)
 
 
 def test_missing_parts_are_reported_until_puppet_can_move():
@@ -393,7 +393,7 @@ def test_switches_that_were_edited_are_used_and_wrong_ones_refused():
     project = puppet_project(switches=(Switch(0, "contact"), Switch(30, "flight"), Switch(40, "contact")))
     anchors = motion(project).anchors
     assert (anchors[30:40] < 0).all() and (anchors[:30] >= 0).all()
-    with pytest.raises(InputError, match="switches at frames"):
+    with pytest.raises(InputError, match="switches have invalid frames"):
         change_layers(project, "stool", [0], switches=(Switch(3, "contact"),))
 
 

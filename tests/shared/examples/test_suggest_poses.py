@@ -69,7 +69,7 @@ def test_partners_are_found_on_the_mesh():
         find_partners(
             rest + np.array([[0.9, 0, 0], [0, 0, 0], [0, 0, 0]]), np.array([1.0, 0, 0]), np.array([1.0, 0, 0])
         )
-    with pytest.raises(InputError, match="not each other's"):
+    with pytest.raises(InputError, match="are not mutual"):
         add_mirror_images(one_sided(), (1, 2, 0), rest, np.array([1.0, 0, 0]))
 
 

@@ -63,7 +63,7 @@ def recorded(made, tmp_path):
 def test_a_live_performance_on_a_rigged_model_is_a_skeleton_and_a_surface(recorded, tmp_path, capsys):
     character, poses = recorded
     assert export(tmp_path, "live.mcap", "-o", "man.bvh") == 0
-    assert "man, 0.96 s, are in" in capsys.readouterr().out
+    assert "contains 0.96 s of motion of man" in capsys.readouterr().out
     read = read_bvh(tmp_path / "man.bvh")
     assert read.frames == len(poses)
     for frame, pose in enumerate(poses):
@@ -146,26 +146,38 @@ def test_motion_files_are_turned_into_one_another(made, tmp_path):
 @pytest.mark.parametrize(
     ("words", "code", "said"),
     [
-        (("no.mcap", "-o", "out.fbx"), 3, ".fbx cannot be written. Known: .bvh, .csv, .glb"),
+        (("no.mcap", "-o", "out.fbx"), 3, ".fbx cannot be written. Known suffixes: .bvh, .csv, .glb"),
         (("no.mcap", "-o", "moveis/out.glb"), 4, "moveis' does not exist"),
         (("no.mcap", "-o", "out.glb", "--unit", "cm"), 3, ".glb has no 'unit' to choose"),
-        (("no.mcap", "-o", "out.bvh", "--unit", "inch"), 3, "the unit 'inch' does not exist. Known: m, cm."),
+        (
+            ("no.mcap", "-o", "out.bvh", "--unit", "inch"),
+            3,
+            "the unit 'inch' is unknown. Known units: m, cm.",
+        ),
         (("no.mcap", "-o", "out.bvh", "--morphs"), 3, ".bvh has no 'morphs' to choose"),
-        (("no.mcap", "-o", "out.glb"), 3, "there is no such file"),
-        (("empty.mcap", "-o", "out.glb"), 3, "nothing in it moves. Record a performance that lasts longer"),
+        (("no.mcap", "-o", "out.glb"), 3, "the file does not exist"),
+        (
+            ("empty.mcap", "-o", "out.glb"),
+            3,
+            "the file contains no motion. Record a performance that lasts longer",
+        ),
         (
             ("depth.mcap", "-o", "out.glb"),
             3,
-            "moves. Find the people in its depth first: enliven track depth",
+            "motion. Track the people in the depth images first: enliven track depth",
         ),
-        (("show.enliven", "-o", "out.glb", "-c", "sofa"), 3, "no character 'sofa'. Known: man, chair, bean"),
+        (
+            ("show.enliven", "-o", "out.glb", "-c", "sofa"),
+            3,
+            "no character 'sofa'. Known characters: man, chair, bean",
+        ),
         (("show.enliven", "-o", "out.bvh", "-c", "chair"), 3, "chair has no skeleton. Write a .glb instead"),
         (
             ("show.enliven", "-o", "out.bvh", "-c", "man", "-c", "dance"),
             3,
             "Choose one with --character: man",
         ),
-        (("show.enliven", "-o", "out.glb", "--start", 9, "--end", 8), 3, "is not a valid time range"),
+        (("show.enliven", "-o", "out.glb", "--start", 9, "--end", 8), 3, "frames per second is not valid"),
         (("live.mcap", "-o", "out.bvh", "-c", "live", "--start", 9), 3, "there is no motion from 9 s"),
     ],
 )
@@ -209,7 +221,7 @@ def test_formats_without_bones_hold_every_rig_and_bake_nothing(show, capsys, nam
         pytest.importorskip("pxr", reason="usd-core is not installed (the extra 'usd')")
     assert export(show, "show.enliven", "-o", name, "--end", 0.2, "--rate", 10, "--scale", 2) == 0
     output = capsys.readouterr().out
-    assert output.startswith("enliven: man, chair, bean, 0.20 s, are in")
+    assert "contains 0.20 s of motion of man, chair, bean" in output
     assert ("bean is off by" in output) == name.endswith("csv"), "only a table needs transforms"
 
 

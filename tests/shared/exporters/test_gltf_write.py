@@ -174,11 +174,11 @@ def test_unwritable_content_is_reported(tmp_path):
     shape = random_shape(random, "squid")
     bare = still_shape("bare", shape.skeleton)
     project = Project().with_characters(shape, bare)
-    with pytest.raises(InputError, match="it has no mesh"):
+    with pytest.raises(InputError, match="the character has no mesh"):
         build_glb([sample_performance(project, "bare")])
-    with pytest.raises(InputError, match="nothing to write"):
+    with pytest.raises(InputError, match="no character was selected"):
         build_glb([])
-    with pytest.raises(InputError, match="is not a valid time range"):
+    with pytest.raises(InputError, match="frames per second is not valid"):
         sample_performance(project, "squid", 2.0, 1.0)
     (tmp_path / "file").write_text("x")
     with pytest.raises(ResourceError, match="cannot be written"):

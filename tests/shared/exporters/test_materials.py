@@ -185,11 +185,15 @@ def test_two_characters_with_one_material_share_it(tmp_path):
 @pytest.mark.parametrize(
     ("wood", "materials", "said"),
     [
-        (b"GIF89a" + bytes(40), (OAK, GLASS), "texture 1 is left out (a texture is neither PNG nor JPEG)"),
-        (WOOD, ({**OAK, "normalTexture": {"index": 9}}, GLASS), "texture 9 is left out"),
+        (
+            b"GIF89a" + bytes(40),
+            (OAK, GLASS),
+            "texture 1 is ignored (a texture is neither a PNG nor a JPEG image)",
+        ),
+        (WOOD, ({**OAK, "normalTexture": {"index": 9}}, GLASS), "texture 9 is ignored"),
         (WOOD, ({**OAK, "normalTexture": {"index": "0"}}, GLASS), "material 0 cannot be read"),
         (WOOD, ({**OAK, "emissiveFactor": [float("nan")]}, GLASS), "material 0 cannot be read"),
-        (WOOD, ({**OAK, "normalTexture": {"index": -1}}, GLASS), "is left out"),
+        (WOOD, ({**OAK, "normalTexture": {"index": -1}}, GLASS), "is ignored"),
     ],
 )
 def test_a_damaged_material_is_left_out_with_a_note(tmp_path, wood, materials, said):
@@ -219,5 +223,5 @@ def test_images_outside_of_the_folder_are_not_taken(tmp_path):
     document["images"][0] = {"uri": "../secret.png"}
     (inner / "square.gltf").write_text(json.dumps(document))
     rig = read_gltf(inner / "square.gltf")
-    assert any("lies outside of its folder" in note for note in rig.notes)
+    assert any("outside of the folder of the model" in note for note in rig.notes)
     assert WOOD not in build_glb([sample_performance(Project().with_characters(rig.shape), rig.shape.id)])

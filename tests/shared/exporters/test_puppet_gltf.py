@@ -76,7 +76,7 @@ def test_a_puppet_that_plays_nothing_stands_at_rest():
 def test_puppets_and_their_times_are_checked(bean):
     with pytest.raises(InputError, match="no character 'pea'"):
         sample_performance(bean, "pea")
-    with pytest.raises(InputError, match="is not a valid time range"):
+    with pytest.raises(InputError, match="frames per second is not valid"):
         sample_performance(bean, "bean", 2.0, 1.0)
     unposed = bean.with_characters(bean.puppet("bean").with_changes(poses=()))
     with pytest.raises(InputError, match="Pose two examples"):

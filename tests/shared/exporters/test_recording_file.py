@@ -90,7 +90,7 @@ def test_part_of_a_performance_is_cut_out_and_can_be_exported_again(project, tmp
     write_recording(tmp_path / "live.mcap", [(character_of(shape), poses)], people)
     words = ["--start", "0.2", "--end", "0.6", "--in-place"]
     assert run(["export", str(tmp_path / "live.mcap"), "-o", str(tmp_path / "part.mcap"), *words]) == 0
-    assert "man, 0.40 s, are in" in capsys.readouterr().out
+    assert "contains 0.40 s of motion of man" in capsys.readouterr().out
     (surfaces,) = surfaces_in(Recording(tmp_path / "part.mcap")).values()
     assert len(surfaces) == 11 and surfaces[0][0] == 0 and surfaces[-1][0] == 400_000_000
     expected = skin_vertices(character_of(shape), poses[5])
@@ -201,9 +201,15 @@ def test_stopped_export_leaves_the_old_file(project, tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["-o", "out.mcap", "--unit", "cm"], ".mcap has no 'unit' to choose. Leave it out."),
-        (["-o", "out.mcap", "--up", "z"], ".mcap has no 'up' to choose. Leave it out: the format fixes"),
-        (["-o", "live.mcap"], "live.mcap: it is also the source. Choose another name."),
+        (["-o", "out.mcap", "--unit", "cm"], ".mcap does not support the option 'unit'. Remove the option."),
+        (
+            ["-o", "out.mcap", "--up", "z"],
+            ".mcap does not support the option 'up'. Remove the option. The format always",
+        ),
+        (
+            ["-o", "live.mcap"],
+            "live.mcap: the output file is also the source file. Choose another output file.",
+        ),
     ],
 )
 def test_impossible_recording_is_refused_with_a_sentence(tmp_path, monkeypatch, capsys, words, said):

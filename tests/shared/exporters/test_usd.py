@@ -200,7 +200,7 @@ def test_interrupted_export_leaves_the_older_files(tmp_path, kind):
 def test_unwritable_usd_is_reported(walk, tmp_path, monkeypatch):
     performance = sample_performance(walk, "man", 0.0, 0.1)
     path = tmp_path / "out.usda"
-    with pytest.raises(InputError, match="nothing to write"):
+    with pytest.raises(InputError, match="no character was selected"):
         exporter_of(path).save(path, [], "out")
     with pytest.raises(InputError, match="'inch' does not exist"):
         exporter_of(path, unit="inch")

@@ -162,7 +162,7 @@ def test_a_row_too_many_is_read_and_noted() -> None:
         ("0.04", "0", 13, "lasts 0.0 s"),
         ("1 90 0 90 0 0", "1 90 0 90 0", 15, "frame 2 has 5 numbers"),
         ("1 90 0 90 0 0", "1 90 nan 90 0 0", 15, "not finite"),
-        ("ROOT Hips", "JOINT Hips", 2, "does not belong here"),
+        ("ROOT Hips", "JOINT Hips", 2, "is not allowed here"),
     ],
 )
 def test_error_names_the_line(old: str, new: str, line: int, words: str) -> None:
@@ -176,7 +176,7 @@ def test_truncated_or_empty_file_is_refused() -> None:
         parse_bvh(SIMPLE[: SIMPLE.index("Frame Time")])
     with pytest.raises(InputError, match="no frames"):
         parse_bvh(SIMPLE[: SIMPLE.index("0 90 0 0 0 0")])
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="the file does not exist"):
         read_bvh("there/is/no.bvh")
 
 

@@ -75,5 +75,5 @@ def test_invalid_file_is_reported(tmp_path, text: str, words: str) -> None:
     path.write_text(text)
     with pytest.raises(InputError, match=words):
         read_expmap(path)
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="the file does not exist"):
         read_expmap(tmp_path / "none.txt")

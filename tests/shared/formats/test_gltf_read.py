@@ -240,19 +240,19 @@ def test_a_model_without_a_rig_gets_one_bone(tmp_path):
     del gltf.json["skins"], gltf.json["nodes"][2]["skin"]
     rig = read_gltf(gltf.write(tmp_path / "still.gltf"), height=3.0, floor=True)
     np.testing.assert_allclose(rig.shape.skeleton.positions[:, 1], [0, 3])
-    assert rig.notes == ("it has no rig: it gets one bone, from its bottom to its top",)
+    assert rig.notes == ("the model has no rig, so one bone from its bottom to its top was added",)
 
 
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
-        (lambda d: d.update(extensionsRequired=["ACME_wobble"]), "it needs ACME_wobble"),
+        (lambda d: d.update(extensionsRequired=["ACME_wobble"]), "unsupported glTF extensions: ACME_wobble"),
         (lambda d: d["meshes"][0]["primitives"][0].update(mode=1), "no triangle"),
         (lambda d: d["nodes"][0].update(children=[0]), "has the child 0"),
         (lambda d: d["bufferViews"][1].update(byteLength=10**6), "truncated or damaged"),
-        (lambda d: d["accessors"][1].update(count=10**6), "beyond its buffer"),
-        (lambda d: d["nodes"][2].update(mesh=7), "mesh 7 that does not exist"),
-        (lambda d: d["skins"][0].update(joints=[0]), "follows joint 1 of 1"),
+        (lambda d: d["accessors"][1].update(count=10**6), "beyond the end of its buffer"),
+        (lambda d: d["nodes"][2].update(mesh=7), "the mesh 7, which does not exist"),
+        (lambda d: d["skins"][0].update(joints=[0]), "refers to joint 1, but the skin has only 1 joints"),
         (lambda d: d["asset"].update(version="1.0"), "cannot be read as glTF 2"),
     ],
 )
@@ -268,7 +268,7 @@ def test_invalid_file_is_reported(tmp_path, spoil, words):
 
 
 def test_other_files_are_refused(tmp_path):
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="the file does not exist"):
         read_gltf(tmp_path / "none.glb")
     with pytest.raises(InputError, match="not a glTF file"):
         (tmp_path / "a.txt").write_text("x")

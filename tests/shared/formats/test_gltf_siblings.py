@@ -47,11 +47,14 @@ READ: dict[str, tuple[Change, list[float]]] = {
 }
 """Changes after which a file is still readable, each with the seconds of its clips."""
 REFUSED: dict[str, tuple[Change, str]] = {
-    "empty scene": (lambda t: t.json.update(scenes=[{"nodes": []}]), "scene has no triangle"),
+    "empty scene": (lambda t: t.json.update(scenes=[{"nodes": []}]), "scene of the file has no triangles"),
     "node that is not there": (lambda t: t.json["scenes"][0].update(nodes=[999]), "does not exist"),
-    "no finite place": (lambda t: t.json["nodes"][0].update(translation=[float("nan"), 0, 0]), "not finite"),
+    "no finite place": (
+        lambda t: t.json["nodes"][0].update(translation=[float("nan"), 0, 0]),
+        "not a finite number",
+    ),
     "falling times": (clip([1, 0.5], [HALF] * 2), "not in ascending order"),
-    "short matrix": (lambda t: t.json["nodes"][0].update(matrix=[1.0] * 15), "do not fit together"),
+    "short matrix": (lambda t: t.json["nodes"][0].update(matrix=[1.0] * 15), "contradict each other"),
     "own child": (lambda t: t.json["nodes"][0].update(children=[0]), "has the child 0"),
     "lines": (lambda t: t.json["meshes"][0]["primitives"][0].update(mode=1), "lines or points"),
 }
@@ -116,5 +119,5 @@ def test_a_buffer_is_found_by_its_uri(tmp_path, uri):
 def test_a_buffer_elsewhere_is_not_opened(tmp_path, uri):
     (tmp_path / "in").mkdir()
     path = beside(tmp_path / "in", uri.format(tmp_path), "../a.bin")
-    with pytest.raises(InputError, match=r"its part '.*' (lies outside|cannot be read)"):
+    with pytest.raises(InputError, match=r"the referenced file '.*' (is outside|cannot be read)"):
         load_mesh(path)

@@ -95,7 +95,9 @@ def test_missing_decoder_error_names_file_and_package(tmp_path, monkeypatch, mod
     for name, door in READERS.items():
         with pytest.raises(ResourceError) as refused:
             door(path)
-        assert str(refused.value).startswith(f"{path}: it is compressed, and the library {module}"), name
+        assert str(refused.value).startswith(f"{path}: the file is compressed, but the library {module}"), (
+            name
+        )
         assert 'pip install "enliven[compressed]"' in refused.value.remedy, name
 
 

@@ -162,20 +162,20 @@ def closed(header, arrays):
     return out.getvalue()
 
 
-LATER = "reads up to version 2: update enliven"
+LATER = "reads files up to version 2. Update enliven"
 
 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda h: h.update(version=3, made_by="9.9"), f"is of version 3, made by enliven 9.9.*{LATER}"),
-        (lambda h: (h.update(version=3), h.pop("made_by")), f"is of version 3. This.*{LATER}"),
-        (lambda h: h.update(version=3, project=["in", "another", "way"]), f"is of version 3.*{LATER}"),
+        (lambda h: h.update(version=3, made_by="9.9"), f"format version 3, written by enliven 9.9.*{LATER}"),
+        (lambda h: (h.update(version=3), h.pop("made_by")), f"format version 3. This.*{LATER}"),
+        (lambda h: h.update(version=3, project=["in", "another", "way"]), f"format version 3.*{LATER}"),
         (
             lambda h: (h.update(made_by="9.9"), first_layer(h).update(glow=1)),
             "enliven 9.9, .*update enliven",
         ),
-        (lambda h: first_layer(h).update(glow=1), "'glow' is unknown. Take an earlier copy"),
+        (lambda h: first_layer(h).update(glow=1), "'glow' is unknown. Use an earlier copy"),
     ],
 )
 def test_a_project_of_a_later_version_is_refused_and_kept(tmp_path, change, words):
@@ -192,7 +192,7 @@ def test_a_project_of_a_later_version_is_not_replaced(tmp_path, more):
     path = tmp_path / "later.enliven"
     path.write_bytes(spoiled(lambda header, _: header.update(version=3, made_by="9.9", **more)))
     before = path.read_bytes()
-    with pytest.raises(LaterVersionError, match="is of version 3, made by enliven 9"):
+    with pytest.raises(LaterVersionError, match="format version 3, written by enliven 9"):
         write_project(path, Project())
     assert path.read_bytes() == before and [file.name for file in tmp_path.iterdir()] == ["later.enliven"]
 
@@ -224,17 +224,21 @@ def spoiled(change):
     [
         (lambda h, a: h.update(format="zip"), "not an enliven project", ""),
         (lambda h, a: h.update(version=VERSION + 1, made_by="9.9"), "made by enliven 9.9", ""),
-        (lambda h, a: h.update(version="new"), "its header is damaged", ""),
+        (lambda h, a: h.update(version="new"), "the header of the project file is damaged", ""),
         (lambda h, a: a.popitem(), "an array is missing", "project."),
-        (lambda h, a: a.update({next(iter(a)): b"\x93NUMPY"}), "array in it is damaged", ""),
-        (lambda h, a: a.update({k: next(iter(a.values())) for k in a}), "array in it is damaged", ""),
+        (lambda h, a: a.update({next(iter(a)): b"\x93NUMPY"}), "array in the project is damaged", ""),
+        (
+            lambda h, a: a.update({k: next(iter(a.values())) for k in a}),
+            "array in the project is damaged",
+            "",
+        ),
         (lambda h, a: first_layer(h).update(glow=1), "'glow' is unknown", "layers[0]"),
         (lambda h, a: first_layer(h).pop("take"), "'take' is missing", "layers[0]"),
         (lambda h, a: first_layer(h).update(speed="fast"), "'fast' is not a float", "speed"),
         (lambda h, a: first_layer(h).update(loop=1), "is not a bool", "loop"),
         (lambda h, a: first_shape(h).update(kind="lattice"), "kind 'lattice' is unknown", "shape 0"),
         (lambda h, a: first_shape(h).pop("kind"), "kind None is unknown", "shape 0"),
-        (lambda h, a: h["project"]["takes"].pop("walk"), "the take 'walk' does not exist", "shape"),
+        (lambda h, a: h["project"]["takes"].pop("walk"), "no take 'walk'", "shape"),
     ],
 )
 def test_damaged_file_is_reported(change, words, where):
@@ -266,7 +270,7 @@ def test_a_bit_that_is_turned_over_is_noticed_or_does_not_matter(seed):
 
 
 def test_other_files_are_refused(tmp_path):
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="the file does not exist"):
         read_project(tmp_path / "none.enliven")
     (tmp_path / "text.enliven").write_text("hello")
     with pytest.raises(InputError, match="not an enliven project"):

@@ -98,7 +98,7 @@ def test_page_report_and_metrics_show_the_same_state():
         health_page(profile_of(running)) as page,
     ):
         text = page.wait_for("30 frames/s, 1 person")
-        assert "All is well" in text and "camera 1" in text and "attract" in text and "21.0 ms" in text
+        assert "No problems" in text and "camera 1" in text and "attract" in text and "21.0 ms" in text
         status, headers, body = page.request("GET", "/health")
         report = json.loads(body)
         metrics = {
@@ -191,7 +191,7 @@ def test_a_silent_edge_is_an_error_and_then_recovers(tmp_path, monkeypatch):
             assert page.request("GET", "/health")[0] == 503
             page.wait_for("enliven_alerts_sent_total 1", "/metrics")
             running["floor"].messages = (BODIES, pack_stream(FINE))
-            page.wait_for("All is well")
+            page.wait_for("No problems")
             page.wait_for("enliven_alerts_sent_total 2", "/metrics")
             assert page.request("GET", "/health")[0] == 200
     events = [json.loads(line) for line in path.read_text().splitlines()]
@@ -209,7 +209,7 @@ def test_an_edge_of_another_version_is_explained(monkeypatch):
     with edges(floor=(bytes(other),), roof=(damaged,)) as running, health_page(profile_of(running)) as page:
         text = page.wait_for("version")
         assert "Install the same version" in text
-        page.wait_for("heartbeat is damaged")
+        page.wait_for("heartbeat of the edge is damaged")
 
 
 def test_a_hundred_edges_are_shown():
@@ -217,7 +217,7 @@ def test_a_hundred_edges_are_shown():
         address = running["floor"].address
         names = {f"edge {number:03d}": KioskEdge(address=address) for number in range(100)}
         with health_page(KioskProfile(edges=names)) as page:
-            page.wait_for("All is well")
+            page.wait_for("No problems")
             text = page.wait_for("edge 099")
             metrics = page.wait_for('enliven_edge_people{edge="edge 099"}', "/metrics")
     assert text.count("<details") == 100 and "92 more edges" in text
@@ -254,9 +254,9 @@ def test_a_restart_needs_the_form_and_ends_only_programs_of_enliven(monkeypatch)
             assert alive(pid)
             status, headers, _ = page.request("POST", "/restart", body=form)
             assert status == 303 and headers["location"] == "/"
-            assert "was asked to restart by 127.0.0.1" in page.get("/")
+            assert "127.0.0.1 restarted the program" in page.get("/")
             assert ended_by(pid) == signal.SIGTERM
-            assert "too soon" in page.request("POST", "/restart", body=form)[2].decode()
+            assert "a moment ago" in page.request("POST", "/restart", body=form)[2].decode()
             time.sleep(app._MIN_ACTION_INTERVAL_S)
             status, _, body = page.request("POST", "/restart", body=form_of(page, "restart", "foreign")[1])
             assert status == 409 and b"not a program of enliven" in body and alive(foreign)
@@ -341,7 +341,7 @@ def test_log_files_are_shown_without_markup(tmp_path):
     (folder / "window.log").write_text("x" * 200_000 + "\n" + "<b>last words</b>\x1b[2J\n")
     with edges(floor=(pack_stream(FINE),)) as running, health_page(profile_of(running)) as page:
         text = page.get("/")
-    if "No log is known" not in text and "last words" not in text:
+    if "No log was found" not in text and "last words" not in text:
         pytest.skip("the journal of this computer has lines of enliven")
     assert "window: &lt;b&gt;last words&lt;/b&gt;\\x1b[2J" in text
 
@@ -417,7 +417,7 @@ def test_the_certificate_of_souvenirs_warns_on_the_page_to_the_doctor_and_by_an_
             page.wait_for("enliven_alerts_sent_total 2", "/metrics")
             assert page.request("GET", "/health")[0] == 503
             certificates.make("souvenirs", days=100.0)
-            page.wait_for("All is well")
+            page.wait_for("No problems")
             path.unlink()
             page.wait_for("TLS certificate of souvenirs cannot be read")
     kinds = [json.loads(line)["kind"] for line in (tmp_path / "alerts").read_text().splitlines()]
@@ -438,7 +438,7 @@ def test_the_doctor_reads_a_page_of_this_computer(monkeypatch, capsys):
         page.wait_for("30 frames/s")
         page.wait_for("reports: ok")
         code, checks = check_installation(f"http://127.0.0.1:{page.port}", None, "", monkeypatch, capsys)
-    assert code == 0 and checks["edge floor"]["detail"] == "tracking, 1 performer, 30 poses a second"
+    assert code == 0 and checks["edge floor"]["detail"] == "tracking, 1 performer, 30 poses per second"
     assert checks["health page"]["detail"].startswith("lobby") and checks["health page"]["detail"].endswith(
         ": ok"
     )
@@ -462,7 +462,7 @@ def test_mistakes_are_reported_at_the_start(tmp_path):
         serve_health(replace(profile, alerts=AlertSettings(webhook="gopher://x")))
     with pytest.raises(InputError, match="address"):
         serve_health(replace(profile, edges={"floor": KioskEdge(address="a b")}))
-    with pytest.raises(InputError, match="beyond this computer"):
+    with pytest.raises(InputError, match="to serve other computers"):
         serve_health(replace(profile, health=HealthPageSettings(host="0.0.0.0")))
     with health_page(profile) as page, pytest.raises(ResourceError, match=str(page.port)):
         serve_health(replace(profile, health=HealthPageSettings(port=page.port)))

@@ -177,13 +177,13 @@ def test_file_outside_of_the_folder_is_refused(profile: Path, root: Path, capsys
     profile.write_text('[characters.horse]\nmesh = "../horse.obj"\n')
     with pytest.raises(typer.Exit):
         install_kiosk(profile, root=root)
-    assert "characters.horse.mesh is outside of the profile's folder" in capsys.readouterr().err
+    assert "the file in characters.horse.mesh is outside the profile's folder" in capsys.readouterr().err
 
 
 def test_home_directory_is_not_installed(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
     (tmp_path / "foyer.toml").write_text("")
-    with pytest.raises(InputError, match="folder of their own"):
+    with pytest.raises(InputError, match="to a separate folder"):
         create_plan(load_profile(tmp_path / "foyer.toml"), tmp_path / "foyer.toml")
 
 

@@ -66,4 +66,4 @@ def test_long_wait_for_compilation_is_explained_once(monkeypatch, caplog, second
     for _ in range(4):
         compilations.on_start(None)
         compilations.on_end(None)
-    assert caplog.text.count("compiling kernels; this takes a minute or two") == lines
+    assert caplog.text.count("compiling kernels; this takes one or two minutes") == lines

@@ -60,7 +60,7 @@ def test_all_files_are_for_their_owner_only(store: KeyStore, mask: int) -> None:
 
 def test_keys_are_replaced_only_on_request(store: KeyStore) -> None:
     first = store.create_own_pair()
-    with pytest.raises(InputError, match=r"there are keys already.*--overwrite"):
+    with pytest.raises(InputError, match=r"already has keys.*--overwrite"):
         store.create_own_pair()
     assert store.load_own_pair() == first
     assert store.create_own_pair(overwrite=True) != first
@@ -117,13 +117,13 @@ OTHER = z85.encode(bytes(range(32, 64))).decode()
     [
         ("", "public key is missing"),
         ("\x00\x01", "not readable"),
-        ("-----BEGIN OPENSSH PRIVATE KEY-----", "not readable TOML"),
+        ("-----BEGIN OPENSSH PRIVATE KEY-----", "not valid TOML"),
         ("version = 99", "version 99"),
         (f'public = "{KEY[:-1]}"\nsecret = "{OTHER}"', "public key is missing or invalid"),
         (f'public = "{KEY}"\nsecret = 7', "secret key is missing or invalid"),
         (f'public = "{KEY}"\nsecret = "{"ä" * 40}"', "secret key"),
         (f'public = "{"#" * 40}"\nsecret = "{OTHER}"', "public key"),
-        (f'public = "{KEY}"\nsecret = "{OTHER}"', "does not belong to its public key"),
+        (f'public = "{KEY}"\nsecret = "{OTHER}"', "does not belong to the public key"),
     ],
 )
 def test_damaged_and_foreign_files_are_refused_in_a_sentence(store: KeyStore, text: str, told: str) -> None:
@@ -148,7 +148,7 @@ def test_peers_are_stored_listed_and_forgotten(store: KeyStore) -> None:
     with pytest.raises(InputError, match="no paired viewer or edge matches"):
         store.forget("nobody")
     store.add_viewer(viewer(3, first.name))
-    with pytest.raises(InputError, match="several peers match"):
+    with pytest.raises(InputError, match="several paired viewers or edges match"):
         store.forget(first.name)
     assert store.forget(fingerprint(first.public)[:9]) == [first]
     assert store.forget("Kiosk.local") == [edge] and store.load_edges() == []
@@ -182,7 +182,7 @@ def test_viewers_use_the_key_of_the_paired_edge_and_else_their_own_on_this_machi
     store.add_edge(PairedEdge(bytes([7]) * 32, "stage", "10.0.0.5", 5581, "watch"))
     assert find_client_keys("10.0.0.5", 5581, store.folder) == ClientKeys(bytes([7]) * 32, own)
     store.own_path.unlink()
-    with pytest.raises(InputError, match=r"own keys are missing.*enliven pair"):
+    with pytest.raises(InputError, match=r"keys of this computer are missing.*enliven pair"):
         find_client_keys("10.0.0.5", 5581, store.folder)
 
 
@@ -214,14 +214,14 @@ def test_the_command_makes_lists_shows_and_forgets(
     listed = capsys.readouterr().out
     assert print_of_own in listed and "laptop" in listed and "stage at 10.0.0.5:5581" in listed
     assert own.secret.hex() not in listed
-    assert cli.run(["keys", "forget", "laptop"]) == 0 and "forgotten: laptop" in capsys.readouterr().out
+    assert cli.run(["keys", "forget", "laptop"]) == 0 and "removed: laptop" in capsys.readouterr().out
     assert cli.run(["keys", "show"]) == 0 and capsys.readouterr().out.strip() == print_of_own
     assert cli.run(["keys", "make", "--overwrite"]) == 0
     own_config.own_path.write_text("nonsense")
     capsys.readouterr()
     assert cli.run(["keys", "list"]) == 3
     output = capsys.readouterr()
-    assert "damaged" in output.out and "not readable TOML" in output.err and "stage" in output.out
+    assert "damaged" in output.out and "not valid TOML" in output.err and "stage" in output.out
 
 
 def test_one_key_at_two_addresses_stays_paired_with_both(tmp_path: Path) -> None:

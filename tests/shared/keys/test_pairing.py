@@ -70,7 +70,7 @@ def test_without_the_code_neither_side_learns_a_key() -> None:
     edge = at.desk.start_pairing(viewer.message)
     box = viewer.encrypt_introduction(edge.message, VIEWER)
     assert VIEWER.public not in box and b"laptop" not in box
-    with pytest.raises(PairingError, match="the code is wrong"):
+    with pytest.raises(PairingError, match="the pairing code is wrong"):
         edge.decrypt_introduction(box)
     with pytest.raises(PairingError, match="another program answers"):
         viewer.decrypt_introduction(edge.encrypt_introduction(EDGE))
@@ -115,14 +115,14 @@ def test_a_code_that_is_tried_ten_times_is_dead_after_three() -> None:
         with pytest.raises(PairingError) as error:
             attempt(at.desk, other_code(code))
         reasons.append(str(error.value))
-    assert reasons[:MAX_TRIES_PER_CODE] == ["the code is wrong"] * MAX_TRIES_PER_CODE
+    assert reasons[:MAX_TRIES_PER_CODE] == ["the pairing code is wrong"] * MAX_TRIES_PER_CODE
     assert all("too many tries" in reason for reason in reasons[MAX_TRIES_PER_CODE:])
     assert at.desk.code == "" and len(at.shown) == 1
     with pytest.raises(PairingError, match="too many tries"):
         attempt(at.desk, code)
     at.now += FIRST_PAUSE_S
     assert at.desk.code == at.shown[-1] and len(at.shown) == 2
-    with pytest.raises(PairingError, match="the code is wrong"):
+    with pytest.raises(PairingError, match="the pairing code is wrong"):
         attempt(at.desk, code if code != at.shown[-1] else other_code(code))
 
 
@@ -168,7 +168,7 @@ def test_a_code_expires_and_pairing_closes() -> None:
     at.now += CODE_LIFETIME_S
     assert at.desk.code != "" and len(at.shown) == 2
     if first != at.shown[1]:
-        with pytest.raises(PairingError, match="the code is wrong"):
+        with pytest.raises(PairingError, match="the pairing code is wrong"):
             attempt(at.desk, first)
     at.now += CODE_LIFETIME_S
     with pytest.raises(PairingError, match=r"pairing is closed.*--show-code"):

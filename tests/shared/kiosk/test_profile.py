@@ -63,5 +63,5 @@ def test_edges_of_other_computers_may_have_the_same_port(tmp_path: Path) -> None
 
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="the file does not exist"):
         load_profile(tmp_path / "none.toml")

@@ -158,7 +158,7 @@ def test_missing_joint_is_named_with_the_existing_ones():
     with pytest.raises(InputError, match="the model has no joint 'wing'") as caught:
         apply_plan(Project(), shape, clip, Plan(chains=(replace(good, target=("wing",)),)))
     assert "Left hock" in caught.value.remedy
-    with pytest.raises(InputError, match="goes up the tree"):
+    with pytest.raises(InputError, match="leads towards the root"):
         up = replace(good, target=("Left hind hoof", "Left hip"))
         apply_plan(Project(), shape, clip, Plan(chains=(up,)))
 

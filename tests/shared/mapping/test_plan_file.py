@@ -85,7 +85,7 @@ CHAIN = '[[chain]]\nsource = "a..b"\ntarget = "c..d"\n'
     ("text", "words", "where"),
     [
         ("", r"no \[\[chain\]\]", "map.toml"),
-        ("rest = [", "not readable TOML", "map.toml"),
+        ("rest = [", "not valid TOML", "map.toml"),
         ('rest = "soon"\n' + CHAIN, "rest is 'soon'", "map.toml"),
         ("resst = 1\n" + CHAIN, "unknown key resst", "map.toml"),
         (CHAIN + "wieght = 1\n", "unknown key wieght", "map.toml, chain 1"),
@@ -94,7 +94,7 @@ CHAIN = '[[chain]]\nsource = "a..b"\ntarget = "c..d"\n'
         (CHAIN + 'mode = "dance"\n', "mode is 'dance'", "chain 1"),
         ('[[chain]]\nsource = "a..b"\n', "needs a source and a target", "chain 1"),
         ("[[chain]]\nsource = 3\ntarget = 4\n", "source is 3", "chain 1"),
-        ("chain = 3\n", "must be tables", "map.toml"),
+        ("chain = 3\n", "must be an array of tables", "map.toml"),
         ("chains = []\n", "unknown key chains", "map.toml"),
     ],
 )
@@ -105,7 +105,7 @@ def test_mistakes_are_reported(tmp_path, text, words, where):
 
 
 def test_unreadable_or_unwritable_files_are_reported(tmp_path):
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="the file does not exist"):
         read_plan(tmp_path / "none.toml")
     (tmp_path / "file").write_text("")
     with pytest.raises(ResourceError, match="cannot be written"):

@@ -140,7 +140,7 @@ def test_fitting_puts_the_mesh_upright_on_the_floor(up):
 
 def test_a_mesh_without_height_cannot_be_fitted():
     flat = Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [0, 0, 1]]), np.array([[0, 1, 2]]))
-    with pytest.raises(InputError, match="flat along y"):
+    with pytest.raises(InputError, match="flat along the y axis"):
         fit_height(flat, 1.75)
     assert fit_height(flat, 1.75, "z").bounds[1, 1] == pytest.approx(1.75)
     with pytest.raises(InputError):
@@ -161,7 +161,7 @@ def test_every_repair_is_reported():
     assert len(mesh.faces) == 12
     report = " | ".join(notes)
     for words in (
-        "1 vertices that are not finite, with 1 faces",
+        "1 vertices with invalid positions and 1 faces that use them",
         "1 degenerate",
         "2 duplicate faces",
         "2 of 10",
@@ -176,7 +176,7 @@ def test_shells_duplicates_and_flat_meshes_are_kept_and_reported():
     assert "2 separate shells" in repair(two)[1][0]
     mesh, notes = repair(soup(box()))
     assert len(mesh.vertices) == 36
-    assert "28 vertices have duplicate positions" in notes[0]
+    assert "28 vertices have the same position" in notes[0]
     assert "flat" in repair(Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]])))[1][0]
 
 

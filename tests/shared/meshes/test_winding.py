@@ -45,9 +45,11 @@ def test_any_flips_of_closed_parts_are_undone(flips):
 
 def test_notes_tell_part_and_whole():
     vertices, faces = boxes((0, 1))
-    assert repair_winding(Mesh(vertices, faces[:, ::-1]))[1] == ["it was inside out: turned to face outwards"]
+    assert repair_winding(Mesh(vertices, faces[:, ::-1]))[1] == [
+        "the faces of the mesh pointed inwards and were flipped"
+    ]
     _, notes = repair_winding(Mesh(vertices, turned(faces, np.arange(12) < 3)))
-    assert notes == ["turned 3 of 12 faces that were wound differently from neighbours"]
+    assert notes == ["3 of 12 faces had another winding than their neighbours and were flipped"]
 
 
 @pytest.mark.parametrize("all_inside_out", [False, True])

@@ -63,7 +63,7 @@ def test_a_split_lane_plays_as_before_at_all_times(rig, share, time, speed, loop
     for split in (once, twice):
         # At the first instant of a loop one side has the end of a round, and the other the begin of the next.
         near(compute_vertices(split, name, time), compute_vertices(project, name, time), 1e-5)
-    with pytest.raises(InputError, match="no clip plays at"):
+    with pytest.raises(InputError, match="no clip can be split at"):
         split_clip(once, name, numbers, inside(clip, share))
 
 
@@ -247,7 +247,7 @@ def test_a_mirrored_layer_twice_is_nothing_and_a_recorded_mesh_refuses(rig):
     once = mirror_layers(project, name, numbers)
     assert not are_identical(once, project) and are_identical(mirror_layers(once, name, numbers), project)
     graph, other, parts = world("graph")
-    with pytest.raises(InputError, match="fits only its own mesh"):
+    with pytest.raises(InputError, match="cannot be mirrored separately"):
         mirror_layers(graph, other, parts)
 
 
@@ -258,11 +258,11 @@ def test_clips_that_cannot_be_played_are_refused_and_change_nothing(rig):
     cut = split_clip(project, name, numbers, inside(clip, 0.5))
     short = trim_clip(cut, name, numbers, 1, end=inside(clip, 0.6))
     for wrong, words in (
-        (lambda: remove_clip(project, name, numbers, 0), "nothing is left"),
-        (lambda: slip_clip(project, name, numbers, 3, 0.1), "clip 3 does not exist"),
-        (lambda: find_layer_clips(project, name, 9), "layer 9 does not exist"),
+        (lambda: remove_clip(project, name, numbers, 0), "the last clip"),
+        (lambda: slip_clip(project, name, numbers, 3, 0.1), "no clip 3"),
+        (lambda: find_layer_clips(project, name, 9), "no layer 9"),
         (lambda: blend_clips(project, name, numbers, 0, 0.1), "no clip begins"),
-        (lambda: move_clip(short, name, numbers, 1, 0.3 * (clip.begin - clip.end)), "within another"),
+        (lambda: move_clip(short, name, numbers, 1, 0.3 * (clip.begin - clip.end)), "inside another"),
     ):
         with pytest.raises(InputError, match=words):
             wrong()
@@ -286,9 +286,9 @@ def test_markers_are_added_moved_named_and_removed():
     assert project.markers == {"jump": Marker("jump", 1.0), "marker 2": Marker("marker 2", 0.0)}
     assert list(remove_marker(project, "jump").markers) == ["marker 2"]
     for wrong, words in (
-        (lambda: rename_marker(project, "jump", "marker 2"), "is taken"),
+        (lambda: rename_marker(project, "jump", "marker 2"), "already has the name"),
         (lambda: rename_marker(project, "jump", ""), "a marker ''"),
-        (lambda: remove_marker(project, "hop"), "the marker 'hop' does not exist"),
+        (lambda: remove_marker(project, "hop"), "no marker 'hop'"),
     ):
         with pytest.raises(InputError, match=words):
             wrong()
@@ -296,10 +296,10 @@ def test_markers_are_added_moved_named_and_removed():
 
 def test_invalid_segments_are_reported():
     for wrong, words in (
-        ([Segment(0, 0)], "no length"),
+        ([Segment(0, 0)], "no duration"),
         ([Segment(1, 2)], "does not begin"),
         ([Segment(0, 1, speed=0.0)], "end or speed"),
-        ([Segment(0, 3), Segment(1, 2)], "within another"),
+        ([Segment(0, 3), Segment(1, 2)], "inside another"),
         ([Segment(0, 3), Segment(1, 4), Segment(2, 5)], "play at the same time"),
     ):
         with pytest.raises(InputError, match=words):

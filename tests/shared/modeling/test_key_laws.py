@@ -107,7 +107,7 @@ def test_a_key_is_moved_in_time_and_value_and_back(at, first, frame, other):
     keys = find_keys(project, ARM, BONE)
     time, key = keys[0]
     if any(abs(other_key.second - frame * KEY_STEP) < 1e-6 for _, other_key in keys[1:]):
-        with pytest.raises(InputError, match="on one frame"):
+        with pytest.raises(InputError, match="on the same frame"):
             move_key(project, ARM, BONE, 0, frame * KEY_STEP, other)
         return
     moved = move_key(project, ARM, BONE, 0, frame * KEY_STEP, other)
@@ -171,14 +171,17 @@ def test_invalid_key_is_refused():
     project = set_key(PROJECT, ARM, BONE, 0.5, (0, 40, 0))
     late = change_layers(project, ARM, [key_layer(project, ARM, BONE)], offset=1.0)
     for wrong, words in (
-        (lambda: set_key(PROJECT, ARM, "nose", 0.5), "joint 'nose' does not exist"),
-        (lambda: set_key(PROJECT, ARM, BONE, 0.5, (0, np.nan, 0)), "cannot be played"),
-        (lambda: set_key(PROJECT, ARM, BONE, 0.5, (0, 0, 0), "bounce"), "are not a key"),
+        (lambda: set_key(PROJECT, ARM, "nose", 0.5), "no joint 'nose'"),
+        (lambda: set_key(PROJECT, ARM, BONE, 0.5, (0, np.nan, 0)), "invalid time or value"),
+        (
+            lambda: set_key(PROJECT, ARM, BONE, 0.5, (0, 0, 0), "bounce"),
+            "with the interpolation .* is not valid",
+        ),
         (lambda: ease_key(project, ARM, BONE, 4, "step"), "key 4 does not exist"),
         (lambda: remove_key(PROJECT, ARM, BONE, 0), "key 0 does not exist"),
-        (lambda: key_handle(PROJECT, ARM, 0, (0, 0, 0), 0.0), "can only be moved"),
-        (lambda: set_key(late, ARM, BONE, 0.2, (0, 0, 0)), "begins at 1.00 s"),
-        (lambda: clip_from_keys("keys", "arm", []), "no key was given"),
+        (lambda: key_handle(PROJECT, ARM, 0, (0, 0, 0), 0.0), "no bone ends there"),
+        (lambda: set_key(late, ARM, BONE, 0.2, (0, 0, 0)), "the start of its clip at 1.00 s"),
+        (lambda: clip_from_keys("keys", "arm", []), "the list of keys is empty"),
     ):
         with pytest.raises(InputError, match=words):
             wrong()

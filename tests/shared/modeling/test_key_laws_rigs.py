@@ -260,7 +260,7 @@ def test_character_without_keys_is_refused():
         with pytest.raises(InputError, match=words):
             set_key(*WORLDS[rig], handle, 0.5)
     project, name = WORLDS["bones"]
-    with pytest.raises(InputError, match="can only be rotated"):
+    with pytest.raises(InputError, match="can only rotate"):
         set_key(project, name, 2, 0.5, metres=(1, 0, 0))
     with pytest.raises(InputError, match="cannot have keys"):
         key_handle(*WORLDS["points"], 1, (0, 0, 0), 0.5)

@@ -179,14 +179,14 @@ def test_keys_are_moved_eased_and_refused():
         first = layer_keys(moved, name, number, "weights")[0]
         assert (first.second + offset, first.value, first.ease) == (pytest.approx(1.0), 0.4, "linear")
     for wrong, words in (
-        (lambda: set_layer_key(project, name, [0], "speeds", 0.5, 0.0), "times"),
-        (lambda: set_layer_key(project, name, [0], "speeds", 0.5, -1.0), "times"),
-        (lambda: set_layer_key(project, name, [0], "speeds", 0.5, 2 * MAX_SPEED), "times"),
+        (lambda: set_layer_key(project, name, [0], "speeds", 0.5, 0.0), "speed to values"),
+        (lambda: set_layer_key(project, name, [0], "speeds", 0.5, -1.0), "speed to values"),
+        (lambda: set_layer_key(project, name, [0], "speeds", 0.5, 2 * MAX_SPEED), "speed to values"),
         (lambda: set_layer_key(project, name, [0], "weights", 0.5, 1.5), "the weight 1.5"),
-        (lambda: set_layer_key(project, name, [0], "weights", np.nan, 0.5), "is not a key"),
-        (lambda: set_layer_key(project, name, [99], "weights", 0.5, 0.5), "layer 99 does not exist"),
+        (lambda: set_layer_key(project, name, [0], "weights", np.nan, 0.5), "is not valid"),
+        (lambda: set_layer_key(project, name, [99], "weights", 0.5, 0.5), "no layer 99"),
         (lambda: move_layer_key(project, name, [0], "weights", 0, 1.5), "at the same time"),
-        (lambda: remove_layer_key(project, name, [0], "speeds", 0), "key 0 of its speeds does not exist"),
+        (lambda: remove_layer_key(project, name, [0], "speeds", 0), "the curve of the speeds has no key 0"),
     ):
         with pytest.raises(InputError, match=words):
             wrong()

@@ -148,7 +148,7 @@ def test_impossible_merge_is_reported():
     bare = project.with_characters(project.shape(ours).with_changes(mesh=None, skin=None))
     with pytest.raises(InputError, match="no mesh"):
         merge_characters(bare, ours, theirs, 0.2, loose=True)
-    with pytest.raises(InputError, match="handle 'tail' does not exist"):
+    with pytest.raises(InputError, match="no handle 'tail'"):
         merge_characters(project, ours, theirs, 0.2, node="tail", loose=True)
     with pytest.raises(InputError, match="node 99 does not exist"):
         merge_characters(project, ours, theirs, 0.2, node=99, loose=True)

@@ -135,7 +135,7 @@ def test_a_plane_puts_the_part_where_it_was_drawn():
     axes = np.array([[0, 0, -1.0], [0, 1, 0], [1, 0, 0]])
     np.testing.assert_allclose(there.mesh.vertices, plane.origin + here.mesh.vertices @ axes, atol=1e-12)
     np.testing.assert_allclose(there.skeleton.positions, plane.origin + here.skeleton.positions @ axes)
-    with pytest.raises(InputError, match="different directions"):
+    with pytest.raises(InputError, match="are parallel or 0"):
         shape_from_stroke(ALL["star"], SketchPlane(np.zeros(3), np.ones(3), np.ones(3)))
 
 
@@ -155,7 +155,7 @@ def test_the_ends_of_a_stroke_may_run_past_each_other():
         ([[0, 0], [1, 0]], "dot or a line"),
         ([[0, 0], [0, 0], [0, 0]], "dot or a line"),
         ([[0, 0], [1, 0], [2, 0], [1, 1e-9]], "encloses no area"),
-        ([[0, 0], [1, np.nan], [1, 1]], "not numbers"),
+        ([[0, 0], [1, np.nan], [1, 1]], "not finite numbers"),
         (np.zeros((0, 2)), "dot or a line"),
     ],
 )

@@ -137,7 +137,7 @@ def test_animated_target_is_copied():
 
 def test_impossible_transfer_is_reported():
     project = with_stool()
-    with pytest.raises(InputError, match="performers moved no part"):
+    with pytest.raises(InputError, match="no performer has moved a part"):
         transfer_performance(project, "stool", SOURCE)
     with pytest.raises(InputError, match="the same character"):
         transfer_performance(project, SOURCE, SOURCE)

@@ -87,9 +87,9 @@ def test_they_are_kept_in_files_and_go_along_with_copies() -> None:
     np.testing.assert_allclose(
         evaluate_pose(chosen, name, 0.2).turns, evaluate_pose(chosen, "arm", 0.2).turns, atol=1e-9
     )
-    with pytest.raises(InputError, match="not one of these takes"):
+    with pytest.raises(InputError, match="not in this group of alternative takes"):
         choose_take(project, "take 1", "take 9")
-    with pytest.raises(InputError, match="not one of these takes"):
+    with pytest.raises(InputError, match="not in this group of alternative takes"):
         drop_take(project, "take 1", "take 9")
 
 

@@ -121,5 +121,5 @@ def test_feet_are_found_and_unknown_modes_are_refused():
     locked = lock_feet(project, "walker", [0, 1], "always")
     assert {pin.joint for pin in locked.shape("walker").pins} == set(ANKLES)
     assert not lock_feet(project, "walker", [0], "auto").shape("walker").pins
-    with pytest.raises(InputError, match="feet cannot stand 'sometimes'"):
+    with pytest.raises(InputError, match="the foot lock mode 'sometimes' does not exist"):
         lock_feet(project, "walker", [0], "sometimes")

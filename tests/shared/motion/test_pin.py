@@ -246,7 +246,7 @@ def test_pins_are_added_and_removed():
         (["hip L"], None, "no limb of two bones"),
         (["ankle L"], "knee L", "no limb of two bones"),
         (["ankle L"], "hip R", "no limb of two bones"),
-        (["tail"], None, "joint 'tail' does not exist"),
+        (["tail"], None, "no joint 'tail'"),
         ([99], None, "joint 99 does not exist"),
     ],
 )

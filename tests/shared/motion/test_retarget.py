@@ -258,8 +258,8 @@ def test_an_edit_that_cannot_be_changes_nothing():
         (lambda: bind_chain(project, "tree", (2, 1, 0), "take", chain), "from 'a' to 'c'"),
         (lambda: bind_chain(project, "tree", (2, 1, 0, 3), "take", chain), "two chains"),
         (lambda: bind_chain(project, "tree", (0, 1), "take", chain, weight=2.0), "weight"),
-        (lambda: set_layer(project, "tree", "ghost", muted=True), "layer 'ghost' does not exist"),
-        (lambda: set_travel(project, "tree", "ghost"), "layer 'ghost' does not exist"),
+        (lambda: set_layer(project, "tree", "ghost", muted=True), "no layer 'ghost'"),
+        (lambda: set_travel(project, "tree", "ghost"), "no layer 'ghost'"),
     ]
     for edit, words in bad:
         with pytest.raises(InputError, match=words):

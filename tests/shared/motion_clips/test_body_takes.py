@@ -67,7 +67,7 @@ def test_a_recording_is_a_take(tmp_path):
         ({"seconds": [0.0, 0.0]}, "do not increase"),
         ({"seconds": [1.0, 2.0]}, "do not increase from 0"),
         ({"people": [1, 1]}, "joints"),
-        ({"joints": np.full((2, 1, 20, 3), np.nan)}, "not finite"),
+        ({"joints": np.full((2, 1, 20, 3), np.nan)}, "not a finite number"),
         ({"confidence": np.full((2, 1, 20), 1.5)}, "confidence"),
     ],
 )

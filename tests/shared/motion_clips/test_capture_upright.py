@@ -43,7 +43,9 @@ def check(tmp_path, wanted, same_turns=True, **how):
 @pytest.mark.parametrize("up", list(UP))
 def test_every_axis_and_unit_give_the_clip_of_the_twin(tmp_path, wanted, up, unit):
     notes = check(tmp_path, wanted, axes=UP[up], unit=unit)
-    assert notes == (() if up == "+Y" else (f"its {up} axis points up: turned upright",))
+    assert notes == (
+        () if up == "+Y" else (f"the {up} axis of the file points up, so the motion was turned upright",)
+    )
 
 
 @pytest.mark.parametrize("up", ["+Z", "-Z", "+X", "-Y"])
@@ -93,6 +95,6 @@ def test_an_animal_of_other_names_stands_on_its_legs(tmp_path):
         f"HIERARCHY\nROOT Body\n{{\nOFFSET 0 0 0\n{head}\n{legs}}}\nMOTION\nFrames: 2\nFrame Time: .04\n{row}\n{row}\n"  # noqa: E501
     )
     clip, notes = read_take(path)
-    assert notes == ("its +Z axis points up: turned upright",)
+    assert notes == ("the +Z axis of the file points up, so the motion was turned upright",)
     paws = [at[:, 1].mean() for name, at in joints_of(clip).items() if name.startswith("Paw")]
     assert max(paws) < 0.1 < clip.root[0, 1]

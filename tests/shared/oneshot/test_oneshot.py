@@ -116,7 +116,7 @@ def test_impossible_edit_is_refused_with_a_fix(performed, tmp_path):
         (lambda: mesh_at(project, "table", 0.0), chair),
         (lambda: cut(project, "table", PlaneCut(np.zeros(3), np.ones(3)), 0.0), chair),
         (lambda: copy(project, "table"), chair),
-        (lambda: merge(project, chair, chair, 0.0), "Copy it first"),
+        (lambda: merge(project, chair, chair, 0.0), "Copy the character first"),
         (lambda: export(project, tmp_path / "chair.doc"), ".glb"),
         (lambda: export(project, tmp_path / "chair.bvh"), ""),
     ):
@@ -131,6 +131,6 @@ def test_examples_with_an_unknown_joint_are_refused():
     take = clip_of_bodies([standing(0.2 * n) for n in range(6)], STEP * np.arange(6), "bow")
     points = {"seat": (0, "hip center"), "arm": (9, "left hand")}
     rest = chair.vertices[[0, 9]]
-    with pytest.raises(InputError, match="do not determine a motion") as caught:
+    with pytest.raises(InputError, match="define no motion") as caught:
         fit_examples(chair, take, points, {0.0: rest, 0.2: rest + 0.1})
     assert "has no 'left hand'" in caught.value.remedy and "hand left" in caught.value.remedy

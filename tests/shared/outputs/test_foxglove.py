@@ -212,7 +212,7 @@ def test_events_and_health_are_logs(server, port):
         assert line.message == "The lens is covered. Uncover it."
         server.put_health([state])
         server.put_health([])
-        wait_until(lambda: client.newest("/health").message == "Over: The lens is covered.", "the end")
+        wait_until(lambda: client.newest("/health").message == "Resolved: The lens is covered.", "the end")
         assert len(client.messages["/health"]) == 2, "a state that lasts is not repeated"
         server.send(
             LiveFrame(0, {}, events=[LiveEvent("possess", 1, "chair"), LiveEvent("release", 0, "chair")])
@@ -302,7 +302,7 @@ def test_an_address_that_others_reach_needs_permission(port):
     assert plan_outputs({"watch": LiveOutputSettings(word, insecure=True)})[0].place == plan.place
     with plan.open(), FoxgloveClient(port):
         pass
-    with pytest.raises(InputError, match="insecure is not a key of vmc"):
+    with pytest.raises(InputError, match="insecure does not apply to the protocol vmc"):
         open_outputs({"x": LiveOutputSettings("vmc:127.0.0.1", insecure=True)})
 
 

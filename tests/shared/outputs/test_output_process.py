@@ -75,7 +75,7 @@ def test_killed_process_is_restarted_and_sends_again(caplog):
         texts
     )
     assert all(
-        "the process of the live outputs has ended: it was ended by signal 9" in text for text in texts
+        "the process of the live outputs has ended: signal 9 ended the process" in text for text in texts
     )
 
 

@@ -55,7 +55,7 @@ def test_common_combinations_of_parts_are_parsed():
 
 @pytest.mark.parametrize("name", ["tail", "left arm + tail", "left arm and tail", "", "+", "left"])
 def test_an_unknown_part_names_the_known_ones(name):
-    with pytest.raises(InputError, match="Known: all, left arm"):
+    with pytest.raises(InputError, match="Known parts: all, left arm"):
         parse_parts(name)
 
 

@@ -261,7 +261,7 @@ def test_no_single_damaged_byte_costs_more_than_its_chunk(tmp_path):
 @pytest.mark.parametrize(
     ("content", "expected"),
     [
-        (None, "no such file"),
+        (None, "the file does not exist"),
         (b"", "empty"),
         (b"\x89MC", "not a recording"),
         (b"Head;1;2;3\n" * 100, "not a recording"),

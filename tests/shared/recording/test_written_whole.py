@@ -118,5 +118,5 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
 
 
 def test_an_unknown_picture_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"cannot write \.xyz pictures"):
+    with pytest.raises(InputError, match=r"cannot be written to \.xyz files"):
         write_picture(tmp_path / "a.xyz", Image.fromarray(PICTURE))

@@ -29,7 +29,7 @@ def test_every_shell_is_closed_and_faces_outwards(lamp):
     apex = lamp.vertices[lamp.faces[:, 0]] - middle[shell[lamp.faces[:, 0]]]
     volumes = np.bincount(shell[lamp.faces[:, 0]], (apex * lamp.face_vectors()).sum(1) / 3, minlength=18)
     assert (volumes > 1e-5).all()
-    assert repair(lamp)[1] == ["it has 18 separate shells, all kept"]
+    assert repair(lamp)[1] == ["the mesh has 18 separate shells, and all of them are kept"]
 
 
 def test_lamp_has_its_documented_size(lamp):

@@ -214,7 +214,7 @@ def test_program_is_not_watched_if_its_socket_cannot_be_made(tmp_path, monkeypat
     with supervised(tmp_path, program):
         wait_until(lambda: causes(tmp_path), "its end")
     assert causes(tmp_path)[0] == "exit code 0"
-    assert "not when they freeze" in caplog.text
+    assert "frozen programs cannot be detected" in caplog.text
 
 
 def test_missing_program_is_tried_again_and_named(tmp_path) -> None:

@@ -164,7 +164,7 @@ def test_keys_that_do_not_fit_are_refused(certificates, tmp_path):
         load_certificate(path, key, NOW.timestamp())
     key.chmod(0o600)
     key.write_text("no key")
-    with pytest.raises(InputError, match="does not contain a key"):
+    with pytest.raises(InputError, match="does not contain a private key"):
         load_certificate(path, key, NOW.timestamp())
     path.write_text("no certificate")
     with pytest.raises(InputError, match="does not contain a certificate"):

@@ -97,7 +97,7 @@ def test_a_joints_name_is_carried_and_one_that_is_there_twice_is_refused() -> No
     assert convert_characters.message_to_character(message).names == named.names
     long = convert_characters.character_to_message(replace(named, names=("hip", "knee", "x" * 200)), 1)
     assert long.names is None, "what receivers refuse is not sent"
-    with pytest.raises(InputError, match="2 different names for 3 bones"):
+    with pytest.raises(InputError, match="3 bones, but 2 different bone names"):
         convert_characters.message_to_character(msgspec.structs.replace(message, names=["a", "b", "b"]))
 
 
@@ -453,7 +453,7 @@ def test_scan_flags_and_mode_mean_the_same(flags, mode) -> None:
         ({"person": True, "moved": True}, "not moved and person"),
         ({"turned": True, "within": 1.5}, "not near and turned"),
         ({"mode": "moved", "person": True}, "not moved and person"),
-        ({"mode": "near"}, "add within"),
+        ({"mode": "near"}, "set within"),
         ({"mode": "sideways"}, "sideways"),
     ],
 )

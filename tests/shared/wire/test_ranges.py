@@ -42,7 +42,7 @@ def test_accepted_values_survive_encoding(name: str, data: st.DataObject) -> Non
         try:
             packed = pack_checked(message)
         except MalformedMessageError as error:
-            assert "bytes are more than" in error.why
+            assert "are allowed" in error.why
         else:
             assert envelope.unpack_stream(packed)[1] == message
     elif kind in REQUESTS:
@@ -150,7 +150,7 @@ def test_a_character_below_its_minimum_is_refused_with_the_field_and_the_range(
 
 def test_ranges_between_fields_hold_too() -> None:
     box = [0.0, 1.0, 0.0, 1.0, 0.5, 1.0]
-    with pytest.raises(InputError, match="lowest corner of the box is above"):
+    with pytest.raises(InputError, match="lowest corner is larger"):
         check_request(_scan(box))
     piece = {
         "number": 1,

@@ -82,9 +82,9 @@ def test_rows_mark_weak_values(balls):
 @pytest.mark.parametrize(
     ("arguments", "code", "told"),
     [
-        (["missing.obj", "-o", "out.png"], 3, "no such file"),
+        (["missing.obj", "-o", "out.png"], 3, "the file does not exist"),
         (["points.ply", "-o", "out.png"], 3, "no faces"),
-        (["chair", "-o", "out.xyz"], 3, "cannot write .xyz"),
+        (["chair", "-o", "out.xyz"], 3, "cannot be written to .xyz"),
         (["chair", "-o", "out.png", "--radius", "-1"], 3, "radius"),
         (["tri.obj", "-o", "out.png", "--height", "-2"], 3, "height"),
         (["chair", "-o", "out.png", "--up", "w"], 2, "up"),

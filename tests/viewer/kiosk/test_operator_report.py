@@ -88,7 +88,7 @@ def test_missing_runtime_folder_does_not_stop_the_show(tmp_path):
 
 def test_second_kiosk_on_a_screen_is_refused(tmp_path):
     first = ScreenLock(0, tmp_path)
-    with pytest.raises(ResourceError, match="another kiosk is on screen 0"):
+    with pytest.raises(ResourceError, match="another kiosk already uses screen 0"):
         ScreenLock(0, tmp_path)
     ScreenLock(1, tmp_path).close()
     first.close()

@@ -50,7 +50,7 @@ def test_window_fills_the_screen_and_stays_open(tmp_path):
     assert report["gl_error"] == "GL_NO_ERROR"
     assert report["picture_of_screen"]
     assert report["service"] == ["window"]
-    assert "another kiosk is on screen 0" in report["second"]
+    assert "another kiosk already uses screen 0" in report["second"]
 
 
 @pytest.mark.slow

@@ -141,7 +141,7 @@ def test_all_elements_at_once_are_drawn_without_an_error(gl) -> None:
 def ailing(*severities: Severity) -> EdgeState:
     """Returns the state of an edge with one problem of each severity."""
     states = tuple(
-        HealthState("slow", severity, 0, "The sensor gives 5 frames a second instead of 30.", "Use USB 3.")
+        HealthState("slow", severity, 0, "The sensor sends 5 frames a second instead of 30.", "Use USB 3.")
         for severity in severities
     )
     return EdgeState(True, "tcp://127.0.0.1:5580", "tracking", health=states)

@@ -273,5 +273,5 @@ def test_whatever_a_stranger_writes_becomes_a_material(definition: dict) -> None
 
 def test_a_character_refuses_materials_of_other_faces() -> None:
     plain_board = board({})
-    with pytest.raises(InputError, match="faces have materials"):
+    with pytest.raises(InputError, match="faces have a material"):
         replace(plain_board, faces=plain_board.faces[:1])

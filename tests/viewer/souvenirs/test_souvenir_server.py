@@ -213,7 +213,7 @@ def test_operators_see_the_server_on_the_health_page(profile):
     ("settings", "words"),
     [
         (SouvenirSettings(), "makes no souvenirs"),
-        (SouvenirSettings("photo"), r"phones cannot open souvenir\.host = 127\.0\.0\.1"),
+        (SouvenirSettings("photo"), r"phones cannot reach souvenir\.host = 127\.0\.0\.1"),
     ],
 )
 def test_a_profile_without_souvenirs_is_refused(settings, words):

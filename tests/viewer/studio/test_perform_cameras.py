@@ -51,7 +51,7 @@ def test_preview_shows_the_cameras_image() -> None:
 def test_a_camera_starts_by_its_words_unless_something_is_missing() -> None:
     camera = Camera("OAK-D S1", "oak", {"device": "S1"})
     assert camera.words == ("--sensor", "oak", "--set", "device=S1") and camera.can_start
-    assert not Camera("Kinect", "", {}, "no driver ships for it", "Add one.").can_start
+    assert not Camera("Kinect", "", {}, "enliven has no driver for this camera", "Add one.").can_start
     assert not Camera("OAK", "oak", {}, "depthai is not installed", "Type: pip install").can_start
 
 

@@ -173,7 +173,7 @@ def test_settings_and_names_change_alone_and_come_back() -> None:
     assert are_identical(with_default_settings(changed, "star"), project)
     named = rename_character(project, "star", "sun")
     assert list(named.puppets) == ["sun"] and are_identical(rename_character(named, "sun", "star"), project)
-    with pytest.raises(InputError, match="is taken"):
+    with pytest.raises(InputError, match="already has the name"):
         rename_character(project.with_characters(named.puppets["sun"]), "star", "sun")
 
 

@@ -186,10 +186,16 @@ def test_failed_export_is_reported_in_german(workspace, tmp_path) -> None:
         for path, words in (
             (
                 tmp_path / "out.csv",
-                ("kann nicht geschrieben werden (es ist ein Ordner)", "Wähle einen anderen Ort."),
+                ("kann nicht geschrieben werden (es ist ein Ordner)", "Wähle eine andere Ausgabedatei."),
             ),
             (tmp_path / "none" / "out.csv", ("gibt es nicht", "Lege ihn an, oder prüfe den Namen.")),
-            (tmp_path / "out.bvh", ("eine BVH-Datei enthält eine Figur, nicht 2", "Hake nur eine Figur an.")),
+            (
+                tmp_path / "out.bvh",
+                (
+                    "eine BVH-Datei kann nur eine Figur enthalten, aber 2 sind gewählt",
+                    "Hake nur eine Figur an.",
+                ),
+            ),
         ):
             workspace._export(path)
             workspace.editor.background.finish()

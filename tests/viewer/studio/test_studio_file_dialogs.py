@@ -103,9 +103,9 @@ FOREIGN = {
     "text": b"hello, this is a note",
     "a ZIP archive with 2 files": archive(one="1", two="2"),
     "an empty ZIP archive": archive(),
-    "a ZIP archive that is cut short": archive(one="1" * 500)[:80],
+    "a ZIP archive that is truncated": archive(one="1" * 500)[:80],
     "a ZIP archive with 1 file, such as project.json": archive(**{"project.json": '{"name": "other", }'}),
-    "data of no known kind": bytes(range(256)) * 4,
+    "data of an unknown kind": bytes(range(256)) * 4,
     "a file of zeros": bytes(500),
 }
 """Files with a project's name that are not projects, by their real type."""
@@ -119,7 +119,7 @@ def test_foreign_project_file_is_identified_in_plain_words(kind: str, tmp_path: 
     before = workspace.editor.project
     assert not workspace.run_and_report(lambda: workspace.open(path))
     messages = " ".join(f"{toast.text} {toast.remedy}" for toast in workspace.editor.toasts.shown)
-    assert kind in messages or "cut short or damaged" in messages, messages
+    assert kind in messages or "truncated or damaged" in messages, messages
     assert "ending in .enliven" not in messages
     for word in ("Error", "Expecting", "delimiter", "column", "BadZip", "char 0", "line 1"):
         assert word not in messages, messages

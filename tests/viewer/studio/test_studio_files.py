@@ -221,7 +221,7 @@ def test_a_shape_is_renamed_in_its_place(make_limb) -> None:
     project = Editor().project.with_characters(make_limb("a", 2), make_limb("b", 2))
     renamed = rename_character(project, "a", "mantle")
     assert list(renamed.shapes) == ["mantle", "b"] and renamed.shapes["mantle"].id == "mantle"
-    with pytest.raises(InputError, match="is taken"):
+    with pytest.raises(InputError, match="already has the name"):
         rename_character(project, "a", "b")
 
 
@@ -374,7 +374,7 @@ def test_recent_files_are_kept_between_runs_and_opened_again(workspace: Workspac
     assert [Path(name).name for name in after.preferences.recent] == ["work.enliven"]
     assert after.actions.do("file.again") and "limb" in after.editor.project.shapes
     (tmp_path / "work.enliven").unlink()
-    assert after.actions.do("file.again") and "no such file" in said(after)
+    assert after.actions.do("file.again") and "the file does not exist" in said(after)
 
 
 def test_a_save_that_fails_does_not_quit_later(workspace: Workspace, tmp_path) -> None:

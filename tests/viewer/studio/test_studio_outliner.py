@@ -174,7 +174,7 @@ def test_renaming_changes_only_the_name(workspace) -> None:
     outliner.draft = "sway"
     outliner.end_rename(row(outliner, "take hello"), keep=True)
     assert "hello" in editor.project.takes and editor.toasts.shown[-1].is_error, "the name is another's"
-    with pytest.raises(InputError, match="arm plays it"):
+    with pytest.raises(InputError, match="arm plays this take"):
         delete_take(editor.project, "hello")
     assert "curl" not in delete_take(editor.project, "curl").takes
     assert set(rename_take(editor.project, "sway", "swing").takes) >= {"swing", "hello"}

@@ -179,7 +179,9 @@ def test_the_key_pose_is_left_when_it_plays_or_another_time_is_shown() -> None:
 def test_a_point_where_one_is_chooses_it() -> None:
     puppets = posing("head", "left")
     assert not puppets.add_point(vertex("head")) and puppets.point == 0
-    assert len(puppet_of(puppets).points) == 2 and "exists already" in puppets.editor.toasts.shown[-1].text
+    assert (
+        len(puppet_of(puppets).points) == 2 and "already has the name" in puppets.editor.toasts.shown[-1].text
+    )
 
 
 def test_a_vertex_that_no_face_uses_is_refused() -> None:

@@ -164,5 +164,5 @@ def test_samples_of_another_type_are_refused() -> None:
         (np.zeros((2, 2), np.int16), 0.0),
         (np.zeros(4, np.int16), -1.0),
     ):
-        with pytest.raises(InputError, match="it is not a valid sound"):
+        with pytest.raises(InputError, match="the samples or the start time of the sound are not valid"):
             Sound("x", samples, begin)

@@ -222,7 +222,9 @@ def test_a_missing_receiver_is_shown_once(workspace):
         for _ in range(30):
             outputs.send()
     (text,) = said(workspace)
-    assert f"vmc:127.0.0.1:{port}: the output loses packets: no program listens there" in text
+    assert (
+        f"vmc:127.0.0.1:{port}: the output loses packets: no program receives packets at this address" in text
+    )
     assert "Start the receiving program" in text
 
 

@@ -238,11 +238,11 @@ def _shared_duration(match: BodyMatch, b: BodyStream, lag: float) -> float:
 
 def _check_names(names: Sequence[str]) -> None:
     if len(names) < 2:
-        raise InputError("there is only one sensor", where="calibration", remedy="Give two or more.")
+        raise InputError("there is only one sensor", where="calibration", remedy="Use two or more sensors.")
     duplicates = [name for name in names if names.count(name) > 1]
     if duplicates:
         raise InputError(
             f"two sensors are called {duplicates[0]!r}",
             where="calibration",
-            remedy="Name them: left=FIRST right=SECOND.",
+            remedy="Give each sensor another name: left=FIRST right=SECOND.",
         )

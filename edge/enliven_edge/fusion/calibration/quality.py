@@ -89,13 +89,14 @@ def evaluate_fit(
     if fit.rms > _MAX_RESIDUAL_M:
         verdict = Verdict.NO_MATCH
         advice = (
-            f"the joints that {name} sees do not fit ({100 * fit.rms:.0f} cm apart): "
-            "let only one person walk about"
+            f"the joints from {name} differ by {100 * fit.rms:.0f} cm from those of the other sensor: let "
+            "only one person walk around"
         )
     elif seconds < settings.overlap:
         verdict = Verdict.WALK_ON
         advice = (
-            f"both sensors saw the same person for {seconds:.1f} s only: walk on where {name} sees you too"
+            f"both sensors saw the same person for only {seconds:.1f} s: keep walking where {name} sees "
+            "you, too"
         )
     elif breadth < settings.narrowest:
         verdict = Verdict.WALK_ON
@@ -104,11 +105,11 @@ def evaluate_fit(
     elif rivals:
         verdict = Verdict.AMBIGUOUS
         rival = _describe_rival(fit, rivals[0])
-        advice = f"{name} could also stand {rival}: walk in a curve, lift one arm, turn about"
+        advice = f"the pose of {name} is ambiguous ({rival}): walk in a curve, lift one arm, and turn around"
     elif position_cm > _MAX_POSITION_SIGMA_CM or direction_deg > _MAX_DIRECTION_SIGMA_DEG:
         verdict = Verdict.WALK_ON
-        accuracy = f"{position_cm:.1f} cm and {direction_deg:.1f} deg"
-        advice = f"{name} is known to {accuracy} only: walk on, and turn about"
+        accuracy = f"{position_cm:.1f} cm and {direction_deg:.1f} degrees"
+        advice = f"the pose of {name} is only accurate to {accuracy}: keep walking, and turn around"
     return Quality(
         verdict, fit.rms, position_cm, direction_deg, clock_ms, seconds, length, breadth,
         len(np.unique(np.floor(fit.hips[:, [0, 2]] / _FLOOR_CELL_M), axis=0)),
@@ -124,9 +125,9 @@ def no_match_quality(a: str, b: str, blind: str | None) -> Quality:
         blind: the sensor that never saw a person, or None.
     """
     nan = float("nan")
-    advice = f"{a} and {b} never saw a performer at the same time: walk where both see you, for longer"
+    advice = f"{a} and {b} never saw a performer at the same time: walk for longer where both sensors see you"
     if blind is not None:
-        advice = f"{blind} never saw a performer: walk where it sees you from head to foot"
+        advice = f"{blind} never saw a performer: walk where this sensor sees you from head to foot"
     return Quality(Verdict.NO_MATCH, nan, nan, nan, nan, 0.0, 0.0, 0.0, 0, 0.0, advice)
 
 
@@ -218,16 +219,16 @@ def _advise_walk(fit: Fit, narrow_axis: Float, name: str) -> str:
     b_from_a = invert(fit.a_from_b)
     centre, direction = transform_points(b_from_a, fit.centre), b_from_a[:3, :3] @ narrow_axis
     if abs(direction[0]) >= abs(direction[2]):
-        return f"walk on, to the {'left' if centre[0] > 0 else 'right'} of sensor {name}"
+        return f"keep walking, to the {'left' if centre[0] > 0 else 'right'} of sensor {name}"
     is_near = -centre[2] > _GOOD_DISTANCE_M
-    return f"walk on, {'nearer to' if is_near else 'farther from'} sensor {name}"
+    return f"keep walking, {'nearer to' if is_near else 'farther from'} sensor {name}"
 
 
 def _describe_rival(fit: Fit, rival: Fit) -> str:
     degrees = np.degrees(angle_between(fit.a_from_b, rival.a_from_b))
     if degrees > 15.0:
-        return f"turned by {degrees:.0f} degrees"
+        return f"possibly turned by {degrees:.0f} degrees"
     distance = np.linalg.norm(
         transform_points(rival.a_from_b, transform_points(invert(fit.a_from_b), fit.centre)) - fit.centre
     )
-    return f"{distance:.1f} m elsewhere"
+    return f"possibly moved by {distance:.1f} m"

@@ -23,9 +23,13 @@ from enliven_edge.tracking.tracker import Tracker
 log = logging.getLogger(__name__)
 
 _SEVERITY = {
-    SensorState.MOVED: (HealthKind.MOVED, Severity.WARNING, "Calibrate again: enliven calibrate."),
+    SensorState.MOVED: (
+        HealthKind.MOVED,
+        Severity.WARNING,
+        "Calibrate the sensors again: enliven calibrate.",
+    ),
     SensorState.LOST: (HealthKind.NO_FRAMES, Severity.WARNING, "Start the edge again."),
-    SensorState.SILENT: (HealthKind.NO_FRAMES, Severity.WARNING, "Check its cable."),
+    SensorState.SILENT: (HealthKind.NO_FRAMES, Severity.WARNING, "Check the cable of the sensor."),
 }
 """Kind, severity and remedy of the health message of each sensor state. No severity is above a warning,
 because the other sensors continue."""
@@ -144,7 +148,7 @@ class FusedSensors(Sensor):
                     return sensor_bodies
                 wait = None if deadline is None else deadline - time.monotonic()
                 if wait is not None and wait <= 0:
-                    raise TimeoutError("no sensor had a frame in time")
+                    raise TimeoutError("no sensor sent a frame in time")
                 self._changed.wait(wait)
 
     def _next_thread(self) -> TrackingThread | None:
@@ -166,7 +170,7 @@ class FusedSensors(Sensor):
                 self._log_warnings(thread.failure)
                 if self._once and thread.failure:
                     raise ResourceError(
-                        thread.failure, where=self.name, remedy="Fix it, or leave out --once."
+                        thread.failure, where=self.name, remedy="Fix the sensor, or start without --once."
                     )
 
     def _fuse(self, sensor_bodies: SensorBodies) -> BodyFrame | None:
@@ -195,7 +199,9 @@ class FusedSensors(Sensor):
     def _check_all_lost(self) -> None:
         failures = [w.failure for w in self._threads if w.failure]
         if len(failures) == len(self._threads):
-            raise ResourceError("every sensor was lost", where=self.name, remedy=failures[0])
+            raise ResourceError(
+                "the connections to all sensors were lost", where=self.name, remedy=failures[0]
+            )
 
 
 def _check_space(sensors: Mapping[str, Sensor], space: Space) -> None:
@@ -203,7 +209,8 @@ def _check_space(sensors: Mapping[str, Sensor], space: Space) -> None:
     for name in sensors:
         if name not in space.sensors:
             raise InputError(
-                f"the space has no pose for the sensor {name!r}",
+                f"the space file contains no pose of the sensor {name!r}",
                 where="fusion",
-                remedy=f"Known: {', '.join(space.sensors)}. Calibrate them together: enliven calibrate.",
+                remedy=f"Sensors in the file: {', '.join(space.sensors)}. Calibrate all sensors together: "
+                "enliven calibrate.",
             )

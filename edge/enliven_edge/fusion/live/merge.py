@@ -80,7 +80,11 @@ class ArrivalClocks:
             difference_ns = ages.minimum - first.minimum
             if abs(difference_ns - self.shift(sensor)) > _MAX_CLOCK_DIFFERENCE_NS:
                 self._shift[sensor] = difference_ns
-                log.warning("the clock of %s is not that of its calibration; set by arrival", sensor)
+                log.warning(
+                    "the clock of %s differs from its calibration; it is now set by the arrival times of "
+                    "the frames",
+                    sensor,
+                )
             return
         difference_ns = ages.last_minimum - first.last_minimum
         base = self._base.setdefault(sensor, difference_ns - self.shift(sensor))

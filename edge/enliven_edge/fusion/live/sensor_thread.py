@@ -58,7 +58,7 @@ class SensorThread(ABC):
         try:
             self._read()
         except Exception as error:
-            self.failure = str(error) or "it gives no reason"
+            self.failure = str(error) or "the reason is unknown"
             log.debug("sensor %s failed", self.name, exc_info=True)
         self._end()
 
@@ -191,7 +191,7 @@ class TrackingThread(SensorThread):
         camera = self.place.camera
         if camera is None:
             raise InputError(
-                "it sends depth, but was calibrated by bodies",
+                "the sensor sends depth images, but was calibrated with bodies",
                 where=f"sensor {self.name}",
                 remedy="Calibrate again with this sensor: enliven calibrate.",
             )

@@ -49,12 +49,13 @@ class SensorWarning:
 
 STATE_SENTENCES = {
     SensorState.WAITING: "has not sent anything yet",
-    SensorState.LIVE: "is back",
-    SensorState.SILENT: "no longer sends frames; the others continue",
-    SensorState.FROZEN: "sends the same image again and again; the others continue",
-    SensorState.MOVED: "sees people at other places than the other sensors do: it was moved, calibrate again",
-    SensorState.LOST: "was lost; the others continue",
-    SensorState.ENDED: "has ended",
+    SensorState.LIVE: "sends frames again",
+    SensorState.SILENT: "no longer sends frames; the other sensors continue",
+    SensorState.FROZEN: "sends the same image again and again; the other sensors continue",
+    SensorState.MOVED: "sees people at other positions than the other sensors: this sensor was moved, "
+    "calibrate again",
+    SensorState.LOST: "was lost; the other sensors continue",
+    SensorState.ENDED: "has reached its end",
 }
 """The sentence about each state."""
 

@@ -35,8 +35,8 @@ def read_image(fields: Fields) -> UInt16:
     byte_order, step = fields.number("B"), fields.count()
     pixels = fields.block()
     if encoding not in _DEPTHS:
-        problem = f"its depth is packed as {encoding!r}"
-        raise InputError(problem, where=fields.where, remedy="Record it again with depth of 16 bits (Y16).")
+        problem = f"the depth images have the unsupported encoding {encoding!r}"
+        raise InputError(problem, where=fields.where, remedy="Record again with 16-bit depth (Y16).")
     shape = 0 < width <= _MAX_IMAGE_SIDE_PX and 0 < height <= _MAX_IMAGE_SIDE_PX
     if not shape or step < 2 * width or len(pixels) != step * height:
         raise fields.damaged()
@@ -77,7 +77,9 @@ def check_step(millimetres: float, where: str) -> float:
         InputError: if it is implausible.
     """
     if not (math.isfinite(millimetres) and 0.0 < millimetres <= 1000.0):
-        raise InputError(f"its step of depth is {millimetres} mm", where=where, remedy="Record it again.")
+        raise InputError(
+            f"the depth unit of {millimetres} mm is impossible", where=where, remedy="Record again."
+        )
     return float(f"{millimetres:.6g}")
 
 
@@ -89,7 +91,7 @@ def check_time(time_ns: int, where: str) -> int:
     """
     if abs(time_ns) >= TIME_LIMIT_NS:
         raise InputError(
-            f"an image has the time {time_ns} ns", where=where, remedy="Copy the recording again."
+            f"an image has the impossible time {time_ns} ns", where=where, remedy="Copy the recording again."
         )
     return time_ns
 
@@ -110,9 +112,9 @@ def intrinsics_from_lens(
     if not any(distortion):
         distortion = (0.0,) * 5
     elif model.lower().replace("_", " ") not in ("brown conrady", "plumb bob"):
-        remedy = "Record depth that is rectified."
+        remedy = "Record rectified depth images."
         raise InputError(
-            f"the distortion model {model!r} of its images is not supported", where=where, remedy=remedy
+            f"the distortion model {model!r} of the images is not supported", where=where, remedy=remedy
         )
     (width, height), (fx, fy, cx, cy), (k1, k2, p1, p2, k3) = size, lens, distortion
     return Intrinsics(width, height, fx, fy, cx, cy, (k1, k2, p1, p2, k3))

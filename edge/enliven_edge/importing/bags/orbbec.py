@@ -53,7 +53,7 @@ _DEPTH_COMPUTING_CAMERAS = re.compile(r"Gemini [3-9]\d\d|Astra 2")
 """Cameras that can compute depth from disparities themselves. A property of the recording states whether they
 did. Their depth steps are in ``_STEPS``. Orbbec's library plays recordings of a Gemini 2 with a quarter of
 the recorded numbers. Older cameras were not tested."""
-_PLAY_HINT = "Let Orbbec's library play it: enliven record --sensor orbbec --set rehearse={} -o take.mcap"
+_PLAY_HINT = "Use Orbbec's library instead: enliven record --sensor orbbec --set rehearse={} -o take.mcap"
 _RATIONAL = 4
 """Orbbec's number of the distortion model with six radial coefficients. If only three of them are used, it
 equals enliven's model."""
@@ -129,13 +129,17 @@ def _read_contents(path: Path) -> _BagContents:
             contents.properties[number] = fields.block()
     version = _read_property(contents, _VERSION, "d", 1.0)
     if not 2.0 <= version < 3.0:  # Also false for NaN, which a damaged file may contain.
-        remedy = "Record it again with OrbbecSDK 2.4 or later."
+        remedy = "Record again with OrbbecSDK 2.4 or later."
         raise InputError(
-            f"it is of version {version}, only version 2 is known", where=str(path), remedy=remedy
+            f"the recording has version {version}, but only version 2 is supported",
+            where=str(path),
+            remedy=remedy,
         )
     if contents.camera is None:
-        problem = "it does not describe its depth camera: the recording was not closed, or has no depth"
-        raise InputError(problem, where=str(path), remedy="Record it again with the depth stream on.")
+        problem = (
+            "the description of the depth camera is missing: the recording was not closed, or has no depth"
+        )
+        raise InputError(problem, where=str(path), remedy="Record again with the depth stream on.")
     return contents
 
 
@@ -143,13 +147,13 @@ def _check_depth(contents: _BagContents, path: Path) -> None:
     """Checks that the images are depth, not disparities."""
     in_device = contents.properties.get(_DEPTH_IN_DEVICE)
     if in_device is not None and not any(in_device):
-        problem = "it holds the camera's disparities in place of depth"
+        problem = "the recording contains disparities instead of depth"
         raise InputError(problem, where=str(path), remedy=_PLAY_HINT.format(path))
     if contents.product not in _MEASURES_DEPTH and (
         in_device is None or not _DEPTH_COMPUTING_CAMERAS.search(contents.name)
     ):
         camera = contents.name or "without a name"
-        problem = f"only Orbbec's library understands the images of its camera ({camera})"
+        problem = f"only Orbbec's library can decode the images of this camera ({camera})"
         raise InputError(problem, where=str(path), remedy=_PLAY_HINT.format(path))
 
 

@@ -34,5 +34,7 @@ class BagReader(FileReader):
             if realsense.TOPIC.match(topic):
                 yield from realsense.frames(path, ros1.messages, options.device)
                 return
-        remedy = "Only those of RealSense and Orbbec are known."
-        raise InputError("it is a ROS bag of no known camera", where=str(path), remedy=remedy)
+        remedy = "Choose a recording of a RealSense or Orbbec camera."
+        raise InputError(
+            "the ROS bag contains no images of a supported camera", where=str(path), remedy=remedy
+        )

@@ -169,12 +169,16 @@ def _pairs(fields: Fields) -> Iterator[tuple[str, str]]:
 def _choose_stream(contents: _BagContents, device: str | None, path: Path) -> str:
     """Returns the stream of the chosen camera."""
     if not contents.cameras:
-        remedy = "Record depth: in the RealSense Viewer the stereo module must be on."
-        raise InputError("it holds no depth of a RealSense camera", where=str(path), remedy=remedy)
+        remedy = "Record again, with the stereo module turned on in the RealSense Viewer."
+        raise InputError(
+            "the recording contains no depth images of a RealSense camera", where=str(path), remedy=remedy
+        )
     streams = sorted(contents.cameras)
     serials = {stream: contents.serials.get("/" + stream.split("/")[1], "") for stream in streams}
     matching = [stream for stream in streams if serials[stream] == device]
     if len(streams) > 1 and not matching:
-        remedy = f"Choose one: --device {' or '.join(filter(None, serials.values()))}"
-        raise InputError(f"it holds {len(streams)} depth cameras", where=str(path), remedy=remedy)
+        remedy = f"Choose one camera: --device {' or '.join(filter(None, serials.values()))}"
+        raise InputError(
+            f"the recording contains {len(streams)} depth cameras", where=str(path), remedy=remedy
+        )
     return (matching or streams)[0]

@@ -105,7 +105,7 @@ _CHUNK = 5
 """Record kind (op) of a chunk of records."""
 _CONNECTION = 7
 """Record kind (op) of a connection, which names a topic. The other kinds are the index."""
-_COPY_HINT = "Copy it again; it was not closed, or copied only in part."
+_COPY_HINT = "Copy the recording again. It was not closed, or copied only in part."
 
 
 class Message(NamedTuple):
@@ -124,7 +124,7 @@ def messages(path: Path, is_requested: Callable[[str], bool]) -> Iterator[Messag
     with open_file(path) as file:
         if file.read(len(MAGIC)) != MAGIC:
             raise InputError(
-                "it is not a ROS bag of version 2.0", where=str(path), remedy="Choose another file."
+                "the file is not a ROS bag of version 2.0", where=str(path), remedy="Choose another file."
             )
         size = os.fstat(file.fileno()).st_size
         topics: dict[bytes, str] = {}
@@ -192,9 +192,9 @@ def _decompress(header: dict[bytes, bytes], compressed: bytes, path: Path) -> by
                 content = bz2.BZ2Decompressor().decompress(compressed, max_length=size + 1)
             case _:
                 raise InputError(
-                    f"its chunks are compressed by {compression!r}",
+                    f"the chunks have the unsupported compression {compression!r}",
                     where=str(path),
-                    remedy="Unpack it: rosbag decompress",
+                    remedy="Decompress the bag: rosbag decompress",
                 )
     except (RuntimeError, OSError, EOFError, ValueError):
         raise InputError("a chunk cannot be decompressed", where=str(path), remedy=_COPY_HINT) from None
@@ -253,7 +253,7 @@ def _read_sized(file: BinaryIO, max_bytes: int, path: Path) -> bytes:
 
 def _cut_off_error(offset: int, path: Path) -> InputError:
     return InputError(
-        f"it ends in the middle of the record at byte {offset}", where=str(path), remedy=_COPY_HINT
+        f"the file ends in the middle of the record at byte {offset}", where=str(path), remedy=_COPY_HINT
     )
 
 

@@ -35,8 +35,8 @@ def messages(path: Path, is_requested: Callable[[str], bool]) -> Iterator[Messag
                 yield Message(topic, AlignedFields(bytes(data), f"{path}, {topic}"))
     except (sqlite3.Error, MemoryError, OverflowError, TypeError, ValueError):
         # SQLite reports some damaged pages as a lack of memory.
-        problem = "the database is damaged, or no recording"
-        raise InputError(problem, where=str(path), remedy="Copy it again.") from None
+        problem = "the database is damaged, or is not a recording"
+        raise InputError(problem, where=str(path), remedy="Copy the recording again.") from None
 
 
 _TOPICS = f"SELECT id, name FROM topics LIMIT {_MAX_TOPICS}"
@@ -56,7 +56,7 @@ def _open_database(path: Path) -> sqlite3.Connection:
         database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _MAX_MESSAGE_BYTES)
         database.execute("PRAGMA trusted_schema = OFF")
         if database.execute(_TABLES).fetchone() != (2,):
-            raise sqlite3.DatabaseError("it has no messages")
+            raise sqlite3.DatabaseError("the database has no messages")
     except BaseException:
         database.close()
         raise

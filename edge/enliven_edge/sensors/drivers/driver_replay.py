@@ -60,7 +60,9 @@ class DriverReplay:
         first = _read_first(path)
         if not isinstance(first, DepthFrame):
             raise InputError(
-                "it holds no depth images", where=path, remedy="Rehearse with a depth recording."
+                "the recording contains no depth images",
+                where=path,
+                remedy="Rehearse with a depth recording.",
             )
         self.first = first
         self._over, self._ended = threading.Event(), 0.0

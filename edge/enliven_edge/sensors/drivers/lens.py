@@ -60,10 +60,15 @@ def choose_intrinsics(
     typical = full.scaled(width / full.width)
     if typical.height != height:
         size = f"{typical.width}x{typical.height}"
-        problem = f"it does not know its lens, and the profile {profile} has none for {width}x{height}"
-        remedy = f"Ask for {size}, or calibrate the camera with its maker's tool."
+        problem = (
+            f"the lens of the camera is unknown, and the profile {profile} has none for {width}x{height} "
+            "pixels"
+        )
+        remedy = f"Set the image size to {size}, or calibrate the camera with the tool of its maker."
         if rehearsed:
-            remedy = f"Rehearse with a recording that knows its lens, or with one of {size}."
+            remedy = (
+                f"Rehearse with a recording that describes its lens, or with a recording of {size} pixels."
+            )
         raise InputError(problem, where=name, remedy=remedy)
     return typical, False
 
@@ -99,6 +104,8 @@ def depth_limits(reach: tuple[float, float], profile: str, rehearsed: bool) -> t
     near, far = (stated or other for stated, other in zip(reach, typical, strict=True))
     if (far and near >= far) or near < 0 or far < 0:
         raise InputError(
-            f"near is {near} m and far {far} m", where="sensor", remedy="Give near below far, both above 0."
+            f"near is {near} m and far is {far} m",
+            where="sensor",
+            remedy="Set near below far, and both above 0.",
         )
     return round(1e3 * near), min(round(1e3 * far), _MAX_DEPTH_MM) if far else _MAX_DEPTH_MM

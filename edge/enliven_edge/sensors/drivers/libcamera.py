@@ -80,7 +80,9 @@ class LibcameraSensor(Sensor):
     ) -> None:
         check_view(view)
         if not 1.0 <= fps <= 240.0:
-            raise InputError(f"the rate is {fps}", where="sensor libcamera", remedy="Give fps=1 to 240.")
+            raise InputError(
+                f"the frame rate is {fps}", where="sensor libcamera", remedy="Set fps to 1 to 240."
+            )
         self.fps = fps
         self._matcher: StereoMatcher | None = None
         self._estimator: MonocularPoseEstimator | None = None
@@ -88,8 +90,10 @@ class LibcameraSensor(Sensor):
         if calibration:
             size, cameras = self._prepare(calibration, near, far), [str(left), str(right)]
         elif rehearse:
-            remedy = "Give --set calibration=FILE, which enliven calibrate-stereo writes."
-            raise InputError("image pairs need the cameras' calibration", where=rehearse, remedy=remedy)
+            remedy = "Add --set calibration=FILE, with a file that enliven calibrate-stereo wrote."
+            raise InputError(
+                "image pairs need a calibration of the two cameras", where=rehearse, remedy=remedy
+            )
         self._images: RecordedPairs | LibcameraImages
         if rehearse:
             self._images = RecordedPairs(Path(rehearse), fps)
@@ -154,8 +158,8 @@ class LibcameraSensor(Sensor):
         for size in sizes:
             if size != calibrated_size:
                 raise InputError(
-                    f"a camera gives {size[0]} x {size[1]}, "
-                    f"the calibration is of {calibrated_size[0]} x {calibrated_size[1]}",
+                    f"a camera sends images of {size[0]} x {size[1]} pixels, but the calibration is for "
+                    f"{calibrated_size[0]} x {calibrated_size[1]}",
                     where=self.name,
-                    remedy="Calibrate in a size that the cameras have: enliven calibrate-stereo --size.",
+                    remedy="Calibrate with a size that the cameras support: enliven calibrate-stereo --size.",
                 )

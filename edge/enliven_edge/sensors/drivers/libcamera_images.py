@@ -114,7 +114,8 @@ class LibcameraImages:
         connected = list(self._manager.cameras)
         if not connected:
             remedy = (
-                "Check the ribbon cable with the power off; list cameras with: rpicam-hello --list-cameras"
+                "Turn the power off, and check the ribbon cable. List the cameras: rpicam-hello "
+                "--list-cameras"
             )
             raise ResourceError("libcamera finds no camera", where="sensor libcamera", remedy=remedy)
         listed = ", ".join(f"{number} {camera.id}" for number, camera in enumerate(connected))
@@ -130,8 +131,8 @@ class LibcameraImages:
                 )
             devices.append(matching[0])
         if len({camera.id for camera in devices}) < len(devices):
-            remedy = f"Give the left and the right one; connected: {listed}."
-            raise InputError("both names mean the same camera", where="sensor libcamera", remedy=remedy)
+            remedy = f"Set left and right to two different cameras. Connected: {listed}."
+            raise InputError("left and right are the same camera", where="sensor libcamera", remedy=remedy)
         return devices
 
 
@@ -154,7 +155,7 @@ class _OpenCamera:
             camera.acquire()
         except (RuntimeError, OSError) as error:
             raise ResourceError(
-                f"it cannot be opened ({error})",
+                f"the camera cannot be opened ({error})",
                 where=camera.id,
                 remedy="Close other programs that use the camera.",
             ) from None
@@ -176,7 +177,9 @@ class _OpenCamera:
     def picture(self, request: Any) -> CameraImage:
         """Returns the image of a completed request, and queues the request again."""
         if request.status != self._lib.Request.Status.Complete:
-            raise ResourceError("the camera was lost", where=self._camera.id, remedy="Check its cable.")
+            raise ResourceError(
+                "the camera was lost", where=self._camera.id, remedy="Check the cable of the camera."
+            )
         number = request.cookie % _MAX_BUFFERS
         buffer_info = self._buffers[number].metadata
         metadata = {control.name: value for control, value in request.metadata.items()}
@@ -217,16 +220,20 @@ class _OpenCamera:
         offered = [str(pixel_format) for pixel_format in stream.formats.pixel_formats]
         chosen = next((pixel_format for pixel_format in formats if pixel_format in offered), None)
         if chosen is None:
-            problem = f"it has none of the formats {', '.join(formats)}, only {', '.join(offered)}"
+            problem = f"the camera has none of the formats {', '.join(formats)}, only {', '.join(offered)}"
             raise InputError(problem, where=self._camera.id, remedy="Use another camera.")
         stream.pixel_format = self._lib.PixelFormat(chosen)
         stream.size = self._lib.Size(*size)
         stream.buffer_count = _BUFFERS
         if config.validate() == self._lib.CameraConfiguration.Status.Invalid:
-            raise InputError(f"it has no images of {size[0]} x {size[1]}", where=self._camera.id)
+            raise InputError(
+                f"the camera has no images of {size[0]} x {size[1]} pixels", where=self._camera.id
+            )
         self._camera.configure(config)
         if str(stream.pixel_format) not in formats:
-            raise InputError(f"it gives only {stream.pixel_format}", where=self._camera.id)
+            raise InputError(
+                f"the camera sends only images in the format {stream.pixel_format}", where=self._camera.id
+            )
         self._layout = formats[str(stream.pixel_format)]
         self.size = (stream.size.width, stream.size.height)
         self._stride, self._stream = stream.stride, stream.stream

@@ -26,8 +26,8 @@ _SYSTEM = Path("/usr/lib")
 """Folder of the Python modules of Debian and Raspberry Pi OS. Debian 12 has them in a subfolder for the
 architecture."""
 _INSTALL = (
-    "Type: sudo apt install python3-libcamera; and use the system's Python: "
-    "python3 -m venv --system-site-packages .venv"
+    "Type: sudo apt install python3-libcamera. Then use the system's Python: python3 -m venv "
+    "--system-site-packages .venv"
 )
 _BOARD = Path("/proc/device-tree/model")
 """Linux's file with the name of a single-board computer."""
@@ -98,7 +98,7 @@ def libcamera_library(tuning: str) -> Any:
         return importlib.import_module("libcamera")
     except ImportError as error:
         missing = isinstance(error, ModuleNotFoundError) and error.name == "libcamera"
-        problem = "libcamera is not installed" if missing else f"libcamera does not load ({error})"
+        problem = "libcamera is not installed" if missing else f"libcamera cannot be loaded ({error})"
         raise ResourceError(problem, where="sensor libcamera", remedy=_INSTALL) from None
     finally:
         sys.path[:] = search_path

@@ -104,7 +104,7 @@ class OakSensor(Sensor):
             if is_over:
                 return None
             if self._device is not None and self._device.hasCrashed():
-                raise ResourceError("the camera's own program crashed", where=self.name)
+                raise ResourceError("the firmware of the camera crashed", where=self.name)
             raise TimeoutError(f"no image of {self.name} yet")
         return self._frame(image)
 
@@ -150,7 +150,7 @@ class OakSensor(Sensor):
             raise InputError(
                 f"the preset {preset!r} does not exist",
                 where="sensor oak",
-                remedy=f"Give {', '.join(presets)}.",
+                remedy=f"Use one of these presets: {', '.join(presets)}.",
             )
         self._device = self._open_device(device)
         store_crash_dump(self._device)
@@ -208,7 +208,7 @@ class OakSensor(Sensor):
             depth, number = image.getFrame(), image.getSequenceNum()
             transformation = image.getTransformation()
         except (RuntimeError, AttributeError, ValueError) as error:
-            raise InputError(f"one of its images is invalid ({error})", where=self.name) from None
+            raise InputError(f"an image of the camera is invalid ({error})", where=self.name) from None
         camera = self._intrinsics(transformation, *depth.shape[1::-1])
         if self._driver_replay is not None:
             time_ns = self._driver_replay.record_taken(time_ns)
@@ -265,12 +265,14 @@ class OakSensor(Sensor):
         self._node = self._pipeline.create(Recorded)
         self._driver_replay = DriverReplay(path, self._send, paced=True)
         if any(self._driver_replay.first.intrinsics.distortion):
-            remedy = "An OAK's depth always is; rehearse with another recording, or with --sensor realsense."
-            raise InputError("its images are not rectified", where=path, remedy=remedy)
+            remedy = "An OAK camera sends rectified images. Use another recording, or --sensor realsense."
+            raise InputError("the images of the recording are not rectified", where=path, remedy=remedy)
         self.name, self.fps = "oak rehearsal", self._driver_replay.fps
         self._last_colour = self._driver_replay.first.colour
         if colour and self._last_colour is None:
-            raise InputError("it has no colour", where=path, remedy="Rehearse without colour=true.")
+            raise InputError(
+                "the recording has no colour images", where=path, remedy="Rehearse without colour=true."
+            )
         return self._node.out, self._node.colour if colour else None
 
     def _send(self, frame: DepthFrame, number: int) -> None:

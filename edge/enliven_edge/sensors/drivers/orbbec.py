@@ -70,7 +70,7 @@ class OrbbecSensor(Sensor):
             raise InputError(
                 f"the sync mode {sync!r} does not exist",
                 where="sensor orbbec",
-                remedy=f"Give {', '.join(_SYNC_MODES)}.",
+                remedy=f"Use one of these modes: {', '.join(_SYNC_MODES)}.",
             )
         self._ob = orbbec_library()
         self._pipeline: Any = None
@@ -111,7 +111,9 @@ class OrbbecSensor(Sensor):
             if is_over:
                 self._play_next()
             if self._is_unplugged:
-                raise ResourceError("it was unplugged", where=self.name, remedy="Plug it in again.")
+                raise ResourceError(
+                    "the camera was unplugged", where=self.name, remedy="Plug the camera in again."
+                )
             raise TimeoutError(f"no image of {self.name} yet")
         except self._ob.OBError as error:
             raise convert_error("orbbec", error, self.name, self._rehearsed) from None
@@ -180,7 +182,7 @@ class OrbbecSensor(Sensor):
             listed = self._device.get_available_preset_list()
             presets = [listed.get_name_by_index(i) for i in range(len(listed))]
             if preset not in presets:
-                remedy = f"It has: {', '.join(presets)}."
+                remedy = f"Presets of this camera: {', '.join(presets)}."
                 raise InputError(f"the preset {preset!r} does not exist", where=self.name, remedy=remedy)
             self._device.load_preset(preset)
         if sync and not self._rehearsed:

@@ -25,7 +25,7 @@ def orbbec_library() -> Any:
         tuple(int(part) for part in ob.get_version().split(".")[:2]) if hasattr(ob, "get_version") else (0,)
     )
     if sdk_version < _MIN_SDK_VERSION:
-        problem = f"pyorbbecsdk is of version {'.'.join(map(str, sdk_version))}, which has another interface"
+        problem = f"pyorbbecsdk has version {'.'.join(map(str, sdk_version))}, which is not supported"
         remedy = "Type: pip uninstall pyorbbecsdk; pip install --no-deps pyorbbecsdk2"
         raise ResourceError(problem, where="sensor orbbec", remedy=remedy)
     ob.Context.set_logger_to_file(ob.OBLogLevel.NONE, tempfile.gettempdir())
@@ -87,9 +87,10 @@ def depth_mode(ob: Any, pipeline: Any, mode: tuple[int, int, int], name: str) ->
     near = sorted(modes, key=lambda m: sum(abs(a - b) for a, b in zip(m, mode, strict=True) if b))
     alternatives = ", ".join(f"{w}x{h} at {fps}" for w, h, fps in near[:_MODES_SHOWN])
     raise InputError(
-        f"it has no depth of {mode[0]}x{mode[1]} at {mode[2]} images a second on this port",
+        f"the camera has no depth of {mode[0]}x{mode[1]} at {mode[2]} images a second on this port",
         where=name,
-        remedy=f"It has: {alternatives}. 0 stands for any; on USB 2 there are fewer.",
+        remedy=f"Modes on this port: {alternatives}. 0 accepts any value. USB 3 offers more modes than USB "
+        "2.",
     )
 
 

@@ -99,7 +99,9 @@ def write_playback(recording: str, path: Path) -> list[Playback]:
             parts.append(_write(name, camera, round(sensor.fps or 30.0), frames, before))
     if not parts:
         raise InputError(
-            "it holds no depth images", where=recording, remedy="Rehearse with a depth recording."
+            "the recording contains no depth images",
+            where=recording,
+            remedy="Rehearse with a depth recording.",
         )
     return parts
 
@@ -132,7 +134,9 @@ def _depth_images(sensor: ReplaySensor, recording: str) -> Iterator[DepthFrame]:
     while (frame := _read_next(sensor)) is not None:
         if isinstance(frame, DepthFrame) and frame.sensor == (name or frame.sensor):
             if remaining_bytes <= 0:
-                log.warning("%s: the rehearsal plays its first %d images", recording, images)
+                log.warning(
+                    "%s: the rehearsal plays only the first %d images of this recording", recording, images
+                )
                 return
             name, images, remaining_bytes = frame.sensor, images + 1, remaining_bytes - frame.depth.nbytes
             yield frame
@@ -294,5 +298,5 @@ def playbacks(ob: Any, path: str) -> list[tuple[Any, int]]:
         try:
             return [(ob.PlaybackDevice(str(file)), shift_ns) for file, shift_ns in files]
         except ob.OBError as error:
-            problem = f"Orbbec's library cannot play it ({one_line_message(error)})"
+            problem = f"Orbbec's library cannot play the recording ({one_line_message(error)})"
             raise InputError(problem, where=path) from None

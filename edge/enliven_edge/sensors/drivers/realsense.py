@@ -169,7 +169,7 @@ class RealSenseSensor(Sensor):
             raise InputError(
                 f"the preset {word!r} does not exist",
                 where="sensor realsense",
-                remedy="Give default, high_accuracy, high_density, medium_density or hand.",
+                remedy="Use default, high_accuracy, high_density, medium_density or hand.",
             )
         key = getattr(self._rs.option, option)
         if self._depth.supports(key) and not self._depth.is_option_read_only(key):

@@ -47,9 +47,9 @@ def depth_mode(rs: Any, sensor: Any, mode: tuple[int, int, int], name: str) -> A
         near = sorted(modes, key=lambda m: sum(abs(a - b) for a, b in zip(m, mode, strict=True)))
         alternatives = ", ".join(f"{w}x{h} at {fps}" for w, h, fps in near[:_MODES_SHOWN])
         raise InputError(
-            f"it has no depth of {mode[0]}x{mode[1]} at {mode[2]} images a second on this port",
+            f"the camera has no depth of {mode[0]}x{mode[1]} at {mode[2]} images a second on this port",
             where=name,
-            remedy=f"It has: {alternatives}. On USB 2 there are fewer.",
+            remedy=f"Modes on this port: {alternatives}. USB 3 offers more modes than USB 2.",
         )
     return modes[mode]
 
@@ -64,9 +64,9 @@ def intrinsics(lens: Any, rs: Any, kind: str, name: str, rehearsed: bool) -> tup
     supported = (rs.distortion.none, rs.distortion.brown_conrady)
     if lens.model not in supported and any(lens.coeffs):
         raise InputError(
-            f"the distortion model {lens.model} of its images is not supported",
+            f"the distortion model {lens.model} of the images is not supported",
             where=name,
-            remedy="Choose a depth mode, which is rectified.",
+            remedy="Choose a mode with rectified depth images.",
         )
     k1, k2, p1, p2, k3 = lens.coeffs
     parameters = (lens.fx, lens.fy, lens.ppx, lens.ppy)
@@ -157,9 +157,9 @@ def find_colour_mode(rs: Any, device: Any, size: tuple[int, int], fps: float, na
                     candidates.append((difference, sensor, video))
     if not candidates:
         raise InputError(
-            f"it cannot send colour at {fps:g} images a second together with its depth",
+            f"the camera cannot send colour at {fps:g} images a second together with depth",
             where=name,
-            remedy="Leave out colour=true, or give fps=30.",
+            remedy="Leave out colour=true, or set fps=30.",
         )
     return min(candidates, key=lambda each: each[0])[1:]
 
@@ -173,7 +173,9 @@ class ReplayedColour:
 
     def __init__(self, rs: Any, device: Any, depth: Any, first: DepthFrame, fps: int, path: str) -> None:
         if first.colour is None:
-            raise InputError("it has no colour", where=path, remedy="Rehearse without colour=true.")
+            raise InputError(
+                "the recording has no colour images", where=path, remedy="Rehearse without colour=true."
+            )
         self._rs, self._last = rs, first.colour
         height, width = first.colour.shape[:2]
         self._sensor = device.add_sensor("Color")

@@ -17,7 +17,10 @@ Device = TypeVar("Device")
 Sentence = tuple[str, str]
 """A problem and its remedy."""
 _CONNECTION_ADVICE = "then type: enliven doctor"
-REHEARSE = "Rehearse with another recording: --set rehearse=OTHER.mcap; enliven inspect says what is in one."
+REHEARSE = (
+    "Rehearse with another recording: --set rehearse=OTHER.mcap. enliven inspect lists the contents of a "
+    "recording."
+)
 """The advice if no device is found."""
 
 
@@ -51,21 +54,21 @@ def convert_error(sensor: str, error: Exception, where: str = "", rehearsed: boo
     message, where = one_line_message(error), where or f"sensor {sensor}"
     if rehearsed:
         return ResourceError(
-            f"its library does not play the recording ({message})", where=where, remedy=REHEARSE
+            f"the library of the camera cannot play the recording ({message})", where=where, remedy=REHEARSE
         )
     for piece, (problem, remedy) in (*LIBRARY_MESSAGES.get(sensor, ()), *SYSTEM_MESSAGES):
         if piece in message:
             return ResourceError(problem, where=where, remedy=remedy)
     return ResourceError(
-        f"it cannot be used ({message})",
+        f"the camera cannot be used ({message})",
         where=where,
-        remedy=f"Unplug it once and plug it in again, {_CONNECTION_ADVICE}",
+        remedy=f"Unplug the camera and plug it in again, {_CONNECTION_ADVICE}",
     )
 
 
 def one_line_message(error: Exception) -> str:
     """Returns the message of an error in one line, without a full stop."""
-    return " ".join(str(error).split()).rstrip(".") or "it gives no reason"
+    return " ".join(str(error).split()).rstrip(".") or "the reason is unknown"
 
 
 def choose_device(
@@ -95,17 +98,17 @@ def choose_device(
     if requested_name:
         if requested_name in devices:
             return devices[requested_name]
-        remedy = f"Connected: {', '.join(devices)}. Give one of them: --set {option}={next(iter(devices))}"
+        remedy = f"Connected: {', '.join(devices)}. Choose one: --set {option}={next(iter(devices))}"
         raise ResourceError(
             f"{common_name} called {requested_name} is not connected", where=f"sensor {sensor}", remedy=remedy
         )
     if len(devices) > 1 and last_name not in devices:
         first, second, *_ = devices
         remedy = (
-            f"Name the one you mean: --set {option}={first}. Two at once: --sensor left={sensor} "
-            f"--sensor right={sensor} --set left.{option}={first} --set right.{option}={second}"
+            f"Choose one: --set {option}={first}. To use two at once: --sensor left={sensor} --sensor "
+            f"right={sensor} --set left.{option}={first} --set right.{option}={second}"
         )
-        problem = f"{len(devices)} are connected: {', '.join(devices)}"
+        problem = f"{len(devices)} cameras are connected: {', '.join(devices)}"
         raise ResourceError(problem, where=f"sensor {sensor}", remedy=remedy)
     return devices.get(last_name) or next(iter(devices.values()))
 
@@ -118,15 +121,15 @@ def _missing_device_error(sensor: str, which: str) -> ResourceError:
             problems = dict(camera.find_problems())
             if FORBIDDEN in problems:
                 return ResourceError(f"{camera.title}: {FORBIDDEN}", where=where, remedy=ALLOW)
-            problem = f"{camera.title} is plugged in, but its library does not find it"
+            problem = f"{camera.title} is plugged in, but the library of the camera does not find it"
             remedy = (
-                f"Close other programs that use it. Otherwise unplug it once and plug it in "
-                f"again, {_CONNECTION_ADVICE}"
+                "Close other programs that use the camera. If this does not help, unplug the camera and "
+                f"plug it in again, {_CONNECTION_ADVICE}"
             )
             return ResourceError(problem, where=where, remedy=remedy)
     return ResourceError(
         f"{which} is not connected",
         where=where,
-        remedy=f"Plug it into a USB 3 port, check with enliven doctor that it is connected, and type: "
-        f"enliven run --sensor {sensor}",
+        remedy="Plug the camera into a USB 3 port, check with enliven doctor that it is connected, and "
+        f"type: enliven run --sensor {sensor}",
     )

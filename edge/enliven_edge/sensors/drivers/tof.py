@@ -30,7 +30,7 @@ _INTRINSICS_SCALE = 100.0
 """Divisor of the intrinsics, because the library reports them in hundredths of a pixel."""
 _REASONS = {
     "ArducamNoPermission": (
-        "your user may not open it",
+        "your user may not open the camera",
         "Type: sudo usermod -aG video $USER, and log in again.",
     ),
     "ArducamUnkownDevice": (
@@ -38,15 +38,15 @@ _REASONS = {
         "Check --set device=NUMBER.",
     ),
     "ArducamNoCache": (
-        "it is in use, or its library has no memory left",
-        "Close other programs that use it.",
+        "the camera is in use, or its library has no memory left",
+        "Close other programs that use the camera.",
     ),
 }
 """Meaning and remedy of the library's error codes. Other codes are reported as a missing camera."""
 _NONE_FOUND = (
-    "no Arducam ToF camera is found",
-    "Plug it into the camera port, add dtoverlay=arducam-pivariety to /boot/firmware/config.txt and restart; "
-    "enliven doctor",
+    "no Arducam ToF camera was found",
+    "Connect the camera to the camera port, add dtoverlay=arducam-pivariety to /boot/firmware/config.txt, "
+    "restart, and type: enliven doctor",
 )
 
 
@@ -85,7 +85,9 @@ class TofSensor(Sensor):
         rehearse: str = "",
     ) -> None:
         if range not in _MODES:
-            raise InputError(f"the range cannot be {range} m", where="sensor tof", remedy="Give 2 or 4.")
+            raise InputError(
+                f"the range cannot be {range} m", where="sensor tof", remedy="Set range to 2 or 4."
+            )
         self.name, self.fps = f"tof {device}", 30.0
         self._confidence = float(confidence)
         self._limits = depth_limits(
@@ -148,9 +150,11 @@ class TofSensor(Sensor):
         code = camera.start(ac.FrameType.DEPTH)
         if code != ac.TofErrorCode.ArducamSuccess:
             camera.close()
-            problem = f"it does not start ({code.name.removeprefix('Arducam')})"
+            problem = f"the camera does not start ({code.name.removeprefix('Arducam')})"
             raise ResourceError(
-                problem, where=self.name, remedy="Close other programs that use it, or restart the Pi."
+                problem,
+                where=self.name,
+                remedy="Close other programs that use the camera, or restart the Pi.",
             )
         self._camera = camera
         try:
@@ -189,8 +193,10 @@ class TofSensor(Sensor):
         """Returns (H, W) uint16 millimetres, 0 for pixels with low confidence or out of range."""
         lens: Intrinsics = self._lens
         if depth.shape != (lens.height, lens.width) or confidence.shape != depth.shape:
-            problem = f"an image has the shapes {depth.shape} and {confidence.shape}"
-            raise InputError(problem, where=self.name, remedy=f"Expected {(lens.height, lens.width)}.")
+            problem = f"depth and confidence have the shapes {depth.shape} and {confidence.shape}"
+            raise InputError(
+                problem, where=self.name, remedy=f"Both must have the shape {(lens.height, lens.width)}."
+            )
         trusted = np.empty(depth.shape, np.uint16)
         _keep_trusted_depth(depth, confidence, self._confidence, *self._limits, trusted)
         return trusted

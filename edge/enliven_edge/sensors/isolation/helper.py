@@ -127,9 +127,7 @@ class _Helper:
             self._device = None
             device.close()
         else:
-            self._pipe.send(
-                ("bad", "", "its driver returns something other than images and bodies", device.name, "")
-            )
+            self._pipe.send(("bad", "", "the driver returned neither an image nor bodies", device.name, ""))
         if self._device is not None and time.monotonic() - self._told > _CONDITION_INTERVAL_S:
             self._told = time.monotonic()
             self._pipe.send(("condition", device.condition()))
@@ -190,4 +188,4 @@ def _describe_error(error: Exception) -> tuple[str, str, str, str]:
     """Returns (class, what, where, remedy) of an error, with empty strings for missing parts."""
     if isinstance(error, EnlivenError):
         return type(error).__name__, error.what, error.where, error.remedy
-    return type(error).__name__, str(error) or "it gives no reason", "", ""
+    return type(error).__name__, str(error) or "the reason is unknown", "", ""

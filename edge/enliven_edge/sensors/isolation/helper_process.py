@@ -51,7 +51,9 @@ class HelperProcess:
         try:
             self._process.start()
         except OSError as error:
-            raise ResourceError(f"its process cannot be started ({error})", where=name) from None
+            raise ResourceError(
+                f"the process of the driver cannot be started ({error})", where=name
+            ) from None
         far.close()
         self._words.started()
         self._slots: FrameSlots | None = None
@@ -74,9 +76,9 @@ class HelperProcess:
         if message is None:
             self.end()
             raise ResourceError(
-                f"opening has taken more than {OPEN_TIMEOUT_S:.0f} s",
+                f"opening the device took more than {OPEN_TIMEOUT_S:.0f} s",
                 where=self._name,
-                remedy="Unplug it once.",
+                remedy="Unplug the device and plug it in again.",
             )
         if message[0] == "failed":
             raise error_from_helper(message[1:], self._name, ResourceError)
@@ -203,10 +205,14 @@ class HelperProcess:
         """Returns the error for a process that has ended. Stores a report if the process crashed."""
         self._process.join(_CLOSE_TIMEOUT_S)
         code = self._process.exitcode
-        reason = f"its driver crashed (signal {-code})" if code and code < 0 else "its driver ended"
+        reason = f"the driver crashed (signal {-code})" if code and code < 0 else "the driver ended"
         if code and code < 0 and (report := self._words.read()):
             keep_text(self._name, report, -code)
-        return SensorFault(reason, where=self._name, remedy="It is restarted automatically; see the log.")
+        return SensorFault(
+            reason,
+            where=self._name,
+            remedy="The driver is restarted automatically. The log contains the details.",
+        )
 
 
 def error_from_helper(

@@ -103,7 +103,7 @@ class IsolatedSensor(Sensor):
             message = self._helper.receive(max(wait, 0.0))
             if message is None:
                 if time.monotonic() >= self._last_image_at + self._patience:
-                    why = f"no image for {self._patience:.0f} s"
+                    why = f"no image arrived for {self._patience:.0f} s"
                     raise SensorFault(why, where=self.name, remedy=CHECK_IT)
                 raise TimeoutError(f"no image of {self.name} yet")
             frame = self._frame_from_message(*message)

@@ -41,13 +41,15 @@ class CalibrationBoard:
     def __post_init__(self) -> None:
         if min(self.columns, self.rows) < 3 or self.columns * self.rows > 2 * _MARKER_COUNT:
             raise InputError(
-                f"a board of {self.columns} x {self.rows} squares cannot be made",
+                f"a board of {self.columns} x {self.rows} squares is impossible",
                 where="board",
-                remedy=f"Give 3 x 3 squares or more, {2 * _MARKER_COUNT} in all at most.",
+                remedy=f"Use at least 3 x 3 squares, and at most {2 * _MARKER_COUNT} squares in total.",
             )
         if not 0.005 <= self.square <= 1.0:
             raise InputError(
-                f"its squares are {1e3 * self.square:g} mm wide", where="board", remedy="Give 5 to 1000 mm."
+                f"the squares are {1e3 * self.square:g} mm wide",
+                where="board",
+                remedy="Use squares of 5 to 1000 mm.",
             )
 
     def find(self, image: UInt8) -> dict[int, Float]:
@@ -114,7 +116,7 @@ class CalibrationBoard:
         ]
         if not fitting:
             problem = f"a board of {wide:.0f} x {high:.0f} mm fits on no sheet up to A2"
-            raise InputError(problem, where="board", remedy="Give smaller squares: --square 38")
+            raise InputError(problem, where="board", remedy="Use smaller squares, such as --square 38")
         paper = fitting[0]
         across, down = _PAPERS[paper]
         left, top = (across - wide) / 2, (down - high) / 2

@@ -83,12 +83,12 @@ def load_calibration(path: Path) -> StereoCalibration:
         raise InputError(
             "there is no such file",
             where=str(path),
-            remedy="Make it with enliven calibrate-stereo; see docs/stereo.md.",
+            remedy="Create the calibration with enliven calibrate-stereo (docs/stereo.md).",
         )
     calibration = load_settings(StereoCalibration, path)
     contradiction = _find_contradiction(calibration)
     if contradiction:
-        raise InputError(contradiction, where=str(path), remedy="Make it again: enliven calibrate-stereo.")
+        raise InputError(contradiction, where=str(path), remedy="Calibrate again: enliven calibrate-stereo.")
     return calibration
 
 
@@ -110,12 +110,12 @@ def _find_contradiction(calibration: StereoCalibration) -> str:
         return "right_from_left is not a rotation"
     if abs(float(np.linalg.norm(translation)) - calibration.baseline) > _BASELINE_TOLERANCE_M:
         length = np.linalg.norm(translation)
-        return f"the baseline is {calibration.baseline} m, the translation {length:.4f} m long"
+        return f"the baseline is {calibration.baseline} m, but the translation is {length:.4f} m long"
     baseline_axis = -float((rotation.T @ translation)[0])
     if baseline_axis > 0 and baseline_axis < calibration.baseline * math.cos(math.radians(45)):
-        return "the cameras do not stand side by side"
+        return "the cameras are not side by side"
     if baseline_axis < 0:
-        return "the left and the right camera are exchanged"
+        return "the left and the right camera are swapped"
     for name, lens in (("left", calibration.left), ("right", calibration.right)):
         if not (lens.cx < calibration.width and lens.cy < calibration.height):
             return f"the {name} principal point ({lens.cx}, {lens.cy}) is outside the image"

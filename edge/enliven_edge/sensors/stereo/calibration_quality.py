@@ -119,7 +119,10 @@ def rate_solution(board: CalibrationBoard, solution: StereoSolution) -> Calibrat
     facts += [("left out", f"{name}: {reason}") for name, reason in solution.left_out.items()]
     calibration = solution.calibration
     if calibration is None:
-        lacking = f"Take {MIN_PAIRS} pairs or more in which both cameras see most of the board, held still."
+        lacking = (
+            f"Capture at least {MIN_PAIRS} pairs that show most of the board in both images. Hold the "
+            "board still."
+        )
         return CalibrationQuality("not good enough", facts, [lacking])
     error = expected_depth_error(calibration, solution.disparity_error, _REPORT_DISTANCE_M)
     covered = {side: _find_covered_fields(calibration, solution, side) for side in ("left", "right")}
@@ -131,11 +134,11 @@ def rate_solution(board: CalibrationBoard, solution: StereoSolution) -> Calibrat
                 f"{side} {_field_of_view(calibration, side):.0f} degrees wide" for side in ("left", "right")
             ),
         ),
-        ("corners", f"{calibration.reprojection:.2f} px off (good below {_GOOD_REPROJECTION_PX})"),
+        ("corners", f"error {calibration.reprojection:.2f} px (good below {_GOOD_REPROJECTION_PX})"),
         ("rows", f"{calibration.epipolar:.2f} px apart when rectified (good below {_GOOD_EPIPOLAR_PX})"),
         (
             "depth at 2 m",
-            f"expected within {1e3 * error:.0f} mm (good below {1e3 * _GOOD_ERROR * _REPORT_DISTANCE_M:.0f})",
+            f"expected error {1e3 * error:.0f} mm (good below {1e3 * _GOOD_ERROR * _REPORT_DISTANCE_M:.0f})",
         ),
         (
             "seen",
@@ -158,28 +161,34 @@ def _create_advice(
     """Returns the advice, and whether the calibration is unusable without following it."""
     advice, bad = [], False
     if calibration.translation[0] > 0:
-        advice.append("The left and the right camera are exchanged: swap them, seen from behind the cameras.")
+        advice.append("The left and the right camera, seen from behind, are swapped: exchange their numbers.")
         bad = True
     if calibration.reprojection > _GOOD_REPROJECTION_PX:
         advice.append(
-            "Corners are off: glue the board to glass or a flat panel, hold it still, light it well."
+            "The corners are inaccurate: glue the board to glass or a flat panel, hold it still, light it "
+            "well."
         )
         bad |= calibration.reprojection > _MAX_REPROJECTION_PX
     if calibration.epipolar > _GOOD_EPIPOLAR_PX:
         advice.append(
-            "Rows do not agree: screw both cameras to one stiff bar, and take the pairs at one moment."
+            "The image rows do not match: screw both cameras to one stiff bar, and capture both at one "
+            "moment."
         )
         bad |= calibration.epipolar > _MAX_EPIPOLAR_PX
     if error > _GOOD_ERROR * _REPORT_DISTANCE_M:
-        advice.append("Depth will be coarse: take pairs farther away too, use a longer bar or more pixels.")
+        advice.append(
+            "Depth will be inaccurate: also capture pairs farther away, or use a longer bar or larger images."
+        )
         bad |= error > _MAX_ERROR * _REPORT_DISTANCE_M
     if solution.tilt < _MIN_TILT_DEG:
-        advice.append("Tilt the board: some pairs by 30 degrees to each side, some up and down.")
+        advice.append("Tilt the board by 30 degrees: to each side in some pairs, up and down in others.")
         bad = True
     for side, seen in covered.items():
         if seen.mean() < _MIN_COVERED:
             empty = ", ".join(f"{_ROWS[i]} {_COLUMNS[j]}" for i, j in np.argwhere(seen == 0)[:4])
-            advice.append(f"The {side} camera has not seen the board at the {empty}: hold it there too.")
+            advice.append(
+                f"The {side} camera has not seen the board at the {empty}: hold the board there, too."
+            )
             bad = True
     return advice, bad
 

@@ -53,7 +53,9 @@ class StereoMatcher:
     def __init__(self, rectification: Rectification, near: float = 0.7, far: float = 8.0) -> None:
         if not 0.05 <= near < far <= 65.0:
             raise InputError(
-                f"the range is {near} to {far} m", where="stereo", remedy="Give near < far, 0.05 to 65 m."
+                f"the depth range is {near} to {far} m",
+                where="stereo",
+                remedy="Set near below far, both from 0.05 to 65 m.",
             )
         self._cv: Any = import_opencv()
         self._rectification = rectification
@@ -63,9 +65,9 @@ class StereoMatcher:
         if self._count > _MAX_DISPARITIES:
             nearest = focal_baseline / (_MAX_DISPARITIES + self._lowest)
             raise InputError(
-                f"to see from {near} m on, {self._count} disparities must be tried",
+                f"near={near} needs {self._count} disparities, but at most {_MAX_DISPARITIES} are possible",
                 where="stereo",
-                remedy=f"Give near={math.ceil(100 * nearest) / 100} or more, or images of fewer pixels.",
+                remedy=f"Set near to {math.ceil(100 * nearest) / 100} or more, or use smaller images.",
             )
         self._matcher = self._cv.StereoSGBM_create(
             minDisparity=self._lowest,

@@ -33,7 +33,7 @@ def image_pairs(folder: Path) -> list[tuple[Path, Path]]:
     """
     where = str(folder)
     if not folder.is_dir():
-        raise InputError("the folder does not exist", where=where, remedy="Give a folder of image pairs.")
+        raise InputError("the folder does not exist", where=where, remedy="Choose a folder with image pairs.")
     files = [file for file in sorted(folder.rglob("*")) if file.suffix.lower() in _SUFFIXES]
     sides: dict[str, dict[str, Path]] = {"left": {}, "right": {}}
     for file in files[: 2 * _MAX_PAIRS + 1]:
@@ -43,11 +43,17 @@ def image_pairs(folder: Path) -> list[tuple[Path, Path]]:
             sides[side[0].lower()][re.sub("left|right", "*", name, flags=re.IGNORECASE)] = file
     left, right = sides["left"], sides["right"]
     if not left or not right or len(files) > 2 * _MAX_PAIRS:
-        wrong = "it holds no image pairs" if len(files) <= 2 * _MAX_PAIRS else "it holds too many images"
-        raise InputError(wrong, where=where, remedy="Name them left-01.png and right-01.png, and so on.")
+        wrong = (
+            "the folder contains no image pairs"
+            if len(files) <= 2 * _MAX_PAIRS
+            else "the folder contains too many images"
+        )
+        raise InputError(wrong, where=where, remedy="Name the images left-01.png, right-01.png, and so on.")
     for name in left.keys() ^ right.keys():
         lonely = left.get(name) or right[name]
-        raise InputError("the other camera's image is missing", where=str(lonely), remedy="Remove it.")
+        raise InputError(
+            "the other camera's image is missing", where=str(lonely), remedy="Remove this image."
+        )
     return [(left[name], right[name]) for name in sorted(left)]
 
 
@@ -60,7 +66,7 @@ def read_grey(path: Path) -> UInt8:
     try:
         with Image.open(io.BytesIO(read_file(path)), formats=("PNG", "JPEG")) as image:
             if image.width * image.height > _MAX_PIXELS:
-                problem = f"it states {image.width} x {image.height} pixels"
+                problem = f"the image has {image.width} x {image.height} pixels, which is too large"
                 raise InputError(problem, where=str(path), remedy="Remove the pair.")
             return np.asarray(image.convert("L"))
     except (OSError, ValueError, SyntaxError, UnidentifiedImageError, Image.DecompressionBombError):

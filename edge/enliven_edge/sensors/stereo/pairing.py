@@ -92,10 +92,13 @@ class ImagePairing:
         if self._least_ns is None:
             which = "left" if image.eye else "right"
             raise ResourceError(
-                f"the {which} camera sends no images", where=self._name, remedy="Check its ribbon cable."
+                f"the {which} camera sends no images",
+                where=self._name,
+                remedy="Check the ribbon cable of this camera.",
             )
         raise ResourceError(
-            f"the two cameras are not in step: {1e-6 * self._least_ns:.1f} ms apart",
+            f"the two cameras are not synchronised: their images are {1e-6 * self._least_ns:.1f} ms apart",
             where=self._name,
-            remedy="Join their sync pins or use a tuning file with rpi.sync (docs/stereo.md).",
+            remedy="Connect the sync pins of the cameras, or use a tuning file with rpi.sync "
+            "(docs/stereo.md).",
         )

@@ -63,9 +63,9 @@ class Rectification:
             if image.shape[:2] != shape:
                 image_size, wanted = (f"{size[1]} x {size[0]}" for size in (image.shape, shape))
                 raise InputError(
-                    f"an image has {image_size} pixels, the calibration {wanted}",
+                    f"an image has {image_size} pixels, but the calibration is for {wanted}",
                     where="stereo",
-                    remedy="Calibrate in the size that is used: enliven calibrate-stereo.",
+                    remedy="Calibrate again with the size of the images: enliven calibrate-stereo.",
                 )
         remap, linear = self._cv.remap, self._cv.INTER_LINEAR
         rectified_left, rectified_right = (

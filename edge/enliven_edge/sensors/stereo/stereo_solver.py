@@ -80,7 +80,9 @@ def solve(board: CalibrationBoard, sightings: list[BoardSighting], size: tuple[i
         if errors[worst] <= max(_OUTLIER_RATIO * float(np.median(errors)), _INLIER_ERROR_PX):
             tilt = _widest_tilt(board, used, calibration)
             return StereoSolution(calibration, used, left_out, _cross_validate(board, used, size), tilt)
-        left_out[used[worst].name] = f"its corners are {errors[worst]:.1f} px off: moved, blurred or bent"
+        left_out[used[worst].name] = (
+            f"the corners are {errors[worst]:.1f} px off, because the board was moved, blurred or bent"
+        )
         used = [sighting for sighting in used if sighting is not used[worst]]
     return StereoSolution(None, used, left_out)
 
@@ -111,7 +113,7 @@ def _explain_unusable(sighting: BoardSighting) -> str:
         if not getattr(sighting, side):
             return f"the {side} camera does not see the board"
     common = len(sighting.left.keys() & sighting.right.keys())
-    return "" if common >= _MIN_CORNERS else f"the cameras see only {common} corners both"
+    return "" if common >= _MIN_CORNERS else f"only {common} corners are visible to both cameras"
 
 
 def _fit(

@@ -223,7 +223,9 @@ def _check_version(head: _Head) -> None:
         remedy = "In Rokoko Studio, choose the data format JSON v3 for this receiver."
         shown = "2.5" if version == "3" else str(head.version)[:20]
         raise RokokoVersionError(
-            f"a packet has JSON of version {shown}", where="sensor rokoko", remedy=remedy
+            f"a packet contains JSON of version {shown}, which is not supported",
+            where="sensor rokoko",
+            remedy=remedy,
         )
 
 

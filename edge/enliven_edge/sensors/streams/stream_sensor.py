@@ -54,7 +54,7 @@ class StreamSensor(Sensor, Generic[Data]):
         self._port = port
         self.port = port.port
         self.name = f"{kind} {self.port}"
-        self._missing = f"no {items} came to {self.name}"
+        self._missing = f"no {items} arrived at {self.name}"
         self._closed = False
 
     def read(self, timeout: float | None = None) -> BodyFrame | None:

@@ -150,7 +150,9 @@ def _joint_by_tracker(order: str) -> dict[str, Joint]:
     unknown = [word for word in words if word not in PLACES]
     if unknown or len(words) > 8:
         problem = (
-            f"{unknown[0]!r} is not a place of a tracker" if unknown else f"{len(words)} places, at most 8"
+            f"{unknown[0]!r} is not a place of a tracker on the body"
+            if unknown
+            else f"{len(words)} places are named, but at most 8 are possible"
         )
-        raise InputError(problem, where="sensor osc-trackers", remedy=f"Known: {', '.join(PLACES)}.")
+        raise InputError(problem, where="sensor osc-trackers", remedy=f"Known places: {', '.join(PLACES)}.")
     return {"head": Joint.HEAD, **{str(number): PLACES[word] for number, word in enumerate(words, 1)}}

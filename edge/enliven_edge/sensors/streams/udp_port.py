@@ -25,14 +25,19 @@ def listen_udp(host: str, port: int, where: str) -> socket.socket:
         ResourceError: for a port in use, or an address that does not belong to this machine.
     """
     if not 0 <= port <= 65535:
-        raise InputError(f"{port} is not a UDP port", where=where, remedy="Set port to 1 to 65535.")
+        raise InputError(
+            f"{port} is not a UDP port", where=where, remedy="Set port to a number from 1 to 65535."
+        )
     receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
     try:
         receiver.bind((host, port))
     except OSError as error:
         receiver.close()
-        remedy = "End the other program that listens there, or set another port, also in the sender."
+        remedy = (
+            "Close the other program that uses this port, or set another port here and in the sending "
+            "program."
+        )
         problem = f"port {port} of {host} cannot be opened ({error.strerror})"
         raise ResourceError(problem, where=where, remedy=remedy) from None
     return receiver

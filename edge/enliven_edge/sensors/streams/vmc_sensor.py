@@ -45,7 +45,9 @@ class VmcSensor(StreamSensor[list[Message]]):
 
     def __init__(self, port: int = 39539, host: str = "127.0.0.1", height: float = 1.75) -> None:
         if not 0.5 <= height <= 2.5:
-            raise InputError(f"height is {height}, outside 0.5..2.5 m", where="sensor vmc")
+            raise InputError(
+                f"the height is {height} m", where="sensor vmc", remedy="Set height to 0.5 to 2.5 m."
+            )
         self._height = height
         super().__init__("vmc", "bones", open_osc_port("vmc", port, host))
         self._bones: dict[str, tuple[np.ndarray, np.ndarray]] = {}

@@ -102,13 +102,13 @@ class PuppetActor(Actor):
         points = self._paired_points(parts)
         if not points:
             raise InputError(
-                f"no control point goes with {parts!r}",
+                f"no control point of the puppet follows the body parts {parts!r}",
                 where=f"possessing {self.character.id!r}",
-                remedy=f"They go with: {', '.join(self._followed_names())}.",
+                remedy=f"The control points follow these joints: {', '.join(self._followed_names())}.",
             )
         if not ((body.confidence > 0) & np.isfinite(body.joints).all(1)).any():
             where, remedy = f"possessing {self.character.id!r}", "Step in front of the sensor again."
-            raise InputError(f"no joint of performer {body.id} is seen", where=where, remedy=remedy)
+            raise InputError(f"no joint of performer {body.id} is visible", where=where, remedy=remedy)
         own = next((hold for hold in self.holds if hold.body == body.id), None)
         if own is not None and mode == "extend":
             points |= own.points

@@ -56,8 +56,8 @@ def create_actor_from_project(
     """
     problems = find_missing_examples(project, puppet)
     if problems:
-        remedy = f"{' '.join(problems)} Do so in enliven studio, or in the session's file."
-        raise InputError("it cannot move yet", where=where or puppet.where, remedy=remedy)
+        remedy = f"{' '.join(problems)} Make the changes in enliven studio, or in the session file."
+        raise InputError("the puppet cannot move yet", where=where or puppet.where, remedy=remedy)
     return PuppetActor(project, puppet, settings)
 
 
@@ -73,9 +73,9 @@ def _read_project(spec: str) -> tuple[Project, ExampleCharacter]:
         return session.project, session.project.puppet(name or session.puppet)
     project = read_project(Path(file))
     if not project.puppets:
-        remedy = "Make one in enliven studio, or give a session (.toml)."
-        raise InputError("it has no puppet", where=file, remedy=remedy)
+        remedy = "Create a puppet in enliven studio, or use a session file (.toml)."
+        raise InputError("the project has no puppet", where=file, remedy=remedy)
     if not name and len(project.puppets) > 1:
-        remedy = f"Name one: {file}#{next(iter(project.puppets))}."
-        raise InputError(f"it has {len(project.puppets)} puppets", where=file, remedy=remedy)
+        remedy = f"Choose one, such as {file}#{next(iter(project.puppets))}."
+        raise InputError(f"the project has {len(project.puppets)} puppets", where=file, remedy=remedy)
     return project, project.puppet(name or next(iter(project.puppets)))

@@ -91,7 +91,8 @@ class Retargeting:
                 raise InputError(
                     f"a tracked person has no joint similar to {name!r} of the examples",
                     where="puppet",
-                    remedy="Pair its control points with joints of head, trunk, arms or legs.",
+                    remedy="Pair the control points of the puppet with joints of the head, trunk, arms or "
+                    "legs.",
                 )
         self.joints = tuple(bones[n].joint if n else Joint.HIP_CENTER for n in numbers)
         self.legs = _leg_length(skeleton, bones)

@@ -18,8 +18,8 @@ class PuppetSettings:
     )
     lag: int = setting(
         3,
-        "Delay from a pose to the puppet's answer. Raise it for smoother motion, lower it for faster "
-        "response.",
+        "Delay from a performer's pose to the puppet's pose. Raise it for smoother motion, lower it for "
+        "faster response.",
         unit="samples",
         low=0,
         high=30,
@@ -54,15 +54,15 @@ class PuppetSettings:
     )
     fade_pace: float = parameter(
         2.5,
-        "Maximum speed of this blend: large changes take longer.",
+        "Maximum speed of the blend. Large changes take longer than `fade`.",
         unit="m/s",
         low=0.01,
         high=1000.0,
     )
     hand_over: float = setting(
         60.0,
-        "If a performer is away for longer, the only idle performer in view takes over their hold. 0 "
-        "turns this off.",
+        "If a performer is away for longer, and exactly one performer without a character is in view, "
+        "that performer takes over. 0 turns this off.",
         unit="s",
         low=0.0,
         high=3600.0,

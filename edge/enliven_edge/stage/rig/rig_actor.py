@@ -164,7 +164,9 @@ class RigActor(ChosenActor):
         if not pairs or body is None:
             where = f"possessing {self.character.id!r}"
             raise InputError(
-                "no part of it is similar to the pose", where=where, remedy="It needs at least one bone."
+                "no part of the character is similar to the pose",
+                where=where,
+                remedy="Use a character with bones.",
             )
         if mode == "extend":
             pairs += self._keep_pairs(body.id, pairs)
@@ -200,8 +202,8 @@ def create_rig_actor(spec: str, settings: MatchingSettings | None = None, name: 
     """
     settings = settings or MatchingSettings()
     if Path(spec).suffix.lower() not in GLTF_SUFFIXES:
-        remedy = "Give a rigged .glb, .gltf or .vrm, or drive the mesh by a graph."
-        raise InputError("it has no skeleton of its own", where=spec, remedy=remedy)
+        remedy = "Use a rigged .glb, .gltf or .vrm file, or drive the mesh by a graph (--drive graph)."
+        raise InputError("the file has no skeleton", where=spec, remedy=remedy)
     rig = read_gltf(
         Path(spec), name=name or make_character_id(spec), height=settings.height or None, floor=True
     )

@@ -35,8 +35,8 @@ class MatchingSettings:
     )
     hand_over: float = setting(
         60.0,
-        "If a performer is away for longer, the only idle performer in view takes over their hold. 0 "
-        "turns this off.",
+        "If a performer is away for longer, and exactly one performer without a character is in view, "
+        "that performer takes over. 0 turns this off.",
         unit="s",
         low=0.0,
         high=3600.0,

@@ -66,9 +66,7 @@ def misfits(points, ends, radii, far):
     """Returns (N,) misfits of N postures in metres.
 
     A misfit is the mean distance from each point to the nearest capsule, plus the mean distance from each
-    capsule to the nearest point.
-
-    Lower values are better.
+    capsule to the nearest point. Lower values are better.
 
     Args:
         points: (3, M) float32 metres.

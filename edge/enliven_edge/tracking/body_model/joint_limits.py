@@ -1,8 +1,8 @@
 """Joint limits: the range of each joint of a person, and a relaxed standing posture.
 
-A range is a box of rotation vectors about the middle of the joint's range. The middle of a shoulder is an arm
-held out and forward. Hanging and overhead arms are then both within a third of a turn from it. So the
-logarithm is smooth for all postures of a performer.
+A range is a box of rotation vectors, relative to the rotation in the middle of the joint's range. In the
+middle of a shoulder's range, the arm points sideways and forward. Hanging and overhead arms are both within a
+third of a turn from there. So the logarithm of the rotation is smooth for all postures of a performer.
 """
 
 from __future__ import annotations

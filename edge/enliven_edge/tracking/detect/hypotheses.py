@@ -228,9 +228,7 @@ def _place_under_crown(observation: Observation, centre: Float, rotations: Float
 def _centre_on_points(points: Float32, centre: Float, ends: Float, radii: Float, eye: Float) -> Float:
     """Returns (N, 3) positions that align the middle, top and bottom of N postures with those of the points.
 
-    The positions are behind the visible surface by half a body's depth.
-
-    Each posture is then inside the body.
+    The positions are half a body's depth behind the visible surface, so that each posture is inside the body.
 
     Args:
         points: (M, 3) metres.

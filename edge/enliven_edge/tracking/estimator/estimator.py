@@ -138,7 +138,7 @@ class PoseEstimator:
             self._session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
         except Exception:  # The errors of ONNX Runtime have no common base class.
             raise InputError(
-                "the network cannot be read",
+                "the neural network cannot be read",
                 where=str(path),
                 remedy="Install enliven again, or set tracker.estimator = false.",
             ) from None

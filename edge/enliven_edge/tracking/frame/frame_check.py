@@ -143,31 +143,31 @@ class FrameCheck:
 def find_flaw(frame: Frame) -> str:
     """Returns the fault of a single frame, or an empty string."""
     if not isinstance(frame, DepthFrame | BodyFrame):
-        return "it is neither a depth image nor a list of bodies"
+        return "the frame is neither a depth image nor a list of bodies"
     if type(frame.time_ns) is not int or abs(frame.time_ns) >= TIME_LIMIT_NS:
-        return f"its time is {frame.time_ns!r}, not a possible number of nanoseconds"
+        return f"the time {frame.time_ns!r} is not a possible number of nanoseconds"
     return _depth_flaw(frame) if isinstance(frame, DepthFrame) else _body_flaw(frame)
 
 
 def _depth_flaw(frame: DepthFrame) -> str:
     camera, depth, colour, pose = frame.intrinsics, frame.depth, frame.colour, frame.world_from_camera
     if depth.dtype != np.uint16 or depth.shape != (camera.height, camera.width):
-        return f"its depth is {depth.dtype} {depth.shape}, the camera's is {camera.height}x{camera.width}"
+        return f"the depth is {depth.dtype} {depth.shape}, but the camera has {camera.height}x{camera.width}"
     if not all(_MIN_IMAGE_SIDE_PX <= side <= _MAX_IMAGE_SIDE_PX for side in depth.shape):
-        return f"its image is {camera.width}x{camera.height} pixels"
+        return f"the image size is {camera.width}x{camera.height} pixels"
     if not all(math.isfinite(f) and f > 0 for f in (camera.fx, camera.fy)):
-        return f"its focal length is ({camera.fx}, {camera.fy}) pixels"
+        return f"the focal length is ({camera.fx}, {camera.fy}) pixels"
     if not all(math.isfinite(c) for c in (camera.cx, camera.cy, *camera.distortion)):
-        return "its principal point or distortion is not a finite number"
+        return "the principal point or distortion is not a finite number"
     if colour is not None and (colour.dtype != np.uint8 or colour.ndim != 3 or colour.shape[2] != 3):
-        return f"its colour image is {colour.dtype} {colour.shape}"
+        return f"the colour image is {colour.dtype} {colour.shape}"
     if pose is not None and (np.shape(pose) != (4, 4) or not np.isfinite(pose).all()):
-        return "its camera's pose is not a finite 4x4 transform"
+        return "the camera pose is not a finite 4x4 transform"
     return ""
 
 
 def _body_flaw(frame: BodyFrame) -> str:
     for body in frame.bodies:
         if np.shape(body.joints) != (J, 3) or np.shape(body.confidence) != (J,):
-            return f"one of its bodies has joints of shape {np.shape(body.joints)}"
+            return f"a body has joints of shape {np.shape(body.joints)}"
     return ""

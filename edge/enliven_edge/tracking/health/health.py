@@ -206,7 +206,7 @@ class HealthMonitor:
 
     def record_read_error(self, error: Exception) -> None:
         """Records that a read raised ``error`` instead of returning a frame."""
-        reason, remedy = str(error) or "it gives no reason", ""
+        reason, remedy = str(error) or "the reason is unknown", ""
         if isinstance(error, EnlivenError):
             reason, remedy = error.what, error.remedy
         kind = HealthKind.BAD_FRAME if isinstance(error, InputError) else HealthKind.SENSOR_LOST

@@ -59,7 +59,7 @@ whole bone, except for rounding.
 def joint_confidences(evidence: Float, *, alone: bool = False) -> Float:
     """Returns (20,) in [0, 1] from (20, 17) evidence.
 
-    The confidence of a joint is 0 if its bone is completely outside the image.
+    A joint has confidence 0 if its bone is completely outside the image.
 
     Args:
         evidence: as returned by :func:`evidence.joint_evidence`.

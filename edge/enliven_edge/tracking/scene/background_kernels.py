@@ -49,8 +49,8 @@ class BackgroundState(NamedTuple):
         guarded: the id of the person who was last seen there, or -1.
         guard_z: metres, the depth of that person at the pixel.
         flips: number of changes to the nearer depth and back. The sign stores the last state.
-        still, still_z: for pixels without known background, the seconds of constant depth, and that depth in
-            metres.
+        still, still_z: for pixels without known background, the duration of constant depth in seconds, and
+            this depth in metres.
     """
 
     z: Float

@@ -93,11 +93,11 @@ _MAX_TURN = np.deg2rad(30.0)
 class Mounting:
     """The working camera and its pose.
 
-    The pose is found once per sensor, unless the sensor reports it with each frame.
+    The pose is found once per sensor, unless the sensor reports its pose with each frame.
 
-    A sensor without a reported pose is monitored. It counts as moved if most of the known background no
-    longer matches. While it falls, the floor is tracked from frame to frame, so that it is not confused with
-    a wall.
+    A sensor that reports no pose is monitored. It counts as moved if most of the known background no longer
+    matches. While the sensor falls, the floor is tracked from frame to frame, so that the floor is not
+    confused with a wall.
 
     Attributes:
         world_from_camera: (4, 4), None before the first frame.

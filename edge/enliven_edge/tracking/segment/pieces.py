@@ -28,9 +28,8 @@ _MIN_CROWN_M = 0.7
 _SHOULDER_RADIUS_M = 0.3
 """Horizontal radius in metres around a shoulder that contains its head."""
 _MIN_HEAD_RISE_M = 0.2
-"""Minimum height in metres of a head above its shoulders.
-
-A peak with a point this much higher near it is a shoulder.
+"""Minimum height in metres of a head above its shoulders. If a point near a peak is higher than the peak by
+at least this height, the peak is a shoulder.
 """
 _HEAD_DEPTH_M = 0.15
 """Depth in metres below a peak within which points belong to a head."""

@@ -203,24 +203,29 @@ def _check_held(held: Int, base: CoarseSampling) -> None:
     count, offsets = len(base.welded), base.net[0]
     for vertex in held.tolist():
         if not 0 <= vertex < count:
-            raise InputError(f"vertex {vertex} does not exist; the mesh has {count}", where=_ERROR_CONTEXT)
+            raise InputError(
+                f"vertex {vertex} does not exist: the mesh has {count} vertices, numbered from 0",
+                where=_ERROR_CONTEXT,
+            )
         welded_vertex = base.welded[vertex]
         if offsets[welded_vertex] == offsets[welded_vertex + 1]:
             raise InputError(
-                f"vertex {vertex} belongs to no face, so no surface would follow it",
+                f"vertex {vertex} belongs to no face, so no surface would follow the control point",
                 where=_ERROR_CONTEXT,
-                remedy="Choose a vertex of the surface.",
+                remedy="Choose a vertex that belongs to a face.",
             )
 
 
 def _coarsening_notes(base: CoarseSampling, count: int) -> tuple[str, ...]:
     """Returns sentences for the user about the samples, welds and tiny shells."""
     vertices, points = len(base.welded), len(base.riding)
-    notes = [f"{vertices:,} vertices: {count:,} of them are solved, and the others follow with their detail."]
+    notes = [
+        (f"The mesh has {vertices:,} vertices. The solver moves {count:,} of them, and the others follow.")
+    ]
     if points < vertices:
-        notes.append(f"{vertices - points} vertices were welded to others at the same position.")
+        notes.append(f"{vertices - points} vertices were joined with another vertex at the same position.")
     if base.riding.any():
-        notes.append(f"{int(base.riding.sum())} vertices of tiny shells follow the surface nearest to them.")
+        notes.append(f"{int(base.riding.sum())} vertices of tiny separate shells follow the nearest surface.")
     return tuple(notes)
 
 

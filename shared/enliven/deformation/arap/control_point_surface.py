@@ -80,7 +80,9 @@ class PuppetSurface:
         soft_weights = [None] * len(vertices) if weights is None else list(weights)
         if len(soft_weights) != len(vertices):
             raise InputError(
-                f"{len(soft_weights)} weights for {len(vertices)} control points", where=_ERROR_CONTEXT
+                f"the number of weights ({len(soft_weights)}) differs from the number of control "
+                f"points ({len(vertices)})",
+                where=_ERROR_CONTEXT,
             )
         solver, coarse = self._solver_with_coarse(vertices)
         solver_vertices = vertices if coarse is None else coarse.held
@@ -195,9 +197,10 @@ class PuppetSurface:
         targets = np.array(places, np.float64)
         if targets.shape != (len(self._held), 3):
             raise InputError(
-                f"the positions have shape {targets.shape} instead of ({len(self._held)}, 3)",
+                f"the positions of the control points have the shape {targets.shape} instead of "
+                f"({len(self._held)}, 3)",
                 where=_ERROR_CONTEXT,
-                remedy="Give one row of three numbers for each control point.",
+                remedy="Pass one row of three numbers for each control point.",
             )
         return targets
 

@@ -36,17 +36,26 @@ def check_handle(handle: Handle, surface: PreparedSurface) -> None:
     """Raises InputError if the handle has no vertices, wrong vertices, or a weight that is not above 0."""
     location, count = f"handle {handle.name!r}", len(surface.place_of)
     if not handle.vertices:
-        raise InputError("the handle has no vertex", where=location, remedy="Choose a vertex of the mesh.")
+        raise InputError(
+            "the handle has no vertex", where=location, remedy="Choose at least one vertex of the mesh."
+        )
     if handle.weight is not None and not (np.isfinite(handle.weight) and handle.weight > 0):
-        raise InputError(f"the weight is {handle.weight}", where=location, remedy="Give a number above 0.")
+        raise InputError(
+            f"the weight {handle.weight} of the handle is not valid",
+            where=location,
+            remedy="Pass a weight above 0.",
+        )
     for vertex in handle.vertices:
         if not 0 <= vertex < count:
-            raise InputError(f"vertex {vertex} does not exist; the mesh has {count}", where=location)
+            raise InputError(
+                f"vertex {vertex} does not exist: the mesh has {count} vertices, numbered from 0",
+                where=location,
+            )
         if surface.loose[vertex]:
             raise InputError(
-                f"vertex {vertex} belongs to no face, so no surface would follow it",
+                f"vertex {vertex} belongs to no face, so no surface would follow the handle",
                 where=location,
-                remedy="Choose a vertex of the surface.",
+                remedy="Choose a vertex that belongs to a face.",
             )
 
 
@@ -55,7 +64,7 @@ def check_target(name: str, value: Float, handles: Mapping[str, Handle], surface
     if name not in handles:
         handle_names = ", ".join(handles) or "none"
         raise InputError(
-            f"the handle {name!r} does not exist", where=ERROR_CONTEXT, remedy=f"Known: {handle_names}."
+            f"the mesh has no handle {name!r}", where=ERROR_CONTEXT, remedy=f"Known handles: {handle_names}."
         )
     handle = handles[name]
     target = np.array(value, np.float64)
@@ -64,15 +73,22 @@ def check_target(name: str, value: Float, handles: Mapping[str, Handle], surface
     location = f"handle {name!r}"
     if target.shape != (len(handle.vertices), 3):
         raise InputError(
-            f"the targets have shape {target.shape} for {len(handle.vertices)} vertices", where=location
+            f"the target positions have the shape {target.shape}, but the handle has "
+            f"{len(handle.vertices)} vertices",
+            where=location,
         )
     if not np.isfinite(target).all():
-        raise InputError("the target is not finite", where=location, remedy="The last valid pose is kept.")
+        raise InputError(
+            "the target position is not finite",
+            where=location,
+            remedy="Pass finite positions. The mesh keeps its last valid pose.",
+        )
     max_distance = float(np.abs(target - surface.centre).max())
     if max_distance > _MAX_HANDLE_DISTANCE_RATIO * surface.extent:
         raise InputError(
-            f"the target is {max_distance:.3g} m away from a mesh of {surface.extent:.3g} m",
+            f"the target position is {max_distance:.3g} m away from the centre of the mesh, but "
+            f"the mesh has a size of {surface.extent:.3g} m",
             where=location,
-            remedy="Check the units.",
+            remedy="Check the units. All lengths must be in metres.",
         )
     return target

@@ -105,7 +105,9 @@ class ArapSolver:
             check_handle(handle, self._surface)
         names = [handle.name for handle in handles]
         if len(set(names)) < len(names):
-            raise InputError(f"two handles have the same name: {', '.join(names)}", where=ERROR_CONTEXT)
+            raise InputError(
+                f"two handles have the same name in this list: {', '.join(names)}", where=ERROR_CONTEXT
+            )
         places = np.array(
             [self._surface.place_of[vertex] for h in handles for vertex in h.vertices], np.int64
         )
@@ -119,9 +121,10 @@ class ArapSolver:
         )
         if is_used.sum() > _MAX_HANDLE_VERTICES:
             raise InputError(
-                f"the handles have {is_used.sum()} vertices, more than {_MAX_HANDLE_VERTICES}",
+                f"the handles have {is_used.sum()} vertices in total, but at most "
+                f"{_MAX_HANDLE_VERTICES} are allowed",
                 where=ERROR_CONTEXT,
-                remedy="Give fewer vertices per handle; a few dozen are enough.",
+                remedy="Use fewer vertices per handle. A few dozen are enough.",
             )
         held = None
         if len(self._columns) > _MAX_CACHED_COLUMNS:
@@ -170,7 +173,7 @@ class ArapSolver:
         if not np.isfinite(pose).all():
             self.start_from(self.pose, 0.0)
             raise InputError(
-                "the handles give a shape that is not finite",
+                "the positions of the handles lead to a surface that is not finite",
                 where=ERROR_CONTEXT,
                 remedy="Move the handles by smaller distances.",
             )
@@ -291,7 +294,7 @@ class ArapSolver:
             raise InputError(
                 "the mesh has no handle",
                 where=ERROR_CONTEXT,
-                remedy="Add a handle; without one the mesh stays at rest.",
+                remedy="Add a handle. Without a handle, the mesh stays at rest.",
             )
         all_rows = np.concatenate([all_targets[name] for name in self.handles]) - self._surface.centre
         if len(self._chosen) < len(all_rows):
@@ -310,8 +313,8 @@ class ArapSolver:
             distance = float(np.linalg.norm(all_rows[k] - all_rows[other_row]))
             if distance > _SAME_TARGET_FRACTION * self._surface.extent:
                 raise InputError(
-                    f"handles {names[other_row]!r} and {names[k]!r} move one vertex to targets "
-                    f"{distance:.3g} m apart",
+                    f"the hard handles {names[other_row]!r} and {names[k]!r} move the same vertex to "
+                    f"targets that are {distance:.3g} m apart",
                     where=ERROR_CONTEXT,
-                    remedy="Remove one of them, or make it soft: give it a weight.",
+                    remedy="Remove one of the two handles, or set a weight for it, so that it becomes soft.",
                 )

@@ -65,21 +65,23 @@ def prepare_surface(mesh: Mesh, max_vertices: int, links: Int | None = None) -> 
     welded, welded_of = weld(mesh)
     points, notes = welded.vertices, []
     if len(points) < len(welded_of):
-        notes.append(f"{len(welded_of) - len(points)} vertices were welded to others at the same position.")
+        notes.append(
+            f"{len(welded_of) - len(points)} vertices were joined with another vertex at the same position."
+        )
     low, high = points.min(0), points.max(0)
     centre, extent = (low + high) / 2, float(np.linalg.norm(high - low))
     if not extent > 0:
         raise InputError(
             "all vertices are at the same position",
             where=mesh.name,
-            remedy="Export the mesh again, in any unit.",
+            remedy="Export the mesh again.",
         )
     is_used = np.zeros(len(points), bool)
     is_used[welded.faces] = True
     extra_links = np.empty((0, 2), np.int64) if links is None else welded_of[links]
     is_used |= links is not None
     if not is_used.all():
-        notes.append(f"{(~is_used).sum()} vertices belong to no face. They follow the nearest surface.")
+        notes.append(f"{(~is_used).sum()} vertices belong to no face, and follow the nearest surface.")
     edges, weights = surface_edges(points, welded.faces)
     edges = np.concatenate([edges, extra_links])
     weights = np.concatenate([weights, np.full(len(extra_links), VIRTUAL_EDGE_WEIGHT)])
@@ -129,16 +131,17 @@ def check_mesh(mesh: Mesh, max_vertices: int) -> None:
         InputError: if the mesh has no faces, positions that are not finite, or too many vertices.
     """
     if not len(mesh.faces):
-        raise InputError("the mesh has no faces", where=mesh.name, remedy="Give a triangle mesh.")
+        raise InputError("the mesh has no faces", where=mesh.name, remedy="Use a triangle mesh.")
     if len(mesh.vertices) > max_vertices:
         raise InputError(
-            f"{len(mesh.vertices):,} vertices are too many to drag; at most {max_vertices:,} are allowed",
+            f"the mesh has {len(mesh.vertices):,} vertices, but at most {max_vertices:,} are allowed",
             where=mesh.name,
-            remedy="Give a mesh with fewer vertices, or raise most_vertices (slower).",
+            remedy="Use a mesh with fewer vertices, or raise the setting most_vertices (slower).",
         )
     wrong_vertices = np.flatnonzero(~np.isfinite(mesh.vertices).all(1))
     if len(wrong_vertices):
         raise InputError(
-            f"vertex {wrong_vertices[0]} (and {len(wrong_vertices) - 1} more) has no finite position",
+            f"the position of vertex {wrong_vertices[0]} (and of {len(wrong_vertices) - 1} more) "
+            "is not finite",
             where=mesh.name,
         )

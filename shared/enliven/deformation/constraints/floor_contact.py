@@ -34,7 +34,7 @@ class FloorSettings:
 
     use: Literal["off", "raised", "above", "stand"] = setting(
         "off",
-        "'raised': lifts the whole mesh so that it never sinks into the floor; 'above': bends the "
+        "'raised': lifts the whole mesh if it would sink into the floor. 'above': bends the "
         "parts that would sink. 'stand': also locks standing feet.",
     )
     touch: float = parameter(
@@ -48,7 +48,7 @@ class FloorSettings:
     )
     dwell: float = parameter(
         0.1,
-        "Time for which both conditions must hold before the foot is locked.",
+        "Time for which a foot must be low and slow before it is locked.",
         unit="s",
         low=0.0,
         high=10.0,
@@ -59,9 +59,11 @@ class FloorSettings:
         low=0.0,
         high=1.0,
     )
-    ease: float = parameter(0.2, "Duration of locking and releasing a foot.", unit="s", low=0.0, high=10.0)
+    ease: float = parameter(
+        0.2, "Duration of the transition when a foot is locked or released.", unit="s", low=0.0, high=10.0
+    )
     weight: float = parameter(
-        50.0, "Weight of the floor, as a factor on embedded.planes.", low=0.0, high=1000.0
+        50.0, "Weight of the floor constraint, as a factor on embedded.planes.", low=0.0, high=1000.0
     )
 
 

@@ -28,28 +28,30 @@ class ObservedSettings:
 
     farthest: float = parameter(
         0.25,
-        "Maximum distance of an observed point from the mesh for it to attract the mesh.",
+        "Maximum distance at which an observed point attracts the mesh.",
         unit="m",
         low=0.0,
         high=5.0,
     )
     angle: float = parameter(
         math.pi / 3,
-        "Maximum angle between the normals of an observed point and the mesh.",
+        "Maximum angle between the surface normals at an observed point and at the mesh.",
         unit="rad",
         low=0.0,
         high=math.pi,
     )
     doubt: float = parameter(
         0.08,
-        "Robust width: a point at this distance has a quarter of the full weight.",
+        "Width of the robust weight function: a point at this distance has a quarter of the full weight.",
         unit="m",
         low=0.001,
         high=5.0,
     )
-    points: int = parameter(500, "Maximum number of observed points per frame.", low=10, high=20_000)
+    points: int = parameter(
+        500, "Maximum number of observed points that are used per frame.", low=10, high=20_000
+    )
     surface: int = parameter(
-        1500, "Number of sample points on the mesh that can be attracted.", low=10, high=100_000
+        1500, "Number of sample points on the mesh that observed points can attract.", low=10, high=100_000
     )
     weight: float = setting(
         3.0, "Weight of the observed points, as a factor on embedded.planes.", low=0.0, high=1000.0

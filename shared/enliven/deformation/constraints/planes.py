@@ -66,7 +66,8 @@ class PlaneConstraints:
             actual = np.shape(getattr(self, name))
             if actual != shape:
                 raise InputError(
-                    f"the {name} have shape {actual} instead of {shape}", where="plane constraints"
+                    f"the array of {name} has the shape {actual} instead of {shape}",
+                    where="plane constraints",
                 )
 
     def __len__(self) -> int:

@@ -22,16 +22,18 @@ from enliven.settings import parameter, setting
 class SelfContactSettings:
     """Settings of self-contact, which keeps limbs from passing through each other."""
 
-    use: bool = setting(False, "Turns on self-contact: parts of the mesh that touch push each other away.")
+    use: bool = setting(
+        False, "Turns on self-contact: parts of the mesh that touch each other are pushed apart."
+    )
     detour: float = setting(
         3.0,
-        "Parts collide only if their distance along the mesh exceeds this factor times their "
-        "thickness. Raise it if neighbouring parts push each other.",
+        "Two parts collide only if their distance along the surface exceeds their thickness "
+        "times this factor. Raise it if neighbouring parts push each other.",
         low=1.0,
         high=100.0,
     )
     weight: float = parameter(
-        10.0, "Weight of self-contact, as a factor on embedded.planes.", low=0.0, high=1000.0
+        10.0, "Weight of the self-contact constraint, as a factor on embedded.planes.", low=0.0, high=1000.0
     )
 
 

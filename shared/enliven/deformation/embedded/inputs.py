@@ -118,8 +118,9 @@ def check_stiffness(stiffness: Float | None, count: int) -> Float:
     factors = np.asarray(stiffness, np.float64)
     if factors.shape != (count,) or not (np.isfinite(factors) & (factors > 0)).all():
         raise InputError(
-            f"the stiffness has shape {factors.shape} and values from {np.min(factors, initial=np.inf):g}",
+            f"the stiffness factors have the shape {factors.shape} and the minimum "
+            f"{np.min(factors, initial=np.inf):g}",
             where="embedded deformation",
-            remedy=f"Give {count} finite factors above 0, one for each node.",
+            remedy=f"Pass {count} finite factors above 0, one for each node.",
         )
     return factors

@@ -64,32 +64,36 @@ class EmbeddedSettings:
 
     rotation: float = parameter(1.0, "Weight of E_rot: resistance of nodes to stretching.", low=0.0)
     smoothness: float = setting(
-        10.0, "Weight of E_reg: agreement of neighbouring nodes. Raise it for stiffer bending.", low=0.0
+        10.0, "Weight of E_reg: neighbouring nodes move alike. Raise it for stiffer bending.", low=0.0
     )
-    constraint: float = parameter(100.0, "Weight of E_con: pull of the performer's body.", low=0.0)
+    constraint: float = parameter(
+        100.0, "Weight of E_con: attraction of the mesh to the performer's body.", low=0.0
+    )
     rigidity: float = parameter(
         1.0, "Weight of E_rig: rigidity of loosely connected parts. The paper uses smoothness / 10.", low=0.0
     )
     rigid_translation: Literal["printed", "turning"] = parameter(
         "printed",
-        "How E_rig compares translations: 'printed' follows eq. 7 and resists turning loose parts with "
-        "the whole mesh. 'turning' compares at mid-edge and allows it.",
+        "How E_rig compares translations. 'printed' follows eq. 7 and resists a rotation of "
+        "loose parts with the whole mesh. 'turning' compares at the middle of each edge and "
+        "allows this rotation.",
     )
     planes: float = parameter(
-        10.0, "Weight of soft plane constraints: floor, self-contact and observed depth.", low=0.0
+        10.0, "Weight of the soft plane constraints for floor, self-contact and observed depth.", low=0.0
     )
     iterations: int = parameter(60, "Maximum number of iterations per frame.", low=1, high=3000)
     budget_ms: float = setting(
         0.0,
-        "Approximate time limit per frame; later frames continue from an unfinished result. 0 removes "
-        "the limit and makes results repeatable.",
+        "Approximate time limit per frame. If the time is too short, later frames continue "
+        "from the unfinished result. 0 removes the limit, so that results are repeatable.",
         low=0.0,
         high=1000.0,
         unit="ms",
     )
     tolerance: float = parameter(
         1e-4,
-        "Relative decrease of the energy below which a frame is finished. Lower is more exact and slower.",
+        "The solver ends a frame if the energy decreases by less than this relative amount. "
+        "Lower values are more exact and slower.",
         low=0.0,
     )
 
@@ -297,7 +301,8 @@ class EmbeddedSolver:
         count = len(self._ones)
         if targets.shape != (count, 3) or weights.shape != (count,):
             raise InputError(
-                f"targets of shape {targets.shape} and weights {weights.shape} for {count} constraints",
+                f"the arrays do not match: targets {targets.shape}, weights {weights.shape}, expected "
+                f"{count} constraints",
                 where="embedded deformation",
             )
         return targets, weights

@@ -115,8 +115,11 @@ class DeformationGraph:
             InputError: if the mesh has no face, or no node is given.
         """
         if not len(mesh.faces) or not len(positions):
-            problem = f"{len(mesh.faces)} faces and {len(positions)} nodes are not enough for a graph"
-            raise InputError(problem, where=mesh.name, remedy="Give a mesh with faces.")
+            problem = (
+                f"a deformation graph needs faces and nodes, but the mesh has {len(mesh.faces)} faces "
+                f"and {len(positions)} nodes were passed"
+            )
+            raise InputError(problem, where=mesh.name, remedy="Pass a mesh with faces and at least one node.")
         count, pairs = len(positions), np.sort(np.asarray(edges).reshape(-1, 2), 1)
         distances = np.linalg.norm(positions[:, None] - positions[None], axis=2)
         pairs = np.unique(
@@ -135,9 +138,10 @@ class DeformationGraph:
         """
         if int(self.faces.max()) >= len(mesh.faces):
             raise InputError(
-                f"the graph has a node on face {int(self.faces.max())}, the mesh has {len(mesh.faces)} faces",
+                f"the graph refers to face {int(self.faces.max())}, but the mesh has only "
+                f"{len(mesh.faces)} faces",
                 where=mesh.name,
-                remedy="Use the mesh that the graph was built on.",
+                remedy="Pass the mesh for which the graph was built.",
             )
         spacing = _mean_spacing(mesh.area, len(self.positions))
         cells = self.cells

@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int, Int32
 from enliven.errors import InputError
-from enliven.kernels import njit
+from enliven.kernels import copy_row, njit
 from enliven.meshes import Mesh, face_areas, face_vectors, normals_of, weld
 from enliven.rotation import unit
 
@@ -50,7 +50,9 @@ def sample_uniform_points(
     along = np.cumsum(face_areas(mesh.vertices, mesh.faces))
     total = float(along[-1]) if len(along) else 0.0
     if not (np.isfinite(total) and total > 0):
-        raise InputError("the mesh has no area", where=mesh.name, remedy="Give a mesh with faces.")
+        raise InputError(
+            "the faces of the mesh have no area", where=mesh.name, remedy="Use a mesh with faces."
+        )
     # Sample in equal strata of the area. This gives the same distribution, but leaves fewer holes than
     # independent samples.
     sample_positions = (np.arange(count) + rng.random(count)) / count * total
@@ -99,7 +101,7 @@ def _nearest_faces(corners, middles, reach, points, faces, weights):
             off = _clamp_to_triangle(corners[f], points[n], shares)
             if off < best:
                 best, faces[n] = off, f
-                weights[n] = shares
+                copy_row(weights[n], shares)
 
 
 @njit(cache=True, nogil=True)
@@ -169,9 +171,9 @@ def sample_poisson_disk(
     """
     if nodes < 1 or (radius is not None and not radius > 0):
         raise InputError(
-            f"{nodes} nodes with radius {radius} are not possible",
+            f"the number of nodes {nodes} or the radius {radius} is not valid",
             where="sampling",
-            remedy="Give 1 node or more, and a radius above 0.",
+            remedy="Pass at least 1 node and a radius above 0.",
         )
     rng = np.random.default_rng(seed)
     area = mesh.area

@@ -38,9 +38,10 @@ def stiffness_at(positions: Float, spots: tuple[Spot, ...]) -> Float | None:
     for number, (x, y, z, radius, factor) in enumerate(spots, 1):
         if not (np.isfinite([x, y, z]).all() and 0 < radius < np.inf and 0 < factor < np.inf):
             raise InputError(
-                f"spot {number} at ({x:g}, {y:g}, {z:g}) has radius {radius:g} and factor {factor:g}",
+                f"stiffness spot {number} at ({x:g}, {y:g}, {z:g}) has an invalid value: radius "
+                f"{radius:g}, factor {factor:g}",
                 where="stiffness",
-                remedy="Give x, y, z, a radius above 0 and a factor above 0.",
+                remedy="Pass finite x, y and z, a radius above 0 and a factor above 0.",
             )
         inside = 1.0 - np.minimum(np.linalg.norm(positions - [x, y, z], axis=1) / radius, 1.0)
         logarithm += np.log(factor) * inside * inside * (3.0 - 2.0 * inside)

@@ -71,7 +71,9 @@ def find_limb_ends(mesh: Mesh, max_count: int = 12, nodes: int = _NET_NODE_COUNT
         InputError: if the mesh has no area.
     """
     if not mesh.area > 0:
-        raise InputError("the mesh has no area", where=mesh.name, remedy="Give a mesh with faces.")
+        raise InputError(
+            "the faces of the mesh have no area", where=mesh.name, remedy="Use a mesh with faces."
+        )
     # The submesh excludes vertices without a face.
     surface = extract_submesh(mesh, np.ones(len(mesh.faces), np.bool_))
     net = build_net(surface, float(np.sqrt(mesh.area / nodes)))

@@ -22,7 +22,8 @@ def grid_cells(vertices, size):
     for v in range(vertices.shape[0]):
         for a in range(3):
             low[a], high[a] = min(low[a], vertices[v, a]), max(high[a], vertices[v, a])
-    per = 1.0 / max(size, (high - low).max() / 1048000.0, 1e-300)
+    longest = max(high[0] - low[0], high[1] - low[1], high[2] - low[2])
+    per = 1.0 / max(size, longest / 1048000.0, 1e-300)
     out = np.empty(vertices.shape[0], np.int64)
     for v in range(vertices.shape[0]):
         x = np.int64((vertices[v, 0] - low[0]) * per)

@@ -49,7 +49,9 @@ class Ride:
     def __post_init__(self) -> None:
         freeze(self, "turn", "place")
         if self.node < 0 or not (_is_rotation(self.turn) and _is_finite(self.place, (3,))):
-            problem = f"node {self.node} cannot carry it with the rotation {self.turn} at {self.place}"
+            problem = (
+                f"a part cannot be attached to node {self.node} with the rotation {self.turn} at {self.place}"
+            )
             raise InputError(problem, where="part of a merged mesh", remedy="Merge the meshes again.")
 
 
@@ -117,15 +119,18 @@ class GraphPart(SolvedLayer):
         self.check_time(f"part {self.take!r}")
         where = f"part {self.take!r}"
         if not 0.0 < self.size < np.inf:
-            raise InputError(f"it cannot be {self.size} times as large", where=where)
+            raise InputError(f"the scale {self.size} of the part is not above 0", where=where)
         if not (_is_rotation(self.axes) and _is_rotation(self.turn) and _is_finite(self.place, (3,))):
-            problem = f"rotation {self.turn}, axes {self.axes} or displacement {self.place} is not valid"
+            problem = (
+                f"the rotation {self.turn}, the axes {self.axes} or the displacement {self.place} of "
+                "the part is not valid"
+            )
             raise InputError(
                 problem, where=where, remedy="Move the character again, or possess the mesh again."
             )
         node_count = np.inf if self.possession is None else len(self.possession.rest)
         if self.nodes.size and not self.nodes.max() < node_count:
-            problem = f"it plays node {self.nodes.max()} of {node_count} that were solved"
+            problem = f"the part refers to node {self.nodes.max()}, but only {node_count} nodes were solved"
             raise InputError(problem, where=where, remedy="Possess the mesh again.")
 
 
@@ -170,14 +175,17 @@ class GraphLayer(SolvedLayer):
         self.check_time(where)
         fits = self.nodes.shape == self.own.shape and self.nodes.size > 0 and self.rest.shape[1:] == (3,)
         if not (fits and self.nodes.max() < len(self.rest)):
-            problem = f"{self.nodes.shape} nodes of {self.rest.shape} move {self.own.shape}"
-            raise InputError(problem, where=where, remedy="Record it again.")
+            problem = (
+                f"the node arrays of the layer do not match: {self.nodes.shape} nodes of "
+                f"{self.rest.shape} move {self.own.shape} nodes"
+            )
+            raise InputError(problem, where=where, remedy="Record the layer again.")
         if not (np.isfinite(self.rest).all() and _is_rotation(self.axes)):
-            problem = f"its nodes at rest, or its rotation {self.axes}, are no numbers that can be played"
-            raise InputError(problem, where=where, remedy="Record it again.")
+            problem = f"the rest positions of the layer's nodes or the rotation {self.axes} are not valid"
+            raise InputError(problem, where=where, remedy="Record the layer again.")
         if not (0.0 < self.size < np.inf and 0.0 <= self.weight <= 1.0):
-            problem = f"it cannot be {self.size} times as large, with a weight of {self.weight}"
-            raise InputError(problem, where=where, remedy="Give a size above 0, and a weight from 0 to 1.")
+            problem = f"the scale {self.size} or the weight {self.weight} of the layer is not valid"
+            raise InputError(problem, where=where, remedy="Set a scale above 0 and a weight from 0 to 1.")
 
     @property
     def id(self) -> str:

@@ -92,7 +92,10 @@ class GraphCharacter(RigBase):
         for layer in (*self.parts, *self.over):
             node_count = held["streams"][layer.take].positions.shape[1]
             if layer.nodes.size and not 0 <= layer.nodes.min() <= layer.nodes.max() < node_count:
-                raise InputError(f"it plays nodes of {layer.take!r} that do not exist", where=self.where)
+                raise InputError(
+                    f"the shape plays nodes that the recording {layer.take!r} does not contain",
+                    where=self.where,
+                )
 
     def without_layer(self, number: int) -> GraphCharacter:
         """Returns the shape without a layer on top of its motion.
@@ -101,8 +104,12 @@ class GraphCharacter(RigBase):
             InputError: if the layer is a part, since its nodes have no other motion.
         """
         if number < len(self.parts):
-            advice = "Mute it, or cut that part off."
-            raise InputError("its nodes have no other motion", where=self.where, remedy=advice)
+            advice = "Mute the layer, or cut off the part of the mesh that it moves."
+            raise InputError(
+                "the layer cannot be removed, because its nodes have no other motion",
+                where=self.where,
+                remedy=advice,
+            )
         return super().without_layer(number)
 
     def at_rest(self, mesh: Mesh | None) -> tuple[GraphCharacter, tuple[PoseStream, ...]]:
@@ -150,9 +157,17 @@ def graph_shape_from_poses(
     """
     where = f"character {character.id!r}"
     if character.kind != "graph":
-        raise InputError("it has bones", where=where, remedy="Retarget the motion onto its skeleton instead.")
+        raise InputError(
+            "the character has bones, so poses of mesh nodes cannot move it",
+            where=where,
+            remedy="Retarget the motion to the character's skeleton instead.",
+        )
     if len(poses) < 2 or any(len(pose.positions) != len(character.pivots) for pose in poses):
-        raise InputError(f"{len(poses)} poses cannot be played", where=where, remedy="Record it again.")
+        raise InputError(
+            f"the {len(poses)} recorded poses are too few, or do not match the character",
+            where=where,
+            remedy="Record the take again.",
+        )
     seconds = (poses[-1].time_ns - poses[0].time_ns) / 1e9 / (len(poses) - 1) if step is None else step
     linear = np.array([pose.linear for pose in poses], np.float64)
     positions = np.array([pose.positions for pose in poses], np.float64)
@@ -184,24 +199,29 @@ def character_from_graph_shape(shape: GraphCharacter) -> Character:
 def _describe_problem(shape: GraphCharacter) -> str:
     count = len(shape.positions)
     if shape.positions.shape != (count, 3) or shape.starts[-1] != count or count == 0:
-        return f"positions {shape.positions.shape} of {shape.starts[-1]} nodes"
+        return (
+            f"the array of node positions has the shape {shape.positions.shape}, but the parts "
+            f"have {shape.starts[-1]} nodes"
+        )
     if shape.edges.size and not 0 <= shape.edges.min() <= shape.edges.max() < count:
-        return "an edge refers to a node that does not exist"
+        return "an edge of the graph refers to a node that does not exist"
     if shape.ends.shape not in ((0, 3), (5, 3)) or not np.isfinite(shape.ends).all():
-        return f"ends {shape.ends.shape}, expected five positions or none"
+        return f"the limb ends have the shape {shape.ends.shape}, expected five finite positions or none"
     if shape.joints.shape not in ((0, 3), (20, 3)) or not np.isfinite(shape.joints).all():
-        return f"joints {shape.joints.shape}, expected twenty positions or none"
+        return (
+            f"the body joints have the shape {shape.joints.shape}, expected twenty finite positions or none"
+        )
     vertices = (len(shape.mesh.vertices), 4)
     if shape.skin.indices.shape != vertices or shape.skin.weights.shape != vertices:
-        return f"the skin is {shape.skin.indices.shape}, expected {vertices}"
+        return f"the skin weights have the shape {shape.skin.indices.shape}, expected {vertices}"
     if shape.skin.indices.size and int(shape.skin.indices.max()) >= count:
-        return f"a vertex follows node {int(shape.skin.indices.max())} of {count}"
+        return f"a vertex refers to node {int(shape.skin.indices.max())}, but only {count} nodes exist"
     for part, start in zip(shape.parts, shape.starts, strict=False):
         if part.ride is not None and not 0 <= part.ride.node < start:
-            return f"a part rides on node {part.ride.node}, which is not a node of an earlier part"
+            return f"a part is attached to node {part.ride.node}, which does not belong to an earlier part"
     for layer in shape.over:
         if not 0 <= layer.own.min() <= layer.own.max() < count or len(set(layer.own.tolist())) < len(
             layer.own
         ):
-            return f"layer {layer.take!r} moves a node that does not exist, or moves a node twice"
+            return f"the layer {layer.take!r} moves a node that does not exist, or moves a node twice"
     return ""

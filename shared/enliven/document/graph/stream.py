@@ -42,17 +42,23 @@ class PoseStream:
         frames, nodes = self.positions.shape[:2] if self.positions.ndim == 3 else (0, 0)
         problem = ""
         if frames == 0 or nodes == 0:
-            problem = "it has no frames or no nodes"
+            problem = "the recording has no frames or no nodes"
         elif self.positions.shape != (frames, nodes, 3) or self.linear.shape != (frames, nodes, 3, 3):
-            problem = f"linear {self.linear.shape}, positions {self.positions.shape}"
+            problem = (
+                f"the arrays of the recording have wrong shapes: linear maps {self.linear.shape}, "
+                f"positions {self.positions.shape}"
+            )
         elif not (np.isfinite(self.linear).all() and np.isfinite(self.positions).all()):
-            problem = "something in it is not finite"
+            problem = "a node position or a linear map of the recording is not a finite number"
         elif not 0.0 < self.step <= 10.0:
-            problem = f"a frame lasts {self.step} s"
+            problem = f"the frame interval {self.step} s is not above 0 s and at most 10 s"
         elif self.follow.shape != ((nodes if self.keys else 0), 4) or not np.isfinite(self.follow).all():
-            problem = f"{self.follow.shape} of {nodes} nodes follow {len(self.keys)} keys"
+            problem = (
+                f"the weights of {len(self.keys)} keys have the shape {self.follow.shape}, but the "
+                f"recording has {nodes} nodes"
+            )
         if problem:
-            raise InputError(problem, where=f"stream {self.id!r}", remedy="Record it again.")
+            raise InputError(problem, where=f"stream {self.id!r}", remedy="Record the motion again.")
 
     @property
     def duration(self) -> float:

@@ -15,12 +15,12 @@ class BakeSettings:
     """Settings for the accuracy and the cost of a bake."""
 
     rms: float = parameter(
-        0.001, "Maximum accepted root mean square error.", unit="share of the mesh's size", low=0.0
+        0.001, "Maximum accepted root mean square error.", unit="fraction of the mesh's size", low=0.0
     )
     worst: float = parameter(
         0.01,
         "Maximum accepted error of any vertex in any frame.",
-        unit="share of the mesh's size",
+        unit="fraction of the mesh's size",
         low=0.0,
     )
     nodes: int = parameter(96, "Maximum number of transforms, including control points.", low=1, high=1024)
@@ -32,7 +32,7 @@ class BakeSettings:
     smooth: float = parameter(
         0.006,
         "Error accepted for weights that are similar to those of neighbouring vertices.",
-        unit="share of the mesh's size",
+        unit="fraction of the mesh's size",
         low=0.0,
         high=1.0,
     )
@@ -51,7 +51,7 @@ class BakeSettings:
     keys: float = parameter(
         0.0005,
         "Additional error allowed for removing animation keys.",
-        unit="share of the mesh's size",
+        unit="fraction of the mesh's size",
         low=0.0,
     )
 
@@ -77,6 +77,7 @@ class BakeError:
     def __str__(self) -> str:
         percent = 100.0 / self.size if self.size > 0 else 0.0
         return (
-            f"off by {1000 * self.rms:.2f} mm ({self.rms * percent:.3f} % of its size) as a root mean "
-            f"square, at most {1000 * self.worst:.2f} mm ({self.worst * percent:.2f} %) in frame {self.frame}"
+            f"off by {1000 * self.rms:.2f} mm ({self.rms * percent:.3f} % of the mesh's size) as a root mean "
+            f"square, and by at most {1000 * self.worst:.2f} mm ({self.worst * percent:.2f} %) in "
+            f"frame {self.frame}"
         )

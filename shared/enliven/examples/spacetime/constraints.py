@@ -95,24 +95,32 @@ def _coordinate_links(one: Constraint, examples: Examples, frames: int, step: fl
         else:
             other = examples.point(one.other)
             if other == p:
-                raise InputError(f"{one} couples a point with itself", where=_ERROR_PLACE)
+                raise InputError(
+                    f"{one} couples a point with itself",
+                    where=_ERROR_PLACE,
+                    remedy="Choose two different control points.",
+                )
             yield one, (p, f, axis), (other, f, axis), float(one.apart[axis])
 
 
 def _check_constraint(one: Constraint, frames: int) -> None:
     first = 1 if isinstance(one, Velocity) else 0
     if not first <= one.frame < frames:
-        advice = f"Frames are {first}..{frames - 1}."
-        raise InputError(f"{one} is outside of the motion's frames", where=_ERROR_PLACE, remedy=advice)
+        advice = f"Choose a frame from {first} to {frames - 1}."
+        raise InputError(f"{one} is outside the motion's frames", where=_ERROR_PLACE, remedy=advice)
     if not one.axes or set(one.axes) - set("xyz"):
         raise InputError(
-            f"{one} has axes {one.axes!r}", where=_ERROR_PLACE, remedy='Give "x", "y", "z" or several.'
+            f"{one} has the invalid axes {one.axes!r}",
+            where=_ERROR_PLACE,
+            remedy='Use one or more of "x", "y" and "z".',
         )
     numbers = (
         one.place if isinstance(one, Position) else one.velocity if isinstance(one, Velocity) else one.apart
     )
     if len(numbers) != 3 or not np.isfinite(numbers).all():
-        raise InputError(f"{one} is {numbers}", where=_ERROR_PLACE, remedy="Give three finite numbers.")
+        raise InputError(
+            f"{one} has the invalid value {numbers}", where=_ERROR_PLACE, remedy="Use three finite numbers."
+        )
 
 
 class _Forest:
@@ -136,7 +144,7 @@ class _Forest:
                 contradicted = ", ".join(
                     str(constraint) for constraint in self._connecting_constraints(a, b)[:4]
                 )
-                advice = "Remove or change one of them."
+                advice = "Remove or change one of these constraints."
                 raise InputError(f"{why} contradicts {contradicted}", where=_ERROR_PLACE, remedy=advice)
             return False
         # If one of the roots is the ground (None), keep it as the root, so that values remain absolute.

@@ -133,7 +133,9 @@ def place_motion(
     touches = _touches_floor(switches, len(rotated))
     if len(feet) == 0:
         raise InputError(
-            "it has no feet", where="locomotion", remedy="Name the control points that it stands on."
+            "the puppet has no feet",
+            where="locomotion",
+            remedy="Choose the control points that the puppet stands on.",
         )
     root_path = _RootPath(rotated, np.asarray(feet, np.int64), step, settings, stands)
     for first, last in find_runs(touches) if touches.any() else []:
@@ -227,8 +229,12 @@ def check_switches(switches: Sequence[Switch], frames: int) -> None:
         or any(b <= a for a, b in pairwise(switch_frames))
         or switch_frames[-1] >= frames
     ):
-        advice = f"Begin at 0, ascend, and stay below {frames}."
-        raise InputError(f"switches at frames {switch_frames}", where="locomotion", remedy=advice)
+        advice = f"Start with frame 0, use ascending frames, and stay below frame {frames}."
+        raise InputError(
+            f"the floor contact switches have invalid frames: {switch_frames}",
+            where="locomotion",
+            remedy=advice,
+        )
 
 
 def _touches_floor(switches: Sequence[Switch], frames: int) -> Bool:

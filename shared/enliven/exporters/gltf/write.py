@@ -53,7 +53,7 @@ def write_gltf(
         InputError: if there is no character, or a character has no mesh.
         ResourceError: if the file cannot be written.
     """
-    write_file(Path(path), build_glb(performances, name), "Choose another place.")
+    write_file(Path(path), build_glb(performances, name), "Choose another output file.")
 
 
 GLB = Exporter(write_gltf, keyed=True)
@@ -62,7 +62,7 @@ GLB = Exporter(write_gltf, keyed=True)
 def build_glb(performances: Sequence[Performance], name: str = "enliven") -> bytes:
     """Returns the bytes of the file. See :func:`write_gltf`."""
     if not performances:
-        raise InputError("there is nothing to write", where="glTF", remedy="Give a character.")
+        raise InputError("no character was selected", where="glTF", remedy="Select at least one character.")
     scene = GltfScene(name)
     for performance in performances:
         if performance.skeleton is not None:

@@ -24,7 +24,7 @@ from enliven.files import TemporaryFolder, explain_write_errors, replace_file, r
 
 _OWN_IMAGE = re.compile(r"texture_\d+\.(png|jpg)")
 """Pattern of the file names in a folder of images. A folder that contains other files is not replaced."""
-_REMEDY = "Choose another place."
+_REMEDY = "Choose another output file."
 
 
 def write_usd(
@@ -51,7 +51,9 @@ def write_usd(
     path = Path(path)
     _check_options(unit)
     if not performances:
-        raise InputError("there is nothing to write", where=str(path), remedy="Give a character.")
+        raise InputError(
+            "no character was selected", where=str(path), remedy="Select at least one character."
+        )
     from pxr import Tf
 
     from enliven.exporters.usd.stage import UsdStage
@@ -66,7 +68,7 @@ def write_usd(
                 stage.add(performance, _part_of_progress(progress, number, len(performances)))
             stage_path = stage.save(folder, kind)
         except Tf.ErrorException as error:
-            problem = f"it cannot be written ({plain_reason(error)})"
+            problem = f"the file cannot be written ({plain_reason(error)})"
             raise ResourceError(problem, where=str(path), remedy=_REMEDY) from None
         part = outputs.enter_context(replace_file(path, _REMEDY))
         with explain_write_errors(path, _REMEDY):

@@ -43,9 +43,9 @@ def write_vrma(path: Path | str, performances: Sequence[Performance], name: str 
         ResourceError: if the file cannot be written.
     """
     if len(performances) != 1:
-        problem = f"a VRM animation holds one character, not {len(performances)}"
-        raise InputError(problem, where=str(path), remedy="Choose one: --character NAME.")
-    write_file(Path(path), vrma_bytes(performances[0], name), "Choose another place.")
+        problem = f"a VRM animation can contain only one character, but {len(performances)} are selected"
+        raise InputError(problem, where=str(path), remedy="Choose one with --character NAME.")
+    write_file(Path(path), vrma_bytes(performances[0], name), "Choose another output file.")
 
 
 VRMA = Exporter(write_vrma, jointed=True, solid=False, single=True)

@@ -42,9 +42,9 @@ def write_vrm(
         ResourceError: if the file cannot be written.
     """
     if len(performances) != 1:
-        problem = f"a VRM file holds one character, not {len(performances)}"
-        raise InputError(problem, where=str(path), remedy="Choose one: --character NAME.")
-    write_file(Path(path), vrm_bytes(performances[0], name, author), "Choose another place.")
+        problem = f"a VRM file can contain only one character, but {len(performances)} are selected"
+        raise InputError(problem, where=str(path), remedy="Choose one with --character NAME.")
+    write_file(Path(path), vrm_bytes(performances[0], name, author), "Choose another output file.")
 
 
 VRM = Exporter(write_vrm, jointed=True, single=True, placements=("scale",))
@@ -57,8 +57,10 @@ def vrm_bytes(performance: Performance, name: str = "enliven", author: str = "un
     humanoid = humanoid_from_skeleton(skeleton, f"character {performance.name!r}")
     assert skeleton is not None
     if len({bone.joint for bone in humanoid.bones.values()}) < len(humanoid.bones):
-        problem = "it is not a humanoid: its spine has no joint of its own"
-        raise InputError(problem, where=f"character {performance.name!r}", remedy="Write a .glb instead.")
+        problem = "the character is not a humanoid: its spine has no separate joint"
+        raise InputError(
+            problem, where=f"character {performance.name!r}", remedy="Export a .glb file instead."
+        )
     scene, nodes = GltfScene(name), list[int]()
     rotations = _rest_turns(skeleton, humanoid)
     for joint, parent in enumerate(skeleton.parents):

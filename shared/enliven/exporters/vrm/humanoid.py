@@ -67,13 +67,17 @@ def humanoid_from_skeleton(skeleton: Skeleton | None, where: str) -> Humanoid:
     Raises:
         InputError: if the names of the joints do not identify all bones that VRM requires.
     """
-    remedy = "Write a .glb instead, or name the joints as Mixamo, VRM or Unreal do."
+    remedy = "Export a .glb file instead, or use the joint names of Mixamo, VRM or Unreal."
     human = None if skeleton is None else human_joints(skeleton)
     if skeleton is None or human is None:
-        problem = "it is not a humanoid: no two arms and two legs are found by the names of its joints"
+        problem = "the character is not a humanoid: its joint names do not identify two arms and two legs"
         raise InputError(problem, where=where, remedy=remedy)
     if not human.head_knots:
-        raise InputError("it is not a humanoid: no joint is named head", where=where, remedy=remedy)
+        raise InputError(
+            "the character is not a humanoid: its joint names do not identify a head",
+            where=where,
+            remedy=remedy,
+        )
     bones = _humanoid_bones(skeleton, human)
     facing = from_rotation_vector(np.array([0.0, -find_facing(skeleton), 0.0]))
     return Humanoid(bones, _t_pose(skeleton, bones, facing), facing)

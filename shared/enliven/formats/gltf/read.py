@@ -117,7 +117,7 @@ def _unrigged_model(mesh: Mesh, notes: list[str]) -> Rig:
     indices = np.tile(np.array([1, 0, 0, 0], np.uint16), (len(mesh.vertices), 1))
     weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(mesh.vertices), 1))
     shape = still_shape(mesh.name, skeleton, mesh, SkinWeights(indices, weights))
-    return Rig(shape, (), (*notes, "it has no rig: it gets one bone, from its bottom to its top"))
+    return Rig(shape, (), (*notes, "the model has no rig, so one bone from its bottom to its top was added"))
 
 
 def _rigged_model(surface: GltfSurface) -> Rig:
@@ -125,7 +125,9 @@ def _rigged_model(surface: GltfSurface) -> Rig:
     animations, world = _sampled_animations(file, notes)
     chosen = _joint_candidates(file, parts)
     if len(chosen) > _MAX_JOINTS:
-        raise file.create_error(f"it has {len(chosen)} joints, and no more than {_MAX_JOINTS} can move")
+        raise file.create_error(
+            f"the model has {len(chosen)} joints, but at most {_MAX_JOINTS} are supported"
+        )
     size = float(np.ptp(mesh.vertices, axis=0).max())
     bodies = measure_bodies(surface, chosen, world)
     ours = (file.document.asset.generator or "").startswith("enliven ")
@@ -151,13 +153,15 @@ def _sampled_animations(file: GltfFile, notes: list[str]) -> tuple[list[_Animati
         times = np.union1d(even, key_times(file, number, even))
         if (start + len(times)) * len(file.parents) > MAX_NODE_SAMPLES:
             raise file.create_error(
-                f"its animations are more than {start + len(times)} frames together: too many"
+                f"the animations have at least {start + len(times)} frames in total, which is too many"
             )
         step = float(even[1] - even[0]) if len(even) > 1 else 1 / 30
         worlds.append(world_matrices(file, animated_locals(file, number, times)))
         name = animation.name or f"animation {number + 1}"
         if even[0] > _MIN_NOTED_PAUSE_S:
-            notes.append(f"animation {name!r} begins at {even[0]:.3g} s: the pause before it is left out")
+            notes.append(
+                f"animation {name!r} begins at {even[0]:.3g} s: the pause before this time is left out"
+            )
         own_samples, even_indices = slice(start, start + len(times)), np.searchsorted(times, even)
         animations.append(
             _Animation(name, own_samples, times - times[0], even_indices, step, number, float(times[0]))
@@ -245,5 +249,8 @@ def _lost_motion_notes(bodies: list[LinkBody], tree: Tree, size: float) -> list[
     if not drifts:
         return []
     name, distance = max(drifts, key=lambda pair: pair[1])
-    summary = f"animations move {len(drifts)} joint{'s' * (len(drifts) > 1)} off their bones; not kept"
-    return [f"{summary}: at most {distance:.3g} m ({distance / size:.1%} of the size), {name}"]
+    summary = (
+        f"animations move {len(drifts)} joint{'s' * (len(drifts) > 1)} away from the bones, which is "
+        "not reproduced"
+    )
+    return [f"{summary}: at most {distance:.3g} m ({distance / size:.1%} of the model's size), at {name}"]

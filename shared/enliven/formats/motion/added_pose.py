@@ -74,8 +74,8 @@ def without_added_poses(capture: Capture) -> Capture:
 def added_frame_notes(begin: int, end: int) -> tuple[str, ...]:
     """Returns notes about the frames that were removed at the start and at the end."""
     return tuple(
-        f"the {end_name} {f'{count} frames are' if count > 1 else 'frame is'} not part of the motion "
-        "(an added pose, such as a T-pose): left out"
+        f"the {end_name} {f'{count} frames are' if count > 1 else 'frame is'} left out, because the motion "
+        f"{'begins' if end_name == 'first' else 'ends'} with an added pose, such as a T-pose"
         for count, end_name in ((begin, "first"), (end, "last"))
         if count
     )

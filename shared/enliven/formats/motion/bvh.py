@@ -169,7 +169,7 @@ def parse_bvh(text: str, path: Path = Path("bvh")) -> Capture:
 
 def _begin_file(words: _Words) -> None:
     if words.peek().upper() != "HIERARCHY":
-        raise words.create_error("the first line is not HIERARCHY", "Is this a BVH file?")
+        raise words.create_error("the first line is not HIERARCHY", "Check that the file is a BVH file.")
     words.next("HIERARCHY")
 
 
@@ -192,7 +192,7 @@ def _read_hierarchy(words: _Words) -> _Hierarchy:
             case "}" if chain:
                 chain.pop()
             case _:
-                raise words.create_error(f"{word[:60]!r} does not belong here")
+                raise words.create_error(f"the word {word[:60]!r} is not allowed here")
     if chain or not tree.names:
         raise words.create_error("MOTION comes before the hierarchy is complete")
     return tree
@@ -202,7 +202,7 @@ def _begin_joint(words: _Words, tree: _Hierarchy, chain: list[int], kind: str, l
     """Reads the name of a joint and the brace after it."""
     name = words.rest_of_name()
     if (kind == "ROOT") != (not chain):
-        raise words.create_error(f"{kind} {name} does not belong here", line=line)
+        raise words.create_error(f"{kind} {name} is not allowed here", line=line)
     parent = chain[-1] if chain else -1
     if kind == "End":
         name = f"{tree.names[parent]} end"
@@ -217,7 +217,7 @@ def _begin_joint(words: _Words, tree: _Hierarchy, chain: list[int], kind: str, l
             else f"has more than {_MAX_JOINTS}"
         )
         problem = f"the hierarchy {excess} joints"
-        raise words.create_error(problem, "No skeleton is that large: export it again.", line)
+        raise words.create_error(problem, "Check the skeleton, and export the file again.", line)
     chain.append(len(tree.names))
     tree.names.append(_unused_name(name, tree.taken))
     tree.parents.append(parent)
@@ -249,7 +249,9 @@ def _joint_channels(words: _Words, given: list[str], line: int) -> list[tuple[st
     unknown = [kind for kind in kinds if kind.lower() not in channel_kinds]
     if unknown:
         raise words.create_error(
-            f"the channel {unknown[0]} does not exist", "Known: Xposition ... Zrotation.", line
+            f"the channel {unknown[0]} does not exist",
+            "Known channels: Xposition, Yposition, Zposition, Xrotation, Yrotation, Zrotation.",
+            line,
         )
     if not _is_count(count) or int(count) != len(kinds):
         raise words.create_error(f"CHANNELS states {count[:20]} channels but names {len(kinds)}", line=line)
@@ -263,13 +265,15 @@ def _is_count(word: str) -> bool:
 
 def _read_header(words: _Words) -> tuple[int, float]:
     """Reads the number of frames, and the seconds between them, from the header."""
-    count = _after_label(words, "frames", "'Frames:' and their number")
+    count = _after_label(words, "frames", "'Frames:' and the number of frames")
     if not _is_count(count):
-        raise words.create_error("expected 'Frames:' and their number")
-    time = _after_label(words, "frametime", "'Frame Time:' and seconds")
+        raise words.create_error("expected 'Frames:' and the number of frames")
+    time = _after_label(words, "frametime", "'Frame Time:' and a time in seconds")
     (seconds,) = words.parse_numbers([time], 1, "Frame Time", words.line)
     if not 0.0 < seconds <= _MAX_FRAME_TIME_S:
-        raise words.create_error(f"a frame lasts {seconds} s")
+        raise words.create_error(
+            f"the frame time is {seconds} s, but must be above 0 and at most {_MAX_FRAME_TIME_S:g} s"
+        )
     return int(count), seconds
 
 
@@ -316,8 +320,8 @@ def _read_rows(words: _Words, tree: _Hierarchy, promised: int) -> tuple[Float, t
         counts.append(row_counts)
         total += len(numbers)
         if total > max_frames * width:
-            problem = f"more than {max_frames} frames of {joints} joints are too many"
-            raise words.create_error(problem, "Split the file.", line=lines_before)
+            problem = f"the motion has more than {max_frames} frames, the maximum for {joints} joints"
+            raise words.create_error(problem, "Split the motion into several files.", line=lines_before)
     if total == 0 or width == 0:
         raise words.create_error("the file has no frames" if width else "no joint has a channel")
     _check_rows(words, np.concatenate(counts), np.concatenate(lines), width, promised)

@@ -101,7 +101,9 @@ def _row_values(line: str, number: int, path: Path) -> list[float]:
     except ValueError:
         raise InputError("a value is not a number", where=location) from None
     if len(values) != COLUMNS or not np.isfinite(values).all():
-        raise InputError(f"there are {len(values)} numbers, expected {COLUMNS} finite ones", where=location)
+        raise InputError(
+            f"the line has {len(values)} numbers, expected {COLUMNS} finite numbers", where=location
+        )
     return values
 
 

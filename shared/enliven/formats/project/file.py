@@ -62,7 +62,7 @@ def write_project(path: Path | str, project: Project) -> None:
         ResourceError: if the file cannot be written. An existing file stays unchanged.
     """
     refuse_later_project(Path(path))
-    write_file(Path(path), project_bytes(project), "Save it elsewhere.")
+    write_file(Path(path), project_bytes(project), "Save the project in another folder.")
 
 
 def refuse_later_project(path: Path) -> None:
@@ -128,22 +128,22 @@ def parse_project(data: bytes, where: str = "project", most: int | None = None) 
             arrays, damaged = _read_arrays(archive)
     except (zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, *DAMAGE) as error:
         logging.getLogger(__name__).debug("project", exc_info=error)
-        problem = "it is cut short or damaged: its archive cannot be unpacked"
-        raise InputError(problem, where=where, remedy="Take an earlier copy.") from None
+        problem = "the project file is truncated or damaged: its archive cannot be unpacked"
+        raise InputError(problem, where=where, remedy="Use an earlier copy of the project.") from None
     try:
         project, lost = replace_lost_motion(header["project"], arrays)
         if damaged - lost:
-            raise InputError("an array in it is damaged", where="project")
+            raise InputError("an array in the project is damaged", where="project")
         document = unpack(Project, project, arrays, "project")
     except InputError as error:
-        advice = error.remedy or "Take an earlier copy."
+        advice = error.remedy or "Use an earlier copy of the project."
         if isinstance(error, UnknownFieldError):
             advice = _unknown_field_advice(header.get("made_by"))
         raise InputError(error.what, where=f"{where}, {error.where}", remedy=advice) from None
     except DAMAGE as error:
         logging.getLogger(__name__).debug("project", exc_info=error)
-        problem = "it is damaged: its parts are inconsistent"
-        raise InputError(problem, where=where, remedy="Take an earlier copy.") from None
+        problem = "the project file is damaged: its parts are inconsistent"
+        raise InputError(problem, where=where, remedy="Use an earlier copy of the project.") from None
     assert isinstance(document, Project)
     return document
 
@@ -155,8 +155,11 @@ def _unknown_field_advice(made_by: Any) -> str:
         made_by: the version of enliven that wrote the file, as stated in the file.
     """
     if made_by == __version__:
-        return "Take an earlier copy."
-    return f"It was made by enliven {made_by!s:.40}, and this is enliven {__version__}: update enliven."
+        return "Use an earlier copy of the project."
+    return (
+        f"The project was saved by enliven {made_by!s:.40}, but this is enliven {__version__}: update "
+        "enliven."
+    )
 
 
 def _zip_entry(name: str) -> zipfile.ZipInfo:
@@ -173,10 +176,16 @@ def _check_sizes(archive: zipfile.ZipFile, packed: int, where: str, max_bytes: i
     entries = archive.infolist()
     total = sum(entry.file_size for entry in entries)
     if total > (_BASE_UNPACKED_BYTES + _MAX_UNPACKED_RATIO * packed if max_bytes is None else max_bytes):
-        problem = f"its {packed} bytes would unpack to {total} bytes, which is too much"
-        raise InputError(problem, where=where, remedy="Ask for the project again.")
+        problem = (
+            f"the file of {packed} bytes would unpack to {total} bytes, which is more than a project needs"
+        )
+        raise InputError(problem, where=where, remedy="Get a new copy of the project.")
     if any(entry.compress_type not in _READABLE_ZIP_METHODS for entry in entries):
-        raise InputError("its compression method is not supported", where=where, remedy="Save it again.")
+        raise InputError(
+            "the compression method of the file is not supported",
+            where=where,
+            remedy="Save the project again.",
+        )
 
 
 def _unpacked_entry(archive: zipfile.ZipFile, name: str) -> bytes:
@@ -193,8 +202,8 @@ def _foreign_file_error(data: bytes, where: str) -> InputError:
     kind, ending = describe_file_kind(data)
     advice = "Choose a project that was saved by enliven."
     if ending:
-        advice = f"Give it a name ending in {ending} to open it."
-    return InputError(f"it is not an enliven project but {kind}", where=where, remedy=advice)
+        advice = f"To open the file, rename it to a name ending in {ending}."
+    return InputError(f"the file is not an enliven project, but {kind}", where=where, remedy=advice)
 
 
 def _upgraded_header(archive: zipfile.ZipFile, where: str, data: bytes) -> dict[str, Any]:
@@ -209,7 +218,11 @@ def _upgraded_header(archive: zipfile.ZipFile, where: str, data: bytes) -> dict[
     # Check the version first, because a later version may store all other data differently.
     _refuse_later(header, where)
     if not _is_integer(version) or not isinstance(project, dict) or version < 1:
-        raise InputError("its header is damaged", where=where, remedy="Take an earlier copy.")
+        raise InputError(
+            "the header of the project file is damaged",
+            where=where,
+            remedy="Use an earlier copy of the project.",
+        )
     for step in range(version, VERSION):
         project = _UPGRADE_BY_VERSION[step](project)
     header["project"] = project

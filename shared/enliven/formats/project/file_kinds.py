@@ -70,7 +70,7 @@ def _archive_kind(data: bytes) -> str:
         with zipfile.ZipFile(BytesIO(data)) as archive:
             names = archive.namelist()
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
-        return "a ZIP archive that is cut short or damaged"
+        return "a ZIP archive that is truncated or damaged"
     for name, kind in _ARCHIVE_KIND_BY_ENTRY.items():
         if name in names:
             return kind
@@ -81,10 +81,10 @@ def _archive_kind(data: bytes) -> str:
 
 
 def _text_kind(data: bytes) -> tuple[str, str]:
-    """Returns the kind of a text file, or "data of no known kind"."""
+    """Returns the kind of a text file, or "data of an unknown kind"."""
     sample = data[:_SAMPLE_BYTES].removeprefix(codecs.BOM_UTF8)
     if b"\0" in sample or sum(byte < 9 or 13 < byte < 32 for byte in sample) > len(sample) // 20:
-        return "data of no known kind", ""
+        return "data of an unknown kind", ""
     begin = sample.lstrip()
     if begin.startswith((b"{", b"[")):
         return ("a glTF model", ".gltf") if b'"asset"' in data[:65536] else ("JSON text", "")

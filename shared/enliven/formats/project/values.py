@@ -84,7 +84,7 @@ def unpack(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) ->
         return _read_dataclass(hint, value, arrays, where)
     if origin is typing.Literal:
         if value not in arguments:
-            raise UnknownFieldError(f"{value!r} is unknown", where=where)
+            raise UnknownFieldError(f"the value {value!r} is unknown", where=where)
         return value
     if origin is not None and issubclass(origin, Mapping):
         table = _checked_type(value, dict, where)
@@ -100,7 +100,7 @@ def _read_rig(table: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
     """Reads a character. Its JSON object contains its kind of rig."""
     kind = table.get(KIND)
     if kind not in RigBase.kinds:
-        raise UnknownFieldError(f"a character of the kind {kind!r} is unknown", where=where)
+        raise UnknownFieldError(f"the kind of character {kind!r} is unknown", where=where)
     fields = {name: value for name, value in table.items() if name != KIND}
     return _read_dataclass(RigBase.kinds[kind], fields, arrays, where)
 
@@ -111,13 +111,13 @@ def _read_dataclass(kind: type[Any], value: Any, arrays: Mapping[str, AnyArray],
     fields = {field.name: field for field in dataclasses.fields(kind) if field.init}
     unknown = [key for key in table if key not in fields]
     if unknown:
-        raise UnknownFieldError(f"{unknown[0]!r} is unknown", where=where)
+        raise UnknownFieldError(f"the field {unknown[0]!r} is unknown", where=where)
     arguments = {}
     for name, field in fields.items():
         if name in table:
             arguments[name] = unpack(hints[name], table[name], arrays, f"{where}.{name}")
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
-            raise InputError(f"{name!r} is missing", where=where)
+            raise InputError(f"the field {name!r} is missing", where=where)
     return kind(**arguments)
 
 
@@ -131,7 +131,7 @@ def _type_hints(kind: type[Any]) -> dict[str, Any]:
 def _read_tuple(hints: tuple[Any, ...], values: list[Any], arrays: Mapping[str, AnyArray], where: str) -> Any:
     is_variadic = hints[1:] == (Ellipsis,)
     if not is_variadic and len(hints) != len(values):
-        raise InputError(f"it has {len(values)} values, expected {len(hints)}", where=where)
+        raise InputError(f"the list has {len(values)} values, expected {len(hints)}", where=where)
     item_hints = [hints[0]] * len(values) if is_variadic else list(hints)
     return tuple(
         unpack(hint, value, arrays, f"{where}[{number}]")

@@ -44,7 +44,10 @@ def scale_to_height(rig: Rig, height: float) -> Rig:
     points = rig.shape.skeleton.positions if mesh is None else mesh.vertices
     height_at_rest = float(np.ptp(points[:, 1]))
     if not (height > 0 and height_at_rest > 0):
-        raise InputError(f"{height_at_rest:.3g} m cannot become {height} m", where=f"shape {rig.shape.id!r}")
+        raise InputError(
+            f"a model with a height of {height_at_rest:.3g} m cannot be scaled to {height} m",
+            where=f"shape {rig.shape.id!r}",
+        )
     return _scaled_and_moved(rig, height / height_at_rest, np.zeros(3))
 
 
@@ -110,7 +113,11 @@ def play_clip(project: Project, shape: RiggedCharacter, clip: Clip) -> tuple[Pro
     """
     skeleton = shape.skeleton
     if not np.array_equal(clip.skeleton.parents, skeleton.parents):
-        raise InputError("it has another skeleton", where=f"clip {clip.id!r}", remedy="Retarget it.")
+        raise InputError(
+            "the clip has another skeleton than the character",
+            where=f"clip {clip.id!r}",
+            remedy="Retarget the clip.",
+        )
     if clip.id not in project.takes:
         project = project.with_takes(clip)
     layers, spans = list[Layer](), list[tuple[Span, ...]]()

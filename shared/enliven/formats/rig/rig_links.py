@@ -135,7 +135,7 @@ def find_links(bodies: list[LinkBody], size: float, as_is: bool = False) -> Link
         if p not in (-1, file_parents[j])
     ]
     if moving_bodies:
-        links.notes.append(f"attached to the joints that they follow: {', '.join(moving_bodies)}")
+        links.notes.append(f"joints were attached to the joints that they follow: {', '.join(moving_bodies)}")
     for j in set(range(len(bodies))) - set(links.parents):
         if file_parents[j] in links.parents:
             bodies[file_parents[j]].leaves.append((bodies[j].name, bodies[j].rest))

@@ -87,7 +87,7 @@ class Bind:
             stored = np.asarray(self._file.accessor(skin_entry.inverseBindMatrices), np.float64)
             matrices = stored.reshape(-1, 4, 4).transpose(0, 2, 1)
         if len(matrices) < len(skin_entry.joints) or not np.isfinite(matrices).all():
-            raise self._file.create_error(f"skin {skin} lacks valid inverse bind matrices for its joints")
+            raise self._file.create_error(f"skin {skin} has no valid inverse bind matrices for its joints")
         flat = [
             self._file.name(n)
             for n, m in zip(skin_entry.joints, matrices, strict=False)
@@ -95,7 +95,7 @@ class Bind:
         ]
         if flat:
             raise self._file.create_error(
-                f"inverse bind matrices of joints are singular: {', '.join(flat[:5])}"
+                f"the inverse bind matrices of these joints cannot be inverted: {', '.join(flat[:5])}"
             )
         return {int(n): m for n, m in zip(skin_entry.joints, matrices, strict=False)}
 

@@ -84,7 +84,7 @@ class Colours:
                 self._pictures[texture] = self._decode_image(data)
             except Exception as error:  # Third-party decoders may raise any exception for damaged data.
                 reason = plain_reason(error)
-                self.notes.append(f"texture {texture} cannot be read ({reason}): it is replaced by white")
+                self.notes.append(f"texture {texture} cannot be read ({reason}), so it is replaced by white")
                 self._pictures[texture] = None
         return self._pictures[texture]
 
@@ -93,5 +93,7 @@ class Colours:
         with open_picture(data) as picture:
             self._pixels += picture.width * picture.height
             if self._pixels > _MAX_PIXELS:
-                raise InputError(f"the textures have {self._pixels} pixels in total, more than {_MAX_PIXELS}")
+                raise InputError(
+                    f"the textures have {self._pixels} pixels in total, but at most {_MAX_PIXELS} are allowed"
+                )
             return np.asarray(picture.convert("RGB"))

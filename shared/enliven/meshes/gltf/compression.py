@@ -50,10 +50,12 @@ def draco_arrays(
         }
         faces = np.asarray(mesh.faces, np.uint32).reshape(-1, 1)
     except Exception:  # Third-party decoders may raise any exception for damaged data.
-        raise InputError(f"its data compressed by {DRACO} is damaged") from None
+        raise InputError(f"the mesh data compressed by {DRACO} is damaged") from None
     lacking = [name for name, number in attributes.items() if number not in arrays_by_id]
     if lacking:
-        raise InputError(f"its data compressed by {DRACO} lacks {', '.join(lacking[:5])}")
+        raise InputError(
+            f"these attributes are missing in the mesh data compressed by {DRACO}: {', '.join(lacking[:5])}"
+        )
     arrays = {name: np.asarray(arrays_by_id[number]) for name, number in attributes.items()}
     return {name: array.reshape(len(array), -1) for name, array in arrays.items()}, faces
 
@@ -69,7 +71,7 @@ def check_meshopt(packed: Entry) -> int:
     filtered = "NONE" if packed.filter is None else packed.filter
     whole = all(isinstance(value, int) and not isinstance(value, bool) for value in (count, size))
     if not whole or mode not in _MODES or filtered not in _FILTERS or count < 1:
-        raise InputError("its count, size, mode or filter is missing or unknown")
+        raise InputError("the count, size, mode or filter of the compressed data is missing or unknown")
     if mode == "ATTRIBUTES":
         fits = 0 < size <= _MAX_ROW_BYTES and size % 4 == 0
         fits &= filtered not in ("OCTAHEDRAL", "COLOR") or size in (4, 8)
@@ -77,7 +79,9 @@ def check_meshopt(packed: Entry) -> int:
     else:
         fits = size in (2, 4) and filtered == "NONE" and (mode == "INDICES" or count % 3 == 0)
     if not fits:
-        raise InputError(f"rows of {size} bytes do not fit its mode and filter")
+        raise InputError(
+            f"a row size of {size} bytes does not match the mode and filter of the compressed data"
+        )
     return int(count * size)
 
 
@@ -98,9 +102,9 @@ def meshopt_bytes(data: bytes, packed: Entry, where: str = "") -> bytes:
         decoded = decoder.decode_gltf_buffer(data, packed.count, packed.byteStride, *coding)
         unpacked = np.ascontiguousarray(decoded).tobytes()
     except Exception:  # Third-party decoders may raise any exception for damaged data.
-        raise InputError("it is damaged") from None
+        raise InputError("the compressed data is damaged") from None
     if len(unpacked) != size:
-        raise InputError("it is damaged")
+        raise InputError("the compressed data is damaged")
     return unpacked
 
 
@@ -114,7 +118,9 @@ def _load_decoder(module: str, where: str) -> Any:
         return importlib.import_module(module)
     except ImportError as error:
         is_missing = isinstance(error, ModuleNotFoundError) and error.name == module
-        state = "is not installed" if is_missing else "does not load"
-        problem = f"it is compressed, and the library {module} for its decompression {state}"
-        advice = 'Install it: pip install "enliven[compressed]" (in a checkout: "./shared[compressed]").'
+        state = "is not installed" if is_missing else "cannot be loaded"
+        problem = f"the file is compressed, but the library {module}, which decompresses it, {state}"
+        advice = (
+            'Type: pip install "enliven[compressed]" (in a checkout: pip install "./shared[compressed]").'
+        )
         raise ResourceError(problem, where=where, remedy=advice) from None

@@ -35,10 +35,10 @@ _SUPPORTED_EXTENSIONS = {
     POINTER,
 }
 _PICTURE_EXTENSIONS = {
-    "EXT_texture_webp": "pictures in WebP",
-    "EXT_texture_avif": "pictures in AVIF",
-    "KHR_texture_basisu": "pictures in Basis Universal",
-    "MSFT_texture_dds": "pictures in DDS",
+    "EXT_texture_webp": "images in WebP",
+    "EXT_texture_avif": "images in AVIF",
+    "KHR_texture_basisu": "images in Basis Universal",
+    "MSFT_texture_dds": "images in DDS",
 }
 _HARMLESS_PATTERN = re.compile(
     r"KHR_materials_\w+|VRMC_materials_\w+|ADOBE_materials_\w+|NV_materials_mdl|EXT_materials_\w+"
@@ -65,16 +65,16 @@ def extension_notes(document: Entry) -> list[str]:
     required, used = _unique_names(document.extensionsRequired), _unique_names(document.extensionsUsed)
     needed = [name for name in required if name not in _SUPPORTED_EXTENSIONS and not _is_harmless(name)]
     if needed:
-        advice = "Export it without this extension."
-        raise InputError(f"it needs {', '.join(needed)}, which is not supported", remedy=advice)
+        advice = "Export the model again without these extensions."
+        raise InputError(f"the file requires unsupported glTF extensions: {', '.join(needed)}", remedy=advice)
     notes = list[str]()
     for name in required:
         if _is_harmless(name):
-            content = _PICTURE_EXTENSIONS.get(name, "no part of the shape or its motion")
-            notes.append(f"it requires {name}, which is left out: it contains {content}")
+            content = _PICTURE_EXTENSIONS.get(name, "neither shape nor motion")
+            notes.append(f"the required glTF extension {name} is ignored: it contains {content}")
     for name in used:
         if name not in required and name not in _SUPPORTED_EXTENSIONS and not _is_harmless(name):
-            notes.append(f"it uses {name}, which is not supported: its content is left out")
+            notes.append(f"the glTF extension {name} is not supported, and its content is ignored")
     return notes
 
 
@@ -101,7 +101,10 @@ def follow_pointers(document: Entry) -> list[str]:
     if not skipped_targets:
         return []
     shown = ", ".join(name[:80] for name in list(dict.fromkeys(skipped_targets))[:5])
-    return [f"only animations of a node's position, rotation and scale are read, not of: {shown}"]
+    return [
+        "only animations of the position, rotation and scale of nodes are read. These "
+        f"animated values are ignored: {shown}"
+    ]
 
 
 def _show_node(document: Entry, pointer: Any) -> None:

@@ -74,7 +74,7 @@ class GltfFile:
     def create_damage_error(self, error: Exception) -> InputError:
         """Converts an exception that was caused by a damaged file into an InputError."""
         logging.getLogger(__name__).debug("glTF", exc_info=error)
-        return self.create_error(f"it is damaged: {plain_reason(error)}")
+        return self.create_error(f"the file is damaged: {plain_reason(error)}")
 
     def keys(self, sampler: Any, path: str) -> Float:
         """Returns the values (K, C) of a sampler at its K keys. For cubic interpolation, returns values and
@@ -89,7 +89,8 @@ class GltfFile:
         fits = values.shape == (values_per_key * count, 4 if path == "rotation" else 3) and count > 0
         if not fits or not np.isfinite(values).all():
             raise self.create_error(
-                f"an animation of {path} has {len(values)} values for {count} times, or invalid values"
+                f"the animation of a node's {path} has {len(values)} values for {count} times, or "
+                "invalid values"
             )
         return values
 
@@ -126,7 +127,9 @@ class GltfFile:
         for index, array in arrays_by_accessor.items():
             accessor = self.document.accessors[index]
             if array.shape != (accessor.count, _COMPONENT_COUNTS[accessor.type]):
-                raise self.create_error(f"its data compressed by {DRACO} does not fit accessor {index}")
+                raise self.create_error(
+                    f"the data compressed by {DRACO} does not match the size of accessor {index}"
+                )
             self._decoded[index] = array.astype(_COMPONENT_DTYPES[accessor.componentType])
 
     def name(self, node: int) -> str:
@@ -191,7 +194,9 @@ class GltfFile:
         size = kind.itemsize * width
         stride = view_entry.byteStride or size
         if count and offset + (count - 1) * stride + size > len(data):
-            raise self.create_error("an accessor reaches beyond its buffer: the file is truncated or damaged")
+            raise self.create_error(
+                "an accessor reads beyond the end of its buffer, so the file is truncated or damaged"
+            )
         if not count:
             return np.zeros((0, width), kind)
         shape, steps = (count, width), (stride, kind.itemsize)
@@ -212,7 +217,9 @@ class GltfFile:
         start = found.byteOffset or 0
         data = self._buffer_bytes(found.buffer)[start : start + found.byteLength]
         if len(data) < found.byteLength:
-            raise self.create_error("a buffer is shorter than declared: the file is truncated or damaged")
+            raise self.create_error(
+                "a buffer is shorter than its declared length, so the file is truncated or damaged"
+            )
         return data
 
     def _decompress_view(self, view: int, packed: Entry, extension: str) -> bytes:
@@ -223,7 +230,9 @@ class GltfFile:
             try:
                 self._unpacked_bytes += check_meshopt(packed)
                 if self._unpacked_bytes > MAX_UNPACKED_BYTES:
-                    raise InputError(f"in total it has more than {MAX_UNPACKED_BYTES} bytes")
+                    raise InputError(
+                        f"the decompressed data has more than {MAX_UNPACKED_BYTES} bytes in total"
+                    )
                 self._unpacked[view] = meshopt_bytes(self._declared_bytes(packed), packed, str(self.path))
             except InputError as error:
                 if error.where == str(self.path):
@@ -237,7 +246,7 @@ class GltfFile:
             uri = self.document.buffers[index].uri
             data = self._blob if uri is None else self.data_of_uri(uri)
             if data is None:
-                raise self.create_error("the binary chunk is missing")
+                raise self.create_error("the binary data of the file is missing")
             self._buffers[index] = bytes(data)
         return self._buffers[index]
 
@@ -267,7 +276,9 @@ def _parse_document(path: Path) -> tuple[Entry, list[int], bytes | None]:
     error becomes an InputError with a message for the user.
     """
     if path.suffix.lower() not in GLTF_SUFFIXES and is_file(path):
-        raise InputError("it is not a glTF file", where=str(path), remedy="Give a .glb, .gltf or .vrm file.")
+        raise InputError(
+            "the file is not a glTF file", where=str(path), remedy="Choose a .glb, .gltf or .vrm file."
+        )
     data = read_file(path)
     if not data:
         raise InputError("the file is empty", where=str(path), remedy=_EXPORT_ADVICE)
@@ -275,14 +286,16 @@ def _parse_document(path: Path) -> tuple[Entry, list[int], bytes | None]:
         parsed = gltf_document(data)
         version = None if parsed[0].asset is None else parsed[0].asset.version
         if not str(version).startswith("2."):
-            raise InputError("it declares another version" if version else "it declares no version")
+            raise InputError(
+                "the file declares another glTF version" if version else "the file declares no glTF version"
+            )
     except (InputError, *DAMAGE) as error:
         logging.getLogger(__name__).debug("glTF", exc_info=True)
-        problem = f"it cannot be read as glTF 2: {plain_reason(error)}"
+        problem = f"the file cannot be read as glTF 2: {plain_reason(error)}"
         raise InputError(
             problem,
             where=str(path),
-            remedy="Check that it is complete and that its file extension is correct.",
+            remedy="Check that the file is complete and has the correct file extension.",
         ) from None
     return parsed
 
@@ -298,18 +311,20 @@ def _check_references(document: Entry) -> None:
     for number, node in enumerate(nodes):
         for kind, index, entries in (("mesh", node.mesh, document.meshes), ("skin", node.skin, skins)):
             if index is not None and not _is_number(index, len(entries)):
-                raise InputError(f"node {number} has a {kind} {index!s:.20} that does not exist")
+                raise InputError(f"node {number} refers to the {kind} {index!s:.20}, which does not exist")
     for number, skin in enumerate(skins):
         missing_joints = [joint for joint in skin.joints or [] if not _is_number(joint, len(nodes))]
         if missing_joints:
-            raise InputError(f"skin {number} has a joint {missing_joints[0]!s:.20}, which is not a node")
+            raise InputError(
+                f"skin {number} refers to the joint {missing_joints[0]!s:.20}, which is not a node"
+            )
         if number in used and not skin.joints:
             raise InputError(f"skin {number} has no joints")
     for number, animation in enumerate(document.animations):
         for channel in animation.channels or []:
             target = channel.target
             if target is None or not _is_number(channel.sampler, len(animation.samplers or [])):
-                raise InputError(f"a channel of animation {number} has no target or no keys")
+                raise InputError(f"a channel of animation {number} has no target or no keyframes")
             if target.node is not None and not _is_number(target.node, len(nodes)):
                 raise InputError(f"animation {number} moves node {target.node!s:.20}, which does not exist")
 

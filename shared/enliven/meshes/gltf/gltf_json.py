@@ -66,13 +66,13 @@ def gltf_tree(data: bytes) -> dict[str, Any]:
     except InputError:
         raise
     except (ValueError, RecursionError) as error:
-        raise InputError(f"its JSON is damaged{_error_position(error)}") from None
+        raise InputError(f"the JSON text of the file is damaged{_error_position(error)}") from None
     if not isinstance(tree, dict):
-        raise InputError("its JSON is not an object")
+        raise InputError("the JSON text of the file is not an object")
     try:
         _check_amounts(tree)
     except (AttributeError, KeyError, TypeError, IndexError, OverflowError) as error:
-        raise InputError(f"its JSON is damaged: {plain_reason(error)}") from None
+        raise InputError(f"the JSON text of the file is damaged: {plain_reason(error)}") from None
     return tree
 
 
@@ -110,11 +110,11 @@ def node_parents(children: list[list[int]]) -> list[int]:
     visited_count, depth = len(level), 1
     while level:
         if depth > MAX_NODE_DEPTH:
-            raise InputError(f"its nodes are nested deeper than {MAX_NODE_DEPTH}")
+            raise InputError(f"the nodes are nested in more than {MAX_NODE_DEPTH} levels")
         level = [child for node in level for child in children[node]]
         visited_count, depth = visited_count + len(level), depth + 1
     if visited_count < len(children):
-        raise InputError("its nodes form a cycle")
+        raise InputError("the parents and children of the nodes form a cycle")
     return parents
 
 
@@ -122,7 +122,7 @@ def _error_position(error: Exception) -> str:
     """Returns the position at which a parser stopped, as a suffix for a message, or "" if the position is
     unknown."""
     if isinstance(error, RecursionError):
-        return ": it is nested too deeply"
+        return ": the JSON is nested too deeply"
     return f" in line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
 
 
@@ -132,7 +132,7 @@ def _json_text(data: bytes) -> str:
     if data[:4] == b"glTF":
         chunk = _first_chunk(data, b"JSON")
         if chunk is None:
-            raise InputError("it is truncated or damaged: it has no JSON")
+            raise InputError("the file contains no JSON text, so it is truncated or damaged")
         text = chunk
     return text.decode("utf-8-sig")
 
@@ -153,7 +153,9 @@ def _check_amounts(tree: dict[str, Any]) -> None:
     """Raises an error for a file with too many entries, vertices, primitives or keys."""
     for name, entries in tree.items():
         if isinstance(entries, list) and len(entries) > MAX_LISTED_ENTRIES:
-            raise InputError(f"it has {len(entries)} {name}, and no more than {MAX_LISTED_ENTRIES} are read")
+            raise InputError(
+                f"the file has {len(entries)} {name}, but at most {MAX_LISTED_ENTRIES} are allowed"
+            )
     nodes = tree.get("nodes") or []
     node_parents([node.get("children") or [] for node in nodes])
     counts = [_element_count(accessor) for accessor in tree.get("accessors") or []]
@@ -182,9 +184,13 @@ def _check_shown(tree: dict[str, Any], nodes: list[Any], counts: list[int]) -> N
             )
             primitives += times
     if total > MAX_ELEMENTS:
-        raise InputError(f"it shows {total} vertices or corners, and no more than {MAX_ELEMENTS} are read")
+        raise InputError(
+            f"the file has {total} vertices or triangle corners, but at most {MAX_ELEMENTS} are allowed"
+        )
     if primitives > MAX_LISTED_ENTRIES:
-        raise InputError(f"it shows {primitives} primitives, and no more than {MAX_LISTED_ENTRIES} are read")
+        raise InputError(
+            f"the file has {primitives} mesh primitives, but at most {MAX_LISTED_ENTRIES} are allowed"
+        )
 
 
 def _check_read(tree: dict[str, Any], counts: list[int]) -> None:
@@ -194,7 +200,7 @@ def _check_read(tree: dict[str, Any], counts: list[int]) -> None:
         channels = animation.get("channels") or []
         if len(channels) > MAX_LISTED_ENTRIES:
             raise InputError(
-                f"it has {len(channels)} channels, and no more than {MAX_LISTED_ENTRIES} are read"
+                f"an animation has {len(channels)} channels, but at most {MAX_LISTED_ENTRIES} are allowed"
             )
         samplers = animation.get("samplers") or []
         accessor_numbers += [
@@ -206,14 +212,16 @@ def _check_read(tree: dict[str, Any], counts: list[int]) -> None:
         if _is_valid_index(accessor_number, counts)
     )
     if total > MAX_READ_ELEMENTS:
-        raise InputError(f"it reads {total} keys, and no more than {MAX_READ_ELEMENTS} are read")
+        raise InputError(
+            f"the animations and skins have {total} values, but at most {MAX_READ_ELEMENTS} are allowed"
+        )
 
 
 def _element_count(accessor: dict[str, Any]) -> int:
     """Returns the declared number of elements of an accessor."""
     count = accessor.get("count")
     if not isinstance(count, int) or not 0 <= count <= MAX_ELEMENTS:
-        raise InputError(f"an accessor declares {count} elements, and no more than {MAX_ELEMENTS} are read")
+        raise InputError(f"an accessor declares {count} elements, but at most {MAX_ELEMENTS} are allowed")
     return count
 
 

@@ -97,7 +97,7 @@ class Materials:
             self.definitions.append(json.dumps(self._renumbered_json(value), sort_keys=True, allow_nan=False))
         except (InputError, *DAMAGE) as error:
             self.notes.append(
-                f"material {at} cannot be read ({plain_reason(error)}): only its colour is used"
+                f"material {at} cannot be read ({plain_reason(error)}), so only its colour is used"
             )
             return -1
         return len(self.definitions) - 1
@@ -133,7 +133,7 @@ class Materials:
             texture = _find_entry(self._file.document.textures, number)
             packed = [name for name in vars(texture.extensions or Entry({})) if name.partition("_")[2]]
             if texture.source is None and packed:
-                raise InputError(f"its image is stored by {packed[0][:60]}")
+                raise InputError(f"the image is stored by the unsupported extension {packed[0][:60]}")
             image = _find_entry(self._file.document.images, texture.source)
             if image.bufferView is not None:
                 data = self._file.data_of_view(image.bufferView)
@@ -150,7 +150,7 @@ class Materials:
             )
             kept_texture = Texture(np.frombuffer(data, np.uint8), sampler_text)
         except (InputError, *DAMAGE) as error:
-            self.notes.append(f"texture {number} is left out ({plain_reason(error)})")
+            self.notes.append(f"texture {number} is ignored ({plain_reason(error)})")
             return None
         self.textures.append(kept_texture)
         return len(self.textures) - 1
@@ -186,7 +186,9 @@ def _read_rows(file: GltfFile, accessor: int, count: int, width: int) -> Float32
     """
     values: Float = np.nan_to_num(np.asarray(file.accessor(accessor), np.float64))
     if len(values) != count:
-        raise file.create_error(f"{len(values)} texture coordinates or colours belong to {count} vertices")
+        raise file.create_error(
+            f"the mesh has {len(values)} texture coordinates or colours for {count} vertices"
+        )
     rows = np.ones((count, width), np.float32)
     shown = min(width, values.shape[1])
     rows[:, :shown] = values[:, :shown]

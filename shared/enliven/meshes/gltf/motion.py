@@ -144,7 +144,7 @@ def _rest_transforms(file: GltfFile) -> Locals:
         np.isfinite(values).all()
         for values in (transforms.translation, transforms.rotation, transforms.scale)
     ):
-        raise file.create_error("a node's position, rotation or scale is not finite")
+        raise file.create_error("the position, rotation or scale of a node is not a finite number")
     return transforms
 
 
@@ -195,9 +195,7 @@ def frame_times(file: GltfFile, animation: int) -> Float:
     gap /= max(math.ceil(gap / longest - 1e-3), 1)
     steps = max(round(float(end - start) / gap), 1)
     if (steps + 1) * len(file.parents) > MAX_NODE_SAMPLES:
-        raise file.create_error(
-            f"an animation lasts {end - start:.3g} s, which is {steps + 1} frames: too many"
-        )
+        raise file.create_error(f"an animation of {end - start:.3g} s has too many frames: {steps + 1}")
     return np.asarray(np.linspace(start, end, steps + 1) if end > start else np.array([start]))
 
 
@@ -286,7 +284,7 @@ def animated_locals(file: GltfFile, animation: int, times: Float) -> Locals:
 def _key_times(file: GltfFile, accessor: int) -> Float:
     keys = np.asarray(file.accessor(accessor)[:, 0], np.float64)
     if not np.isfinite(keys).all() or (np.diff(keys) < 0).any():
-        raise file.create_error("the times of an animation are not in ascending order")
+        raise file.create_error("the key times of an animation are not in ascending order")
     return keys
 
 

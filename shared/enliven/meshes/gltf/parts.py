@@ -72,16 +72,16 @@ def read_parts(file: GltfFile, notes: list[str]) -> tuple[list[GltfPart], Materi
         if node.mesh is None:
             continue
         if number in hidden or (number in zero_nodes and node.skin is None):
-            reason = "hidden by the file" if number in hidden else "always of size 0"
-            notes.append(f"{file.name(number)!r} is {reason} and left out")
+            reason = "hidden by the file" if number in hidden else "always scaled to size 0"
+            notes.append(f"the node {file.name(number)!r} is ignored, because it is {reason}")
             continue
         for primitive in file.document.meshes[node.mesh].primitives:
             mode = _MODE_TRIANGLES if primitive.mode is None else primitive.mode
             if mode not in (_MODE_TRIANGLES, _MODE_STRIP, _MODE_FAN) or primitive.attributes.POSITION is None:
-                notes.append(f"lines or points of {file.name(number)!r} are left out")
+                notes.append(f"the lines or points of the node {file.name(number)!r} are ignored")
                 continue
             if primitive.targets:
-                notes.append(f"the morph targets of {file.name(number)!r} are not animated")
+                notes.append(f"the morph targets of the node {file.name(number)!r} are not animated")
             parts.append(_read_part(file, colours, materials, primitive, mode, number))
     notes.extend(colours.notes + materials.notes)
     return [part for part in parts if len(part.faces)], materials
@@ -134,7 +134,9 @@ def _read_part(
     file.decompress(primitive)
     vertices = np.asarray(file.accessor(primitive.attributes.POSITION), np.float64)
     if vertices.shape[1] != 3 or not np.isfinite(vertices).all():
-        raise file.create_error(f"a vertex of {file.name(carrier)!r} is not a finite point")
+        raise file.create_error(
+            f"a vertex position of the node {file.name(carrier)!r} is not finite or not 3D"
+        )
     vertices = _apply_morphs(file, vertices, primitive, node)
     if primitive.indices is None:
         order = np.arange(len(vertices))
@@ -142,7 +144,8 @@ def _read_part(
         order = file.accessor(primitive.indices)[:, 0].astype(np.int64)
     if len(order) and order.max() >= len(vertices):
         raise file.create_error(
-            f"a face of {file.name(carrier)!r} refers to vertex {order.max()} of {len(vertices)}"
+            f"a face of the node {file.name(carrier)!r} refers to vertex {order.max()}, but only "
+            f"{len(vertices)} vertices exist"
         )
     faces = _list_triangles(order, mode)
     faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 0] != faces[:, 2])]
@@ -155,7 +158,8 @@ def _read_part(
         skin_joints = np.array(file.document.skins[skin].joints, np.int64)
         if len(joints) and joints[weights > 0].max(initial=0) >= len(skin_joints):
             raise file.create_error(
-                f"a vertex of {file.name(carrier)!r} follows joint {joints.max()} of {len(skin_joints)}"
+                f"a vertex of the node {file.name(carrier)!r} refers to joint {joints.max()}, but the "
+                f"skin has only {len(skin_joints)} joints"
             )
         joints = skin_joints[np.minimum(joints, len(skin_joints) - 1)]
     four, four_weights = strongest_influences(joints, weights)
@@ -181,7 +185,9 @@ def _apply_morphs(file: GltfFile, vertices: Float, primitive: Any, node: Any) ->
         if weight and target.POSITION is not None:
             offsets = np.asarray(file.accessor(target.POSITION), np.float64)
             if offsets.shape != vertices.shape or not np.isfinite(weight * offsets).all():
-                raise file.create_error(f"a morph target of mesh {node.mesh} does not fit it")
+                raise file.create_error(
+                    f"a morph target of mesh {node.mesh} does not match the vertices of the mesh"
+                )
             vertices = vertices + weight * offsets
     return vertices
 
@@ -199,7 +205,9 @@ def instance_transforms(file: GltfFile, table: dict[str, int], size: int) -> Flo
         default=1,
     )
     if max_instances * max(size, 1) > MAX_ELEMENTS:
-        raise file.create_error(f"it shows {max_instances} instances of {size} vertices, which are too many")
+        raise file.create_error(
+            f"the file has too many instances: {max_instances} of a mesh with {size} vertices or corners"
+        )
     columns = {
         name: np.asarray(file.accessor(accessor), np.float64)
         for name, accessor in table.items()
@@ -212,7 +220,7 @@ def instance_transforms(file: GltfFile, table: dict[str, int], size: int) -> Flo
         for column, usual in zip(filled, _INSTANCE_COLUMNS.values(), strict=True)
     )
     if not fits or not all(np.isfinite(values).all() for values in filled):
-        raise file.create_error("the columns of its instance table do not match")
+        raise file.create_error("the columns of an instance table have different lengths or invalid values")
     length = np.linalg.norm(filled[1], axis=1, keepdims=True)
     filled[1] = np.where(length > 0.0, filled[1] / np.where(length > 0.0, length, 1.0), [0.0, 0.0, 0.0, 1.0])
     return compose_matrices(*filled)

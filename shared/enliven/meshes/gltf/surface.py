@@ -62,7 +62,7 @@ def gltf_surface(path: Path | str, name: str = "", *, still: bool = False) -> Gl
         parts, materials = read_parts(file, notes)
         if not parts:
             notes_text = f": {'; '.join(dict.fromkeys(notes))}" if notes else ""
-            raise file.create_error(f"its scene has no triangle{notes_text[:400]}")
+            raise file.create_error(f"the scene of the file has no triangles{notes_text[:400]}")
         bind = Bind(file, parts, still)
         rest = [bind.vertices(part) for part in parts]
         mesh = _join_parts(name or file.path.stem, parts, rest, bind, materials)

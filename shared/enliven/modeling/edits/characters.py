@@ -62,8 +62,15 @@ def paste_character(
     character = source.character(character_id)
     shift = np.asarray(offset, np.float64)
     if shift.shape != (3,) or not np.isfinite(shift).all() or not np.isfinite(delay):
-        problem = f"a copy cannot have the offset {offset} m and the delay {delay} s"
-        raise InputError(problem, where=character.where, remedy="Give three metres and seconds.")
+        problem = f"the offset {offset} m or the delay {delay} s of the copy is not valid"
+        raise InputError(
+            problem,
+            where=character.where,
+            remedy=(
+                "Pass three finite numbers in metres as the offset, and a finite number of seconds as "
+                "the delay."
+            ),
+        )
     project, names = _with_takes_of(project, source, character)
     copy = character.with_takes_named(names).with_changes(id=unused(character_id, project.characters))
     copy = get_rig_edits(copy).moved(
@@ -91,7 +98,9 @@ def rename_character(project: Project, character_id: str, new_name: str) -> Proj
     if new_name == character_id:
         return project
     if not new_name or new_name in project.characters:
-        problem = f"the name {new_name!r} is taken" if new_name else "it needs a name"
+        problem = (
+            f"another character already has the name {new_name!r}" if new_name else "the new name is empty"
+        )
         raise InputError(problem, where=character.where, remedy="Choose another name.")
     renamed = {
         (new_name if key == character_id else key): (
@@ -126,7 +135,9 @@ def move_character(
     is_valid = shift.shape == centre.shape == (3,) and turn.shape == (4,)
     if not (is_valid and np.isfinite([*shift, *centre]).all() and abs(np.linalg.norm(turn) - 1.0) < 1e-6):
         raise InputError(
-            f"it cannot be moved by {offset}, {turn}", where=character.where, remedy="Give finite numbers."
+            f"the displacement {offset} or the rotation {turn} is not valid",
+            where=character.where,
+            remedy="Pass three finite numbers in metres and a unit quaternion (w, x, y, z).",
         )
     return project.with_characters(get_rig_edits(character).moved(character, shift, turn, centre))
 
@@ -149,8 +160,8 @@ def scale_character(project: Project, character_id: str, factor: float) -> Proje
     """
     character = project.character(character_id)
     if not (np.isfinite(factor) and factor > 0.0):
-        remedy = "Give a number above 0, or use mirror_character."
-        raise InputError(f"it cannot be {factor} times as large", where=character.where, remedy=remedy)
+        remedy = "Pass a factor above 0. To mirror the character, use mirror_character."
+        raise InputError(f"a character cannot be scaled by {factor}", where=character.where, remedy=remedy)
     return project.with_characters(get_rig_edits(character).scaled(character, float(factor)))
 
 
@@ -227,7 +238,9 @@ def drag_handle(
     character, target = project.character(character_id), np.asarray(place, np.float64)
     if target.shape != (3,) or not np.isfinite(target).all():
         raise InputError(
-            f"{place} is not a position", where=character.where, remedy="Give three numbers in metres."
+            f"{place} is not a valid position",
+            where=character.where,
+            remedy="Pass three finite numbers in metres.",
         )
     return get_rig_edits(character).drag_handle(
         project, character, handle_number(character, handle), target, time
@@ -280,8 +293,12 @@ def _check_layers(character: RigBase, numbers: set[int]) -> None:
     count = len(character.playing)
     missing = numbers - set(range(count))
     if missing:
-        problem = f"layer {min(missing)} does not exist"
-        raise InputError(problem, where=character.where, remedy=f"Number of layers: {count}.")
+        problem = f"the character has no layer {min(missing)}"
+        raise InputError(
+            problem,
+            where=character.where,
+            remedy=f"The layers are numbered from 0. Number of layers: {count}.",
+        )
 
 
 def _changed_layer(layer: LayerBase, changes: dict[str, Any]) -> LayerBase:

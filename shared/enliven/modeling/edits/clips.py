@@ -55,17 +55,17 @@ def split_clip(project: Project, character_id: str, numbers: Iterable[int], time
         ]
         if not clips_there:
             problem, remedy = (
-                f"no clip plays at {project_time:.2f} s",
-                "Put the playhead over a clip, away from its ends.",
+                f"no clip can be split at {project_time:.2f} s",
+                "Move the playhead into a clip, away from the clip's ends.",
             )
             raise InputError(problem, where=f"character {character_id!r}", remedy=remedy)
         number = clips_there[-1]
         clip = clips[number]
         if number and time < clips[number - 1].end:
             raise InputError(
-                "two clips are blended at that time",
+                "two clips overlap in a blend at this time",
                 where=f"character {character_id!r}",
-                remedy="Split outside of the blend.",
+                remedy="Split one of the clips outside of the blend.",
             )
         parts = (replace(clip, end=time), replace(clip, begin=time, first=clip.second(time)))
         return (*clips[:number], *parts, *clips[number + 1 :])
@@ -200,7 +200,7 @@ def blend_clips(
     def change(clips: tuple[Segment, ...]) -> Sequence[Segment]:
         _check_clip(clips, clip, character_id)
         if clip + 1 >= len(clips) or clips[clip + 1].begin > clips[clip].end + _MIN_CLIP_S:
-            remedy = "Move the next clip to its end first."
+            remedy = "Move the next clip to the end of this clip, and then blend them."
             raise InputError(
                 "no clip begins at the end of this clip", where=f"character {character_id!r}", remedy=remedy
             )
@@ -229,7 +229,7 @@ def mirror_layers(project: Project, character_id: str, numbers: Iterable[int]) -
     character, numbers = project.character(character_id), tuple(numbers)
     layer = _find_layer(character, numbers[0])
     if layer.source != "takes":
-        problem = "a recorded deformation fits only its own mesh"
+        problem = "the recorded motion of a possessed mesh cannot be mirrored separately"
         raise InputError(problem, where=character.where, remedy="Mirror the whole character.")
     return change_layers(project, character_id, numbers, mirrored=not layer.mirrored)  # type: ignore[attr-defined]
 
@@ -267,13 +267,16 @@ def _with_clips(project: Project, character_id: str, numbers: Iterable[int], cha
 def _find_layer(character: RigBase, number: int) -> LayerBase:
     playing = character.playing
     if not 0 <= number < len(playing):
-        remedy = f"Number of layers: {len(playing)}."
-        raise InputError(f"layer {number} does not exist", where=character.where, remedy=remedy)
+        remedy = f"The layers are numbered from 0. Number of layers: {len(playing)}."
+        raise InputError(f"the character has no layer {number}", where=character.where, remedy=remedy)
     return playing[number]
 
 
 def _check_clip(clips: Sequence[Segment], clip: int, character_id: str) -> None:
     """Raises an error if the clip does not exist."""
     if not 0 <= clip < len(clips):
-        problem, remedy = f"clip {clip} does not exist", f"Number of clips in the lane: {len(clips)}."
+        problem, remedy = (
+            f"the lane has no clip {clip}",
+            f"The clips are numbered from 0. Number of clips: {len(clips)}.",
+        )
         raise InputError(problem, where=f"character {character_id!r}", remedy=remedy)

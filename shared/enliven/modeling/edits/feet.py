@@ -38,9 +38,13 @@ def lock_feet(project: Project, character_id: str, numbers: Iterable[int], feet:
     if isinstance(character, GraphCharacter):
         return stand(project, character_id, numbers, feet)
     if isinstance(character, ExampleCharacter):
-        remedy = "Change its contacts in the floor row of the timeline, or mark control points as feet."
+        remedy = (
+            "Change the puppet's contacts in the floor row of the timeline, or mark control points as feet."
+        )
         raise InputError(
-            "the feet of a puppet are locked by its own contacts", where=character.where, remedy=remedy
+            "a puppet has no foot lock mode, because its contacts lock its feet",
+            where=character.where,
+            remedy=remedy,
         )
     return _with_foot_locks(project, character_id, numbers, feet)
 
@@ -53,6 +57,6 @@ def _with_foot_locks(project: Project, shape_id: str, numbers: Iterable[int], fe
         return project
     project = pin_all_feet(project, shape)
     if not project.shape(shape_id).pins:
-        remedy = "Choose the node of an ankle, and pin it first (P)."
+        remedy = "Select the ankle node of a leg and pin it (P). Then choose the foot lock again."
         raise InputError("no leg with a foot on the floor was found", where=shape.where, remedy=remedy)
     return project

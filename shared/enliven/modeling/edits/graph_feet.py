@@ -90,7 +90,7 @@ def stand(project: Project, shape_id: str, numbers: Iterable[int], feet: str) ->
     shape = project.graph(shape_id)
     if feet not in FEET:
         raise InputError(
-            f"{feet!r} is not a foot lock mode", where=shape.where, remedy=f"Known: {', '.join(FEET)}."
+            f"{feet!r} is not a foot lock mode", where=shape.where, remedy=f"Known modes: {', '.join(FEET)}."
         )
     nodes = _nodes_of_layers(shape, numbers)
     old = [top_layer for top_layer in shape.over if top_layer.feet and np.isin(top_layer.own, nodes).any()]
@@ -101,8 +101,8 @@ def stand(project: Project, shape_id: str, numbers: Iterable[int], feet: str) ->
         return project.with_characters(bare)
     standing_feet = find_feet(bare, nodes)
     if not standing_feet:
-        remedy = "Choose the lane of a part that stands on the floor, or name its ends (E)."
-        raise InputError("no foot was found in these parts", where=shape.where, remedy=remedy)
+        remedy = "Choose the lane of a part that touches the floor, or name the ends of the limbs (E)."
+        raise InputError("none of the chosen parts has a foot on the floor", where=shape.where, remedy=remedy)
     project = project.with_characters(bare)
     name = (
         old[0].take

@@ -50,15 +50,17 @@ def key_handle(
     character, target = project.character(character_id), np.asarray(place, np.float64)
     if target.shape != (3,) or not np.isfinite(target).all():
         raise InputError(
-            f"{place} is not a position", where=character.where, remedy="Give three numbers in metres."
+            f"{place} is not a valid position",
+            where=character.where,
+            remedy="Pass three finite numbers in metres.",
         )
     target = root_motion(project, character, time).inverse(target[None])[0]
     if isinstance(character, RiggedCharacter):
         return _key_joint(project, character, bone_number(character, handle), target, time)
     if isinstance(character, GraphCharacter) and not isinstance(handle, str):
         return _key_node(project, character, handle, target, time)
-    remedy = "Move or rotate the whole character. A puppet is posed by its key poses."
-    raise InputError("its handles cannot have keys", where=character.where, remedy=remedy)
+    remedy = "Set keys for the whole character, or change the key poses of a puppet."
+    raise InputError("the handles of this character cannot have keys", where=character.where, remedy=remedy)
 
 
 def key_characters(
@@ -82,7 +84,11 @@ def key_characters(
     shapes = (shift.shape, centre.shape, key_rotation.shape) == ((3,), (3,), (4,))
     if not (shapes and np.isfinite([*shift, *centre, *key_rotation]).all()):
         raise InputError(
-            f"it cannot be moved by {offset}, {turn}", where="keys", remedy="Give finite numbers."
+            f"the displacement {offset} or the rotation {turn} is not valid",
+            where="keys",
+            remedy=(
+                "Pass three finite numbers in metres and a rotation of four finite numbers (w, x, y, z)."
+            ),
         )
     new_key = motion_about(normalized(key_rotation), shift, centre)
     for name in names:
@@ -107,7 +113,11 @@ def _key_joint(project: Project, shape: RiggedCharacter, j: int, place: Float, t
     """
     if j == 0:
         remedy = "Drag another joint, or move the whole character."
-        raise InputError("the root of a skeleton can only be moved", where=shape.where, remedy=remedy)
+        raise InputError(
+            "dragging the root joint cannot rotate a bone, because no bone ends there",
+            where=shape.where,
+            remedy=remedy,
+        )
     seen_at = evaluate_pose(project, shape.id, time)
     turns, joints = seen_at.turns, seen_at.joints
     start = joints[int(shape.skeleton.parents[j])]
@@ -145,8 +155,14 @@ def _key_node(project: Project, shape: GraphCharacter, node: int, place: Float, 
     assert isinstance(layer, GraphLayer)
     linear, node_place, weight = evaluate_layer(project, shape, number - len(shape.parts), node, time)
     if weight <= 0.0:
-        remedy = "Unmute the layer, give it weight, or go to a time at which it plays."
-        raise InputError("its keys have no effect at this time", where=f"layer {layer.id!r}", remedy=remedy)
+        remedy = (
+            "Unmute the layer, raise its weight, or move the playhead to a time at which the layer plays."
+        )
+        raise InputError(
+            "the keys of this layer have no effect at the current time",
+            where=f"layer {layer.id!r}",
+            remedy=remedy,
+        )
     new_key = np.linalg.solve(linear, place - node_place) / (weight * layer.size)
     back, flip = Axes(conjugate(layer.axes), False), Axes(IDENTITY, layer.mirrored)
     key_metres = np.array(key_at(project, shape.id, node, time).metres)

@@ -184,8 +184,12 @@ def _changed_key(key: MotionKey, degrees: Three | None, metres: Three | None) ->
 def _refuse_displacement(character: RigBase, handle: Handle, key: MotionKey) -> None:
     """Raises an error if a bone's key has a displacement, because a bone is fixed to its parent."""
     if character.jointed and handle is not None and any(key.metres):
-        remedy = "Give degrees, or move the whole character."
-        raise InputError("a bone can only be rotated", where=character.where, remedy=remedy)
+        remedy = "Set degrees only, or set a key that moves the whole character."
+        raise InputError(
+            "the key of a bone contains a displacement, but a bone can only rotate",
+            where=character.where,
+            remedy=remedy,
+        )
 
 
 def _handle_number(character: RigBase, handle: int | str) -> int:
@@ -199,10 +203,12 @@ def _handle_number(character: RigBase, handle: int | str) -> int:
     if isinstance(handle, str) or not 0 <= handle < character.keyable:
         count = character.keyable
         remedy = (
-            f"Number of nodes: {count}." if count else "Choose the whole character: keys rotate and move it."
+            f"The nodes are numbered from 0. Number of nodes: {count}."
+            if count
+            else "Set keys for the whole character instead."
         )
         raise InputError(
-            f"node {handle!r} does not exist, or cannot have keys", where=character.where, remedy=remedy
+            f"node {handle!r} does not exist or cannot have keys", where=character.where, remedy=remedy
         )
     return handle
 
@@ -223,7 +229,7 @@ def _find_key(project: Project, character_id: str, handle: Handle, key: int) -> 
     layer = None if number is None else project.character(character_id).playing[number]
     keys = () if layer is None else _keyed_take(project, layer).keys
     if number is None or not 0 <= key < len(keys):
-        remedy = f"Number of keys: {len(keys)}."
+        remedy = f"The keys are numbered from 0. Number of keys: {len(keys)}."
         location = f"{character_id!r}" if handle is None else f"{handle!r} of {character_id!r}"
         raise InputError(f"key {key} does not exist", where=location, remedy=remedy)
     return number, keys[key]
@@ -240,11 +246,11 @@ def _second_in_keys(project: Project, layer: LayerBase, time: float) -> float:
         return layer.played(time, project.length_of(layer))[0]
     second = (layer.to_unwarped_time(time) - layer.offset) * layer.speed
     if _frame_at(second) < 0:
-        problem = f"the clip with its keys begins at {layer.offset:.2f} s"
+        problem = f"a key cannot be before the start of its clip at {layer.offset:.2f} s"
         raise InputError(
             problem,
             where=f"layer {layer.take!r}",
-            remedy="First move the clip with the keys to an earlier time.",
+            remedy="First move the clip to an earlier time.",
         )
     return max(second, 0.0)
 

@@ -31,8 +31,8 @@ def layer_keys(project: Project, character_id: str, layer: int, number: Number) 
     """
     character = project.character(character_id)
     if not 0 <= layer < len(character.playing):
-        remedy = f"Number of layers: {len(character.playing)}."
-        raise InputError(f"layer {layer} does not exist", where=character.where, remedy=remedy)
+        remedy = f"The layers are numbered from 0. Number of layers: {len(character.playing)}."
+        raise InputError(f"the character has no layer {layer}", where=character.where, remedy=remedy)
     keys: tuple[CurveKey, ...] = getattr(character.playing[layer], number)
     return keys
 
@@ -107,9 +107,9 @@ def _find_key(
 ) -> tuple[CurveKey, tuple[CurveKey, ...]]:
     keys = layer_keys(project, character_id, layer, number)
     if not 0 <= key < len(keys):
-        remedy = f"Number of keys: {len(keys)}."
+        remedy = f"The keys are numbered from 0. Number of keys: {len(keys)}."
         raise InputError(
-            f"key {key} of its {number} does not exist", where=f"character {character_id!r}", remedy=remedy
+            f"the curve of the {number} has no key {key}", where=f"character {character_id!r}", remedy=remedy
         )
     return keys[key], keys
 

@@ -30,7 +30,9 @@ def rename_marker(project: Project, name: str, new_name: str) -> Project:
     marker = _find_marker(project, name)
     if new_name != name and new_name in project.markers:
         remedy = "Choose another name."
-        raise InputError(f"the name {new_name!r} is taken", where=f"marker {name!r}", remedy=remedy)
+        raise InputError(
+            f"another marker already has the name {new_name!r}", where=f"marker {name!r}", remedy=remedy
+        )
     renamed = {(new_name if key == name else key): other for key, other in project.markers.items()}
     return replace(project, markers={**renamed, new_name: replace(marker, id=new_name)})
 
@@ -48,6 +50,6 @@ def remove_marker(project: Project, name: str) -> Project:
 def _find_marker(project: Project, name: str) -> Marker:
     if name not in project.markers:
         names = ", ".join(project.markers)
-        remedy = f"Known: {names}." if names else "Add a marker first."
-        raise InputError(f"the marker {name!r} does not exist", where="project", remedy=remedy)
+        remedy = f"Known markers: {names}." if names else "Add a marker first."
+        raise InputError(f"the project has no marker {name!r}", where="project", remedy=remedy)
     return project.markers[name]

@@ -55,13 +55,15 @@ def merge_characters(
     """
     host, graft = project.character(host_id), project.character(graft_id)
     if host_id == graft_id:
-        remedy = "Copy it first, and merge it with the copy."
+        remedy = "Copy the character first, and merge it with the copy."
         raise InputError("a character cannot be merged with itself", where=host.where, remedy=remedy)
     messages, kind = [] if notes is None else notes, host.kind
     for character in (host, graft):
         project = remove_root_layers(RIGS[character.kind], project, character.id, time)
     if graft.root_layers:
-        messages.append(f"The motion of {graft.where} as a whole was removed: it now follows {host.where}.")
+        messages.append(
+            f"The motion of {graft.where} as a whole was removed. {graft.where} now follows {host.where}."
+        )
     if isinstance(node, str):
         node = handle_number(host, node)
     if kind != graft.kind:
@@ -85,7 +87,9 @@ def bake_to_graph(project: Project, character_id: str, time: float, notes: list[
     )
     if looped:
         graph = graph.with_playing(*(replace(part, loop=True) for part in graph.parts))
-    notes.append(f"{character.where} was baked from {times[0]:.2f} s to {times[-1]:.2f} s{note}.")
+    notes.append(
+        f"The motion of {character.where} was baked from {times[0]:.2f} s to {times[-1]:.2f} s{note}."
+    )
     return project.with_streams(stream).with_characters(graph)
 
 

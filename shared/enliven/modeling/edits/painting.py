@@ -89,7 +89,11 @@ def unpaint_character(project: Project, character_id: str) -> Project:
 def _mesh_of(project: Project, character_id: str) -> Mesh:
     character = project.character(character_id)
     if character.mesh is None:
-        raise InputError("it has no surface to paint on", where=character.where, remedy="Give it a mesh.")
+        raise InputError(
+            "the character has no surface to paint on",
+            where=character.where,
+            remedy="Choose a character with a mesh.",
+        )
     return character.mesh
 
 

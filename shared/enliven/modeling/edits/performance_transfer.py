@@ -56,12 +56,20 @@ def transfer_performance(
     shape, target = project.graph(source_id), project.character(target_id)
     layer = performance_in(shape)
     if layer is None or layer.possession is None:
-        raise InputError("performers moved no part of it", where=shape.where, remedy="Possess it first.")
+        raise InputError(
+            "no performer has moved a part of this mesh",
+            where=shape.where,
+            remedy="Choose a mesh that a performer has moved.",
+        )
     if target is shape:
-        remedy = "Choose another character, or record a new performance with it."
+        remedy = "Choose another character as the target."
         raise InputError("the source and the target are the same character", where=shape.where, remedy=remedy)
     if target.mesh is None or not len(target.mesh.faces):
-        raise InputError("it has no surface", where=target.where, remedy="Choose one with a mesh.")
+        raise InputError(
+            "the target character has no surface",
+            where=target.where,
+            remedy="Choose a character with a mesh.",
+        )
     posed = compute_vertices(project, target_id, time)
     mesh = replace(target.mesh, vertices=posed, name=target_id)
     take = project.bodies[layer.possession.take]

@@ -47,7 +47,9 @@ def handle_number(character: RigBase, handle: int | str) -> int:
     if isinstance(number, str) or not 0 <= number < len(names):
         known_handles = ", ".join(names) or "none"
         raise InputError(
-            f"the handle {handle!r} does not exist", where=character.where, remedy=f"Known: {known_handles}."
+            f"the character has no handle {handle!r}",
+            where=character.where,
+            remedy=f"Known handles: {known_handles}.",
         )
     return number
 

@@ -71,7 +71,11 @@ def root_motion(project: Project, character: RigBase, time: float) -> RigidMotio
         InputError: if the time is not finite.
     """
     if not np.isfinite(time):
-        raise InputError(f"the time {time} is not finite", where=character.where, remedy="Give seconds.")
+        raise InputError(
+            f"the time {time} is not a finite number",
+            where=character.where,
+            remedy="Pass a finite number of seconds.",
+        )
     motion = IDENTITY_MOTION
     for layer in character.root_layers:
         motion = _layer_motion(project, layer, time)[0].after(motion)
@@ -109,8 +113,14 @@ def root_values(
     layer = character.root_layers[number]
     weight = _layer_motion(project, layer, time)[1]
     if weight < _MIN_LAYER_WEIGHT:
-        remedy = "Unmute the layer, give it weight, or go to a time at which it plays."
-        raise InputError("its keys have no effect at this time", where=f"layer {layer.id!r}", remedy=remedy)
+        remedy = (
+            "Unmute the layer, raise its weight, or move the playhead to a time at which the layer plays."
+        )
+        raise InputError(
+            "the keys of this layer have no effect at the current time",
+            where=f"layer {layer.id!r}",
+            remedy=remedy,
+        )
     layer_motion = outer.inverse.after(motion).after(inner.inverse)
     moved = layer_motion.move - layer.about + rotate(layer_motion.turn, layer.about)
     back, flip = Axes(conjugate(layer.basis), False), Axes(IDENTITY, layer.mirrored)

@@ -44,9 +44,11 @@ def choose_take(project: Project, alternatives: str, recorded: str) -> Project:
     """
     takes = alternative_takes(project, alternatives)
     if recorded and recorded not in takes:
-        remedy = f"Known: {', '.join(takes) or 'none'}."
+        remedy = f"Recordings in this group: {', '.join(takes) or 'none'}."
         raise InputError(
-            f"{recorded!r} is not one of these takes", where=f"takes {alternatives!r}", remedy=remedy
+            f"the recording {recorded!r} is not in this group of alternative takes",
+            where=f"takes {alternatives!r}",
+            remedy=remedy,
         )
 
     def heard(layer: LayerBase) -> LayerBase:
@@ -95,9 +97,11 @@ def drop_take(project: Project, alternatives: str, recorded: str) -> Project:
     """
     takes = alternative_takes(project, alternatives)
     if recorded not in takes:
-        remedy = f"Known: {', '.join(takes) or 'none'}."
+        remedy = f"Recordings in this group: {', '.join(takes) or 'none'}."
         raise InputError(
-            f"{recorded!r} is not one of these takes", where=f"takes {alternatives!r}", remedy=remedy
+            f"the recording {recorded!r} is not in this group of alternative takes",
+            where=f"takes {alternatives!r}",
+            remedy=remedy,
         )
     before = project
     for character in list(project.characters.values()):

@@ -55,8 +55,10 @@ def refuse_locked(old_project: Project, new_project: Project) -> None:
             and not is_unlocked
             and new_project.characters.get(name) is not old_project.characters[name]
         ):
-            remedy = "Unlock it in the list of shapes first."
-            raise InputError("it is locked", where=old_project.characters[name].where, remedy=remedy)
+            remedy = "Unlock the character in the list of shapes first."
+            raise InputError(
+                "the character is locked", where=old_project.characters[name].where, remedy=remedy
+            )
 
 
 def order_characters(project: Project, name: str, place: int) -> Project:
@@ -80,7 +82,7 @@ def rename_take(project: Project, name: str, new_name: str) -> Project:
     """
     take = project.takes.get(name)
     if take is None or not new_name or (new_name != name and new_name in project.takes):
-        problem = f"the take {name!r} does not exist" if take is None else "its new name is empty or in use"
+        problem = f"the project has no take {name!r}" if take is None else "the new name is empty or in use"
         raise InputError(problem, where=f"take {name!r}", remedy="Choose another name.")
     takes = {
         (new_name if number == name else number): (replace(take, id=new_name) if number == name else old_take)
@@ -108,7 +110,7 @@ def delete_take(project: Project, name: str) -> Project:
     """
     users = [character.id for character in project.characters.values() if name in character.needed()["takes"]]
     if name not in project.takes or users:
-        problem = f"{users[0]} plays it" if users else "it does not exist"
-        remedy = "Remove its clips from the timeline first." if users else ""
+        problem = f"the character {users[0]} plays this take" if users else "this take does not exist"
+        remedy = "Remove the character's clips of this take from the timeline first." if users else ""
         raise InputError(problem, where=f"take {name!r}", remedy=remedy)
     return replace(project, takes={k: take for k, take in project.takes.items() if k != name})

@@ -80,9 +80,11 @@ class MeshPair:
         """Builds the union from manifold3d's result. Kept vertices and faces stay in order and bit-exact."""
         sides = [Side(made, solid) for solid in solids]
         if any(len(side.triangles) == 0 for side in sides):
-            return self.combine_shells("one mesh lies inside the other: joined as separate shells")
+            return self.combine_shells(
+                "one mesh is inside the other, so both remain separate shells in one mesh"
+            )
         if not any(side.lost or side.new for side in sides):
-            return self.combine_shells("the meshes do not touch: joined as separate shells")
+            return self.combine_shells("the meshes do not touch, so both remain separate shells in one mesh")
         return UnionBuilder(self, sides, made).union(notes)
 
 

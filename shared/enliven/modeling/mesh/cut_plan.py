@@ -41,8 +41,13 @@ vertices on that side. Cuts along skin weights can create smaller islands, which
 class CutSettings:
     """Settings for the caps that close a cut."""
 
-    rounding: float = parameter(0.0, "Roundness of the caps: 0 is flat, 1 a hemisphere.", low=0.0, high=1.0)
-    fine: bool = parameter(True, "Adds vertices inside the caps, so that they can bend and be rounded.")
+    rounding: float = parameter(
+        0.0,
+        "Roundness of the caps that close a cut. 0 is a flat cap, and 1 is a hemisphere.",
+        low=0.0,
+        high=1.0,
+    )
+    fine: bool = parameter(True, "Adds vertices inside the caps, so that the caps can bend and be rounded.")
 
 
 @dataclass
@@ -63,11 +68,13 @@ class CutPlan:
 
     def __post_init__(self) -> None:
         if len(self.mesh.faces) == 0:
-            raise InputError("the mesh has no faces", where=self.mesh.name, remedy="Give a mesh to cut.")
+            raise InputError(
+                "a mesh without faces cannot be cut", where=self.mesh.name, remedy="Choose a mesh with faces."
+            )
         at = self.mesh.vertices if self.posed is None else np.asarray(self.posed, np.float64)
         if at.shape != self.mesh.vertices.shape or not np.isfinite(at).all():
             raise InputError(
-                f"positions have shape {at.shape} or are not finite",
+                f"the posed vertex positions have the wrong shape {at.shape} or are not finite",
                 where=self.mesh.name,
                 remedy="Repair the mesh.",
             )
@@ -158,7 +165,10 @@ class CutPlan:
         around = [i for i, polygon in enumerate(polygons) if abs(winding_number(polygon, point)) > 0.5]
         if not around:
             around = self._neighbouring_loop(point, bone_weights, polygons)
-            note = "the bone is outside of the mesh at the cut: the part that follows the bone was cut"
+            note = (
+                "the bone is outside of the mesh at the cut, so the nearest part that follows the "
+                "bone was cut"
+            )
             self.notes += [note] if around else []
         if not around:
             self._separate_shells(where)
@@ -193,10 +203,11 @@ class CutPlan:
         part = self._components_after_cut(np.zeros(len(self.found.loops), bool))[self.of]
         mean = np.bincount(part, self.loyal) / np.maximum(np.bincount(part), 1)
         if not ((mean > 0.75).any() and (mean < 0.25).any()) or ((mean > 0.25) & (mean < 0.75)).any():
-            remedy = "Cut at a place where the bone is inside the mesh, or cut with a stroke."
+            remedy = "Cut at a position where the bone is inside the mesh, or cut by a drawn stroke."
             raise InputError("no part of the mesh surrounds the bone at the cut", where=where, remedy=remedy)
         self.notes.append(
-            "no part of the mesh surrounds the bone at the cut: the parts were separated without a cut"
+            "no part of the mesh surrounds the bone at the cut, so the separate shells were "
+            "divided without a cut"
         )
 
     def choose_covered(self) -> None:
@@ -206,8 +217,10 @@ class CutPlan:
         loops = np.unique(self.found.loops)
         self.chosen = np.array([i for i in loops if pairs[self.found.loops == i].mean() >= 0.5], np.int64)
         if len(self.chosen) == 0:
-            problem = "the stroke passes through no part of the mesh"
-            raise InputError(problem, where="cut", remedy="Draw the stroke across the part to cut.")
+            problem = "the stroke does not cross the mesh"
+            raise InputError(
+                problem, where="cut", remedy="Draw the stroke across the part that you want to cut."
+            )
         self.point = self.places[covered].mean(0)
 
     def sides(self) -> Bool:
@@ -250,10 +263,12 @@ class CutPlan:
         far = np.where(free, np.linalg.norm(middle - self.point, axis=1), np.inf)
         if not np.isfinite(far).any():
             raise InputError(
-                "the two sides of the cut cannot be separated", where="cut", remedy="Repair the mesh first."
+                "the two sides of the cut cannot be separated",
+                where="cut",
+                remedy="Repair the mesh, and cut again.",
             )
         self.chosen = np.append(self.chosen, self.found.loops[int(np.argmin(far))])
-        note = "the parts were also connected at another place, which was cut, too"
+        note = "the two parts were also connected at another position, so the mesh was cut there, too"
         if note not in self.notes:
             self.notes.append(note)
 
@@ -284,7 +299,7 @@ class CutPlan:
                 for order, shut in join_chains(chains, self.places, _MAX_GAP_FRACTION)
                 if shut and len(order) > 2
             ]
-            note = "a part of the mesh was open at the cut, and was left open"
+            note = "the surface has an opening at the cut, so the cut could not be closed completely"
             left_open = sum(len(chain) for chain, _ in chains) > sum(len(loop) for loop in loops)
             if len(loops) < len(chains) and left_open and note not in self.notes:
                 self.notes.append(note)

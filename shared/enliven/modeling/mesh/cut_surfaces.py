@@ -50,7 +50,11 @@ class PlaneCut(CutSurface):
         normal = np.array(self.normal, np.float64)
         length = float(np.linalg.norm(normal))
         if not (np.isfinite(length) and length > 0 and np.isfinite(self.point).all()):
-            raise InputError("the plane has no direction", where="cut", remedy="Give a point and a normal.")
+            raise InputError(
+                "the normal of the cutting plane is 0 or not finite",
+                where="cut",
+                remedy="Pass a point and a normal vector that is not 0.",
+            )
         object.__setattr__(self, "point", np.array(self.point, np.float64))
         object.__setattr__(self, "normal", normal / length)
 
@@ -83,13 +87,19 @@ class StrokeCut(CutSurface):
     def __post_init__(self) -> None:
         stroke = np.array(self.stroke, np.float64).reshape(-1, 2)
         if not np.isfinite(stroke).all():
-            raise InputError("the stroke is not finite", where="cut", remedy="Draw the stroke again.")
+            raise InputError(
+                "the positions of the stroke are not finite numbers",
+                where="cut",
+                remedy="Draw the stroke again.",
+            )
         step = np.linalg.norm(np.diff(stroke, axis=0), axis=1)
         extent = float(np.ptp(stroke, axis=0).max()) if len(stroke) else 0.0
         stroke = stroke[np.concatenate([[True], step > 1e-3 * extent])] if len(stroke) else stroke
         if len(stroke) < 2:
             raise InputError(
-                "the stroke is a single point", where="cut", remedy="Draw the stroke across the part to cut."
+                "the stroke is a single point",
+                where="cut",
+                remedy="Draw the stroke across the part that you want to cut.",
             )
         object.__setattr__(self, "stroke", stroke)
         object.__setattr__(self, "picture_from_world", np.array(self.picture_from_world, np.float64))

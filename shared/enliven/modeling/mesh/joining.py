@@ -63,8 +63,10 @@ def join_surfaces(
         tidy=True,
     )
     if union.failed and not loose:
-        remedy = "Repair the mesh, or merge loosely: both shells in one mesh."
-        raise InputError(f"the meshes cannot be united: {union.notes[0]}", where=where, remedy=remedy)
+        remedy = (
+            "Repair the mesh, or merge without a union: both meshes then remain separate shells in one mesh."
+        )
+        raise InputError(f"the union of the two meshes failed: {union.notes[0]}", where=where, remedy=remedy)
     notes.extend(union.notes)
     mesh, skin = union.mesh, union.skin
     if union.seam.any():

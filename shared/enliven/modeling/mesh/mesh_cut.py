@@ -100,7 +100,10 @@ def cut_across_bone(
     by_skin = _build_pieces(other) if other.count else cut
     if _bone_match(by_skin, ahead, behind) <= _bone_match(cut, ahead, behind):
         return cut
-    note = "a plane would cut other parts: the mesh was cut at the border of the skin of the outer bones"
+    note = (
+        "a flat cut would also cut other parts, so the mesh was cut where the skin weights of "
+        "the outer bones begin"
+    )
     return Cut(by_skin.near, by_skin.far, (*by_skin.notes, note))
 
 
@@ -154,7 +157,11 @@ def _build_pieces(work: CutPlan) -> Cut:
     """Builds both sides of a cut, after its loops were chosen."""
     side = work.sides()
     if not side.any() or side.all():
-        raise InputError("the cut does not separate any part", where="cut", remedy="Cut at another place.")
+        raise InputError(
+            "the cut does not separate the mesh into two parts",
+            where="cut",
+            remedy="Cut at another position.",
+        )
     caps = work.caps()
     near, far = (
         round_caps(build_piece(work, side == half, caps, half), work.settings.rounding)

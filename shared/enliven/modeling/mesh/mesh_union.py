@@ -50,13 +50,15 @@ def unite_meshes(
     for solid, mesh in zip(solids, pair.meshes, strict=True):
         if isinstance(solid, str):
             return pair.combine_shells(
-                f"{mesh.name!r} is not a solid ({solid}): the two were joined as separate shells", True
+                f"the mesh {mesh.name!r} is not a solid ({solid}), so both meshes remain separate "
+                "shells in one mesh",
+                True,
             )
     first_solid, second_solid = (solid for solid in solids if isinstance(solid, Solid))
     both = first_solid.manifold + second_solid.manifold
     if both.status() != manifold3d.Error.NoError:
         return pair.combine_shells(
-            f"the union failed ({both.status()}): the two were joined as separate shells", True
+            f"the union failed ({both.status()}), so both meshes remain separate shells in one mesh", True
         )
     notes = tuple(f"{s.mesh.name!r}: {note}" for s in (first_solid, second_solid) for note in s.notes)
     union = pair.build_union((first_solid, second_solid), both.to_mesh64(), notes)

@@ -56,7 +56,7 @@ class SeamSettings:
     )
     weight_reach: float = parameter(
         0.7,
-        "Minimum distance from the seam within which skin weights are new.",
+        "Minimum distance from the seam within which skin weights are recomputed.",
         unit="radii of the seam",
         low=0.0,
         high=10.0,

@@ -38,20 +38,20 @@ class Solid:
 def solid_from_mesh(mesh: Mesh) -> Solid | str:
     """Converts a mesh to a solid. If that fails, returns the reason as a sentence."""
     if not np.isfinite(mesh.vertices).all():
-        return "some vertices are not finite"
+        return "some vertex positions are not finite numbers"
     notes: list[str] = []
     welded, of = weld(mesh)
     use = _is_usable_face(welded)
     if not use.all():
-        notes.append(f"removed {int((~use).sum())} faces that have no area or occur twice")
+        notes.append(f"{int((~use).sum())} faces without area or with a duplicate were removed")
     used = mesh.with_faces(use)
     closed = close_surface(used, of)
     if not len(closed.faces):
         return "the surface is open, and its holes are too large to close"
     if closed.caps:
-        notes.append(f"closed {closed.caps} holes" if closed.caps > 1 else "closed a hole")
+        notes.append(f"{closed.caps} holes were closed" if closed.caps > 1 else "a hole was closed")
     if closed.leaf.any():
-        notes.append(f"{int(closed.leaf.sum())} of its faces do not enclose a volume and stay unchanged")
+        notes.append(f"{int(closed.leaf.sum())} faces do not enclose a volume and stay unchanged")
     closed_mesh = _closed_mesh(used, closed)
     leaves = replace(
         used.with_faces(closed.leaf),
@@ -60,11 +60,11 @@ def solid_from_mesh(mesh: Mesh) -> Solid | str:
         stiffness=closed_mesh.stiffness,
     )
     if signed_volume(closed_mesh) < 0:
-        notes.append("the mesh was inside out: its faces were reversed")
+        notes.append("the faces of the mesh pointed inwards, so they were reversed")
         closed_mesh, leaves = closed_mesh.turned(), leaves.turned()
     manifold, number = _manifold_solid(closed_mesh, closed.label)
     if manifold.status() != manifold3d.Error.NoError:
-        return f"manifold3d reports {manifold.status()}"
+        return f"the library manifold3d reports {manifold.status()}"
     return Solid(manifold, closed_mesh, closed.made, leaves, number, tuple(notes))
 
 

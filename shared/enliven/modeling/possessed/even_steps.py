@@ -56,10 +56,14 @@ def even_times(character: Character, poses: Sequence[Pose], begin: int) -> tuple
     _, first = np.unique(seconds, return_index=True)
     seconds = seconds[first]
     if len(first) < 2:
-        raise InputError("all its poses have the same time", where=location, remedy="Record it again.")
+        raise InputError(
+            "all recorded poses of the character have the same time",
+            where=location,
+            remedy="Record the take again.",
+        )
     step, lasts = float(np.median(np.diff(seconds))), float(seconds[-1] - seconds[0])
     if lasts / step * len(character.pivots) > _MAX_PLACES:
-        problem = f"it has too many poses: {lasts:.3g} s at steps of {step:.3g} s"
+        problem = f"the recording has too many poses: {lasts:.3g} s at steps of {step:.3g} s"
         raise InputError(problem, where=location, remedy="Record a shorter take.")
     return [poses[i] for i in first], seconds, np.arange(seconds[0], seconds[-1] + 0.5 * step, step)
 

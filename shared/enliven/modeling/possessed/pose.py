@@ -28,7 +28,11 @@ def graph_pose(project: Project, shape: GraphCharacter, time: float) -> tuple[Fl
         InputError: if the time is not finite.
     """
     if not np.isfinite(time):
-        raise InputError(f"the time {time} is not finite", where=shape.where, remedy="Give seconds.")
+        raise InputError(
+            f"the time {time} is not a finite number",
+            where=shape.where,
+            remedy="Pass a finite number of seconds.",
+        )
     linear, positions = np.empty((len(shape.positions), 3, 3)), np.empty((len(shape.positions), 3))
     over = [_layer_at(project, layer, len(shape.positions), time) for layer in shape.over]
     for part, start in zip(shape.parts, shape.starts, strict=False):

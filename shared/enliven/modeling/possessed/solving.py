@@ -86,7 +86,11 @@ def with_possession(project: Project, shape_id: str, possession: Possession) -> 
         new_possession = replace(possession, rest=how.rest, solved=how.solved)
         parts = (*shape.parts[:number], replace(part, possession=new_possession), *shape.parts[number + 1 :])
         return project.with_characters(shape.with_changes(parts=parts))
-    raise InputError("performers moved no part of it", where=shape.where, remedy="Possess it first.")
+    raise InputError(
+        "no performer has moved a part of this mesh",
+        where=shape.where,
+        remedy="Choose a mesh that a performer has moved.",
+    )
 
 
 def possess_mesh(

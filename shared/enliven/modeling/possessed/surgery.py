@@ -155,9 +155,11 @@ def _meeting_nodes(
     if node is None:
         node = int(distances.min(1).argmin())
     if isinstance(node, str) or not 0 <= node < len(ours):
-        remedy = "Give the number of a node."
+        remedy = "Pass the number of an existing node."
         raise InputError(
-            f"node {node} does not exist; the host has {len(ours)} nodes", where=host.where, remedy=remedy
+            f"node {node} does not exist: the mesh has {len(ours)} nodes, numbered from 0",
+            where=host.where,
+            remedy=remedy,
         )
     return node, int(distances[node].argmin())
 

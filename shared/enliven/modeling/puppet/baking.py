@@ -108,6 +108,10 @@ def frame_times(start: float, end: float, rate: float, name: str) -> Float:
         InputError: if the times are invalid.
     """
     if not (np.isfinite([start, end, rate]).all() and end >= start and 0 < rate <= 1000):
-        problem = f"{start} s to {end} s at {rate} frames per second is not a valid time range"
-        raise InputError(problem, where=f"shape {name!r}", remedy="Give an end after the start.")
+        problem = f"the time range from {start} s to {end} s at {rate} frames per second is not valid"
+        raise InputError(
+            problem,
+            where=f"shape {name!r}",
+            remedy="Choose an end after the start, and a frame rate above 0.",
+        )
     return np.asarray(start + np.arange(round((end - start) * rate) + 1) / rate)

@@ -25,7 +25,9 @@ def drag_point(project: Project, puppet_id: str, point: int, place: AnyArray, ti
     puppet = project.puppet(puppet_id)
     layer = next((candidate for candidate in puppet.layers if not candidate.muted), None)
     if layer is None:
-        raise InputError("the puppet plays no take", where=puppet.where, remedy="Choose a take for it first.")
+        raise InputError(
+            "the puppet plays no take", where=puppet.where, remedy="Choose a take for the puppet first."
+        )
     state = evaluate_puppet_state(project, puppet, time)
     second = layer.played(time, project.takes[layer.take].duration)[0]
     number = key_pose_at(project, puppet, layer.take, second)

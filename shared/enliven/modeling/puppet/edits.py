@@ -34,11 +34,15 @@ def make_puppet(project: Project, mesh: Mesh, puppet_id: str) -> Project:
     """
     location = f"puppet {puppet_id!r}"
     if not puppet_id or puppet_id in project.characters:
-        problem = "the name is taken" if puppet_id else "it needs a name"
+        problem = (
+            "another character already has this name" if puppet_id else "the name of the puppet is empty"
+        )
         raise InputError(problem, where=location, remedy="Choose another name.")
     if len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
         problem = (
-            "its mesh has no faces" if len(mesh.faces) == 0 else "its mesh has vertices that are not finite"
+            "the mesh has no faces"
+            if len(mesh.faces) == 0
+            else "some vertex positions of the mesh are not finite numbers"
         )
         raise InputError(problem, where=location, remedy="Export the mesh again.")
     return project.with_characters(ExampleCharacter(puppet_id, mesh))
@@ -66,8 +70,8 @@ def checked_layer(project: Project, puppet: ExampleCharacter, layer: PuppetLayer
     skipped."""
     location = f"puppet {puppet.id!r}"
     if layer.take not in project.takes:
-        remedy = f"Known: {', '.join(project.takes)}." if project.takes else "Import one first."
-        raise InputError(f"the take {layer.take!r} does not exist", where=location, remedy=remedy)
+        remedy = f"Known takes: {', '.join(project.takes)}." if project.takes else "Import a take first."
+        raise InputError(f"the project has no take {layer.take!r}", where=location, remedy=remedy)
     for name in layer.points:
         puppet.index(name)
     if not find_missing_examples(project, puppet):

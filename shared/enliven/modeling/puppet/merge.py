@@ -205,14 +205,18 @@ class _Merge:
             names[name] = more[name] = ControlPoint(name, vertex, leader.joint if leader else "")
             side[name] = names[name]
         notes.append(
-            f"It got {len(added)} more control points. Away from the seam, its key poses deviate from the "
-            f"original poses by at most {1000 * worst:.1f} mm ({100 * worst / size:.2f} % of its size)."
+            f"The merged puppet got {len(added)} more control points. Away from the seam, the key "
+            f"poses deviate from the original poses by at most {1000 * worst:.1f} mm "
+            f"({100 * worst / size:.2f} % of the puppet's size)."
         )
         if not self.rides:
-            difference = f"{graft.id!r} plays another take than {host.id!r}"
-            notes.append(f"{difference}: it moves about its current position, and the surface follows both.")
+            difference = f"The puppet {graft.id!r} plays another take than {host.id!r}"
+            notes.append(
+                f"{difference}. So {graft.id!r} moves around its current position, and the joined "
+                "surface follows both."
+            )
         if any(layer.positions or layer.velocities or layer.couplings for layer in graft.layers):
-            notes.append(f"Hard constraints of {graft.id!r} were removed.")
+            notes.append(f"The hard constraints of {graft.id!r} were removed.")
         return self._puppet_with_points([*points, *more.values()]).with_changes(
             layers=self._merged_layers(ours, theirs)
         )
@@ -237,7 +241,10 @@ class _Merge:
                 )
                 gaps[np.isin(remaining, list(used))] = np.inf
                 vertex = int(remaining[np.argmin(gaps)])
-                notes.append(f"{point.name!r} was inside the other puppet: it moved to the nearest vertex.")
+                notes.append(
+                    f"The control point {point.name!r} was inside the other puppet, so it was moved to the "
+                    "nearest vertex of the merged mesh."
+                )
             used.add(vertex)
             out[point.name] = replace(point, vertex=vertex)
         return out if not used_names else self._rename_taken_points(out, used_names)
@@ -321,8 +328,12 @@ def _united_mesh(host: ExampleCharacter, graft: ExampleCharacter, to: _Rigid, me
         host.mesh, _placeholder_skin(host), moved, _placeholder_skin(graft), offset=1, tidy=True
     )
     if union.failed and not merge.loose:
-        remedy = "Repair the mesh, or merge loosely: both shells in one mesh."
-        raise InputError(f"the meshes cannot be united: {union.notes[0]}", where=host.where, remedy=remedy)
+        remedy = (
+            "Repair the mesh, or merge without a union: both meshes then remain separate shells in one mesh."
+        )
+        raise InputError(
+            f"the union of the two meshes failed: {union.notes[0]}", where=host.where, remedy=remedy
+        )
     merge.notes.extend(union.notes)
     return replace(union, mesh=smooth_seam(union.mesh, union.seam, merge.seam)) if union.seam.any() else union
 

@@ -39,7 +39,9 @@ def evaluate_puppet_state(project: Project, puppet: ExampleCharacter, time: floa
     """
     if not np.isfinite(time):
         raise InputError(
-            f"the time {time} is not finite", where=f"puppet {puppet.id!r}", remedy="Give seconds."
+            f"the time {time} is not a finite number",
+            where=f"puppet {puppet.id!r}",
+            remedy="Pass a finite number of seconds.",
         )
     try:
         return evaluate_state(project, puppet, time)

@@ -41,9 +41,9 @@ def add_point(
     puppet = project.puppet(puppet_id)
     points_by_name = {point.name: point for point in puppet.points}
     if name in points_by_name:
-        remedy = "Give it another name."
+        remedy = "Choose another name."
         raise InputError(
-            f"a control point {name!r} exists already", where=_error_place(puppet), remedy=remedy
+            f"another control point already has the name {name!r}", where=_error_place(puppet), remedy=remedy
         )
     vertex = checked_vertex(puppet, vertex)
     name = name or unused(f"point {len(points_by_name) + 1}", points_by_name)
@@ -93,8 +93,8 @@ def change_point(project: Project, puppet_id: str, point: str, **changes: Any) -
         )
     weight = changes.get("weight")
     if weight is not None and not (np.isfinite(weight) and weight > 0.0):
-        remedy = "Give a number above 0, or None for a hard control point."
-        raise InputError(f"its weight is {weight}", where=f"control point {point!r}", remedy=remedy)
+        remedy = "Pass a weight above 0, or None for a hard control point."
+        raise InputError(f"the weight {weight} is not valid", where=f"control point {point!r}", remedy=remedy)
     new = replace(old, **changes)
     points = (*puppet.points[:number], new, *puppet.points[number + 1 :])
     layers = puppet.layers
@@ -111,14 +111,16 @@ def checked_vertex(puppet: ExampleCharacter, vertex: int) -> int:
     """
     count = len(puppet.mesh.vertices)
     if not 0 <= vertex < count:
-        remedy = f"Its vertices are 0..{count - 1}."
+        remedy = f"The vertices of the mesh are numbered 0..{count - 1}."
         raise InputError(f"the mesh has no vertex {vertex}", where=_error_place(puppet), remedy=remedy)
     if not (puppet.mesh.faces == vertex).any():
-        problem = f"vertex {vertex} belongs to no face, so no surface would follow it"
-        raise InputError(problem, where=_error_place(puppet), remedy="Choose a vertex of the surface.")
+        problem = f"vertex {vertex} belongs to no face, so no surface would follow the control point"
+        raise InputError(
+            problem, where=_error_place(puppet), remedy="Choose a vertex that belongs to a face."
+        )
     for point in puppet.points:
         if point.vertex == vertex:
-            problem = f"{point.name!r} is on vertex {vertex} already"
+            problem = f"vertex {vertex} already has the control point {point.name!r}"
             raise InputError(problem, where=_error_place(puppet), remedy="Choose another vertex.")
     return int(vertex)
 

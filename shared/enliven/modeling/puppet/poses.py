@@ -77,8 +77,12 @@ def mirror_key_pose(project: Project, puppet_id: str, number: int) -> Project:
     pose = _find_key_pose(puppet, number)
     plane = puppet.symmetry or plane_of_symmetry(puppet.mesh)
     if plane is None:
-        remedy = "Set a plane of symmetry first."
-        raise InputError("its mesh has no plane of symmetry", where=f"puppet {puppet.id!r}", remedy=remedy)
+        remedy = "Set a plane of symmetry for the puppet first."
+        raise InputError(
+            "no plane of symmetry was found for the puppet's mesh",
+            where=f"puppet {puppet.id!r}",
+            remedy=remedy,
+        )
     names = [point.name for point in puppet.points]
     partners = find_partners(puppet.rest, np.array(plane.point), np.array(plane.normal), names=names)
     places = mirror_places(pose.places, puppet.rest, partners, np.array(plane.normal))
@@ -97,8 +101,12 @@ def set_symmetry(project: Project, puppet_id: str, plane: Plane | None) -> Proje
     if plane is not None:
         length = float(np.linalg.norm(plane.normal))
         if not np.isfinite([*plane.point, length]).all() or length == 0.0:
-            problem = f"a plane at {plane.point} with the normal {plane.normal} is not valid"
-            raise InputError(problem, where=f"puppet {puppet.id!r}", remedy="Give a point and a direction.")
+            problem = f"the plane through {plane.point} with the normal {plane.normal} is not valid"
+            raise InputError(
+                problem,
+                where=f"puppet {puppet.id!r}",
+                remedy="Pass a finite point and a normal vector that is not 0.",
+            )
     return project.with_characters(puppet.with_changes(symmetry=plane))
 
 
@@ -112,8 +120,8 @@ def _checked_to_differ(project: Project, puppet: ExampleCharacter) -> Project:
 
 def _find_key_pose(puppet: ExampleCharacter, number: int) -> KeyPose:
     if not 0 <= number < len(puppet.poses):
-        remedy = f"Number of key poses: {len(puppet.poses)}."
-        raise InputError(f"key pose {number} does not exist", where=f"puppet {puppet.id!r}", remedy=remedy)
+        remedy = f"The key poses are numbered from 0. Number of key poses: {len(puppet.poses)}."
+        raise InputError(f"the puppet has no key pose {number}", where=f"puppet {puppet.id!r}", remedy=remedy)
     return puppet.poses[number]
 
 
@@ -126,20 +134,25 @@ def _checked_pose(project: Project, puppet: ExampleCharacter, pose: KeyPose, num
     """Returns a key pose after checking that it can replace the pose ``number``, or be appended (None)."""
     location = f"puppet {puppet.id!r}"
     if pose.take not in project.takes:
-        remedy = f"Known: {', '.join(project.takes)}." if project.takes else "Import one first."
-        raise InputError(f"the take {pose.take!r} does not exist", where=location, remedy=remedy)
+        remedy = f"Known takes: {', '.join(project.takes)}." if project.takes else "Import a take first."
+        raise InputError(f"the project has no take {pose.take!r}", where=location, remedy=remedy)
     frame = find_nearest_frame(project.takes[pose.take], pose.time)
     if pose.places.shape != (len(puppet.points), 3) or not np.isfinite(pose.places).all():
         problem = (
-            f"the positions are {pose.places.shape} for {len(puppet.points)} control points, or not finite"
+            f"the key pose has positions of shape {pose.places.shape} for {len(puppet.points)} "
+            "control points, or a position is not finite"
         )
-        raise InputError(problem, where=location, remedy="Give one position for each control point.")
+        raise InputError(
+            problem, where=location, remedy="Pass one position (x, y, z) for each control point."
+        )
     for other, existing in enumerate(puppet.poses):
         same = (
             existing.take == pose.take
             and find_nearest_frame(project.takes[existing.take], existing.time) == frame
         )
         if other != number and same:
-            problem = f"frame {frame} of {pose.take!r} already has key pose {other}"
-            raise InputError(problem, where=location, remedy="Change that key pose, or choose another time.")
+            problem = f"frame {frame} of the take {pose.take!r} already has the key pose {other}"
+            raise InputError(
+                problem, where=location, remedy="Change the existing key pose, or choose another time."
+            )
     return pose

@@ -78,7 +78,7 @@ def suggested_puppet(
     if points < 1 or (poses is not None and poses < 2):
         problem = f"{points} control points and {poses} key poses are too few"
         raise InputError(
-            problem, where=f"puppet {puppet_id!r}", remedy="Give at least one point and two poses."
+            problem, where=f"puppet {puppet_id!r}", remedy="Pass at least 1 control point and 2 key poses."
         )
     project = make_puppet(project, mesh, puppet_id)
     plane = _left_right_plane(mesh)

@@ -84,7 +84,10 @@ def cut_puppet(
         surface, np.array(places).reshape(len(places), len(unfolded_puppet.points), 3)
     )
     if puppet.symmetry is not None:
-        messages.append("The halves have no plane of symmetry. Mirrored key poses were added as key poses.")
+        messages.append(
+            "The two halves have no plane of symmetry. The mirrored key poses were therefore "
+            "stored as additional key poses."
+        )
     halves = []
     for piece, name in zip(_order_by_feet(puppet, cut), (puppet_id, off_id), strict=True):
         half = _CutSide(project, unfolded_puppet, old_places, piece).build_puppet(name, messages)
@@ -157,7 +160,8 @@ class _CutSide:
         )
         if removed:
             notes.append(
-                f"{name!r} has {removed} fewer key poses, since its own joints cannot distinguish them."
+                f"{removed} key poses of {name!r} were removed, because the joints of {name!r} have "
+                "the same pose in them."
             )
         return checked.with_changes(layers=self._fitting_layers(follow, {point.name for point in points}))
 
@@ -178,8 +182,9 @@ class _CutSide:
 
     def _note_deviation(self, name: str, added: int, worst: float, size: float, notes: list[str]) -> None:
         notes.append(
-            f"{name!r} got {added} new control points. Its key poses deviate from the original by at most "
-            f"{1000 * worst:.1f} mm ({100 * worst / size:.2f} % of the whole puppet's size)."
+            f"The puppet {name!r} got {added} new control points. Its key poses deviate from the "
+            f"original poses by at most {1000 * worst:.1f} mm ({100 * worst / size:.2f} % of the "
+            "whole puppet's size)."
         )
 
     def _border_vertices(self) -> Int32:

@@ -48,7 +48,9 @@ class Axes:
         length = float(np.linalg.norm(normal))
         if np.shape(normal) != (3,) or not np.isfinite(length) or length == 0.0:
             raise InputError(
-                f"{normal} is not a direction", where="mirror", remedy="Give the plane's normal."
+                f"{normal} is not a direction",
+                where="mirror",
+                remedy="Pass the normal of the mirror plane as three finite numbers that are not all 0.",
             )
         half = np.concatenate([[0.0], np.asarray(normal, np.float64) / length])
         return Axes(multiply(half, np.array([0.0, 1.0, 0.0, 0.0])), True)

@@ -82,13 +82,15 @@ def bone_number(shape: RiggedCharacter, bone: int | str, *, root: bool = True) -
     j = shape.skeleton.index(bone) if isinstance(bone, str) else int(bone)
     if not 0 <= j < count:
         raise InputError(
-            f"bone {j} does not exist; the shape has {count} joints",
+            f"bone {j} does not exist: the shape has {count} joints, numbered from 0",
             where=location,
-            remedy="Give the name or number of a joint of the shape.",
+            remedy="Pass the name or the number of a joint of the shape.",
         )
     if j == 0 and not root:
-        remedy = "Choose the bone that ends at another joint."
-        raise InputError(f"the root {shape.skeleton.names[0]!r} has no bone", where=location, remedy=remedy)
+        remedy = "Choose another joint: a bone ends at every joint except the root."
+        raise InputError(
+            f"no bone ends at the root joint {shape.skeleton.names[0]!r}", where=location, remedy=remedy
+        )
     return j
 
 
@@ -98,6 +100,6 @@ def check_fraction(value: float, where: str) -> float:
         raise InputError(
             f"{value} is not a position on a bone",
             where=where,
-            remedy="Give a number from 0 (the start of the bone) to 1.",
+            remedy="Pass a number from 0 (the start of the bone) to 1 (its end).",
         )
     return float(value)

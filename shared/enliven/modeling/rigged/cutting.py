@@ -170,7 +170,9 @@ def _refuse_boneless(shape: RiggedCharacter, upper: list[Bone], lower: list[Bone
     """Raises an error if a side of the cut is a single joint without bones."""
     for bones, side in ((upper, "above"), (lower, "below")):
         if len(bones) < 2:
-            problem = f"no bone would be left {side} the cut at {bones[0].name!r}"
+            problem = f"the cut at {bones[0].name!r} would leave no bone {side} the cut"
             raise InputError(
-                problem, where=f"shape {shape.id!r}", remedy="Cut inside a bone, or remove the node."
+                problem,
+                where=f"shape {shape.id!r}",
+                remedy="Cut in the middle of a bone, or remove the node instead.",
             )

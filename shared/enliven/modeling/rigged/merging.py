@@ -81,7 +81,7 @@ def merge(
             ``loose`` is false.
     """
     if host_id == graft_id:
-        remedy = "Copy it first, and merge it with the copy."
+        remedy = "Copy the shape first, and merge it with the copy."
         raise InputError("a shape cannot be merged with itself", where=f"shape {host_id!r}", remedy=remedy)
     graft = project.shape(graft_id)
     j = bone_number(project.shape(host_id), joint)

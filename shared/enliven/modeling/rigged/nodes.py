@@ -64,8 +64,12 @@ def insert_node(
     shape = project.shape(shape_id)
     j = bone_number(shape, bone, root=False)
     if not 0.0 < check_fraction(at, f"shape {shape_id!r}") < 1.0:
-        remedy = "Choose a position between the two joints."
-        raise InputError("a bone already has a joint at its end", where=shape_id, remedy=remedy)
+        remedy = "Choose a position between the two ends of the bone."
+        raise InputError(
+            "a node cannot be inserted at an end of the bone, because a joint is already there",
+            where=shape_id,
+            remedy=remedy,
+        )
     name = new_name(shape, j, name)
     bones = list_bones(shape)
     ridden = frozenset(layer.id for layer in shape.layers if layer.stretch) if rigid else None
@@ -86,7 +90,11 @@ def new_name(shape: RiggedCharacter, j: int, name: str | None) -> str:
     """
     used_names = dict.fromkeys(shape.skeleton.names)
     if name is not None and (name in used_names or not name):
-        raise InputError(f"the name {name!r} is taken", where=f"shape {shape.id!r}", remedy="Give another.")
+        raise InputError(
+            f"the joint name {name!r} is empty or in use",
+            where=f"shape {shape.id!r}",
+            remedy="Choose another name.",
+        )
     return name or unused(f"{shape.skeleton.names[j]} node", used_names)
 
 
@@ -137,9 +145,9 @@ def remove_node(project: Project, shape_id: str, joint: int | str) -> Project:
     location = f"shape {shape_id!r}"
     if j == 0:
         raise InputError(
-            f"{removed.name!r} is the root",
+            f"{removed.name!r} is the root joint, which cannot be removed",
             where=location,
-            remedy="Cut the bone below it to remove the remaining bones.",
+            remedy="To remove the bones below the root, cut them off.",
         )
     bones = [
         _join_bones(removed, bone, shape) if bone.parent == removed.name else bone

@@ -32,7 +32,9 @@ def pose_with_stretch(project: Project, shape: RiggedCharacter, time: float | No
         return ShapePose(*compute_modeled_pose(shape))
     if not np.isfinite(time):
         raise InputError(
-            f"the time {time} is not finite", where=f"shape {shape.id!r}", remedy="Give seconds."
+            f"the time {time} is not a finite number",
+            where=f"shape {shape.id!r}",
+            remedy="Pass a finite number of seconds.",
         )
     return evaluate_pose(project.with_characters(shape), shape.id, float(time))
 

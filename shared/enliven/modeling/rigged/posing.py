@@ -96,7 +96,9 @@ def _checked_rotation(turn: AnyArray, shape_id: str) -> Float:
     turn = np.asarray(turn, np.float64)
     if turn.shape != (4,) or not abs(np.linalg.norm(turn) - 1.0) < 1e-6:
         raise InputError(
-            f"{turn} is not a rotation", where=f"shape {shape_id!r}", remedy="Give (w, x, y, z)."
+            f"{turn} is not a rotation",
+            where=f"shape {shape_id!r}",
+            remedy="Pass a unit quaternion (w, x, y, z).",
         )
     return turn
 
@@ -105,6 +107,8 @@ def _checked_point(point: AnyArray, shape_id: str) -> Float:
     point = np.asarray(point, np.float64)
     if point.shape != (3,) or not np.isfinite(point).all():
         raise InputError(
-            f"{point} is not a position", where=f"shape {shape_id!r}", remedy="Give three numbers in metres."
+            f"{point} is not a valid position",
+            where=f"shape {shape_id!r}",
+            remedy="Pass three finite numbers in metres.",
         )
     return point

@@ -42,15 +42,19 @@ def spread_motion(
     own_limb = group.limb_of(joint)
     if own_limb < 0:
         limb_names = ", ".join(shape.skeleton.names[limb.joints[0]] for limb in group.limbs)
-        problem = f"joint {shape.skeleton.names[joint]!r} belongs to none of these limbs"
-        raise InputError(problem, where=f"shape {shape_id!r}", remedy=f"The limbs begin at {limb_names}.")
+        problem = f"joint {shape.skeleton.names[joint]!r} belongs to no limb of the group"
+        raise InputError(
+            problem,
+            where=f"shape {shape_id!r}",
+            remedy=f"The limbs of the group begin at these joints: {limb_names}.",
+        )
     used = dict.fromkeys(
         ref.layer for j in group.limbs[own_limb].joints for span in shape.spans[j] for ref in span.refs
     )
     if not used:
-        problem = f"no take moves the limb of joint {shape.skeleton.names[joint]!r}"
+        problem = f"no take moves the limb that contains joint {shape.skeleton.names[joint]!r}"
         raise InputError(
-            problem, where=f"shape {shape_id!r}", remedy="Bind a take to a chain of the limb first."
+            problem, where=f"shape {shape_id!r}", remedy="Bind a take to a chain of this limb first."
         )
     layers, spans = {layer.id: layer for layer in shape.layers}, list(shape.spans)
     used_names = dict(project.layer_names)

@@ -111,15 +111,18 @@ def _check_crossings(shape: RiggedCharacter, crossings: Sequence[Crossing]) -> N
     """Raises an error if the stroke does not determine which parts are cut off."""
     location, names = f"shape {shape.id!r}", shape.skeleton.names
     if not crossings:
-        remedy = "Draw the stroke across the part to cut, over a bone."
+        remedy = "Draw the stroke across a bone of the part that you want to cut off."
         raise InputError("the stroke crosses no bone", where=location, remedy=remedy)
     for crossing in crossings:
         for other in crossings:
             if crossing.bone != other.bone and other.bone in shape.skeleton.below(crossing.bone):
-                problem = f"the stroke crosses {names[crossing.bone]!r} and, below it, {names[other.bone]!r}"
-                raise InputError(problem, where=location, remedy="Cut a limb only once at a time.")
+                problem = (
+                    f"the stroke crosses the limb twice: at bone {names[crossing.bone]!r} and, below, at "
+                    f"bone {names[other.bone]!r}"
+                )
+                raise InputError(problem, where=location, remedy="Cut each limb only once per stroke.")
     if len({crossing.near for crossing in crossings}) > 1:
-        problem = "the stroke turns back between two limbs, so it is unclear which side is cut off"
+        problem = "the stroke crosses two limbs in opposite directions, so the part to cut off is not clear"
         raise InputError(
             problem, where=location, remedy="Draw a straighter stroke, or cut one limb at a time."
         )

@@ -30,12 +30,16 @@ def trace_outline(stroke: Float, count: int, smooth: int = 2) -> Float:
     """
     points = np.array(stroke, np.float64).reshape(-1, 2)
     if not np.isfinite(points).all():
-        problem = "the stroke has positions that are not numbers"
-        raise InputError(problem, where=_ERROR_PLACE, remedy="Draw it again.")
+        problem = "some positions of the stroke are not finite numbers"
+        raise InputError(problem, where=_ERROR_PLACE, remedy="Draw the stroke again.")
     extent = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
     points = _drop_repeated_points(points, 1e-6 * extent)
     if len(points) < 3:
-        raise InputError("it is a dot or a line", where=_ERROR_PLACE, remedy="Draw the outline of the part.")
+        raise InputError(
+            "the stroke is only a dot or a line",
+            where=_ERROR_PLACE,
+            remedy="Draw a closed outline of the part.",
+        )
     dense = _resample_polyline(points, 2 * count, closed=False)
     crossings = _crossing_segments(dense, closed=False)
     if len(crossings):
@@ -49,7 +53,9 @@ def trace_outline(stroke: Float, count: int, smooth: int = 2) -> Float:
             break
     else:
         raise InputError(
-            "it crosses itself", where=_ERROR_PLACE, remedy="Draw an outline that does not cross itself."
+            "the outline crosses itself",
+            where=_ERROR_PLACE,
+            remedy="Draw an outline that does not cross itself.",
         )
     size = signed_area(points)
     length = float(np.linalg.norm(np.roll(points, -1, 0) - points, axis=1).sum())
@@ -126,7 +132,7 @@ def _without_ends(points: Float, crossings: Float) -> Float:
     )
     if not near_ends.any():
         crossing_point = points[int(crossings[0, 0])]
-        problem = f"it crosses itself at ({crossing_point[0]:.3g}, {crossing_point[1]:.3g})"
+        problem = f"the outline crosses itself at ({crossing_point[0]:.3g}, {crossing_point[1]:.3g})"
         raise InputError(problem, where=_ERROR_PLACE, remedy="Draw an outline that does not cross itself.")
     # Cut at the innermost crossing of the two ends, because this removes all of their other crossings too.
     pick = crossings[near_ends]

@@ -55,7 +55,7 @@ class SketchPlane:
         up = up - (up @ right) * right
         if not (np.isfinite(right).all() and np.linalg.norm(up) > 1e-9 and np.linalg.norm(right) > 0.5):
             raise InputError(
-                "the right and up vectors of the plane must have different directions", where="stroke"
+                "the right vector and the up vector of the drawing plane are parallel or 0", where="stroke"
             )
         up = up / np.linalg.norm(up)
         return np.stack([right, up, np.cross(right, up)])

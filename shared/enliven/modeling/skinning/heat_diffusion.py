@@ -73,7 +73,7 @@ def heat_weights(
             weights continue them smoothly.
     """
     if len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
-        raise InputError("the mesh has no faces, or positions that are not finite", where=mesh.name)
+        raise InputError("skin weights need a mesh with faces and finite vertex positions", where=mesh.name)
     welded, of = weld(mesh)
     chosen, distance = nearest_seen(
         welded.vertices, outward_normals(welded), welded.faces, segments, _TIE_FRACTION

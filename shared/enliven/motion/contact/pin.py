@@ -90,9 +90,9 @@ def pin_feet(
         hip = _grandparent_joint(skeleton, foot) if start is None else _joint_index(skeleton, start)
         chain = skeleton.path(hip, foot) if hip >= 0 else ()
         if len(chain) < 3 or hip not in chain[:1] or min(chain) != hip:
-            problem = f"no limb of two bones ends in {skeleton.names[foot]!r}"
+            problem = f"no limb with two bones ends at the joint {skeleton.names[foot]!r}"
             raise InputError(
-                problem, where=f"shape {shape_id!r}", remedy="Name the joint where the limb begins."
+                problem, where=f"shape {shape_id!r}", remedy="Choose the joint at the start of the limb."
             )
         name = skeleton.names[foot]
         pins[name] = Pin(name, skeleton.names[hip], settings or ContactSettings())
@@ -166,7 +166,9 @@ def _joint_index(skeleton: Skeleton, joint: int | str) -> int:
     if isinstance(joint, str):
         return skeleton.index(joint)
     if not 0 <= joint < len(skeleton):
-        raise InputError(f"joint {joint} does not exist; the skeleton has {len(skeleton)}", where="skeleton")
+        raise InputError(
+            f"joint {joint} does not exist; the skeleton has {len(skeleton)} joints", where="skeleton"
+        )
     return int(joint)
 
 

@@ -116,7 +116,7 @@ def _nearest_perpendicular(z: Float, up: Float) -> Float:
         y = candidate - (candidate @ z) * z
         if np.linalg.norm(y) > 1e-3:
             return np.asarray(y / np.linalg.norm(y))
-    raise AssertionError("one of three axes is at right angles enough")
+    raise AssertionError("at least one of the three axes is not parallel to z")
 
 
 def _unit_vector(vector: AnyArray, name: str) -> Float:
@@ -124,6 +124,8 @@ def _unit_vector(vector: AnyArray, name: str) -> Float:
     length = float(np.linalg.norm(vector)) if vector.shape == (3,) else math.nan
     if not (math.isfinite(length) and length > 0.0):
         raise InputError(
-            f"{vector} is not a direction", where=name, remedy="Give three numbers, not all zero."
+            f"{vector} is not a direction",
+            where=name,
+            remedy="Pass three finite numbers that are not all zero.",
         )
     return np.asarray(vector / length)

@@ -199,7 +199,11 @@ class Player:
         clip = self.project.takes.get(take)
         turns, root = np.array(turns, np.float64)[None], np.array(root, np.float64)[None]
         if clip is None or turns.shape != (1, len(clip.skeleton), 4) or root.shape != (1, 3):
-            raise InputError(f"turns {turns.shape[1:]} cannot be played", where=f"take {take!r}")
+            raise InputError(
+                "the take does not exist, or its skeleton does not match rotations of the shape "
+                f"{turns.shape[1:]}",
+                where=f"take {take!r}",
+            )
         # The arrays of a clip are read-only. Make these arrays read-only too, so that Numba compiles the
         # kernels only once.
         for array in (turns, root):

@@ -71,10 +71,12 @@ def bones_along(skeleton: Skeleton, chain: Sequence[int], where: str) -> list[in
         InputError: if a joint does not exist, occurs twice, or is not a neighbour of the previous joint.
     """
     if not chain:
-        raise InputError("the chain has no joint", where=where, remedy="Name one at least.")
+        raise InputError("the chain has no joint", where=where, remedy="Pass at least one joint.")
     for joint in chain:
         if not 0 <= joint < len(skeleton):
-            raise InputError(f"joint {joint} does not exist; the skeleton has {len(skeleton)}", where=where)
+            raise InputError(
+                f"joint {joint} does not exist; the skeleton has {len(skeleton)} joints", where=where
+            )
     if len(set(chain)) != len(chain):
         raise InputError("the chain contains a joint twice", where=where, remedy="List each joint once.")
     bones = []
@@ -85,7 +87,11 @@ def bones_along(skeleton: Skeleton, chain: Sequence[int], where: str) -> list[in
             bones.append(a)
         else:
             problem = f"joints {skeleton.names[a]!r} and {skeleton.names[b]!r} are not neighbours"
-            raise InputError(problem, where=where, remedy="Skeleton.path gives the joints between two ends.")
+            raise InputError(
+                problem,
+                where=where,
+                remedy="Pass all joints between the two ends. Skeleton.path returns them.",
+            )
     return bones
 
 

@@ -66,7 +66,9 @@ def bind_chain(
     """
     shape = project.shape(shape_id)
     if take_id not in project.takes:
-        advice = f"Known: {', '.join(project.takes)}." if project.takes else "Record or import one first."
+        advice = (
+            f"Known takes: {', '.join(project.takes)}." if project.takes else "Record or import a take first."
+        )
         raise InputError(f"the take {take_id!r} does not exist", where="project", remedy=advice)
     take_skeleton = project.takes[take_id].skeleton
     source = tuple(int(joint) for joint in source)
@@ -87,9 +89,7 @@ def bind_chain(
         )
     name = unused(take_id, project.layer_names) if layer_id is None else layer_id
     if any(layer.id == name for layer in shape.layers):
-        raise InputError(
-            f"there is a layer {name!r} already", where=shape.where, remedy="Choose another name."
-        )
+        raise InputError(f"a layer {name!r} exists already", where=shape.where, remedy="Choose another name.")
     played.setdefault("stretch", _is_own_clip(shape.skeleton, project.takes[take_id]))
     layer = Layer(name, take_id, source, basis, **played)
     arc = arc_lengths(shape.skeleton, target) if len(target) > 1 else [0.0, 1.0]
@@ -179,12 +179,16 @@ def check_downward_chain(shape: RiggedCharacter, chain: Sequence[int]) -> list[i
     if not is_downward(skeleton, chain):
         first_name, last_name = skeleton.names[chain[0]], skeleton.names[chain[-1]]
         if is_downward(skeleton, chain[::-1]):
-            advice = f"Give it from {last_name!r} to {first_name!r}: motion runs from the root outwards."
+            advice = (
+                f"Pass the chain from {last_name!r} to {first_name!r}, so that it leads away from the root."
+            )
         else:
             top = skeleton.names[min(chain)]
-            advice = f"Give it as two chains, from {top!r} to each end."
+            advice = f"Pass two chains, one from {top!r} to each end."
         raise InputError(
-            f"the chain from {first_name!r} to {last_name!r} goes up the tree", where=where, remedy=advice
+            f"the chain from {first_name!r} to {last_name!r} leads towards the root of the skeleton",
+            where=where,
+            remedy=advice,
         )
     return bones
 

@@ -65,7 +65,7 @@ def calibration(camera: Intrinsics, mirrored: bool, time: Timestamp) -> CameraCa
 def health_log(state: HealthState, time: Timestamp, *, ended: bool = False) -> Log:
     """Returns a health state as a log message."""
     if ended:
-        text = f"Over: {state.what}"
+        text = f"Resolved: {state.what}"
         return Log(timestamp=time, level=LogLevel.Info, name=str(state.kind), message=text)
     return Log(timestamp=time, level=_LEVELS[state.severity], name=str(state.kind), message=str(state))
 

@@ -107,7 +107,7 @@ class FoxgloveServer(Sender):
         except RuntimeError as error:
             match = _ERROR.fullmatch(str(error))
             reason = match[1] if match else str(error)
-            remedy = "End the other program that listens there, or give another port: foxglove:HOST:PORT."
+            remedy = "End the other program that uses this port, or choose another port: foxglove:HOST:PORT."
             problem = f"port {port} of {host} cannot be opened ({reason})"
             raise ResourceError(problem, where=name, remedy=remedy) from None
         self._host, self.port = host, self._server.port

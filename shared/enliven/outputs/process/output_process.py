@@ -159,12 +159,13 @@ class OutputProcess(Closeable):
             wait_s = backoff.wait_after(time.monotonic() - start)
             when = f"in {wait_s:.0f} s" if wait_s else "now"
             log.warning(
-                "the process of the live outputs has ended: %s. It starts again %s. Until then, no frames "
+                "the process of the live outputs has ended: %s. The process starts again %s. Until "
+                "then, no frames "
                 "are sent.",
                 *(reason, when),
             )
             for status in self.statuses:
-                status.end_process(f"their process has ended ({reason}) and starts again")
+                status.end_process(f"the process of the live outputs has ended ({reason}) and starts again")
             self._ended.wait(wait_s)
 
     def _waits_for_first_process(self) -> bool:
@@ -177,7 +178,7 @@ class OutputProcess(Closeable):
         try:
             running = _Running(self._plans, self._has_server)
         except OSError as error:
-            return f"it cannot be started ({error.strerror or error})"
+            return f"the process cannot be started ({error.strerror or error})"
         try:
             with self._lock:
                 self._running = running
@@ -311,4 +312,4 @@ def _start(far: socket.socket, depth: DepthMemory | None) -> subprocess.Popen[by
 
 def _describe_exit(code: int) -> str:
     """Returns how a process has ended, in words."""
-    return f"it was ended by signal {-code}" if code < 0 else f"its exit code was {code}"
+    return f"signal {-code} ended the process" if code < 0 else f"the exit code was {code}"

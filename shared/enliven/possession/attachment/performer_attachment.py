@@ -222,10 +222,12 @@ def out_of_reach_error(
     joints = grip.rest_transform(body.joints)[sorted(parse_parts(grip.parts))]
     distances = np.linalg.norm(joints[:, None] - nodes, axis=2)
     metres = float(np.nanmin(distances, initial=np.inf)) * grip.rest_transform.scale
-    distance_text = f"; the nearest is {metres:.1f} m away" if np.isfinite(metres) else "; no joint is seen"
+    distance_text = (
+        f"; the nearest part is {metres:.1f} m away" if np.isfinite(metres) else "; no joint is tracked"
+    )
     advice = "Step into the mesh, or set place = 'meet', or how = 'beside'."
     if comes:
-        advice = "Hold it with the whole body, or with other parts of it."
+        advice = "Attach with the whole body, or with other parts of the body."
     return InputError(
         f"no part of the mesh is within {settings.farthest_reach} m of the body{distance_text}",
         where=f"possessing {character!r} with {grip.parts}",

@@ -37,8 +37,8 @@ def find_person_in_mesh(mesh: Mesh, ends: Float | None = None) -> BodyInMesh | N
     """
     if ends is not None and len(ends):
         if np.shape(ends) != (5, 3):
-            advice = "Name head, left hand, right hand, left foot and right foot, in this order, or none."
-            problem = f"there are {len(ends)} ends, expected 5"
+            advice = "Set head, left hand, right hand, left foot and right foot, in this order, or none."
+            problem = f"the number of ends is {len(ends)}, expected 5"
             raise InputError(problem, where=f"the mesh {mesh.name!r}", remedy=advice)
         extremities = find_limb_ends(mesh, nodes=_NODE_COUNT)
         return human_from_ends(extremities, five_ends_from_points(extremities, np.asarray(ends, np.float64)))

@@ -188,7 +188,7 @@ def _doubt_sentences(ends: FiveEnds, sure: float) -> tuple[str, ...]:
     """Returns a sentence about each property that is uncertain."""
     doubts = []
     if ends.margin < _MIN_COST_MARGIN:
-        doubts.append("It is not certain which ends are head, hands and feet.")
+        doubts.append("The head, hands and feet of the mesh are uncertain.")
     if sure < _MIN_FRONT_EVIDENCE:
-        doubts.append("It is not certain which side is its front.")
+        doubts.append("The front side of the mesh is uncertain.")
     return tuple(doubts)

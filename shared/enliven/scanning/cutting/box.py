@@ -49,9 +49,11 @@ class CutBox:
             not (np.isfinite(self.low).all() and np.isfinite(self.high).all())
             or (self.low >= self.high).any()
         ):
-            problem = "a box needs two corners, and the first must be lower, farther left and farther back"
+            problem = "a box needs two corners, and each coordinate of the first corner must be smaller"
             raise InputError(
-                problem, where="box", remedy="Give x0,y0,z0,x1,y1,z1 with x0 < x1, y0 < y1, z0 < z1."
+                problem,
+                where="box",
+                remedy="Write the box as x0,y0,z0,x1,y1,z1 with x0 < x1, y0 < y1, z0 < z1.",
             )
 
     def planes(self) -> list[tuple[Float, float]]:
@@ -83,7 +85,7 @@ def cut_by_box(mesh: Mesh, box: CutBox, settings: CutOutSettings | None = None) 
         cut_low[1] = s.clearance
     if cut_low[1] >= box.high[1]:
         problem = f"a box up to {box.high[1]:.3f} m contains only the floor"
-        raise InputError(problem, where="box", remedy="Make it higher.")
+        raise InputError(problem, where="box", remedy="Make the box higher.")
     part = _faces_near_box(mesh, box)
     for normal, offset in CutBox(cut_low, box.high, box.upright_from_world).planes():
         part = cut_above_plane(part, normal, offset)
@@ -93,7 +95,7 @@ def cut_by_box(mesh: Mesh, box: CutBox, settings: CutOutSettings | None = None) 
         extent_text = " to ".join(
             ",".join(f"{x:.2f}" for x in corner) for corner in (level_vertices.min(0), level_vertices.max(0))
         )
-        raise InputError(problem, where="box", remedy=f"The scanned surface reaches from {extent_text}.")
+        raise InputError(problem, where="box", remedy=f"The scanned surface extends from {extent_text}.")
     return place_on_floor(part, box.upright_from_world, float(cut_low[1]), s)
 
 

@@ -113,7 +113,8 @@ def train(
     """
     if len(dataset) <= VALIDATION_SAMPLES:
         raise InputError(
-            f"{len(dataset)} samples are too few: {VALIDATION_SAMPLES} are held out for validation",
+            f"{len(dataset)} samples are too few, because {VALIDATION_SAMPLES} samples are reserved "
+            "for validation",
             where="train-estimator",
             remedy="Render more pictures.",
         )

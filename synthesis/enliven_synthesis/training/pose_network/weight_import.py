@@ -117,7 +117,9 @@ def _read_weights(path: Path) -> dict[str, Float32]:
     try:
         graph = onnx.load(path).graph
     except Exception as error:  # The errors of onnx.load have no common base class.
-        raise _mismatch_error(path, f"it cannot be read as a network ({type(error).__name__})") from None
+        raise _mismatch_error(
+            path, f"the file cannot be read as a network ({type(error).__name__})"
+        ) from None
     arrays = {each.name: numpy_helper.to_array(each) for each in graph.initializer}
     weights = {name: array for name, array in arrays.items() if array.dtype == np.float32}
     for node in graph.node:
@@ -140,10 +142,12 @@ def _checked_weights(weights: dict[str, Float32], name: str, shape: tuple[int, .
         former = former.replace(now, then)
     array = weights.get(name, weights.get(former))
     if array is None or array.shape != shape:
-        has = "nothing of that name" if array is None else f"{array.shape}"
-        raise _mismatch_error(path, f"its layers are different: {name} should be {shape}, and it has {has}")
+        has = "no such layer" if array is None else f"{array.shape}"
+        raise _mismatch_error(
+            path, f"the network has other layers: expected {name} with the shape {shape}, found {has}"
+        )
     return torch.from_numpy(array.copy())
 
 
 def _mismatch_error(path: Path, problem: str) -> InputError:
-    return InputError(problem, where=str(path), remedy="Name a network that train-estimator made.")
+    return InputError(problem, where=str(path), remedy="Choose a network that train-estimator has written.")

@@ -76,7 +76,7 @@ def test_old_playback_is_refused_before_the_library_hangs(take, tmp_path, monkey
     needs("orbbec")
     monkeypatch.setattr(playback, "_FILE_VERSION", 1.0)
     write_playback(take, tmp_path / "old.bag")
-    with pytest.raises(InputError, match="only version 2 is known"):
+    with pytest.raises(InputError, match="only version 2 is supported"):
         open_reopening(sensor_opener("orbbec", rehearse=str(tmp_path / "old.bag")))
 
 
@@ -229,14 +229,16 @@ def test_a_camera_is_opened_by_any_of_its_names(wanted, found):
 
 def test_previous_one_of_several_cameras_is_reopened():
     assert open_device(Connected, Connected(), "", "CL2") == "CL2"
-    with pytest.raises(ResourceError, match=r"2 are connected: AY1, CL2\. Name .* --set device=AY1"):
+    with pytest.raises(
+        ResourceError, match=r"2 cameras are connected: AY1, CL2\. Choose .* --set device=AY1"
+    ):
         open_device(Connected, Connected(), "")
 
 
 def test_a_camera_that_is_not_there_or_does_not_open_is_a_sentence():
     with pytest.raises(ResourceError, match=r"camera called XX is not connected\. Connected: AY1, CL2"):
         open_device(Connected, Connected(), "XX")
-    with pytest.raises(ResourceError, match=r"cannot be used \(createNetDevice failed\)\. Unplug it"):
+    with pytest.raises(ResourceError, match=r"cannot be used \(createNetDevice failed\)\. Unplug the camera"):
         open_device(Connected, Connected(), "10.0.0.99")
 
 

@@ -35,37 +35,57 @@ from enliven_edge.sensors.reopening import open_reopening
 
 LIBRARIES = {driver.name: driver for driver in DRIVERS if driver.needs[0]}
 MESSAGES = [
-    ("oak", "No available devices (1 connected, but in use)", "another program uses it. Close"),
+    ("oak", "No available devices (1 connected, but in use)", "another program uses the camera. Close"),
     ("oak", 'Cannot connect to device with name "1.1", it is used by another process. Error: X', "Close"),
     ("oak", "Failed to connect to device, error message: X_LINK_DEVICE_ALREADY_IN_USE", "another program"),
     (
         "oak",
         'Insufficient permissions to communicate with X_LINK_UNBOOTED device with name "1.1". Make sure udev '
         "rules are set. Error: X_LINK_INSUFFICIENT_PERMISSIONS",
-        "your user may not open it. Type: sudo cp firmware_configs/udev",
+        "your user may not open the camera. Type: sudo cp firmware_configs/udev",
     ),
-    ("oak", "Failed to find device after booting, error message: X_LINK_DEVICE_NOT_FOUND", "come back after"),
+    (
+        "oak",
+        "Failed to find device after booting, error message: X_LINK_DEVICE_NOT_FOUND",
+        "does not reconnect after",
+    ),
     (
         "oak",
         "Couldn't read data from stream: '__x_0' (X_LINK_ERROR)",
-        "its connection broke. Use another USB 3",
+        "the connection to the camera broke. Use another USB 3",
     ),
-    ("oak", "Device 1844301041 (OAK-1) does not have stereo pair available", "no pair of cameras"),
+    ("oak", "Device 1844301041 (OAK-1) does not have stereo pair available", "no stereo pair"),
     ("realsense", "failed to open usb interface: 0, error: RS2_USB_STATUS_ACCESS", "your user may not open"),
-    ("realsense", "Unable to claim interface 0, error: RS2_USB_STATUS_BUSY", "another program uses it"),
+    (
+        "realsense",
+        "Unable to claim interface 0, error: RS2_USB_STATUS_BUSY",
+        "another program uses the camera",
+    ),
     ("realsense", "xioctl(VIDIOC_S_FMT) failed, errno=16 Last Error: Device or resource busy", "another"),
-    ("realsense", "Couldn't resolve requests", "cannot send such images on this port. Use a USB 3 port"),
-    ("realsense", "Device disconnected. Failed to reconnect: ", "no longer connected. Plug it in again"),
-    ("orbbec", "[usb] Access denied (insufficient permissions)", "your user may not open it"),
+    (
+        "realsense",
+        "Couldn't resolve requests",
+        "cannot send the requested images on this port. Use a USB 3 port",
+    ),
+    (
+        "realsense",
+        "Device disconnected. Failed to reconnect: ",
+        "no longer connected. Plug the camera in again",
+    ),
+    ("orbbec", "[usb] Access denied (insufficient permissions)", "your user may not open the camera"),
     (
         "orbbec",
         "usbEnumerator openUsbDevice failed!",
-        "it cannot be opened. Close other programs that use it",
+        "the camera cannot be opened. Close other programs that use the camera",
     ),
-    ("orbbec", "Device is deactivated/disconnected!\n code 2", "no longer connected. Plug it in again"),
-    ("other", "[Errno 13] Permission denied: '/dev/video0'", "your user may not open it"),
+    (
+        "orbbec",
+        "Device is deactivated/disconnected!\n code 2",
+        "no longer connected. Plug the camera in again",
+    ),
+    ("other", "[Errno 13] Permission denied: '/dev/video0'", "your user may not open the camera"),
     ("other", "[Errno 19] No such device", "no longer connected"),
-    ("other", "Frobnication failed", "it cannot be used (Frobnication failed). Unplug it once"),
+    ("other", "Frobnication failed", "the camera cannot be used (Frobnication failed). Unplug the camera"),
 ]
 """(sensor, message of its library, our message)."""
 
@@ -127,16 +147,16 @@ def test_two_cameras_of_one_name_are_reported_with_advice():
     with pytest.raises(ResourceError) as raised:
         choose_device("oak", "an OAK", {"A1": 0, "B2": 1}, "", "device")
     reason = str(raised.value)
-    assert "2 are connected: A1, B2" in reason and "--set device=A1" in reason
+    assert "2 cameras are connected: A1, B2" in reason and "--set device=A1" in reason
     assert "--sensor left=oak --sensor right=oak --set left.device=A1 --set right.device=B2" in reason
 
 
 @pytest.mark.parametrize(
     ("sensor", "package", "version", "why"),
     [
-        ("oak", "depthai", "3.8.0", "an OAK-D Lite delivers no depth"),
+        ("oak", "depthai", "3.8.0", "an OAK-D Lite sends no depth"),
         ("oak", "depthai", "2.29.0.0", "needs depthai 3"),
-        ("realsense", "pyrealsense2", "2.50.0.3785", "needs 2.56"),
+        ("realsense", "pyrealsense2", "2.50.0.3785", "needs version 2.56"),
     ],
 )
 def test_unsupported_library_version_is_reported(monkeypatch, sensor, package, version, why):
@@ -214,10 +234,10 @@ def test_other_camera_than_requested_is_reported(said):
 
 def test_forbidden_and_hidden_cameras_are_reported(said):
     _, reports = said
-    assert "S7: your user may not open it. Type: sudo cp" in reports["forbidden"][1]
+    assert "S7: your user may not open the camera. Type: sudo cp" in reports["forbidden"][1]
     assert (
-        "S7 is plugged in, but its library does not find it. Close other programs that use it"
-        in reports["hidden"][1]
+        "S7 is plugged in, but the library of the camera does not find it. "
+        "Close other programs that use the camera" in reports["hidden"][1]
     )
 
 
@@ -233,7 +253,8 @@ def test_librealsense_reports_open_stream_and_usb2(said):
     if sensor != "realsense":
         pytest.skip("depthai has no device of software")
     said = (
-        "its library does not play the recording (open(...) failed. Software device is streaming!). Rehearse"
+        "the library of the camera cannot play the recording (open(...) failed. Software device is "
+        "streaming!). Rehearse"
     )
     assert said in reports["open already"][1]
     assert reports["USB 2"][1] == "['USB 2.1', True]"
@@ -254,10 +275,10 @@ def test_a_camera_that_does_not_know_its_lens_gets_that_of_its_kind():
     typical, is_known = choose_intrinsics(320, 200, (1.0, 1.0, 0.0, 0.0), "oak-d", "oak 1")
     assert not is_known and typical.width == 320 and 200 < typical.fx < 240
     for rehearsed, remedy in (
-        (False, "Ask for 640x400, or cal"),
-        (True, "Rehearse with .* or with one of 640x400"),
+        (False, "Set the image size to 640x400, or cal"),
+        (True, "Rehearse with .* or with a recording of 640x400"),
     ):
-        with pytest.raises(InputError, match=rf"oak 1: it does not know its lens.* {remedy}"):
+        with pytest.raises(InputError, match=rf"oak 1: the lens of the camera is unknown.* {remedy}"):
             choose_intrinsics(640, 480, (1.0, 1.0, 0.0, 0.0), "oak-d", "oak 1", rehearsed)
 
 
@@ -276,7 +297,7 @@ def test_rehearsal_without_a_lens_gives_advice(tmp_path, sensor):
     except InputError as error:
         errors.append(error)
     reason = str(errors[0])
-    assert "it does not know its lens" in reason and "Rehearse with a recording that knows its lens" in reason
+    assert "the lens of the camera is unknown" in reason and "a recording that describes its lens" in reason
     assert not any(word in reason for word in ("Ask for", "Unplug", "cable", "port"))
 
 
@@ -296,7 +317,7 @@ def seen(sensor, errors: list[Exception]) -> bool:
 def test_rehearsal_gives_no_hardware_advice(sensor, message):
     refusal = str(convert_error(sensor, RuntimeError(message), "a rehearsal", rehearsed=True))
     assert " ".join(message.split()).rstrip(".") in refusal and "enliven inspect" in refusal
-    assert not any(word in refusal for word in ("Plug it", "Unplug it", "Close", "cable", "Type: sudo"))
+    assert not any(word in refusal for word in ("Plug the", "Unplug the", "Close", "cable", "Type: sudo"))
 
 
 def test_a_recording_that_is_not_rectified_is_none_of_an_oak(tmp_path):

@@ -203,8 +203,8 @@ def test_reported_disparity_error_covers_the_true_error(seed, noise):
     [
         ({"tilt": 3.0}, "Tilt the board"),
         ({"side": 0.05, "near": 0.7, "far": 0.8}, "has not seen the board at the upper left"),
-        ({"noise": 1.5}, "Corners are off"),
-        ({"count": MIN_PAIRS - 1}, f"Take {MIN_PAIRS} pairs or more"),
+        ({"noise": 1.5}, "The corners are inaccurate"),
+        ({"count": MIN_PAIRS - 1}, f"Capture at least {MIN_PAIRS} pairs"),
     ],
 )
 def test_insufficient_calibration_gives_advice(of, sentence):
@@ -250,7 +250,7 @@ def test_too_few_pairs_keep_the_old_file(pairs, tmp_path, capsys):
         (["missing"], "the folder does not exist"),
         (["."], "no image pairs"),
         (["--squares", "7by5", "."], "7by5"),
-        (["--squares", "2x2", "."], "cannot be made"),
+        (["--squares", "2x2", "."], "squares is impossible"),
         (["--square", "0", "."], "0 mm wide"),
         (["--print", "board.png"], ".pdf"),
         (["--print", "board.pdf", "--square", "200"], "no sheet"),
@@ -269,7 +269,10 @@ def test_an_image_without_partner_or_of_another_size_is_named(tmp_path, capsys):
     assert "left-2.png" in capsys.readouterr().err
     Image.fromarray(np.zeros((32, 64), np.uint8)).save(tmp_path / "right-2.png")
     assert cli.run(["calibrate-stereo", str(tmp_path)]) == 3
-    assert "right-2.png: it has 64 x 32 pixels, the first image 64 x 64" in capsys.readouterr().err
+    assert (
+        "right-2.png: the image has 64 x 32 pixels, but the first image has 64 x 64"
+        in capsys.readouterr().err
+    )
     (tmp_path / "right-2.png").write_bytes(b"\x89PNG\r\n\x1a\n damaged")
     assert cli.run(["calibrate-stereo", str(tmp_path)]) == 3
     assert "damaged" in capsys.readouterr().err

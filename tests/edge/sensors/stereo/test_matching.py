@@ -136,7 +136,7 @@ def test_a_range_that_cannot_be_seen_is_refused(near, far, what):
 
 def test_images_of_another_size_are_refused():
     wrong = np.zeros((100, 320), np.uint8)
-    with pytest.raises(InputError, match="320 x 100 pixels, the calibration 256 x 160"):
+    with pytest.raises(InputError, match="320 x 100 pixels, but the calibration is for 256 x 160"):
         StereoMatcher(RECTIFIED).depth(wrong, wrong)
 
 

@@ -54,7 +54,7 @@ def test_every_picture_that_has_a_partner_finds_it(lost_left, lost_right, late, 
 
 def test_unsynchronised_cameras_are_reported_with_their_offset():
     pairing = ImagePairing("test", TOLERANCE)
-    with pytest.raises(ResourceError, match=r"not in step: 12\.0 ms apart.*sync"):
+    with pytest.raises(ResourceError, match=r"not synchronised: their images are 12\.0 ms apart.*sync"):
         for number in range(200):
             for eye in (0, 1):
                 assert pairing.add(CameraImage(eye, IMAGE, number * STEP + eye * 12_000_000, number)) is None
@@ -63,7 +63,7 @@ def test_unsynchronised_cameras_are_reported_with_their_offset():
 
 def test_lost_synchronisation_is_reported_before_a_loss():
     pairing, pairs = ImagePairing("test", TOLERANCE), 0
-    with pytest.raises(ResourceError, match=r"not in step: 9\.0 ms"):
+    with pytest.raises(ResourceError, match=r"not synchronised: their images are 9\.0 ms"):
         for number in range(200):
             apart = 9_000_000 if number >= 20 else 0
             for eye in (0, 1):

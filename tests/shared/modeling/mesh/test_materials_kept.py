@@ -174,18 +174,18 @@ def test_equal_materials_become_one_and_bare_faces_have_none():
     ("change", "said"),
     [
         ({"of": np.array([2], np.int32)}, "material outside"),
-        ({"uvs": np.zeros((1, 3, 2), np.float32)}, "texture coordinates are"),
-        ({"tints": np.zeros((2, 3, 4), np.float32)}, "tints are"),
+        ({"uvs": np.zeros((1, 3, 2), np.float32)}, "texture coordinates have the shape"),
+        ({"tints": np.zeros((2, 3, 4), np.float32)}, "corner colours have the shape"),
         ({"definitions": ('{"normalTexture": {"index": 1}}',)}, "refers to texture 1 of 0"),
-        ({"definitions": ('{"normalTexture": {"index": true}}',)}, "refers to no texture"),
+        ({"definitions": ('{"normalTexture": {"index": true}}',)}, "does not contain a texture number"),
         ({"definitions": ("[1]",)}, "not a JSON object"),
         ({"definitions": ('{"emissiveFactor": [NaN]}',)}, "not a JSON object"),
-        ({"uvs": np.full((1, 3, 1, 2), np.nan, np.float32)}, "not finite"),
+        ({"uvs": np.full((1, 3, 1, 2), np.nan, np.float32)}, "not a finite number"),
         ({"definitions": ("[" * 100_000,)}, "not a JSON object"),
     ],
 )
 def test_inconsistent_materials_are_refused(change, said):
-    with pytest.raises(InputError, match="neither PNG nor JPEG"):
+    with pytest.raises(InputError, match="neither a PNG nor a JPEG image"):
         Texture(np.frombuffer(b"GIF89a", np.uint8))
     with pytest.raises(InputError, match="not a JSON object"):
         Texture(np.frombuffer(PNG, np.uint8), "[]")

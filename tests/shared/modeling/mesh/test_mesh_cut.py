@@ -123,7 +123,7 @@ def test_second_cut_separates_ring_and_is_reported():
     mesh = Mesh(torus.vertices, torus.faces, "ring")
     skeleton = line([[0.5, -0.3, 0], [0.5, 0.3, 0]])
     cut = cut_across_bone(mesh, on_bone(mesh, 1), skeleton, 1, 0.5)
-    assert any("at another place" in note for note in cut.notes)
+    assert any("at another position" in note for note in cut.notes)
     assert watertight(cut.near.mesh) and watertight(cut.far.mesh)
     assert volume(cut.near.mesh) + volume(cut.far.mesh) == pytest.approx(volume(mesh), rel=1e-9)
 
@@ -217,7 +217,7 @@ def test_a_bone_through_nothing_takes_shells_asunder():
     skin = on_bone(mesh, 2)
     skin.indices[: len(body.vertices), 0] = 0
     cut = cut_across_bone(mesh, skin, skeleton, 1, 0.5)
-    assert any("separated without a cut" in note for note in cut.notes)
+    assert any("divided without a cut" in note for note in cut.notes)
     assert list(cut.near.kept) == list(range(len(body.vertices)))
     assert cut.near.caps == cut.far.caps == 0
     assert same_bits(cut.near.mesh.faces, body.faces)
@@ -267,11 +267,11 @@ def test_impossible_cut_gives_the_reason():
         cut_across_bone(mesh, skin, skeleton, 1, 0.5)
     with pytest.raises(InputError, match="no length"):
         cut_across_bone(mesh, skin, skeleton, 0, 0.5)
-    with pytest.raises(InputError, match="through no part"):
+    with pytest.raises(InputError, match="does not cross the mesh"):
         cut_by_stroke(mesh, skin, PlaneCut([0, 0, 5.0], [0, 0, 1]))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        with pytest.raises(InputError, match="through no part"):
+        with pytest.raises(InputError, match="does not cross the mesh"):
             cut_by_stroke(mesh, skin, StrokeCut([[5.0, 5.0], [6.0, 5.0]], FROM_Z))
     with pytest.raises(InputError, match="single point"):
         StrokeCut([[0, 0], [0, 0]], FROM_Z)

@@ -163,7 +163,7 @@ def test_hole_filling_is_reported():
     assert watertight(union.mesh) and partition_of_unity(union.skin)
     turned = Mesh(first.vertices, first.faces[:, ::-1], "turned")
     union = unite_meshes(turned, on_bone(turned, 0), second, on_bone(second, 1))
-    assert union.fused and any("inside out" in note for note in union.notes)
+    assert union.fused and any("pointed inwards" in note for note in union.notes)
     assert watertight(union.mesh) and volume(union.mesh) > volume(first)
 
 

@@ -282,48 +282,81 @@ FIVE = np.zeros((5, 3))
 @pytest.mark.parametrize(
     ("edit", "said"),
     [
-        (lambda p: add_point(p, "stool", 99999), "the mesh has no vertex 99999. Its vertices are 0.."),
+        (
+            lambda p: add_point(p, "stool", 99999),
+            "the mesh has no vertex 99999. The vertices of the mesh are numbered 0..",
+        ),
         (lambda p: add_point(p, "stool", -1), "the mesh has no vertex -1"),
-        (lambda p: add_point(p, "stool", 100, "top"), "a control point 'top' exists already"),
-        (lambda p: add_point(p, "stool", p.puppets["stool"].points[0].vertex), "'left foot' is on vertex"),
-        (lambda p: add_point(p, "chair", 1), "there is no puppet 'chair'. Known: stool."),
-        (lambda p: change_point(p, "stool", "nose", joint="Head"), "the control point 'nose' does not exist"),
-        (lambda p: change_point(p, "stool", "top", jiont="Head"), "it has no 'jiont'. Known: name, vertex"),
-        (lambda p: change_point(p, "stool", "top", weight=-1.0), "its weight is -1.0"),
-        (lambda p: change_point(p, "stool", "top", name="left foot"), "two control points have one name"),
-        (lambda p: remove_point(p, "stool", "nose"), "Known: left foot, right foot"),
-        (lambda p: add_key_pose(p, "stool", "run", 0.0, FIVE), "the take 'run' does not exist. Known: walk."),
+        (lambda p: add_point(p, "stool", 100, "top"), "another control point already has the name 'top'"),
+        (
+            lambda p: add_point(p, "stool", p.puppets["stool"].points[0].vertex),
+            "already has the control point 'left foot'",
+        ),
+        (
+            lambda p: add_point(p, "chair", 1),
+            "the project has no puppet 'chair'. The project contains: stool.",
+        ),
+        (lambda p: change_point(p, "stool", "nose", joint="Head"), "no control point 'nose'"),
+        (
+            lambda p: change_point(p, "stool", "top", jiont="Head"),
+            "the attribute 'jiont' does not exist. Known attributes: name, vertex",
+        ),
+        (lambda p: change_point(p, "stool", "top", weight=-1.0), "the weight -1.0 is not valid"),
+        (
+            lambda p: change_point(p, "stool", "top", name="left foot"),
+            "two control points have the same name",
+        ),
+        (lambda p: remove_point(p, "stool", "nose"), "Known control points: left foot, right foot"),
+        (
+            lambda p: add_key_pose(p, "stool", "run", 0.0, FIVE),
+            "the project has no take 'run'. Known takes: walk.",
+        ),
         (lambda p: add_key_pose(p, "stool", "walk", 9.0, FIVE), "9 s is outside of the take. It has 0..3 s"),
         (lambda p: add_key_pose(p, "stool", "walk", np.nan, FIVE), "nan s is outside"),
         (
             lambda p: add_key_pose(p, "stool", "walk", 2.0, np.zeros((4, 3))),
-            "the positions are (4, 3) for 5 control points, or not finite",
+            "the key pose has positions of shape (4, 3) for 5 control points",
         ),
-        (lambda p: add_key_pose(p, "stool", "walk", 2.0, np.full((5, 3), np.nan)), "not finite"),
-        (lambda p: add_key_pose(p, "stool", "walk", 0.0, FIVE), "frame 0 of 'walk' already has key pose 0"),
-        (lambda p: change_key_pose(p, "stool", 1, time=0.0), "frame 0 of 'walk' already has key pose 0"),
-        (lambda p: change_key_pose(p, "stool", 9, time=0.0), "key pose 9 does not exist"),
-        (lambda p: remove_key_pose(p, "stool", -1), "key pose -1 does not exist. Number of key poses: 4."),
-        (lambda p: play_take(p, "stool", "run"), "the take 'run' does not exist. Known: walk."),
-        (lambda p: play_take(p, "stool", "walk", sped=2.0), "it has no 'sped'"),
-        (lambda p: play_take(p, "stool", "walk", speed=0.0), "cannot be played"),
+        (lambda p: add_key_pose(p, "stool", "walk", 2.0, np.full((5, 3), np.nan)), "is not finite"),
+        (
+            lambda p: add_key_pose(p, "stool", "walk", 0.0, FIVE),
+            "frame 0 of the take 'walk' already has the key pose 0",
+        ),
+        (
+            lambda p: change_key_pose(p, "stool", 1, time=0.0),
+            "frame 0 of the take 'walk' already has the key pose 0",
+        ),
+        (lambda p: change_key_pose(p, "stool", 9, time=0.0), "no key pose 9"),
+        (
+            lambda p: remove_key_pose(p, "stool", -1),
+            "the puppet has no key pose -1. The key poses are numbered from 0. Number of key poses: 4.",
+        ),
+        (lambda p: play_take(p, "stool", "run"), "the project has no take 'run'. Known takes: walk."),
+        (lambda p: play_take(p, "stool", "walk", sped=2.0), "the attribute 'sped' does not exist"),
+        (lambda p: play_take(p, "stool", "walk", speed=0.0), "is not valid"),
         (
             lambda p: play_take(p, "stool", "walk", points=("nose",)),
-            "the control point 'nose' does not exist",
+            "no control point 'nose'",
         ),
         (
             lambda p: play_take(p, "stool", "walk", positions=(Position("top", 999, (0, 0, 0)),)),
-            "is outside of the motion's frames. Frames are 0..90.",
+            "is outside the motion's frames. Choose a frame from 0 to 90.",
         ),
-        (lambda p: change_layers(p, "stool", [3], loop=True), "layer 3 does not exist. Number of layers: 1."),
-        (lambda p: remove_layer(p, "stool", 1), "layer 1 does not exist"),
-        (lambda p: scale_character(p, "stool", 0.0), "it cannot be 0.0 times as large"),
-        (lambda p: move_character(p, "stool", [np.nan, 0, 0]), "it cannot be moved by"),
+        (
+            lambda p: change_layers(p, "stool", [3], loop=True),
+            "the character has no layer 3. The layers are numbered from 0. Number of layers: 1.",
+        ),
+        (lambda p: remove_layer(p, "stool", 1), "no layer 1"),
+        (lambda p: scale_character(p, "stool", 0.0), "a character cannot be scaled by 0.0"),
+        (lambda p: move_character(p, "stool", [np.nan, 0, 0]), "the displacement"),
         (lambda p: mirror_character(p, "stool", [0, 0, 0]), "is not a direction"),
         (lambda p: copy_character(p, "stool", delay=np.inf), "the delay inf s"),
-        (lambda p: set_symmetry(p, "stool", Plane((0, 0, 0), (0, 0, 0))), "is not valid. Give a point"),
-        (lambda p: make_puppet(p, stool(), "stool"), "the name is taken"),
-        (lambda p: make_puppet(p, stool(), ""), "it needs a name"),
+        (
+            lambda p: set_symmetry(p, "stool", Plane((0, 0, 0), (0, 0, 0))),
+            "is not valid. Pass a finite point",
+        ),
+        (lambda p: make_puppet(p, stool(), "stool"), "another character already has this name"),
+        (lambda p: make_puppet(p, stool(), ""), "the name of the puppet is empty"),
         (lambda p: make_puppet(p, Mesh(np.zeros((3, 3)), np.zeros((0, 3), np.int32)), "a"), "has no faces"),
         (lambda p: add_point(make_puppet(p, scrap(), "b"), "b", LOOSE), f"vertex {LOOSE} belongs to no face"),
         (
@@ -375,7 +408,7 @@ def test_a_take_that_is_not_finite_is_no_take():
     clip = walker(1)
     turns = clip.turns.copy()
     turns[3, 2] = np.nan
-    with pytest.raises(InputError, match="something in it is not finite"):
+    with pytest.raises(InputError, match="is not a finite number"):
         replace(clip, turns=turns)
 
 

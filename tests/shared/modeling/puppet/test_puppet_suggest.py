@@ -85,5 +85,5 @@ def test_too_few_are_refused(how):
 def test_motionless_take_is_refused():
     clip = walker()
     still = type(clip)("still", clip.skeleton, clip.turns[[0, 0]], clip.root[[0, 0]], clip.step)
-    with pytest.raises(InputError, match="the performer never moves"):
+    with pytest.raises(InputError, match="the performer does not move"):
         suggested_puppet(Project().with_takes(still), stool(), "still", "it")

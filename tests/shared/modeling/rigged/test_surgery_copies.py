@@ -158,8 +158,8 @@ def volume(mesh):
 def test_impossible_edit_is_reported():
     project, _ = random_project(3)
     refused = [
-        (lambda: scale_character(project, "shape 0", 0.0), "times as large"),
-        (lambda: scale_character(project, "shape 0", float("nan")), "times as large"),
+        (lambda: scale_character(project, "shape 0", 0.0), "cannot be scaled"),
+        (lambda: scale_character(project, "shape 0", float("nan")), "cannot be scaled"),
         (lambda: mirror_character(project, "shape 0", np.zeros(3)), "direction"),
         (lambda: copy_character(project, "shape 0", offset=[0, 0, np.nan]), "copy"),
         (lambda: copy_character(project, "shape 9"), "no character"),

@@ -152,7 +152,7 @@ def test_a_union_that_cannot_be_made_is_refused_and_changes_nothing(arm):
     torn = Mesh(shape.mesh.vertices, shape.mesh.faces[::2], "torn")
     project = project.with_characters(shape.with_changes(mesh=torn))
     before = project
-    with pytest.raises(InputError, match=r"the meshes cannot be united.*torn"):
+    with pytest.raises(InputError, match=r"the union of the two meshes failed.*torn"):
         merge(project, "arm", "arm 2", copy, 0.0)
     assert are_identical(project, before)
     notes = []

@@ -122,7 +122,7 @@ def save_session(project: Project, puppet_id: str, path: Path) -> None:
 def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
     if rig.shape.mesh is not None and len(rig.shape.skeleton) == 2 and not rig.clips:
         # Drop the note about the placeholder bone, because a puppet has no bones.
-        _add_puppet(editor, path, rig.shape.mesh, tuple(n for n in rig.notes if "it has no rig" not in n))
+        _add_puppet(editor, path, rig.shape.mesh, tuple(n for n in rig.notes if "has no rig" not in n))
         return
     size = choose_size(rig.shape.skeleton.positions if rig.shape.mesh is None else rig.shape.mesh.vertices)
     if size.note:
