@@ -8,7 +8,7 @@ import trimesh
 from enliven import Mesh, Recording, possess
 from enliven.document import HoldChange
 from enliven.frames import BodyFrame
-from enliven.takes.body_takes import body_take_from_frames
+from enliven.motion_clips.body_takes import body_take_from_frames
 from enliven_edge.assets import CHAIR
 from enliven_viewer.film.project_film import write_project_film
 

@@ -16,8 +16,8 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import ArapSettings, ControlPoint, ExampleCharacter, KeyPose, Plane, Project
-from enliven.person import PARENTS, Body, Joint
-from enliven.takes.capture_clip import BODY_NAMES, clip_of_bodies
+from enliven.motion_clips.joint_positions import clip_of_bodies
+from enliven.person import BODY_NAMES, PARENTS, Body, Joint
 from sample_meshes.cactus import make_cactus
 
 TAKE = "cactus poses"

@@ -25,9 +25,9 @@ from .person.joints import Joint
 from .recording.recorder import Recorder
 from .recording.reader import Recording
 from .samples.shipped import cactus_project, load_sample
-from .takes.capture_clip import clip_of_bodies
-from .takes.possessed import read_possessed
-from .takes.files import read_take
+from .motion_clips.joint_positions import clip_of_bodies
+from .motion_clips.recorded_characters import read_possessed
+from .motion_clips.take_files import read_take
 
 __version__: str
 __all__ = [

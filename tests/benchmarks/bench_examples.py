@@ -31,7 +31,7 @@ from enliven.examples.performer import extract_performer_clip
 from enliven.examples.poses import Examples
 from enliven.examples.suggest import SuggestSettings, suggest_poses
 from enliven.formats.motion.expmap import read_expmap
-from enliven.takes.capture_clip import clip_of_capture
+from enliven.motion_clips.capture_clip import clip_of_capture
 
 sys.path.append(str(Path(__file__).parent / "examples"))
 

@@ -21,7 +21,7 @@ from enliven.deformation.graph.graph import DeformationGraph
 from enliven.meshes import Mesh
 from enliven.person.joints import Joint
 from enliven.possession import ActorSettings, standing_figure
-from enliven.possession.attachment import ReachGrowth, attach
+from enliven.possession.attachment.bone_attachment import ReachGrowth, attach
 from enliven.possession.likeness.any_mesh import body_from_extremities
 from enliven.possession.likeness.finding import find_body_in_mesh
 from enliven.possession.preparation import apply_vertex_motion, prepare_mesh

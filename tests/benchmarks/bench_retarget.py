@@ -34,7 +34,7 @@ from enliven.formats.gltf.read import read_gltf
 from enliven.mapping.automatic_mapping import create_automatic_plan, retarget
 from enliven.mapping.plan import Plan
 from enliven.mapping.quality import MotionQuality, measure_quality
-from enliven.takes.files import read_take
+from enliven.motion_clips.take_files import read_take
 
 HERE = Path(__file__).parents[2]
 DATA = Path(os.environ.get("ENLIVEN_DATA", HERE.parent / "shared" / "data"))

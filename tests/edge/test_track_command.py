@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
+from enliven.motion_clips.take_files import read_take
 from enliven.recording import Recorder, Recording
-from enliven.takes.files import read_take
 from enliven_edge.commands.track import track, track_frames
 from enliven_edge.doctor import shipped_recording
 from enliven_edge.tracking.settings import TrackerSettings

@@ -24,13 +24,13 @@ from enliven.formats.project.file import parse_project
 from enliven.kiosk.profile import load_profile
 from enliven.mapping.plan_file import read_plan
 from enliven.meshes.files import load_mesh
+from enliven.motion_clips.capture_upright import turn_upright
+from enliven.motion_clips.recorded_characters import read_possessed
 from enliven.recording import Recording
 from enliven.recording.depth_codec import decode_depth
 from enliven.recording.messages import pack_bodies, pack_depth, unpack_bodies, unpack_depth
 from enliven.settings import load_settings
 from enliven.space.space_file import load_space
-from enliven.takes.capture_upright import turn_upright
-from enliven.takes.possessed import read_possessed
 from enliven_edge.importing.bags.reader import BagReader
 from enliven_edge.importing.base import ImportOptions, Reader
 from enliven_edge.importing.registry import readers

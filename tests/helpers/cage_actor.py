@@ -15,9 +15,10 @@ from cage import Cage, CageRig, Swing
 from enliven.arrays import Float
 from enliven.document import Pose, PoseStream, Project, unused
 from enliven.modeling.possessed.even_steps import even_times, interpolate_linearly
+from enliven.overdub.performance import PerformedCharacter
+from enliven.overdub.performance_takes import RECORDERS
 from enliven.person import Body, Joint
 from enliven.possession import Actor, Cues, make_cues
-from enliven.takes.performed import RECORDERS, PerformedCharacter
 from enliven_edge.uploaded_actor import ACTORS, Upload
 
 JOINTS = (Joint.WRIST_RIGHT, Joint.WRIST_LEFT, Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT)

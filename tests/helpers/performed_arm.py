@@ -9,8 +9,8 @@ from enliven.document.character import Pose
 from enliven.document.rigged import RiggedCharacter, character_of
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.motion.layers.evaluate import ShapePose, pose_from
+from enliven.overdub.performance import PerformedMotion
 from enliven.rotation import from_rotation_vector, multiply, rotate
-from enliven.takes.performed import PerformedMotion
 
 STEP = 33_333_333
 FRAMES = 12

@@ -11,7 +11,7 @@ from enliven.document import BodyTake, HoldChange, Project
 from enliven.oneshot.possession import possess
 from enliven.person import Body, Joint
 from enliven.possession import ActorSettings
-from enliven.possession.standing_placement import standing_figure
+from enliven.possession.likeness.standing_person import standing_figure
 from enliven.rotation import from_rotation_vector, rotate
 
 STEP_NS = 33_333_333

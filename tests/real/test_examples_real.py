@@ -15,7 +15,7 @@ from enliven.examples.poses import Examples
 from enliven.examples.spacetime.locomotion import find_switches, place_motion
 from enliven.examples.suggest import SuggestSettings, suggest_poses
 from enliven.formats.motion.expmap import read_expmap
-from enliven.takes.capture_clip import clip_of_capture
+from enliven.motion_clips.capture_clip import clip_of_capture
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data")) / "cmu_expmap"
 pytestmark = [

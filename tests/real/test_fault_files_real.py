@@ -19,9 +19,9 @@ from enliven.formats.gltf.read import read_gltf
 from enliven.formats.project.file import read_project
 from enliven.meshes import load_mesh, load_upright
 from enliven.modeling.mesh.solids import Solid, solid_from_mesh
+from enliven.motion_clips.take_files import read_take
 from enliven.recording import Recording
 from enliven.rotation import rotate
-from enliven.takes.files import read_take
 from enliven_edge.commands.import_ import import_recording
 from enliven_edge.commands.track import track
 from enliven_viewer.studio.editor.editor import Editor

@@ -20,9 +20,9 @@ from enliven.formats.project.file import read_project
 from enliven.meshes.files import save_mesh
 from enliven.modeling.possessed.pose import graph_pose
 from enliven.modeling.possessed.solving import stale
+from enliven.motion_clips.recorded_characters import read_possessed
 from enliven.possession import ActorSettings
 from enliven.recording import Recording
-from enliven.takes.possessed import read_possessed
 from enliven.wire import HOLDS, HoldMessage, Possess, Release
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge

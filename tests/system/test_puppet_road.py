@@ -18,8 +18,8 @@ from sample_meshes.cactus_puppet import cactus_project
 
 from enliven.document.character import Character, Pose
 from enliven.frames import BodyFrame, Frame
+from enliven.motion_clips.recorded_characters import read_possessed
 from enliven.recording import Recording
-from enliven.takes.possessed import read_possessed
 from enliven.wire.characters import CharacterMessage
 from enliven.wire.convert import message_to_pose
 from enliven.wire.convert_characters import message_to_character

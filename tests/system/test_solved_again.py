@@ -13,8 +13,8 @@ from performed_take import chair_actor, record_performance
 from swaying import without_cache
 
 from enliven.modeling.possessed.solving import has_missing_motion, solve_again, stale
+from enliven.motion_clips.recorded_characters import read_possessed
 from enliven.possession import ActorSettings
-from enliven.takes.possessed import read_possessed
 from enliven.wire import Possess, Release
 from enliven.wire.quantize import POSITION_ERROR
 

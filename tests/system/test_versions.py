@@ -22,11 +22,11 @@ from enliven.example_sessions.text import write_session
 from enliven.formats.project.file import read_project
 from enliven.frames import DepthFrame
 from enliven.mapping.plan_file import read_plan, write_plan
+from enliven.motion_clips.recorded_characters import read_possessed
+from enliven.motion_clips.tracked_people import read_recorded_clips
 from enliven.recording import Recorder, Recording, recover, schemas
 from enliven.settings import load_settings
 from enliven.space.space_file import load_space, save_space
-from enliven.takes.possessed import read_possessed
-from enliven.takes.recorded import read_recorded_clips
 from enliven_edge.doctor import shipped_recording
 from enliven_edge.sensors.stereo.calibration import load_calibration, save_calibration
 from enliven_edge.settings import EdgeSettings

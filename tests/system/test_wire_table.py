@@ -22,8 +22,8 @@ from patience import TIMEOUT_S
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
+from enliven.motion_clips.recorded_characters import read_possessed
 from enliven.recording import Recording
-from enliven.takes.possessed import read_possessed
 from enliven.wire import BODIES, BY_TYPE, POSE, REQUESTS, STREAMS, TOPICS, Order, Topic, pack_stream, register
 from enliven.wire.requests import Done, Listen, Lock, Refused
 from enliven.wire.streams import BodiesMessage

@@ -19,7 +19,7 @@ from coarse_pixels import coarse_pixels
 from studio_driver import STEP, Action, Click, Do, Drag, Near, Pixel, Wait, Widget, steps, where
 from studio_driver.filming import WindowStage
 
-from enliven.takes.overdub import has_motion
+from enliven.overdub.possessed_overdub import has_motion
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings

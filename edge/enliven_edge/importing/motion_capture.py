@@ -17,11 +17,11 @@ from enliven.formats.motion.added_pose import without_added_poses
 from enliven.formats.motion.capture import UNITS, Capture, guess_unit
 from enliven.formats.motion.expmap import COLUMNS
 from enliven.frames import BodyFrame
+from enliven.motion_clips.capture_limbs import find_limb_rotations, path_midpoint
+from enliven.motion_clips.capture_roles import JointRoles, find_roles
+from enliven.motion_clips.capture_upright import leg_length, read_capture, turn_upright
 from enliven.person import Body, J, Joint, Limb
 from enliven.rotation import from_matrix
-from enliven.takes.capture_limbs import find_limb_rotations, path_midpoint
-from enliven.takes.capture_roles import JointRoles, find_roles
-from enliven.takes.capture_upright import leg_length, read_capture, turn_upright
 from enliven_edge.importing.base import (
     DEFAULT_OPTIONS,
     FileReader,

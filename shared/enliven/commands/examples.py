@@ -81,7 +81,7 @@ def new(
     from enliven.example_sessions.text import write_session
     from enliven.meshes import load_mesh
     from enliven.modeling.puppet.suggest import suggested_puppet
-    from enliven.takes.files import read_take
+    from enliven.motion_clips.take_files import read_take
 
     mesh_from = MeshTable(_path_from_session(output, mesh), height, _parse_axis(up), turned)
     take_from = TakeTable(_path_from_session(output, take), "", animation, start, end)

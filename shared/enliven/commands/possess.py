@@ -61,7 +61,7 @@ def possess(
     from enliven.formats.project.file import write_project
     from enliven.modeling.possessed.another_mesh import possess_another
     from enliven.modeling.possessed.solving import solve_again, with_possession
-    from enliven.takes.possessed import read_possession
+    from enliven.motion_clips.recorded_characters import read_possession
 
     exporter = None if output.suffix.lower() == ".enliven" else exporter_of(output)
     source, name, bodies, possessions = read_possession(take, character)

@@ -61,7 +61,7 @@ from enliven.modeling.mesh.mirror_plane import plane_of_symmetry
 from enliven.modeling.puppet.edits import make_puppet, play_take
 from enliven.modeling.puppet.points import add_point, change_point
 from enliven.modeling.puppet.poses import add_key_pose, set_symmetry
-from enliven.takes.files import read_take
+from enliven.motion_clips.take_files import read_take
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,13 +17,16 @@ from enliven.formats.rig.rig import play_clip
 from enliven.meshes import GLTF_SUFFIXES
 from enliven.modeling.edits import get_rig_edits
 from enliven.modeling.possessed.solving import solve_lost
+from enliven.motion_clips.clip_sampling import resample_clip, trim_clip
+from enliven.motion_clips.recorded_characters import (
+    add_character_motion,
+    read_characters_and_poses,
+    shape_and_clip_from_poses,
+)
+from enliven.motion_clips.take_files import read_take
+from enliven.motion_clips.tracked_people import TakeSettings, clips_of_frames, read_body_frames
 from enliven.recording import DEPTH_TOPIC, Recording
 from enliven.sounds import Sound
-from enliven.takes.capture_clip import resample_clip, trim_clip
-from enliven.takes.files import read_take
-from enliven.takes.possessed import add_character_motion, read_characters_and_poses
-from enliven.takes.recorded import TakeSettings, clips_of_frames, read_body_frames
-from enliven.takes.rigged import shape_and_clip_from_poses
 
 Sample = Callable[[float, float | None, float | None, Representation, bool], Performance]
 """A function that samples a performance. Its parameters are: start in seconds, end in seconds or None, frames

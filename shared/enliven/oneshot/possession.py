@@ -11,9 +11,9 @@ from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.meshes import Mesh
 from enliven.modeling.possessed.solving import possess_mesh
+from enliven.motion_clips.body_takes import body_take_from_frames
 from enliven.person import Body, parse_parts
 from enliven.possession import ActorSettings
-from enliven.takes.body_takes import body_take_from_frames
 
 _ATTACHED_IN_PLACE_SETTINGS = ActorSettings(place="fixed", fade=0.0)
 """Settings for a mesh that stays at its modeled position and follows the performer without easing."""

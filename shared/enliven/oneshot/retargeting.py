@@ -29,8 +29,8 @@ from enliven.mapping.quality import (
     measure_quality,
 )
 from enliven.mapping.softening import soften_plan
+from enliven.motion_clips.take_files import read_take
 from enliven.settings import load_settings, setting
-from enliven.takes.files import read_take
 
 _MAX_DEFAULT_RATE_HZ = 60.0
 """Maximum frame rate of the output if none is chosen, in frames per second: the rate of common displays."""

@@ -1,7 +1,7 @@
 from .actor import Actor as Actor, Mode as Mode
-from .actor_settings import ActorSettings as ActorSettings
-from .attachment import Attachment as Attachment, AttachmentSettings as AttachmentSettings, attach as attach
-from .pose_blend import PoseBlend as PoseBlend
+from .actor_settings import ActorSettings as ActorSettings, AttachmentSettings as AttachmentSettings
+from .attachment.bone_attachment import Attachment as Attachment, attach as attach
+from .easing.pose_blend import PoseBlend as PoseBlend
 from .embedded_actor import EmbeddedActor as EmbeddedActor
 from .highlights import Cues as Cues, State as State, make_cues as make_cues
 from .likeness.skeleton import BodyInMesh as BodyInMesh
@@ -15,4 +15,4 @@ from .preparation import (
     prepare_for_actor as prepare_for_actor,
 )
 from .replaying import replay as replay, settings_from_possession as settings_from_possession
-from .standing_placement import standing_figure as standing_figure
+from .likeness.standing_person import standing_figure as standing_figure

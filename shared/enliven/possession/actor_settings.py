@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -9,8 +10,31 @@ from enliven.deformation.constraints.floor_contact import FloorSettings
 from enliven.deformation.constraints.observed import ObservedSettings
 from enliven.deformation.constraints.self_contact import SelfContactSettings
 from enliven.deformation.embedded.solver import EmbeddedSettings
-from enliven.possession.attachment import AttachmentSettings
 from enliven.settings import group, parameter, setting
+
+
+@dataclass(frozen=True)
+class AttachmentSettings:
+    """How a body attaches to a mesh."""
+
+    radius: float = parameter(
+        0.04, "Radius of the cylinder of sample points around each bone.", unit="m", low=0.0, high=0.5
+    )
+    along: int = parameter(4, "Number of samples along each bone.", low=1, high=64)
+    around: int = parameter(4, "Number of samples around each bone.", low=1, high=64)
+    reach: float = setting(
+        0.10, "Maximum distance from a sample to the node to which it attaches.", unit="m", low=0.0, high=2.0
+    )
+    normal_angle: float = parameter(
+        math.pi / 2,
+        "Maximum angle between the normals of a sample and its node.",
+        unit="rad",
+        low=0.0,
+        high=math.pi,
+    )
+    joints: bool = parameter(
+        True, "Also attaches samples at the joints, in addition to those along the bones."
+    )
 
 
 @dataclass(frozen=True)

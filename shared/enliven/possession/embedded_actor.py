@@ -16,23 +16,24 @@ from enliven.errors import EnlivenError
 from enliven.person import Body, J
 from enliven.possession.actor import Actor, Mode
 from enliven.possession.actor_settings import ActorSettings
-from enliven.possession.attachment_reach import attach_within_reach, out_of_reach_error
-from enliven.possession.follow_through import FollowThrough, node_stiffness
-from enliven.possession.highlights import Cues, make_cues
-from enliven.possession.likeness.skeleton import BodyInMesh
-from enliven.possession.limb_retargeting import LimbRetargeting
-from enliven.possession.performer_attachment import (
+from enliven.possession.attachment.limb_retargeting import LimbRetargeting
+from enliven.possession.attachment.performer_attachment import (
     PerformerAttachment,
     TransformedAttachment,
+    attach_within_reach,
     depth_below_floor,
     join_constraints,
+    out_of_reach_error,
 )
+from enliven.possession.easing.follow_through import FollowThrough, node_stiffness
+from enliven.possession.easing.pose_approach import PoseApproach
+from enliven.possession.easing.pose_blend import PoseBlend
+from enliven.possession.highlights import Cues, make_cues
+from enliven.possession.likeness.skeleton import BodyInMesh
+from enliven.possession.likeness.standing_person import standing_figure
 from enliven.possession.placement import AS_MODELLED, Placement, nearest_placement
 from enliven.possession.placement_rules import PlacementRules
-from enliven.possession.pose_approach import PoseApproach
-from enliven.possession.pose_blend import PoseBlend
 from enliven.possession.soft_constraints import SoftConstraints
-from enliven.possession.standing_placement import standing_figure
 
 _STEP_NS = 33_333_333
 """Nanoseconds between the frames of the warm-up run."""

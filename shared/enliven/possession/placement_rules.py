@@ -14,21 +14,18 @@ from enliven.deformation.graph.graph import DeformationGraph
 from enliven.document import Character
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.person import Body, J, Joint
+from enliven.person import Body, J
 from enliven.possession.actor_settings import ActorSettings
+from enliven.possession.attachment.limb_retargeting import LimbRetargeting
+from enliven.possession.attachment.rest_transform import PlacementTransform, RestTransform
 from enliven.possession.likeness.finding import find_body_in_mesh, find_person_in_mesh
 from enliven.possession.likeness.skeleton import BodyInMesh
-from enliven.possession.limb_retargeting import LimbRetargeting
+from enliven.possession.likeness.standing_person import PERSON_HEIGHT_M, TRUNK_JOINTS
 from enliven.possession.placement import AS_MODELLED, Placement, placement_under_hips, shift_left
-from enliven.possession.rest_transform import PlacementTransform, RestTransform
 
 _MAX_ORIGIN_DISTANCE_M = 0.2
 """Maximum distance (metres) of a mesh's floor area from its origin if a performer stands at the origin. It is
-half a person's width."""
-_USUAL_HEIGHT_M = 1.75
-"""Performer height, metres, that ``_MAX_ORIGIN_DISTANCE_M`` and the scale of the mesh assume."""
-_TRUNK_JOINTS = (Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT)
-"""Joints with their mean at the middle of a person's trunk."""
+half the width of a person of average height."""
 
 
 def needs_person_search(settings: ActorSettings) -> bool:
@@ -92,7 +89,7 @@ class PlacementRules:
             return np.zeros(3)
         middle = 0.5 * (low + high)
         if self.likeness is not None:
-            middle = self.likeness.joints[list(_TRUNK_JOINTS)][:, [0, 2]].mean(0)
+            middle = self.likeness.joints[TRUNK_JOINTS][:, [0, 2]].mean(0)
         return np.array([middle[0], 0.0, middle[1]])
 
     def _max_mesh_distance(self) -> float:
@@ -101,7 +98,7 @@ class PlacementRules:
         """
         settings = self.settings
         metres = settings.farthest_reach if settings.stand == "modelled" else _MAX_ORIGIN_DISTANCE_M
-        scale = settings.height_ratio * _USUAL_HEIGHT_M / self.height
+        scale = settings.height_ratio * PERSON_HEIGHT_M / self.height
         return metres / (self.size if settings.scaled == "nobody" else scale)
 
     def waiting_placement(self, body: Body, farther: float = 0.0) -> Placement:

@@ -11,20 +11,21 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.meshes import Mesh, fit_height, refine
-from enliven.person import Body, Joint
+from enliven.person import Body
 from enliven.possession.actor_settings import ActorSettings
 from enliven.possession.likeness.finding import find_person_in_mesh
 from enliven.possession.likeness.skeleton import BodyInMesh
+from enliven.possession.likeness.standing_person import (
+    PERSON_HEIGHT_M,
+    TRUNK_JOINTS,
+    fit_standing_person,
+    standing_figure,
+)
 from enliven.possession.placement import rotation_about_y
-from enliven.possession.standing_placement import fit_standing_person, standing_figure
 from enliven.similarity import fit_similarity
 
 log = logging.getLogger(__name__)
 
-_PERSON_HEIGHT_M = 1.75
-"""Height in metres to which meshes are scaled: the height of an average person. A performer's height differs
-from it only by a small factor.
-"""
 _MAX_EDGE_M = 0.04
 """Maximum edge length, metres. Longer edges are split, because triangles must be narrower than a limb for the
 limb to bend."""
@@ -103,8 +104,9 @@ def prepare_mesh(
     """
     if settings.place == "fixed":
         return mesh, 1.0
-    size, vertices = float(np.ptp(mesh.vertices[:, 1])) / _PERSON_HEIGHT_M, mesh.vertices
-    mesh = fit_height(mesh, _PERSON_HEIGHT_M)
+    # A performer's height differs from this height only by a small factor.
+    size, vertices = float(np.ptp(mesh.vertices[:, 1])) / PERSON_HEIGHT_M, mesh.vertices
+    mesh = fit_height(mesh, PERSON_HEIGHT_M)
     if settings.stand == "fitted":
         if joints is not None and len(joints):
             person = BodyInMesh.known(apply_vertex_motion(joints, vertices, mesh.vertices))
@@ -136,9 +138,7 @@ def _align_with_figure(mesh: Mesh, person: BodyInMesh) -> Mesh:
     """Rotates the mesh so that its front is +Z, and moves its trunk to the trunk of a figure that stands at
     the origin.
     """
-    trunk = [Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT]
     rotation_matrix = rotation_about_y(person.yaw)
-    offset = standing_figure(_PERSON_HEIGHT_M)[trunk].mean(0) - (person.joints @ rotation_matrix)[trunk].mean(
-        0
-    )
+    trunk = (person.joints @ rotation_matrix)[TRUNK_JOINTS].mean(0)
+    offset = standing_figure()[TRUNK_JOINTS].mean(0) - trunk
     return replace(mesh, vertices=mesh.vertices @ rotation_matrix + offset * [1.0, 0.0, 1.0])

@@ -13,7 +13,7 @@ from enliven.deformation.constraints.soft import join_planes
 from enliven.deformation.graph.graph import DeformationGraph
 from enliven.document import Character
 from enliven.possession.actor_settings import ActorSettings
-from enliven.possession.performer_attachment import PerformerAttachment
+from enliven.possession.attachment.performer_attachment import PerformerAttachment
 
 
 class SoftConstraints:

@@ -11,11 +11,11 @@ import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven.formats.motion.capture import Capture
+from enliven.motion_clips.capture_limbs import find_limb_rotations, smoothstep
+from enliven.motion_clips.capture_roles import JointRoles, find_roles
+from enliven.motion_clips.capture_upright import turn_upright
 from enliven.person import Limb
 from enliven.rotation import from_matrix, slerp, swing, to_matrix, unit
-from enliven.takes.capture_limbs import find_limb_rotations, smoothstep
-from enliven.takes.capture_roles import JointRoles, find_roles
-from enliven.takes.capture_upright import turn_upright
 from enliven_synthesis.body.performer import Figure, Performer
 
 _FORWARD = np.array([0.0, 0.0, 1.0])

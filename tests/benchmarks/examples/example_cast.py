@@ -28,7 +28,7 @@ from enliven.example_sessions.tables import MeshTable, TakeTable
 from enliven.example_sessions.text import session_text
 from enliven.meshes.files import load_mesh
 from enliven.meshes.mesh import Axis, Mesh, refine
-from enliven.takes.files import read_take
+from enliven.motion_clips.take_files import read_take
 
 DATA = Path(os.environ.setdefault("ENLIVEN_DATA", str(Path(__file__).parents[4] / "shared" / "data")))
 SESSIONS = Path(__file__).parent / "example_sessions"

@@ -20,10 +20,10 @@ from enliven.examples.performer import yaw_from_rotation
 from enliven.examples.puppet_motion import evaluate_state, pose_of_state, to_world_frame
 from enliven.formats.motion.bvh import read_bvh
 from enliven.formats.motion.expmap import read_expmap
+from enliven.motion_clips.capture_roles import find_roles
 from enliven.person.body import Body
 from enliven.person.joints import J
 from enliven.rotation import from_rotation_vector, multiply, rotate
-from enliven.takes.capture_roles import find_roles
 from enliven_edge.importing.motion_capture import bodies_from_capture
 
 _STEADY = 0.6

@@ -30,8 +30,8 @@ from enliven.meshes.files import load_mesh
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.edits import change_layers
 from enliven.modeling.puppet.suggest import suggested_puppet
+from enliven.motion_clips.take_files import read_take
 from enliven.skeletons.facing import find_facing, rotate_about_y
-from enliven.takes.files import read_take
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", str(Path(__file__).parents[4] / "shared" / "data")))
 SECONDS = 60.0

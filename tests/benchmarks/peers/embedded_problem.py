@@ -13,7 +13,8 @@ from enliven.arrays import Float
 from enliven.deformation.embedded.solver import EmbeddedSolver
 from enliven.deformation.graph.graph import DeformationGraph
 from enliven.formats.motion.expmap import read_expmap
-from enliven.possession.attachment import Attachment, AttachmentSettings, attach
+from enliven.possession.actor_settings import AttachmentSettings
+from enliven.possession.attachment.bone_attachment import Attachment, attach
 from enliven.samples.shipped import load_sample
 from enliven_synthesis.body.performer import Performer
 from enliven_synthesis.motion.mocap import CapturedMotion

@@ -17,8 +17,8 @@ from enliven.meshes.mesh import Mesh, fit_height, refine
 from enliven.person.body import Body
 from enliven.person.joints import PARENTS, Joint
 from enliven.possession import ActorSettings, EmbeddedActor
+from enliven.possession.likeness.standing_person import fit_figures
 from enliven.possession.placement import rotation_about_y
-from enliven.possession.standing_placement import fit_figures
 from enliven.rotation import rotate, swing
 from enliven_edge.importing.kinect_texts import level_from_tilted
 from enliven_synthesis.body.performer import Performer

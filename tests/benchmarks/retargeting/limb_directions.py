@@ -17,7 +17,7 @@ import pygltflib
 from enliven.formats.motion.bvh import read_bvh
 from enliven.formats.motion.capture import Capture
 from enliven.formats.motion.expmap import read_expmap
-from enliven.takes.files import read_take
+from enliven.motion_clips.take_files import read_take
 
 SEGMENTS = {"upper arm": (0, 1), "forearm": (1, 2), "thigh": (3, 4), "shin": (4, 5)}
 """Limb segments, as pairs of columns of ``JOINTS``."""

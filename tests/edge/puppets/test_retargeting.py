@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.examples.performer import extract_performer_clip
+from enliven.motion_clips.joint_positions import clip_of_bodies
+from enliven.person import BODY_NAMES
 from enliven.person.body import Body
 from enliven.person.joints import MIRROR, PARENTS, Joint
 from enliven.possession.placement import rotation_about_y
-from enliven.takes.capture_clip import BODY_NAMES, clip_of_bodies
 from enliven_edge.stage.puppet.bones import BoneTracker
 from enliven_edge.stage.puppet.retargeting import Retargeting
 from enliven_edge.tracking.body_model import model

@@ -14,8 +14,8 @@ from enliven.person.body import Body
 from enliven.person.joints import Joint
 from enliven.possession import ActorSettings, prepare_mesh, rotation_about_y
 from enliven.possession.likeness.finding import find_body_in_mesh
+from enliven.possession.likeness.standing_person import standing_figure
 from enliven.possession.placement import yaw_between
-from enliven.possession.standing_placement import standing_figure
 from enliven_edge.stage.character_setup import create_mesh_actor
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model

@@ -15,10 +15,10 @@ from enliven.meshes import Mesh
 from enliven.person.body import Body
 from enliven.person.joints import Joint
 from enliven.possession import ActorSettings
+from enliven.possession.attachment.limb_retargeting import LimbRetargeting
 from enliven.possession.likeness.skeleton import BodyInMesh
-from enliven.possession.limb_retargeting import LimbRetargeting
+from enliven.possession.likeness.standing_person import standing_figure
 from enliven.possession.placement import rotation_about_y
-from enliven.possession.standing_placement import standing_figure
 from enliven_edge.stage.character_setup import create_actor, create_mesh_actor
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model.posture import rotation

@@ -16,8 +16,8 @@ from enliven.meshes.mesh import Mesh
 from enliven.person.body import Body
 from enliven.person.joints import PARENTS, Joint
 from enliven.possession import ActorSettings, EmbeddedActor
+from enliven.possession.attachment.limb_retargeting import LimbRetargeting
 from enliven.possession.likeness.finding import find_body_in_mesh
-from enliven.possession.limb_retargeting import LimbRetargeting
 from enliven.possession.placement import rotation_about_y
 from enliven_edge.stage.character_setup import create_actor
 from enliven_edge.stage.stage import Stage

@@ -17,8 +17,8 @@ from enliven.person.body import Body
 from enliven.person.joints import Joint
 from enliven.person.parts import PARTS
 from enliven.possession import ActorSettings, EmbeddedActor
+from enliven.possession.easing.pose_blend import PoseBlend
 from enliven.possession.placement import rotation_about_y
-from enliven.possession.pose_blend import PoseBlend
 from enliven_edge.stage.initial_possession import InitialPossession
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model

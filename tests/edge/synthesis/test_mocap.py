@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from enliven.errors import InputError
 from enliven.formats.motion.capture import Capture
+from enliven.motion_clips.capture_roles import find_roles
 from enliven.person.joints import Joint
-from enliven.takes.capture_roles import find_roles
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.choreographies import get_choreography
 from enliven_synthesis.motion.exercises import get_exercise

@@ -14,8 +14,8 @@ import pytest
 from enliven.formats.motion.bvh import read_bvh
 from enliven.formats.motion.capture import guess_unit
 from enliven.formats.motion.expmap import read_expmap
+from enliven.motion_clips.capture_roles import find_roles
 from enliven.person.joints import Joint
-from enliven.takes.capture_roles import find_roles
 from enliven_synthesis.body.performer import Performer
 from enliven_synthesis.motion.mocap import CapturedMotion
 

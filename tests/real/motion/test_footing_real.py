@@ -19,7 +19,7 @@ from enliven.mapping.quality import measure_quality
 from enliven.modeling.edits import lock_feet
 from enliven.motion.contact.pin import resolve_pins, unpin
 from enliven.motion.layers.evaluate import Player
-from enliven.takes.files import read_take
+from enliven.motion_clips.take_files import read_take
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks" / "retargeting"))
 from limb_directions import limb_errors

@@ -11,7 +11,7 @@ from enliven.formats.gltf.read import read_gltf
 from enliven.mapping.automatic_mapping import create_automatic_plan, retarget
 from enliven.mapping.quality import MAX_INTERSECTION, measure_quality
 from enliven.motion.layers.evaluate import Player
-from enliven.takes.files import read_take
+from enliven.motion_clips.take_files import read_take
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3].parent / "shared" / "data"))
 PAIRS = [

@@ -10,10 +10,10 @@ import pytest
 
 from enliven.matching.picking import PickingSettings
 from enliven.matching.views import ScreenView
+from enliven.motion_clips.joint_positions import rotations_from_positions
 from enliven.person.joints import Joint
 from enliven.recording import Recording
 from enliven.rotation import conjugate, multiply, to_rotation_vector
-from enliven.takes.positions import rotations_from_positions
 from enliven.wire.matches import message_to_board
 from enliven.wire.streams import MatchesMessage, PoseMessage
 from enliven_edge.importing.base import ImportOptions

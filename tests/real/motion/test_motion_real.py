@@ -17,9 +17,12 @@ from enliven.formats.motion.expmap import read_expmap
 from enliven.motion.contact.pin import pin_feet
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.retarget import bind_chain, extend_to_leaf, set_travel
+from enliven.motion_clips.capture_clip import clip_of_capture
+from enliven.motion_clips.clip_sampling import trim_clip
+from enliven.motion_clips.joint_positions import clip_of_bodies
+from enliven.person import BODY_NAMES
 from enliven.person.joints import Joint
 from enliven.rotation import IDENTITY, conjugate, multiply, rotate
-from enliven.takes.capture_clip import BODY_NAMES, clip_of_bodies, clip_of_capture, trim_clip
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.registry import find_files, find_reader
 

@@ -14,8 +14,8 @@ from enliven.exporters.gltf.write import build_glb
 from enliven.formats.gltf.read import read_gltf
 from enliven.mapping.automatic_mapping import create_automatic_plan, list_idle_limbs, retarget
 from enliven.mapping.quality import measure_quality
+from enliven.motion_clips.take_files import read_take
 from enliven.skeletons.anatomy import find_anatomy
-from enliven.takes.files import read_take
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks" / "retargeting"))
 from limb_directions import limb_errors

@@ -15,8 +15,8 @@ from enliven.formats.gltf.read import read_gltf
 from enliven.mapping.applying import source_anatomy
 from enliven.mapping.automatic_mapping import retarget
 from enliven.motion.layers.evaluate import Player
+from enliven.motion_clips.take_files import read_take
 from enliven.skeletons.anatomy import find_anatomy
-from enliven.takes.files import read_take
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "formats"))
 from strict_gltf import checked_glb

@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 sys.path.append(str(Path(__file__).parents[1] / "mapping"))
-sys.path.append(str(Path(__file__).parents[1] / "motion"))
+sys.path.append(str(Path(__file__).parents[1] / "motion_clips"))
 from made_bodies import man, random_motion, rotate_skeleton
 from test_capture_clip import STANDING
 
@@ -22,10 +22,10 @@ from enliven.examples.pairing import (
     measure_joint_motion,
     mirror_joint,
 )
+from enliven.motion_clips.joint_positions import clip_of_bodies
 from enliven.person.body import Body
 from enliven.rotation import from_rotation_vector
 from enliven.skeletons.facing import rotate_about_y
-from enliven.takes.capture_clip import clip_of_bodies
 
 CACTUS = np.array([[0.4, 0.8, 0.0], [-0.35, 0.7, 0.0], [0.0, 1.2, 0.0], [0.12, 0.0, 0.0], [-0.12, 0.0, 0.0]])
 MEANT = ("Left finger", "Right finger", "top", "Left toe", "Right toe")

@@ -15,8 +15,8 @@ from enliven.exporters.bvh import bvh_text
 from enliven.formats.motion.bvh import parse_bvh
 from enliven.formats.rig.rig import play_clip
 from enliven.meshes import Mesh
+from enliven.motion_clips.capture_clip import clip_of_capture
 from enliven.rotation import multiply, normalized
-from enliven.takes.capture_clip import clip_of_capture
 
 CLOSE = 1e-4
 """Maximum position error of a BVH file, metres."""

@@ -14,7 +14,7 @@ from made_recording import write_recording
 from slow_gltf import SlowGltf
 from strict_gltf import checked_glb
 from test_capture_clip import STANDING
-from test_recorded import waving
+from test_tracked_people import waving
 
 from enliven.camera import Intrinsics
 from enliven.cli import run

@@ -13,7 +13,7 @@ import pytest
 from made_bodies import man, random_motion, shape_with_markers
 from made_recording import write_recording
 from mcap.reader import make_reader
-from test_recorded import waving
+from test_tracked_people import waving
 
 from enliven.cli import run
 from enliven.deformation.skinning import skin_vertices
@@ -21,11 +21,11 @@ from enliven.document import Project, character_of
 from enliven.exporters import exporter_of, performance_of_clip, sample_performance
 from enliven.formats.rig.rig import play_clip
 from enliven.motion.layers.evaluate import Player
+from enliven.motion_clips.recorded_characters import read_characters_and_poses
 from enliven.oneshot.exportable import find_exportables
 from enliven.person import Joint
 from enliven.recording import Recording
 from enliven.rotation import multiply, rotate
-from enliven.takes.possessed import read_characters_and_poses
 
 WIRE_M = 4e-3
 """Maximum error of poses on the wire, added up along a limb, metres."""

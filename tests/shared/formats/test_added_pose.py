@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from enliven.document.clip import joint_places
 from enliven.formats.motion.added_pose import count_added_frames, without_added_poses
 from enliven.formats.motion.bvh import read_bvh
+from enliven.motion_clips.take_files import read_take
 from enliven.rotation import from_rotation_vector, multiply, rotate
-from enliven.takes.files import read_take
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "mapping"))
 from made_bodies import bvh_text, man, walk

@@ -29,7 +29,7 @@ from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import insert_node
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.retarget import bind_chain
-from enliven.takes.capture_clip import clip_of_capture
+from enliven.motion_clips.capture_clip import clip_of_capture
 
 CLOSE = 1e-4
 """Tolerance as a fraction of the model's size: float32 in the file, its weights and the poses, over seven

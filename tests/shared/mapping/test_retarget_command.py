@@ -17,12 +17,12 @@ from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import play_clip
 from enliven.mapping.automatic_mapping import create_automatic_plan
 from enliven.mapping.automatic_mapping import retarget as retarget_shape
+from enliven.motion_clips.take_files import read_take
 from enliven.recording import Recorder
-from enliven.takes.files import read_take
 
-sys.path[:0] = [str(Path(__file__).parents[1] / "formats"), str(Path(__file__).parents[1] / "motion")]
+sys.path[:0] = [str(Path(__file__).parents[1] / "formats"), str(Path(__file__).parents[1] / "motion_clips")]
 from strict_gltf import checked_glb  # noqa: E402
-from test_recorded import frame  # noqa: E402
+from test_tracked_people import frame  # noqa: E402
 
 
 @pytest.fixture

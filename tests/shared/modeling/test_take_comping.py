@@ -23,7 +23,7 @@ from enliven.modeling.edits.take_comping import (
 )
 from enliven.modeling.possessed.pose import graph_pose
 from enliven.motion.layers.evaluate import evaluate_pose
-from enliven.takes.performed import add_performance
+from enliven.overdub.performance_takes import add_performance
 
 SIZES = (0.2, 0.5, 0.9)
 

@@ -2,14 +2,12 @@
 basis.
 """
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from layer_edits import set_layer
+from motion_strategies import EYE, angle, random_clip, random_skeleton, random_turn, scene, seeds
 from polylines import sample_rotations
 
 from enliven.document.rigged import still_shape
@@ -19,9 +17,6 @@ from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.polyline import Polyline
 from enliven.motion.layers.retarget import bind_chain
 from enliven.rotation import conjugate, rotate
-
-sys.path.insert(0, str(Path(__file__).parent))
-from motion_strategies import EYE, angle, random_clip, random_skeleton, random_turn, scene, seeds
 
 laws = settings(deadline=None, max_examples=30)
 

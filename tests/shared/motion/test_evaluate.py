@@ -1,13 +1,21 @@
 """Tests of a shape's pose at a time: against the definition in plain steps, and properties of layers."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from layer_edits import set_layer
+from motion_strategies import (
+    EYE,
+    angle,
+    chain_to,
+    random_clip,
+    random_skeleton,
+    random_turn,
+    scene,
+    seeds,
+    times_of,
+)
 from polylines import sample_rotations
 from tolerances import are_alike
 
@@ -21,19 +29,6 @@ from enliven.motion.layers.retarget import bind_chain, set_travel
 from enliven.motion.layers.timing import LayerClocks
 from enliven.motion.layers.travel import travel_scale
 from enliven.rotation import conjugate, multiply, rotate, to_matrix
-
-sys.path.insert(0, str(Path(__file__).parent))
-from motion_strategies import (
-    EYE,
-    angle,
-    chain_to,
-    random_clip,
-    random_skeleton,
-    random_turn,
-    scene,
-    seeds,
-    times_of,
-)
 
 laws = settings(deadline=None, max_examples=30)
 

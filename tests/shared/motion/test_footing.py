@@ -2,15 +2,10 @@
 sinking.
 """
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-sys.path.insert(0, str(Path(__file__).parent))
 from test_pin import FEET as ANKLES
 from test_pin import walk, walking
 

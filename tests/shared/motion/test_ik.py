@@ -1,19 +1,14 @@
 """Tests of limb IK: exact if reachable, otherwise as near as possible, with constant bone lengths."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motion_strategies import seeds
 
 from enliven.motion.kinematics.ik import two_bone
 from enliven.motion.kinematics.reaching import reach_goal
 from enliven.rotation import rotate
-
-sys.path.insert(0, str(Path(__file__).parent))
-from motion_strategies import seeds
 
 laws = settings(deadline=None, max_examples=80)
 FRONT = (0.0, 0.0, 1.0)

@@ -1,11 +1,9 @@
 """Tests of pinned feet: still while they stand, free in the air, on limbs of any number of bones."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from layer_edits import set_layer
+from motion_strategies import EYE, angle
 from tolerances import are_alike
 
 from enliven.document.clip import Clip
@@ -19,9 +17,6 @@ from enliven.motion.contact.pin import find_bend, pin_feet, resolve_pins, unpin
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.retarget import bind_chain, set_travel
 from enliven.rotation import from_rotation_vector, rotate
-
-sys.path.insert(0, str(Path(__file__).parent))
-from motion_strategies import EYE, angle
 
 NAMES = ("hips", "hip L", "knee L", "ankle L", "toe L", "hip R", "knee R", "ankle R", "toe R")
 PARENTS = np.array([-1, 0, 1, 2, 3, 0, 5, 6, 7], np.int32)

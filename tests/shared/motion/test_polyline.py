@@ -1,12 +1,12 @@
 """Tests of q(s, t): the kernel against the definition in plain steps, its ends, its knots, its times."""
 
-import sys
-from pathlib import Path
+import itertools
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motion_strategies import EYE, angle, random_clip, random_skeleton, random_turn, seeds
 from polylines import compute_knot_rotations, sample_rotations
 
 from enliven.document.layers import Layer
@@ -15,11 +15,6 @@ from enliven.errors import InputError
 from enliven.motion.layers.polyline import Polyline, arc_lengths
 from enliven.motion.layers.timing import LayerClocks
 from enliven.rotation import conjugate, multiply, slerp
-
-sys.path.insert(0, str(Path(__file__).parent))
-import itertools
-
-from motion_strategies import EYE, angle, random_clip, random_skeleton, random_turn, seeds
 
 laws = settings(deadline=None, max_examples=40)
 

@@ -2,14 +2,22 @@
 side.
 """
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from layer_edits import set_layer
+from motion_strategies import (
+    EYE,
+    angle,
+    chain_to,
+    random_clip,
+    random_skeleton,
+    random_turn,
+    scene,
+    seeds,
+    times_of,
+)
 
 from enliven.document.clip import Clip
 from enliven.document.layers import Ref, Span
@@ -22,19 +30,6 @@ from enliven.motion.layers.copying import copy_motion
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.retarget import bind_chain, chain_between, clear_chain, extend_to_leaf, set_travel
 from enliven.rotation import canonical, conjugate, from_rotation_vector, multiply, rotate, to_rotation_vector
-
-sys.path.insert(0, str(Path(__file__).parent))
-from motion_strategies import (
-    EYE,
-    angle,
-    chain_to,
-    random_clip,
-    random_skeleton,
-    random_turn,
-    scene,
-    seeds,
-    times_of,
-)
 
 laws = settings(deadline=None, max_examples=30)
 

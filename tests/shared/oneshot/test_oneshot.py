@@ -24,9 +24,9 @@ from enliven.errors import InputError
 from enliven.matching.body_limbs import body_source
 from enliven.matching.ranking import Matcher
 from enliven.matching.views import ScreenView
+from enliven.motion_clips.joint_positions import clip_of_bodies
 from enliven.person import J, Joint
 from enliven.rotation import from_rotation_vector, rotate
-from enliven.takes.capture_clip import clip_of_bodies
 
 STEP = 0.1
 

@@ -13,9 +13,10 @@ from enliven.deformation.graph.graph import DeformationGraph
 from enliven.errors import InputError
 from enliven.person.joints import BONES, PARENTS, J, Joint
 from enliven.person.parts import PARTS
-from enliven.possession.attachment import AttachmentSettings, ReachGrowth, attach
-from enliven.possession.bone_cylinders import bone_rotations, bone_samples
-from enliven.possession.nearest_nodes import nearest_facing
+from enliven.possession.actor_settings import AttachmentSettings
+from enliven.possession.attachment.bone_attachment import ReachGrowth, attach
+from enliven.possession.attachment.bone_cylinders import bone_rotations, bone_samples
+from enliven.possession.attachment.nearest_nodes import nearest_facing
 
 SURE = np.ones(J)
 LEFT_ARM = (Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT)

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.possession.follow_through import FULL_SWING_STIFFNESS, FollowThrough, _oscillator_step
+from enliven.possession.easing.follow_through import FULL_SWING_STIFFNESS, FollowThrough, _oscillator_step
 
 laws = settings(deadline=None, max_examples=25)
 SEEDS = st.integers(0, 2**32 - 1)

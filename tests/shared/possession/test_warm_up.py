@@ -14,7 +14,7 @@ from enliven.deformation.constraints.observed import ObservedPoints
 from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.person import Body, J
 from enliven.possession import ActorSettings, EmbeddedActor
-from enliven.possession.standing_placement import standing_figure
+from enliven.possession.likeness.standing_person import standing_figure
 
 def kernels():
     return {d: len(d.signatures) for d in gc.get_objects() if isinstance(d, Dispatcher)}

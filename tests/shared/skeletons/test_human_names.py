@@ -6,10 +6,9 @@ from made_bodies import horse, man, spider
 from made_people import CONVENTIONS, convention_name, person
 
 from enliven.document.skeleton import Skeleton
-from enliven.person import PARENTS
+from enliven.person import BODY_NAMES, PARENTS
 from enliven.skeletons.anatomy import find_anatomy
 from enliven.skeletons.human_names import finger_joints, human_joints
-from enliven.takes.capture_clip import BODY_NAMES
 
 
 @pytest.mark.parametrize("extras", [False, True], ids=["plain", "extras"])

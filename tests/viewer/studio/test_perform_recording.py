@@ -20,9 +20,9 @@ from enliven.formats.project.one_character import project_of_mesh
 from enliven.frames import BodyFrame
 from enliven.modeling.edits import compute_vertices
 from enliven.modeling.puppet.edits import make_puppet
+from enliven.overdub.performance import PerformedMotion
 from enliven.person.body import Body
 from enliven.samples.shipped import load_sample
-from enliven.takes.performed import PerformedMotion
 from enliven.wire import CALLS, CallMessage
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.perform.recorder import Stillness

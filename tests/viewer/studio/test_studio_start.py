@@ -15,8 +15,8 @@ from studio_driver import HeadlessStage, Key, play
 from enliven.formats.project.file import read_project
 from enliven.modeling.edits import get_rig_edits
 from enliven.modeling.sketching.sketch import shape_from_stroke
+from enliven.overdub.possessed_overdub import has_motion
 from enliven.samples.shipped import load_sample
-from enliven.takes.overdub import has_motion
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.tour.card_placement import place_arrow, place_card
 from enliven_viewer.studio.features.tour.chair_legs import find_leg_to_cut, find_legs

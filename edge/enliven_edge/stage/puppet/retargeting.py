@@ -15,11 +15,10 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Skeleton
 from enliven.errors import InputError
-from enliven.person import Body, Joint
+from enliven.person import BODY_NAMES, Body, Joint
 from enliven.possession import rotation_about_y
 from enliven.skeletons.anatomy import Anatomy, SkeletonLimb, find_anatomy
 from enliven.skeletons.facing import find_facing
-from enliven.takes.capture_clip import BODY_NAMES
 from enliven_edge.stage.puppet.bones import BonePose, BoneTracker
 
 ARMS = (

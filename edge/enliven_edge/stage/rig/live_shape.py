@@ -15,11 +15,10 @@ from enliven.document import Clip, Pose, Project, RiggedCharacter
 from enliven.matching.views import ScreenView
 from enliven.motion.layers.evaluate import Player, pose_from
 from enliven.motion.layers.retarget import bind_chain
+from enliven.motion_clips.joint_positions import clip_of_bodies, rotations_from_positions
 from enliven.person import PARENTS, Body
 from enliven.possession import PoseBlend
 from enliven.rotation import conjugate, multiply
-from enliven.takes.capture_clip import clip_of_bodies
-from enliven.takes.positions import rotations_from_positions
 
 _VIEW_DIRECTION = np.array([0.0, 0.0, -1.0])
 """(3,) unit direction of the sensor's view in the world, because performers face +Z."""

@@ -20,10 +20,25 @@ def stream_at_even_steps(character: Character, poses: Sequence[Pose], stream_id:
     Raises:
         InputError: if there are too few poses, or their times are too far apart.
     """
-    used_poses, seconds, grid = even_times(character, poses, poses[0].time_ns if poses else 0)
+    begin = poses[0].time_ns if poses else 0
+    linear, positions, grid = resample_evenly(character, poses, begin)
+    return PoseStream(stream_id, linear, positions, float(grid[1] - grid[0]))
+
+
+def resample_evenly(character: Character, poses: Sequence[Pose], begin: int) -> tuple[Float, Float, Float]:
+    """Interpolates poses linearly at times with constant steps.
+
+    Returns:
+        Linear parts (G, N, 3, 3) and positions (G, N, 3) of the transforms, metres, and their times (G,) in
+        seconds since ``begin`` (ns).
+
+    Raises:
+        InputError: if there are too few poses, or their times are too far apart.
+    """
+    used_poses, seconds, grid = even_times(character, poses, begin)
     values = ([pose.linear for pose in used_poses], [pose.positions for pose in used_poses])
     linear, positions = (interpolate_linearly(np.array(each, np.float64), seconds, grid) for each in values)
-    return PoseStream(stream_id, linear, positions, float(grid[1] - grid[0]))
+    return linear, positions, grid
 
 
 def even_times(character: Character, poses: Sequence[Pose], begin: int) -> tuple[list[Pose], Float, Float]:

@@ -8,10 +8,10 @@ import numpy as np
 
 from enliven.document import Character, Pose, RiggedCharacter, Skeleton, SkinWeights
 from enliven.errors import InputError, ResourceError
+from enliven.motion_clips.recorded_characters import skeleton_from_bones
 from enliven.outputs.live_frame import CharacterInfo, CharacterInfos, LiveEvent, LiveFrame, PerformerSlots
 from enliven.outputs.opening import OutputSet
 from enliven.supervision.closeable import Closeable
-from enliven.takes.rigged import skeleton_from_bones
 from enliven_viewer.language import later
 from enliven_viewer.render.scene import Scene
 from enliven_viewer.studio.viewport.stage_character import StageCharacter

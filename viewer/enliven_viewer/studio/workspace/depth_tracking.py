@@ -10,8 +10,8 @@ from pathlib import Path
 
 from enliven.errors import EnlivenError, InputError
 from enliven.files import TemporaryFolder
+from enliven.motion_clips.tracked_people import read_recorded_clips
 from enliven.recording import DEPTH_TOPIC, Recording
-from enliven.takes.recorded import read_recorded_clips
 from enliven.wire import BODIES, POSE
 from enliven_viewer.language import tr
 from enliven_viewer.studio.editor.editor import Editor

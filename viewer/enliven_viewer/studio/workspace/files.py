@@ -20,10 +20,10 @@ from enliven.mapping.model_clips import clip_to_open, own_clips, play_own_clip, 
 from enliven.meshes import GLTF_SUFFIXES, Mesh, fit_height, load_mesh
 from enliven.modeling.edits import compute_vertices, get_rig_edits, move_character, paste_character
 from enliven.modeling.puppet.edits import make_puppet
+from enliven.motion_clips.recorded_characters import read_possessed
+from enliven.motion_clips.take_files import read_take
+from enliven.motion_clips.tracked_people import read_recorded_clips
 from enliven.samples.shipped import dancing_cactus, load_sample
-from enliven.takes.files import read_take
-from enliven.takes.possessed import read_possessed
-from enliven.takes.recorded import read_recorded_clips
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.app.contributions import FileType
 from enliven_viewer.studio.editor.editor import Editor

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.document import ExampleCharacter, GraphCharacter, Project, RigBase
-from enliven.takes.performed import ONLOOKER_SUFFIX
+from enliven.overdub.performance_takes import ONLOOKER_SUFFIX
 from enliven_viewer.language import later, tr
 
 GROUP, CHARACTER, HANDLE, TAKE, LIVE = "group", "character", "handle", "take", "live"

@@ -12,8 +12,8 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Character, GraphCharacter, Project, RigBase, RiggedCharacter
 from enliven.matching.match_list import MatchList
-from enliven.takes.live_layer import LiveLayer
-from enliven.takes.overdub import LiveOverdub, has_motion
+from enliven.overdub.possessed_overdub import LiveOverdub, has_motion
+from enliven.overdub.rigged_overdub import LiveLayer
 from enliven_viewer.render.scene import Scene, SceneCharacter
 from enliven_viewer.studio.editor.editor import Editor
 

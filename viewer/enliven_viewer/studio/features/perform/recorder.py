@@ -10,7 +10,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.frames import BodyFrame
-from enliven.takes.performed import PerformedMotion
+from enliven.overdub.performance import PerformedMotion
 from enliven.wire import BODIES, HOLDS, POSE, HoldMessage, Topic
 from enliven_viewer.language import later, tr
 from enliven_viewer.playback.timeline import NS_PER_S

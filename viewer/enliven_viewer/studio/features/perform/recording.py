@@ -8,7 +8,8 @@ from typing import Literal
 from enliven.document import Project
 from enliven.errors import InputError
 from enliven.modeling.edits import choose_take, find_alternatives
-from enliven.takes.performed import PerformedMotion, add_performance
+from enliven.overdub.performance import PerformedMotion
+from enliven.overdub.performance_takes import add_performance
 from enliven_viewer.language import later, tr
 from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.studio.editor.editor import Editor

@@ -9,7 +9,7 @@ from typing import Protocol
 
 from enliven.arrays import Float, Float32
 from enliven.document import GraphCharacter
-from enliven.takes.overdub import has_motion
+from enliven.overdub.possessed_overdub import has_motion
 from enliven_viewer.studio.actions.table import ActionTable
 from enliven_viewer.studio.app.contributions import Panel
 from enliven_viewer.studio.editor.editor import Editor

@@ -1,0 +1,3 @@
+"""Motion clips: reads motion captures, recordings, tracked people and recorded characters, as clips and
+characters of a project.
+"""
